@@ -1,0 +1,53 @@
+"""What a component's model is to its FMU shell: ports, a flat state, four functions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.ports import Port
+
+Floats = NDArray[np.float64]
+
+
+class InvalidParameter(ValueError):
+    """A parameter has a value that the model does not accept; the message is one clear sentence."""
+
+
+class StepFailed(RuntimeError):
+    """A step could not be done; the message is one sentence with time, place and residual."""
+
+
+class Model(Protocol):
+    """A component without FMI.
+
+    ``ports`` lists Real inputs first, then Real outputs, then Real link outputs, then Integer outputs, then
+    parameters (Real and String). ``state`` is everything that changes between steps, one contiguous float64
+    array made once: saving a model is copying it (and ``counters``), restoring is copying back in place.
+    """
+
+    ports: tuple[Port, ...]
+    link_ports: int  # how many of the Real outputs, the last ones, are link outputs (computed only when read)
+    state: Floats
+    counters: NDArray[np.int64]  # values of the Integer outputs, in port order
+
+    def __init__(self, config: Mapping) -> None:
+        """``config`` is the resolved JSON that the build packed beside the component."""
+
+    def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
+        """Set ``state`` to the start; raises InvalidParameter or StepFailed."""
+
+    def step(self, t: float, h: float, u: Floats) -> None:
+        """Advance ``state`` from t to t + h with the inputs ``u`` given at t; raises StepFailed."""
+
+    def outputs(self, y: Floats) -> None:
+        """Write the Real outputs (without link outputs) that belong to ``state`` into ``y``."""
+
+    def link_outputs(self, y: Floats) -> None:
+        """Write the Real link outputs that belong to ``state`` into ``y``."""
+
+    def warnings(self) -> list[str]:
+        """Sentences to log with status warning since the last call; empties the list."""

@@ -1,0 +1,85 @@
+"""The variables through which the components talk: names, causalities, units, signs.
+
+World frame: x forward, y left, z up (ISO 8855). Quaternions are (w, x, y, z), body to world.
+A wrench acts *on* the wheel, about its centre, in world axes, and is the mean over the step just done.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Port(NamedTuple):
+    """One FMI scalar variable; the type of ``start`` (float, int, str) is the type of the variable."""
+
+    name: str  # FMI structured name
+    causality: str  # "input", "output" or "parameter" (fixed, set before initialisation)
+    unit: str  # a key of UNITS; "1" for none
+    text: str  # description, one sentence without a full stop
+    start: float | int | str = 0.0
+    choices: tuple[str, ...] = ()  # allowed values of a String parameter
+
+
+# unit -> SI base unit exponents, as modelDescription.xml wants them
+UNITS: dict[str, dict[str, int]] = {
+    "1": {},
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "m/s2": {"m": 1, "s": -2},
+    "rad": {"rad": 1},
+    "rad/s": {"rad": 1, "s": -1},
+    "kg": {"kg": 1},
+    "kg/m3": {"kg": 1, "m": -3},
+    "s": {"s": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "N/m": {"kg": 1, "s": -2},
+    "N.s/m": {"kg": 1, "s": -1},
+    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "Pa.s": {"kg": 1, "m": -1, "s": -1},
+}
+
+# Widths of the two connectors.
+STATE = 13  # position 3, orientation 4, velocity 3, angular velocity 3
+WRENCH = 6  # force 3, torque 3
+
+
+def wheel_state(name: str, causality: str, position: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> list[Port]:
+    """The 13 variables of a wheel's (or mount's) motion in the world frame."""
+    centre = [
+        Port(f"{name}.position.{axis}", causality, "m", f"{axis} of the centre of {name}, world", start)
+        for axis, start in zip("xyz", position, strict=True)
+    ]
+    orientation = [
+        Port(f"{name}.orientation.{part}", causality, "1", f"{part} of the quaternion of {name}, body to world", start)
+        for part, start in zip("wxyz", (1.0, 0.0, 0.0, 0.0), strict=True)
+    ]
+    velocity = [
+        Port(f"{name}.velocity.{axis}", causality, "m/s", f"{axis} velocity of the centre of {name}, world")
+        for axis in "xyz"
+    ]
+    angular = [
+        Port(f"{name}.angular_velocity.{axis}", causality, "rad/s", f"{axis} angular velocity of {name}, world")
+        for axis in "xyz"
+    ]
+    return centre + orientation + velocity + angular
+
+
+def wrench(name: str, causality: str) -> list[Port]:
+    """The 6 variables of the mean wrench on a wheel (or mount) about its centre, world axes."""
+    force = [Port(f"{name}.force.{axis}", causality, "N", f"{axis} force on {name}, world, mean over the step")
+             for axis in "xyz"]
+    torque = [Port(f"{name}.torque.{axis}", causality, "N.m",
+                   f"{axis} torque on {name} about its centre, world, mean over the step") for axis in "xyz"]
+    return force + torque
+
+
+def start_pose() -> list[Port]:
+    """Where the vehicle stands at the start: set alike on every component that has a place."""
+    return [
+        *(Port(f"start.position.{axis}", "parameter", "m", f"{axis} of the sprocket axle line's middle at the start, world")
+          for axis in "xyz"),
+        Port("start.heading", "parameter", "rad", "heading of the vehicle at the start, about z"),
+    ]

@@ -1,0 +1,245 @@
+"""A vehicle file (TOML) becomes a frozen Vehicle in SI units; what is wrong with it is named in one sentence."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+
+class BadInput(ValueError):
+    """The user gave something unusable; the message names the file, the key, the value and what is allowed."""
+
+
+@cache
+def _registry() -> Any:
+    import pint  # 0.2 s, and only files with units need it
+
+    return pint.UnitRegistry(cache_folder=None)
+
+
+def to_si(unit: str) -> Callable[[object], float]:
+    """A converter of ``12.3`` (SI already) or ``"12.3 kN"`` to a float in ``unit``."""
+
+    def convert(value: object) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError(f"must be a number or a string like '1 {unit}'")
+        if not isinstance(value, str):
+            return float(value)
+        import pint
+
+        try:
+            return float(_registry()(value).to(unit).magnitude) if value.strip() else float("nan")
+        except AttributeError:  # a bare number in a string
+            return float(value)
+        except pint.errors.PintError as error:
+            raise ValueError(f"must be a quantity in {unit}: {error}") from None
+        except Exception:  # noqa: BLE001 - pint's parser raises whatever the tokenizer does
+            raise ValueError(f"must be a number or a quantity in {unit}") from None
+
+    return convert
+
+
+def quantity(unit: str, **bounds: float) -> Any:
+    """An annotated float in SI that is read from a number or a string with a unit, and bounded."""
+    return Annotated[float, BeforeValidator(to_si(unit)), Field(allow_inf_nan=False, **bounds)]
+
+
+Mass = quantity("kg", gt=0)
+Inertia = quantity("kg m^2", gt=0)
+Length = quantity("m")
+Distance = quantity("m", gt=0)
+Force = quantity("N")
+Stiffness = quantity("N/m", ge=0)
+Damping = quantity("N s/m", ge=0)
+
+
+class Part(BaseModel):
+    """Frozen, and refuses keys it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Chassis(Part):  # noqa: D101
+    mass: Mass
+    inertia: tuple[Inertia, Inertia, Inertia]  # roll, pitch, yaw
+    centre: tuple[Length, Length, Length]
+
+
+class Sprocket(Part):  # noqa: D101
+    mass: Mass
+    spin_inertia: Inertia
+    transverse_inertia: Inertia
+    width: Distance
+    teeth: Annotated[int, Field(ge=6, le=40)]
+    outer_radius: Distance
+    pin_radius: Distance
+    seat_clearance: Distance
+    flank_angle: quantity("rad", gt=0.0, lt=1.2)  # type: ignore[valid-type]
+    tip_radius: Distance
+
+
+class Idler(Part):  # noqa: D101
+    mass: Mass
+    spin_inertia: Inertia
+    transverse_inertia: Inertia
+    radius: Distance
+    width: Distance
+    x: Length
+    z: Length
+
+
+class RoadWheel(Part):  # noqa: D101
+    mass: Mass
+    spin_inertia: Inertia
+    transverse_inertia: Inertia
+    radius: Distance
+    width: Distance
+    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
+    z: Length
+
+
+class RoadArm(Part):  # noqa: D101
+    mass: Mass
+    pin_inertia: Inertia
+    long_inertia: Inertia
+    pivot: tuple[Length, Length]  # (x, z) from the wheel centre
+
+
+class Suspension(Part):  # noqa: D101
+    stiffness: Stiffness
+    damping: Damping
+    on_arm: tuple[Length, Length]
+    on_chassis: tuple[Length, Length]
+    preload: Force
+
+
+class Tensioner(Part):  # noqa: D101
+    stiffness: Stiffness
+    damping: Damping
+    preload: Force
+
+
+class Track(Part):  # noqa: D101
+    links: Annotated[int, Field(ge=4, le=4096)]
+    lateral: Length
+    pitch: Distance
+    mass: Mass
+    inertia: tuple[Inertia, Inertia, Inertia]  # about the link's own x (along), y (pin), z (normal)
+    face: quantity("m", ge=0)  # type: ignore[valid-type]
+    width: Distance
+    tension: Force
+
+
+class Section(Part):  # noqa: D101
+    area: quantity("m^2", gt=0)  # type: ignore[valid-type]
+    bending: quantity("m^4", gt=0)  # type: ignore[valid-type]
+    lateral_bending: quantity("m^4", gt=0)  # type: ignore[valid-type]
+    outer_fibre: Distance
+
+
+class Material(Part):  # noqa: D101
+    youngs_modulus: quantity("Pa", gt=0)  # type: ignore[valid-type]
+    shear_modulus: quantity("Pa", gt=0)  # type: ignore[valid-type]
+    density: quantity("kg/m^3", gt=0)  # type: ignore[valid-type]
+    relaxation_time: quantity("s", ge=0)  # type: ignore[valid-type]
+
+
+class Law(Part):
+    """Constants of one contact: normal spring and damper, Coulomb friction with its regularisation velocity."""
+
+    stiffness: Stiffness
+    damping: Damping
+    friction: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    friction_velocity: quantity("m/s", gt=0)  # type: ignore[valid-type]
+
+
+class Contact(Part):  # noqa: D101
+    sprocket: Law
+    wheel: Law
+    ground: Law
+
+
+class Guide(Part):  # noqa: D101
+    clearance: quantity("m", ge=0)  # type: ignore[valid-type]
+
+
+def _fits(vehicle: Vehicle) -> Vehicle:
+    pitch_radius = vehicle.pitch_radius
+    if vehicle.sprocket.outer_radius <= pitch_radius:
+        raise ValueError(
+            f"sprocket.outer_radius = {vehicle.sprocket.outer_radius} m must exceed the pitch radius {pitch_radius:.4f} m"
+        )
+    return vehicle
+
+
+class VehicleTable(Part):
+    """Everything that is known of a vehicle, SI, in its start position."""
+
+    name: str
+    gravity: quantity("m/s^2", ge=0)  # type: ignore[valid-type]
+    chassis: Chassis
+    sprocket: Sprocket
+    idler: Idler
+    road_wheel: RoadWheel
+    road_arm: RoadArm
+    suspension: Suspension
+    tensioner: Tensioner
+    track: Track
+    section: Section
+    material: Material
+    contact: Contact
+    guide: Guide
+
+    @property
+    def pitch_radius(self) -> float:
+        """Radius of the circle on which pins sit that wrap the sprocket as a polygon, m."""
+        from math import pi, sin
+
+        return self.track.pitch / (2.0 * sin(pi / self.sprocket.teeth))
+
+
+Vehicle = Annotated[VehicleTable, AfterValidator(_fits)]
+
+
+def sentence(error: ValidationError, where: str) -> str:
+    """The first complaint of a validation as one sentence."""
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"]) or "file"
+    if first["type"] == "extra_forbidden":
+        return f"{where}: unknown key '{key}'"
+    if first["type"] == "missing":
+        return f"{where}: key '{key}' is missing"
+    message = first["msg"].removeprefix("Value error, ")
+    return f"{where}: {key} = {first['input']!r}: {message[0].lower()}{message[1:]}"
+
+
+def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
+    """Validate a vehicle table; raises BadInput with one sentence that begins with ``where``."""
+    try:
+        return _fits(VehicleTable.model_validate(dict(data)))
+    except ValidationError as error:
+        raise BadInput(sentence(error, where)) from None
+    except ValueError as error:
+        raise BadInput(f"{where}: {error}") from None
+
+
+def read_table(name: str) -> tuple[dict[str, Any], str]:
+    """The raw table of a packaged vehicle or of a TOML file, and the file's name for messages."""
+    path = Path(name)
+    if path.suffix == ".toml":
+        source: Any = path
+    else:
+        source = resources.files("fmus") / "vehicles" / f"{name}.toml"
+    try:
+        return tomllib.loads(source.read_text(encoding="utf-8")), str(path.name if path.suffix else f"{name}.toml")
+    except FileNotFoundError:
+        known = sorted(f.name.removesuffix(".toml") for f in (resources.files("fmus") / "vehicles").iterdir())
+        raise BadInput(f"no vehicle '{name}': give a .toml file or one of {', '.join(known)}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadInput(f"{name}: not a TOML file: {error}") from None
