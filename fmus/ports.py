@@ -46,14 +46,22 @@ STATE = 13  # position 3, orientation 4, velocity 3, angular velocity 3
 WRENCH = 6  # force 3, torque 3
 
 
-def wheel_state(name: str, causality: str, position: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> list[Port]:
+def wheel_state(
+    name: str, causality: str, position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> list[Port]:
     """The 13 variables of a wheel's (or mount's) motion in the world frame."""
     centre = [
         Port(f"{name}.position.{axis}", causality, "m", f"{axis} of the centre of {name}, world", start)
         for axis, start in zip("xyz", position, strict=True)
     ]
     orientation = [
-        Port(f"{name}.orientation.{part}", causality, "1", f"{part} of the quaternion of {name}, body to world", start)
+        Port(
+            f"{name}.orientation.{part}",
+            causality,
+            "1",
+            f"{part} of the quaternion of {name}, body to world",
+            start,
+        )
         for part, start in zip("wxyz", (1.0, 0.0, 0.0, 0.0), strict=True)
     ]
     velocity = [
@@ -61,7 +69,9 @@ def wheel_state(name: str, causality: str, position: tuple[float, float, float] 
         for axis in "xyz"
     ]
     angular = [
-        Port(f"{name}.angular_velocity.{axis}", causality, "rad/s", f"{axis} angular velocity of {name}, world")
+        Port(
+            f"{name}.angular_velocity.{axis}", causality, "rad/s", f"{axis} angular velocity of {name}, world"
+        )
         for axis in "xyz"
     ]
     return centre + orientation + velocity + angular
@@ -69,17 +79,33 @@ def wheel_state(name: str, causality: str, position: tuple[float, float, float] 
 
 def wrench(name: str, causality: str) -> list[Port]:
     """The 6 variables of the mean wrench on a wheel (or mount) about its centre, world axes."""
-    force = [Port(f"{name}.force.{axis}", causality, "N", f"{axis} force on {name}, world, mean over the step")
-             for axis in "xyz"]
-    torque = [Port(f"{name}.torque.{axis}", causality, "N.m",
-                   f"{axis} torque on {name} about its centre, world, mean over the step") for axis in "xyz"]
+    force = [
+        Port(f"{name}.force.{axis}", causality, "N", f"{axis} force on {name}, world, mean over the step")
+        for axis in "xyz"
+    ]
+    torque = [
+        Port(
+            f"{name}.torque.{axis}",
+            causality,
+            "N.m",
+            f"{axis} torque on {name} about its centre, world, mean over the step",
+        )
+        for axis in "xyz"
+    ]
     return force + torque
 
 
 def start_pose() -> list[Port]:
     """Where the vehicle stands at the start: set alike on every component that has a place."""
     return [
-        *(Port(f"start.position.{axis}", "parameter", "m", f"{axis} of the sprocket axle line's middle at the start, world")
-          for axis in "xyz"),
+        *(
+            Port(
+                f"start.position.{axis}",
+                "parameter",
+                "m",
+                f"{axis} of the sprocket axle line's middle at the start, world",
+            )
+            for axis in "xyz"
+        ),
         Port("start.heading", "parameter", "rad", "heading of the vehicle at the start, about z"),
     ]

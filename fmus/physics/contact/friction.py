@@ -1,0 +1,76 @@
+"""Contact of a point with a moving face: the normal force along n and regularised isotropic Coulomb friction.
+
+The friction force is -mu N w / sqrt(|w|^2 + v_reg^2) with the slip velocity w in the tangent plane; it is smooth and
+it creeps under a constant load.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.contact.normal import normal
+
+
+class Scratch(NamedTuple):
+    """Arrays that a contact writes into: made once, reused for every point."""
+
+    n: np.ndarray  # (3) unit normal, from the face to the point
+    n_x: np.ndarray  # (3, 3) its derivative by the point's position
+    w: np.ndarray  # (3) velocity of the point relative to the face
+    f: np.ndarray  # (3) force on the point, N
+    f_x: np.ndarray  # (3, 3) its derivative by position, N/m
+    f_v: np.ndarray  # (3, 3) its derivative by velocity, N s/m
+
+
+def scratch() -> Scratch:
+    """Fresh zeroed arrays."""
+    return Scratch(
+        np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+    )
+
+
+@kernel
+def touch(law, share, depth, omega, s):
+    """Force of a face, turning at ``omega`` (3), on a point; ``s`` holds n, n_x and w and receives f, f_x and f_v.
+
+    Returns the normal force N, the stored energy J, the dissipated power W and the slip speed m/s.
+    """
+    n, n_x, w = s.n, s.n_x, s.w
+    w_n = n[0] * w[0] + n[1] * w[1] + n[2] * w[2]
+    force, by_depth, by_rate, energy, power = normal(law, share, depth, -w_n)
+    s0, s1, s2 = w[0] - w_n * n[0], w[1] - w_n * n[1], w[2] - w_n * n[2]
+    slip2 = s0 * s0 + s1 * s1 + s2 * s2
+    g = np.sqrt(slip2 + law.v_reg * law.v_reg)
+    phi = law.mu / g
+    drag = phi * force
+    slip = (s0, s1, s2)
+    for i in range(3):
+        s.f[i] = force * n[i] - drag * slip[i]
+    o = (omega[0], omega[1], omega[2])
+    # W_x = dw/dx = -[omega]x: the face's material velocity changes along the face
+    w_x = ((0.0, o[2], -o[1]), (-o[2], 0.0, o[0]), (o[1], -o[0], 0.0))
+    for j in range(3):
+        rate_x = 0.0
+        turn = 0.0
+        for i in range(3):
+            rate_x -= n_x[i, j] * w[i] + n[i] * w_x[i][j]
+            turn += w[i] * n_x[i, j]
+        n_w = n[0] * w_x[0][j] + n[1] * w_x[1][j] + n[2] * w_x[2][j]
+        # derivative of the slip by x_j: (I - n n^T) W_x - n (w . n_x) - w_n n_x
+        a0 = w_x[0][j] - n[0] * (n_w + turn) - w_n * n_x[0, j]
+        a1 = w_x[1][j] - n[1] * (n_w + turn) - w_n * n_x[1, j]
+        a2 = w_x[2][j] - n[2] * (n_w + turn) - w_n * n_x[2, j]
+        along_x = (s0 * a0 + s1 * a1 + s2 * a2) / (g * g)
+        along_v = slip[j] / (g * g)
+        force_x = -by_depth * n[j] + by_rate * rate_x
+        force_v = -by_rate * n[j]
+        a = (a0, a1, a2)
+        for i in range(3):
+            direction = n[i] - phi * slip[i]
+            tangent = (1.0 if i == j else 0.0) - n[i] * n[j]
+            s.f_x[i, j] = direction * force_x + force * n_x[i, j] - drag * (a[i] - slip[i] * along_x)
+            s.f_v[i, j] = direction * force_v - drag * (tangent - slip[i] * along_v)
+    return force, energy, power + drag * slip2, np.sqrt(slip2)

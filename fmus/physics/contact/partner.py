@@ -1,0 +1,66 @@
+"""A wheel as a contact partner: its row of numbers, moved through a communication step by its rates.
+
+A row holds centre (0:3), velocity (3:6), angular velocity (6:9), lateral axis (9:12) and the radial direction that
+turns with the wheel (12:15), all in the frame of the track.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import kernel
+
+WIDTH = 15
+
+
+@kernel
+def turn(omega, tau, a, out):
+    """Rotate the vector ``a`` (3) by the constant angular velocity ``omega`` (3) over ``tau`` seconds (Rodrigues)."""
+    rate = np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
+    angle = rate * tau
+    if angle == 0.0:
+        for i in range(3):
+            out[i] = a[i]
+        return
+    u = (omega[0] / rate, omega[1] / rate, omega[2] / rate)
+    c, s = np.cos(angle), np.sin(angle)
+    along = (u[0] * a[0] + u[1] * a[1] + u[2] * a[2]) * (1.0 - c)
+    x = u[1] * a[2] - u[2] * a[1]
+    y = u[2] * a[0] - u[0] * a[2]
+    z = u[0] * a[1] - u[1] * a[0]
+    out[0] = c * a[0] + s * x + along * u[0]
+    out[1] = c * a[1] + s * y + along * u[1]
+    out[2] = c * a[2] + s * z + along * u[2]
+
+
+@kernel
+def move(rows, tau, out):
+    """Extrapolate all wheels (m, 15) by ``tau`` seconds at their constant rates into ``out`` (m, 15)."""
+    for k in range(rows.shape[0]):
+        for i in range(3):
+            out[k, i] = rows[k, i] + tau * rows[k, 3 + i]
+            out[k, 3 + i] = rows[k, 3 + i]
+            out[k, 6 + i] = rows[k, 6 + i]
+        turn(rows[k, 6:9], tau, rows[k, 9:12], out[k, 9:12])
+        turn(rows[k, 6:9], tau, rows[k, 12:15], out[k, 12:15])
+
+
+@kernel
+def collect(row, x, f, wrench):
+    """Add the reaction of the force ``f`` on a point at ``x`` to the ``wrench`` (6) on the wheel about its centre."""
+    d0, d1, d2 = x[0] - row[0], x[1] - row[1], x[2] - row[2]
+    wrench[0] -= f[0]
+    wrench[1] -= f[1]
+    wrench[2] -= f[2]
+    wrench[3] -= d1 * f[2] - d2 * f[1]
+    wrench[4] -= d2 * f[0] - d0 * f[2]
+    wrench[5] -= d0 * f[1] - d1 * f[0]
+
+
+@kernel
+def slide(row, x, v, w):
+    """Velocity of the point at ``x`` with ``v`` relative to the wheel's material at that place, into ``w`` (3)."""
+    d0, d1, d2 = x[0] - row[0], x[1] - row[1], x[2] - row[2]
+    w[0] = v[0] - row[3] - (row[7] * d2 - row[8] * d1)
+    w[1] = v[1] - row[4] - (row[8] * d0 - row[6] * d2)
+    w[2] = v[2] - row[5] - (row[6] * d1 - row[7] * d0)

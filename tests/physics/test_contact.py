@@ -1,0 +1,187 @@
+"""Contact laws: derivatives against finite differences, the power balance, and the tooth profile."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.physics.contact.friction import scratch
+from fmus.physics.contact.ground import ground_contact
+from fmus.physics.contact.law import Law
+from fmus.physics.contact.normal import normal
+from fmus.physics.contact.partner import WIDTH, collect, move, slide
+from fmus.physics.contact.teeth import teeth, teeth_contact
+from fmus.physics.contact.wheel import reach, wheel_contact
+
+LAW = Law(2e6, 5e3, 0.3, 0.05)
+PITCH = 0.1524
+TEETH = teeth(10, PITCH, 0.015, 0.26, 0.004, np.radians(25.0), 0.01)
+
+
+def wheel_row(tilt: float = 0.0) -> np.ndarray:
+    row = np.zeros(WIDTH)
+    row[0:3] = 0.3, 0.02, -0.1
+    row[3:6] = 1.0, 0.1, -0.2
+    row[6:9] = 0.2, 3.0, -0.1
+    row[9:12] = np.array([0.0, np.cos(tilt), np.sin(tilt)])
+    row[12:15] = 1.0, 0.0, 0.0
+    return row
+
+
+def on_ground(x, v, s):
+    return ground_contact(LAW, 0.5, 0.01, x, v, s)
+
+
+def on_rim(x, v, s):
+    return wheel_contact(LAW, 0.5, 0.305, wheel_row(0.05), x, v, s)
+
+
+def on_teeth(x, v, s):
+    return teeth_contact(LAW, 1.0, TEETH, wheel_row(0.0), x, v, s)
+
+
+def at(angle: float, radius: float) -> np.ndarray:
+    """A point in the sprocket's plane: ``angle`` from its gap, in the sense of rotation about +y."""
+    return wheel_row()[0:3] + radius * np.array([np.cos(angle), 0.0, -np.sin(angle)])
+
+
+CASES = [
+    (on_ground, np.array([0.1, 0.2, 0.004])),
+    (on_rim, np.array([0.32, 0.03, -0.4])),
+    (on_teeth, at(0.004, 0.243)),  # seat
+    (on_teeth, at(2.0 * np.pi / 10 + 0.045, 0.257)),  # flank
+    (on_teeth, at(-0.085, 0.266)),  # tip
+    (on_teeth, at(0.25, 0.27)),  # land
+]
+
+
+@pytest.mark.parametrize(("contact", "x"), CASES)
+def test_derivatives_match_finite_differences(contact, x):
+    s, v = scratch(), np.array([0.3, -0.2, 0.4])
+    assert contact(x, v, s)[0] > 0.0
+    f_x, f_v = s.f_x.copy(), s.f_v.copy()
+    for i in range(3):
+        e = np.zeros(3)
+        e[i] = 1e-7
+        pair = []
+        for sign in (1.0, -1.0):
+            contact(x + sign * e, v, s)
+            pair.append(s.f.copy())
+        np.testing.assert_allclose(
+            (pair[0] - pair[1]) / 2e-7, f_x[:, i], rtol=1e-5, atol=1e-5 * abs(f_x).max()
+        )
+        pair = []
+        for sign in (1.0, -1.0):
+            contact(x, v + 10 * sign * e, s)
+            pair.append(s.f.copy())
+        np.testing.assert_allclose(
+            (pair[0] - pair[1]) / 2e-6, f_v[:, i], rtol=1e-5, atol=1e-5 * abs(f_v).max()
+        )
+
+
+@pytest.mark.parametrize(("contact", "x"), CASES)
+def test_power_of_the_force_is_dissipation_and_storage(contact, x):
+    """Power taken from the point, relative to the face, = dissipated + growth of the stored energy."""
+    s, v, h = scratch(), np.array([0.3, -0.2, 0.4]), 1e-7
+    _, _, _, power, _ = contact(x, v, s)
+    if contact is on_ground:
+        w = v
+    else:
+        w = np.zeros(3)
+        slide(wheel_row(0.05 if contact is on_rim else 0.0), x, v, w)
+    taken = -s.f @ w
+    grown = (contact(x + h * w, v, s)[2] - contact(x - h * w, v, s)[2]) / (2.0 * h)
+    assert power > 0.0
+    assert taken == pytest.approx(power + grown, rel=1e-5)
+    assert taken != pytest.approx(1.03 * power + grown, rel=1e-5)
+
+
+def test_normal_force_pushes_and_never_pulls():
+    assert normal(LAW, 1.0, 0.005, 0.0)[0] == pytest.approx(2e6 * 0.005)
+    force, _, _, energy, power = normal(LAW, 1.0, 0.005, -10.0)
+    assert force == 0.0
+    assert energy == pytest.approx(25.0)
+    assert power == pytest.approx(2e6 * 0.005 * 10.0)
+    assert normal(LAW, 1.0, 1e-9, 5.0)[0] < 1.0  # no jump at first touch
+
+
+def test_shares_of_a_contact_add_up():
+    """Two Gauss points over the face inside the rim carry what a fine sum over the face carries."""
+    row = wheel_row()
+    a, b = np.array([0.22, 0.02, -0.430]), np.array([0.22 + PITCH, 0.02, -0.426])
+    a, b = b, a  # rearwards: outward is down
+    s, v, offset, radius = scratch(), np.zeros(3), 0.029, 0.305
+    law = Law(2e6, 0.0, 0.0, 0.05)
+    low, high = reach(row, radius, a, b, offset)
+    t = (b - a) / np.linalg.norm(b - a)
+    n = np.cross(t, row[9:12])
+
+    def total(points, weights):
+        force, moment = np.zeros(3), 0.0
+        for p, w in zip(points, weights, strict=True):
+            x = a + p * (b - a) - offset * n
+            if wheel_contact(law, w, radius, row, x, v, s)[0] > 0.0:
+                force += s.f
+                moment += p * s.f[2]
+        return force, moment
+
+    fine, fine_moment = total((np.arange(4000) + 0.5) / 4000, np.full(4000, 1 / 4000))
+    mid, half = (low + high) / 2, (high - low) / 2
+    gauss, gauss_moment = total(mid + half * np.array([-1, 1]) / np.sqrt(3), [half, half])
+    assert 0.0 <= low < high <= 1.0
+    np.testing.assert_allclose(gauss, fine, rtol=6e-3, atol=1.0)
+    assert gauss_moment == pytest.approx(fine_moment, rel=6e-3)
+    assert abs(fine[2]) > 1e3 and gauss[2] != pytest.approx(1.03 * fine[2], rel=6e-3)
+
+
+def depth_at(a: float, b: float) -> float:
+    row = np.zeros(WIDTH)
+    row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
+    return teeth_contact(LAW, 1.0, TEETH, row, np.array([a, 0.0, -b]), np.zeros(3), scratch())[0]
+
+
+def test_pins_at_the_pitch_circle_just_touch_their_seats():
+    radius = PITCH / (2.0 * np.sin(np.pi / 10))
+    for tooth in range(10):
+        angle = tooth * np.pi / 5
+        assert depth_at(radius * np.cos(angle), radius * np.sin(angle)) == pytest.approx(0.0, abs=1e-12)
+        assert depth_at(0.99 * radius * np.cos(angle), 0.99 * radius * np.sin(angle)) == pytest.approx(
+            0.01 * radius, rel=1e-3
+        )
+
+
+def test_profile_is_continuous_and_mirrored():
+    for b in np.linspace(0.0, 0.074, 60):
+        a = np.linspace(0.235, 0.28, 400)
+        depths = np.clip([depth_at(x, b) for x in a], 0.0, 0.01)
+        assert abs(np.diff(depths)).max() < 1.5 * (a[1] - a[0])
+        assert depth_at(0.25, b) == pytest.approx(depth_at(0.25, -b), abs=1e-12)
+
+
+def test_a_leaving_pin_clears_the_teeth():
+    """It swings about its seated neighbour on a circle of one pitch; the flanks let it go."""
+    radius = PITCH / (2.0 * np.sin(np.pi / 10))
+    neighbour = radius * np.array([np.cos(-np.pi / 5), np.sin(-np.pi / 5)])
+    start = np.array([radius, 0.0]) - neighbour
+    for swing in np.linspace(0.002, 0.35, 80):
+        c, s = np.cos(-swing), np.sin(-swing)
+        pin = neighbour + np.array([[c, -s], [s, c]]) @ start
+        outward = np.hypot(*pin) > radius
+        pin_other = neighbour + np.array([[c, s], [-s, c]]) @ start
+        assert max(depth_at(*pin), depth_at(*pin_other)) < 1e-3 or not outward or depth_at(*pin) <= 1e-9
+
+
+def test_wheels_turn_rigidly():
+    row = wheel_row()
+    rows, out = np.array([row]), np.zeros((1, WIDTH))
+    move(rows, 0.7, out)
+    assert np.linalg.norm(out[0, 9:12]) == pytest.approx(1.0)
+    assert out[0, 9:12] @ out[0, 12:15] == pytest.approx(row[9:12] @ row[12:15], abs=1e-12)
+    np.testing.assert_allclose(out[0, 0:3], row[0:3] + 0.7 * row[3:6])
+
+
+def test_reaction_on_the_wheel():
+    wrench, row, x, f = np.zeros(6), wheel_row(), np.array([0.4, 0.1, -0.3]), np.array([1.0, 2.0, 3.0])
+    collect(row, x, f, wrench)
+    np.testing.assert_allclose(wrench[:3], -f)
+    np.testing.assert_allclose(wrench[3:], np.cross(x - row[:3], -f))
