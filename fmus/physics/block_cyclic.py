@@ -12,7 +12,7 @@ being the border of a closed chain. With D the pivots:
     G[0] = L[0], F[0] = U[n-1]                                                    the border
     G[i+1] = -E[i] G[i],     H[i] = F[i] D[i]^-1,   F[i+1] = -H[i] U[i],          A[n-1] -= H[i] G[i]
 
-A closed loop of 64 takes about 27, 40 and 60 us to factor with blocks of 4, 5 and 8, and 2, 3 and 6 us to solve.
+Closed loop of 64: about 27, 40 and 60 us to factor with blocks of 4, 5 and 8, and 2, 3 and 6 us to solve.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _E, _G, _H, _F = 0, 1, 2, 3
 
 
 def workspace(n: int, m: int) -> np.ndarray:
-    """The work array that ``factor`` fills and ``solve`` reads: (4, n, m, m), with n at least 2 when closed."""
+    """The work array that ``factor`` fills and ``solve`` reads, (4, n, m, m); a closed chain has n >= 2."""
     return np.zeros((4, n, m, m))  # F[n - 1] is no part of the factors: its first row is scratch
 
 
 @kernel
 def invert(A, swap):
-    """Invert ``A`` (m, m) in place (Gauss-Jordan, row exchanges), scratch ``swap`` (m); False when singular."""
+    """Invert ``A`` (m, m) in place, Gauss-Jordan with row exchanges; ``swap`` (m) is scratch; False: singular."""
     m = A.shape[0]
     for k in range(m):
         p = k
