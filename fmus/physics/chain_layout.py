@@ -1,0 +1,132 @@
+"""Where the pins of a chain lie at the start: an exactly closed polygon round wheels, or an open one between ends.
+
+All in the plane of the track, (x, z), z up. Round the wheels the index grows rearwards (towards -x) on the lower run,
+so that tangent x lateral axis is the outward normal and a vehicle driving forward moves its chain along the index.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.spatial import ConvexHull
+
+Floats = NDArray[np.float64]
+SAMPLES = 1440  # points on each circle of the belt
+
+
+def _belt(centres: Floats, radii: Floats) -> Floats:
+    """The convex belt round circles as a polyline, starting foremost, over the bottom first (k, 2)."""
+    angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+    rim = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+    points = (centres[:, None, :] + radii[:, None, None] * rim[None]).reshape(-1, 2)
+    hull = points[ConvexHull(points).vertices][::-1]  # scipy turns from x to z, we turn from x to -z
+    return np.roll(hull, -int(np.argmax(hull[:, 0])), axis=0)
+
+
+def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
+    """Pins at chords of one pitch along a closed polyline, and the signed gap to a full turn after ``links``, m."""
+    k = len(path)
+    pins = np.empty((links + 1, 2))
+    pins[0] = path[0]
+    i, travelled = 0, 0.0  # the pin lies on segment i
+    lengths = np.linalg.norm(np.diff(np.vstack([path, path[:1]]), axis=0), axis=1)
+    start = np.concatenate([[0.0], np.cumsum(lengths)])
+    for n in range(1, links + 1):
+        here = pins[n - 1]
+        while np.hypot(*(path[(i + 1) % k] - here)) < pitch:
+            i += 1
+            if i > 3 * k:
+                return pins[:-1], np.inf
+        a, b = path[i % k] - here, path[(i + 1) % k] - path[i % k]
+        p, q, r = b @ b, 2.0 * a @ b, a @ a - pitch * pitch
+        s = (-q + np.sqrt(max(q * q - 4.0 * p * r, 0.0))) / (2.0 * p)
+        pins[n] = path[i % k] + s * b
+        travelled = start[i % k] + (i // k) * start[-1] + s * lengths[i % k]
+    return pins[:-1], travelled - start[-1]
+
+
+def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int) -> Floats:
+    """Pins (links, 2) of a closed polygon of equal chords round circles ``centres`` (m, 2), ``radii`` (m).
+
+    The first pin is the foremost point of the belt; the circles that ``grows`` marks (rims, not teeth) take the
+    difference between the belt and the links by being passed at a small distance.
+    Raises ValueError when that distance is beyond a third of a pitch: the track cannot wrap its wheels.
+    """
+
+    def gap(distance: float) -> float:
+        return _walk(_belt(centres, radii + distance * grows), pitch, links)[1]
+
+    limit = pitch / 3.0
+    low, high = gap(-limit), gap(limit)
+    if not low > 0.0 > high:
+        belt = _belt(centres, radii)
+        length = np.linalg.norm(np.diff(np.vstack([belt, belt[:1]]), axis=0), axis=1).sum()
+        raise ValueError(f"{links} links of {pitch} m make {links * pitch:.4f} m, the belt round the wheels {length:.4f} m")
+    distance = brentq(gap, -limit, limit, xtol=1e-13)
+    pins = _walk(_belt(centres, radii + distance * grows), pitch, links)[0]
+    return close_exactly(pins, pitch, closed=True)
+
+
+def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
+    """The nearest polygon with all chords equal to the pitch to rounding; an open one keeps its two ends."""
+    pins = pins.copy()
+    n = len(pins)
+    last = n if closed else n - 1
+    free = np.ones(n, dtype=bool) if closed else np.r_[False, np.ones(n - 2, dtype=bool), False]
+    for _ in range(50):
+        chord = np.roll(pins, -1, axis=0)[:last] - pins[:last]
+        misfit = (np.einsum("ij,ij->i", chord, chord) - pitch * pitch) / 2.0
+        if abs(misfit).max() < 1e-16:
+            break
+        jacobian = np.zeros((last, n, 2))
+        rows = np.arange(last)
+        jacobian[rows, rows] -= chord
+        jacobian[rows, (rows + 1) % n] += chord
+        jacobian[:, ~free] = 0.0
+        pins -= np.linalg.lstsq(jacobian.reshape(last, -1), misfit, rcond=None)[0].reshape(n, 2)
+    return pins
+
+
+def hanging_arc(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
+    """Pins (links + 1, 2) of an open chain hanging between two points as an arc of equal chords.
+
+    Raises ValueError when the chain is too short for them.
+    """
+    span = np.asarray(last, float) - np.asarray(first, float)
+    distance = np.hypot(*span)
+    if distance >= links * pitch:
+        raise ValueError(f"{links} links of {pitch} m cannot reach over {distance:.4f} m")
+    fraction = (links - 1 - 2.0 * np.arange(links)) / links  # of the first link's angle
+    steep = brentq(lambda a: pitch * np.cos(a * fraction).sum() - distance, 0.0, np.pi, xtol=1e-15)
+    return chain_of_angles(np.asarray(first, float), -steep * fraction + np.arctan2(span[1], span[0]), pitch)
+
+
+def chain_of_angles(first: Floats, angles: Floats, pitch: float) -> Floats:
+    """Pins (links + 1, 2) of links with the given angles over the x axis, rad."""
+    steps = pitch * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.vstack([first, first + np.cumsum(steps, axis=0)])
+
+
+def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
+    """The open polygon with all link angles scaled by one factor so that it ends at ``last`` (same height as first)."""
+    chord = np.diff(pins, axis=0)
+    angles = np.arctan2(chord[:, 1], chord[:, 0])
+    distance = np.hypot(*(np.asarray(last, float) - pins[0]))
+    factor = brentq(lambda s: pitch * np.cos(s * angles).sum() - distance, 1e-3, 1.5, xtol=1e-15)
+    return close_exactly(np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False)
+
+
+def over_sprocket(centre: Floats, pitch: float, teeth: int, links: int) -> Floats:
+    """Pins (links + 1, 2) of an open chain that comes in along x on the upper side, wraps half of a sprocket with a
+    seat foremost, and leaves on the lower side."""
+    radius = pitch / (2.0 * np.sin(np.pi / teeth))
+    foremost = (5 * links) // 8
+    step = 2.0 * np.pi / teeth
+    bend = np.zeros(links)  # angle of each link below the x axis
+    for i in range(links):
+        turn = (i - foremost + 0.5) * step + np.pi / 2.0
+        bend[i] = min(max(turn, 0.0), np.pi)
+    angles = -bend
+    pins = chain_of_angles(np.zeros(2), angles, pitch)
+    return pins - pins[foremost] + np.asarray(centre, float) + np.array([radius, 0.0])

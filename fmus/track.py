@@ -1,0 +1,292 @@
+"""What both track models share: ports, parameters, the start layout, and the track's own frame.
+
+A track computes in a frame at the vehicle's start position, turned by its start heading, with the track plane at
+y = 0: whatever the heading, the joint axis is y and the numbers are small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.physics.chain_layout import closed_polygon, hanging_arc, over_sprocket, rescaled
+from fmus.physics.contact.law import Law
+from fmus.physics.contact.partner import WIDTH, read_states, to_world
+from fmus.physics.contact.teeth import Teeth, teeth
+from fmus.ports import WRENCH, Port, start_pose, wheel_state, wrench
+
+# Outputs of a chain after the wrenches, in the order of its report: name, unit, text.
+REPORT = (
+    ("travel", "m", "length of chain that has passed, along its own index"),
+    ("speed", "m/s", "speed of the chain along itself, mean over the links"),
+    ("tension.min", "N", "smallest link tension"),
+    ("tension.mean", "N", "mean link tension"),
+    ("tension.max", "N", "largest link tension"),
+    ("stress.max", "Pa", "largest axial stress at an outer fibre, 0 for rigid links"),
+    ("energy.kinetic", "J", "kinetic energy of the links"),
+    ("energy.strain", "J", "strain energy of the links and of a closing spring"),
+    ("energy.gravity", "J", "potential energy of the links over the ground plane of the start frame"),
+    ("energy.contact", "J", "energy stored in contact springs"),
+    ("energy.dissipated", "J", "energy lost so far in contacts, friction and material"),
+    ("energy.work", "J", "work done so far by the loads on the ends"),
+    ("penetration.max", "m", "deepest penetration of any contact"),
+    ("ground.force.x", "N", "force of the ground on the chain, x, world, mean over the step"),
+    ("ground.force.y", "N", "force of the ground on the chain, y, world, mean over the step"),
+    ("ground.force.z", "N", "force of the ground on the chain, z, world, mean over the step"),
+    ("slip", "m/s", "rearward velocity of the ground contact points in the vehicle's heading, weighted by their load"),
+)
+TRAVEL, SPEED, T_MIN, T_MEAN, T_MAX, STRESS, KINETIC, STRAIN, GRAVITY, CONTACT, DISSIPATED, WORK, DEPTH, GROUND = range(14)
+SLIP = 16
+
+PINNED, PULLED, LOOP = 1, 2, 0  # how the ends of a chain are held
+
+
+class Wheels(NamedTuple):
+    """The contact partners of a chain, constant through a run."""
+
+    teeth: np.ndarray  # (m) int: 1 where the wheel has teeth
+    radius: np.ndarray  # (m) radius of the rim, m (outer radius of the pins' path for teeth)
+    profile: Teeth  # the outline of the teeth
+    half_width: float  # of a rim, m
+    clearance: float  # lateral play of the guides on each side, m
+
+
+class Environment(NamedTuple):
+    """What acts on a chain besides its wheels."""
+
+    gravity: float  # m/s2
+    ground: int  # 1 where there is a ground
+    height: float  # of the ground in the track's frame, m
+    ends: int  # LOOP, PINNED or PULLED
+    pull: np.ndarray  # (2, 3) force on the first and on the last pin, N
+    transverse: float  # damping of each pin across the chain, N s/m
+    sprocket: Law
+    wheel: Law
+    soil: Law
+
+
+class TrackModel:
+    """A chain of links behind the ports of a track; a subclass brings the mechanics of its links.
+
+    The subclass gives ``chain_size``, ``settle``, ``advance`` and ``links``.
+    """
+
+    integrators: tuple[str, ...] = ("generalized_alpha",)
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        """Take the resolved config (keys vehicle, track, link_outputs); allocates everything."""
+        self.vehicle = config["vehicle"]
+        self.config = config["track"]
+        self.wheel_list = self.config["wheels"]
+        self.links_count = int(self.config["links"])
+        self.closed = bool(self.config["closed"])
+        self.nodes = self.links_count if self.closed else self.links_count + 1
+        self.pitch = float(self.vehicle["track"]["pitch"])
+        wheels = len(self.wheel_list)
+        self.rows = np.zeros((wheels, WIDTH))
+        self.start_rows = np.zeros((wheels, WIDTH))
+        self.frame = np.zeros(5)
+        self.ports = self._ports(bool(config.get("link_outputs", True)))
+        self.link_ports = (2 * self.links_count + 6 * self.nodes) if config.get("link_outputs", True) else 0
+        self.counters = np.zeros(4, dtype=np.int64)
+        size = self.chain_size()
+        self.state = np.zeros(size + WRENCH * wheels + len(REPORT))
+        self.chain = self.state[:size]
+        self.wrench = self.state[size : size + WRENCH * wheels].reshape(2 * wheels, 3)  # force, torque by turns
+        self.report = self.state[size + WRENCH * wheels :]
+        self._warnings: list[str] = []
+
+    def _ports(self, links: bool) -> tuple[Port, ...]:
+        vehicle, ports = self.vehicle, []
+        for wheel in self.wheel_list:
+            x, z = wheel["position"]
+            ports += wheel_state(wheel["name"], "input", (x, vehicle["track"]["lateral"], z))
+        for wheel in self.wheel_list:
+            ports += wrench(wheel["name"], "output")
+        ports += [Port(name, "output", unit, text) for name, unit, text in REPORT]
+        if links:
+            for i in range(1, self.links_count + 1):
+                ports.append(Port(f"link[{i}].tension", "output", "N", f"tension of link {i}"))
+            for i in range(1, self.links_count + 1):
+                ports.append(Port(f"link[{i}].stress", "output", "Pa", f"largest axial stress of link {i}"))
+            for i in range(1, self.nodes + 1):
+                ports += [Port(f"joint[{i}].position.{a}", "output", "m", f"{a} of pin {i}, world") for a in "xyz"]
+            for i in range(1, self.nodes + 1):
+                ports += [Port(f"joint[{i}].force.{a}", "output", "N", f"{a} force of pin {i} on the link that begins there, world")
+                          for a in "xyz"]
+        for name in ("steps", "evaluations", "iterations", "rejected"):
+            ports.append(Port(f"solver.{name}", "output", "1", f"{name} of the integrator so far", 0))
+        ports += start_pose()
+        ports.append(Port("start.lateral", "parameter", "m", "lateral position of the track plane in the vehicle, left positive",
+                          vehicle["track"]["lateral"]))
+        starts = ("rest", "polygon", "displaced") if self._pinned() else ("rest", "polygon")
+        ports.append(Port("start", "parameter", "1", "rest: static equilibrium; polygon: as laid out; displaced: equilibrium"
+                          " of ends 0.7 S apart, its link angles scaled to the span", "rest", starts))
+        ports.append(Port("integrator", "parameter", "1", "time integration of the chain", self.integrators[0],
+                          self.integrators))
+        ports.append(Port("step", "parameter", "s", "largest internal step", 1e-3))
+        for pair in ("sprocket", "wheel", "ground"):
+            law = vehicle["contact"][pair]
+            for key, unit, text in (("stiffness", "N/m", "normal stiffness"), ("damping", "N.s/m", "normal damping"),
+                                    ("friction", "1", "friction coefficient"),
+                                    ("friction_velocity", "m/s", "regularisation velocity of friction")):
+                ports.append(Port(f"contact.{pair}.{key}", "parameter", unit, f"{text} of {pair} contact", law[key]))
+        return tuple(ports) + self.own_ports_of(vehicle)
+
+    def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
+        """Parameters that only this kind of chain has."""
+        return ()
+
+    def _pinned(self) -> bool:
+        return bool(self.config.get("ends")) and self.config["ends"]["kind"] == "pinned"
+
+    def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
+        """Lay the chain out and, unless told otherwise, let it come to rest on its wheels."""
+        p = parameters
+        for key in ("step", "contact.sprocket.friction_velocity", "contact.wheel.friction_velocity",
+                    "contact.ground.friction_velocity"):
+            if not float(p[key]) > 0.0:
+                raise InvalidParameter(f"{key} = {p[key]}: must be greater than 0")
+        for pair in ("sprocket", "wheel", "ground"):
+            for key in ("stiffness", "damping", "friction"):
+                if not float(p[f"contact.{pair}.{key}"]) >= 0.0:
+                    raise InvalidParameter(f"contact.{pair}.{key} = {p[f'contact.{pair}.{key}']}: must not be negative")
+        heading, lateral = float(p["start.heading"]), float(p["start.lateral"])
+        c, s = np.cos(heading), np.sin(heading)
+        self.frame[:] = (float(p["start.position.x"]) - lateral * s, float(p["start.position.y"]) + lateral * c,
+                         float(p["start.position.z"]), c, s)
+        self.max_step = float(p["step"])
+        self.integrator = str(p["integrator"])
+        self.wheels = self._wheels()
+        self.environment = self._environment(p)
+        self.start_rows[:] = 0.0
+        for row, wheel in zip(self.start_rows, self.wheel_list, strict=True):
+            row[0], row[2] = wheel["position"]
+            row[10] = row[12] = 1.0
+        self.counters[:] = 0
+        self.state[:] = 0.0
+        self.prepare(p)
+        self._start(str(p["start"]))
+        self._warnings.clear()
+
+    def _wheels(self) -> Wheels:
+        v = self.vehicle
+        sprocket = v["sprocket"]
+        try:
+            profile = teeth(sprocket["teeth"], self.pitch, sprocket["pin_radius"], sprocket["outer_radius"],
+                            sprocket["seat_clearance"], sprocket["flank_angle"], sprocket["tip_radius"])
+        except ValueError as error:
+            raise InvalidParameter(f"sprocket: {error}") from None
+        toothed = np.array([w["kind"] == "teeth" for w in self.wheel_list], dtype=np.int64)
+        radius = np.array([profile.top if w["kind"] == "teeth" else w["radius"] for w in self.wheel_list], dtype=float)
+        return Wheels(toothed, radius, profile, 0.5 * v["road_wheel"]["width"], v["guide"]["clearance"])
+
+    def _environment(self, p: Mapping[str, Any]) -> Environment:
+        laws = [Law(*(float(p[f"contact.{pair}.{key}"]) for key in ("stiffness", "damping", "friction", "friction_velocity")))
+                for pair in ("sprocket", "wheel", "ground")]
+        ends = self.config.get("ends")
+        pull = np.zeros((2, 3))
+        kind = LOOP
+        if ends:
+            kind = PINNED if ends["kind"] == "pinned" else PULLED
+            if kind == PULLED:
+                pull[:, 0] = ends["first"][0], ends["last"][0]
+                pull[:, 2] = ends["first"][1], ends["last"][1]
+        v = self.vehicle
+        # pads just touch the ground under the road wheels of the drawn position
+        height = v["road_wheel"]["z"] - v["road_wheel"]["radius"] - 2.0 * v["track"]["face"]
+        return Environment(float(self.config["gravity"]), int(bool(self.config["ground"])), height, kind, pull,
+                           float(self.config.get("transverse_damping", 0.0)), *laws)
+
+    def polygon(self) -> Floats:
+        """Pins (nodes, 2) of the start layout; raises InvalidParameter when the chain does not fit."""
+        try:
+            if self.closed:
+                centres = np.array([w["position"] for w in self.wheel_list], dtype=float)
+                toothed = np.array([w["kind"] == "teeth" for w in self.wheel_list])
+                pitch_radius = self.pitch / (2.0 * np.sin(np.pi / self.vehicle["sprocket"]["teeth"]))
+                radii = np.array([pitch_radius if w["kind"] == "teeth" else w["radius"] + self.vehicle["track"]["face"]
+                                  for w in self.wheel_list])
+                return closed_polygon(centres, radii, ~toothed, self.pitch, self.links_count)
+            if self._pinned():
+                first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
+                return hanging_arc(first, last, self.pitch, self.links_count)
+            centre = np.array(self.wheel_list[0]["position"], dtype=float)
+            return over_sprocket(centre, self.pitch, self.vehicle["sprocket"]["teeth"], self.links_count)
+        except ValueError as error:
+            raise InvalidParameter(f"the track cannot be laid out: {error}") from None
+
+    def _start(self, start: str) -> None:
+        if start == "displaced":
+            first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
+            near = first + (last - first) * 0.7 * self.links_count * self.pitch / np.hypot(*(last - first))
+            self.settle(hanging_arc(first, near, self.pitch, self.links_count), rest=True)
+            pins = rescaled(self.pins()[:, [0, 2]], last, self.pitch)
+            self.settle(pins, rest=False)
+        else:
+            self.settle(self.polygon(), rest=start == "rest")
+
+    def step(self, t: float, h: float, u: Floats) -> None:
+        """Advance by ``h`` with the wheels' states ``u`` given at ``t``."""
+        read_states(u, self.frame, self.rows)
+        self._watch(t)
+        self.advance(t, h)
+
+    def _watch(self, t: float) -> None:
+        """A place for a subclass to warn about what its mechanics cannot do."""
+
+    def outputs(self, y: Floats) -> None:
+        """Wrenches on the wheels and the report, world axes."""
+        n = 3 * len(self.wrench)
+        to_world(self.wrench, self.frame, y[:n])
+        y[n:] = self.report
+        to_world(self.report[GROUND : GROUND + 3].reshape(1, 3), self.frame, y[n + GROUND : n + GROUND + 3])
+
+    def link_outputs(self, y: Floats) -> None:
+        """Tension and stress of each link, position of and force at each pin, world."""
+        n, m = self.links_count, self.nodes
+        position, force = np.empty((m, 3)), np.empty((m, 3))
+        self.links(y[:n], y[n : 2 * n], position, force)
+        to_world(position, self.frame, y[2 * n : 2 * n + 3 * m])
+        y[2 * n : 2 * n + 3 * m].reshape(m, 3)[:] += self.frame[:3]
+        to_world(force, self.frame, y[2 * n + 3 * m : 2 * n + 6 * m])
+
+    def warnings(self) -> list[str]:
+        """Warnings since the last call."""
+        said, self._warnings = self._warnings, []
+        return said
+
+    def failed(self, t: float, what: str, link: int, residual: float) -> StepFailed:
+        """The sentence of a step that could not be done."""
+        return StepFailed(f"{what} at t = {t:.6g} s, link {link + 1}: residual {residual:.3g} N")
+
+    # What a subclass brings ------------------------------------------------------------------------------------
+
+    def chain_size(self) -> int:
+        """Length of the chain's part of the state."""
+        raise NotImplementedError
+
+    def prepare(self, p: Mapping[str, Any]) -> None:
+        """Make the kernel parameters of the links from the FMI parameters ``p``."""
+        raise NotImplementedError
+
+    def settle(self, pins: Floats, rest: bool) -> None:
+        """Set the chain to the polygon ``pins`` (nodes, 2), at rest; with ``rest``, go to static equilibrium."""
+        raise NotImplementedError
+
+    def pins(self) -> Floats:
+        """Positions of the pins (nodes, 3) in the track's frame."""
+        raise NotImplementedError
+
+    def advance(self, t: float, h: float) -> None:
+        """Integrate over the communication step with the wheels ``rows``; fill ``wrench``, ``report``, ``counters``."""
+        raise NotImplementedError
+
+    def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
+        """Fill the per-link arrays, (n), (n), (nodes, 3), (nodes, 3), in the track's frame."""
+        raise NotImplementedError
+
+
