@@ -1,0 +1,1 @@
+"""Coupling algorithms: each module has ``ORDER`` and ``advance(stages, t, h, pool)``."""

@@ -1,0 +1,131 @@
+"""What a log says about a run, in the shapes that measures, energy ledger and pictures need."""
+
+from __future__ import annotations
+
+import json
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.reader import Log
+
+Floats = NDArray[np.float64]
+
+
+class Missing(LookupError):
+    """The log does not hold what was asked for; the message is one sentence."""
+
+
+class Window(NamedTuple):
+    """A closed interval of time, s."""
+
+    start: float
+    end: float
+
+
+class Links(NamedTuple):
+    """Per-link records in the plane of a track: times, pins (forward, up) from the sprocket axle, tensions."""
+
+    t: Floats  # (m,)
+    forward: Floats  # (m, pins) m, ahead of the sprocket axle in the direction of the vehicle
+    up: Floats  # (m, pins) m
+    tension: Floats  # (m, links) N
+
+
+class Evidence:
+    """A log with its scene; arrays are read once."""
+
+    def __init__(self, log: Log) -> None:
+        self.log = log
+        self.scene: dict[str, Any] = json.loads(log.attachment("scene.json"))
+        self.system: dict[str, Any] = json.loads(log.attachment("system.json"))
+        self._links: dict[str, Links] = {}
+
+    @cached_property
+    def instances(self) -> tuple[str, ...]:
+        """Names of the components."""
+        return tuple(instance["name"] for instance in self.system["instances"])
+
+    @cached_property
+    def tracks(self) -> tuple[str, ...]:
+        """Names of the tracks: what has a travel."""
+        return tuple(name for name in self.instances if self.has(f"{name}.travel"))
+
+    def has(self, signal: str) -> bool:
+        """Whether the log holds this output."""
+        instance, _, variable = signal.partition(".")
+        topic = f"/{instance}/out"
+        return topic in self.log.topics and variable in self.log.read(topic).names
+
+    def signal(self, name: str, window: Window | None = None) -> tuple[Floats, Floats]:
+        """Times and values of ``instance.variable``, within the window; raises Missing."""
+        try:
+            t, values = self.log.signal(name)
+        except LookupError:
+            raise Missing(f"the log has no signal '{name}'") from None
+        if window is None:
+            return t, values
+        inside = within(t, window)
+        if not inside.any():
+            raise Missing(f"'{name}' was not recorded between {window.start:g} and {window.end:g} s")
+        return t[inside], values[inside]
+
+    def mean(self, name: str, window: Window) -> float:
+        """Mean over the window's samples."""
+        return float(self.signal(name, window)[1].mean())
+
+    def vectors(self, instance: str, topic: str, prefix: str, parts: str = "xyz") -> tuple[Floats, Floats]:
+        """Times and ``prefix.{parts}`` of a topic as (m, len(parts))."""
+        series = self.log.read(f"/{instance}/{topic}")
+        names = list(series.names)
+        try:
+            columns = [names.index(f"{prefix}.{part}") for part in parts]
+        except ValueError:
+            raise Missing(f"the log has no '{instance}.{prefix}'") from None
+        return series.t, series.values[:, columns]
+
+    def links(self, track: str) -> Links:
+        """Per-link records of a track, seen from its sprocket axle (or from the start position without one)."""
+        if track not in self._links:
+            self._links[track] = self._read_links(track)
+        return self._links[track]
+
+    def _read_links(self, track: str) -> Links:
+        topic = f"/{track}/links"
+        if topic not in self.log.topics:
+            raise Missing(f"the log has no outputs per link of '{track}'")
+        series = self.log.read(topic)
+        names = list(series.names)
+        pins = sum(name.startswith("joint[") and name.endswith("].position.x") for name in names)
+        links = sum(name.endswith("].tension") for name in names)
+        position = np.stack(
+            [series.values[:, [names.index(f"joint[{i}].position.{axis}") for i in range(1, pins + 1)]] for axis in "xyz"],
+            axis=-1,
+        )
+        tension = series.values[:, [names.index(f"link[{i}].tension") for i in range(1, links + 1)]]
+        origin, ahead = self._axle(track, series.t)
+        offset = position - origin[:, None, :]
+        return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
+
+    def _axle(self, track: str, t: Floats) -> tuple[Floats, Floats]:
+        """Position of the sprocket axle and the horizontal unit vector ahead of it, (m, 3) each."""
+        try:
+            times, position = self.vectors(track, "in", "sprocket.position")
+            _, q = self.vectors(track, "in", "sprocket.orientation", "wxyz")
+        except (Missing, LookupError):
+            start = self.scene["start"]
+            ahead = np.array([np.cos(start["heading"]), np.sin(start["heading"]), 0.0])
+            return np.tile(start["position"], (len(t), 1)).astype(float), np.tile(ahead, (len(t), 1))
+        at = np.searchsorted(times, t + 1e-9) - 1  # the input at t; at the end of the run, the last one
+        at = np.clip(at, 0, len(times) - 1)
+        w, x, y, z = q[at].T
+        axis_x, axis_y = 2 * (x * y - w * z), 1 - 2 * (x * x + z * z)  # of the spin axis, body y in world
+        ahead = np.stack([axis_y, -axis_x, np.zeros_like(axis_x)], axis=-1)  # spin axis x vertical
+        return position[at], ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+
+
+def within(t: Floats, window: Window) -> NDArray[np.bool_]:
+    """Which times lie in the window, to rounding."""
+    return (t >= window.start - 1e-9) & (t <= window.end + 1e-9)

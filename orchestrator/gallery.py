@@ -1,0 +1,38 @@
+"""The gallery: the scenes that come with the package, and the reading of a scene file."""
+
+from __future__ import annotations
+
+import tomllib
+from difflib import get_close_matches
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from fmus.vehicle import BadInput
+
+
+def names() -> list[str]:
+    """Names of the packaged scenes, in the order in which the physics grows."""
+    folder = resources.files("orchestrator") / "scenes"
+    found = {file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")}
+    order = ["hanging_chain", "sprocket_bench", "rig", "settle", "straight"]
+    return [name for name in order if name in found] + sorted(found.difference(order))
+
+
+def read(scene: str) -> tuple[str, dict[str, Any]]:
+    """Name and raw table of a scene: a name of the gallery or a path to a TOML file; raises BadInput."""
+    path = Path(scene)
+    if path.suffix == ".toml":
+        source: Any = path
+    elif scene in names():
+        source = resources.files("orchestrator") / "scenes" / f"{scene}.toml"
+    else:
+        near = get_close_matches(scene, names(), n=1)
+        hint = f"did you mean '{near[0]}'?" if near else f"the gallery has {', '.join(names())}"
+        raise BadInput(f"no scene '{scene}': {hint}")
+    try:
+        return path.stem, tomllib.loads(source.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise BadInput(f"no scene file '{scene}'") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BadInput(f"{scene}: not a readable TOML file: {error}") from None

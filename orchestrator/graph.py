@@ -1,0 +1,108 @@
+"""The system as the master sees it: instances of FMUs, connections by variable name, an order of stages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Instance(NamedTuple):
+    """One FMU with a name of its own."""
+
+    name: str
+    fmu: Path
+    parameters: Mapping[str, float | int | str]
+    stage: int  # instances of a lower stage step first; those of one stage step at once
+
+
+class Connection(NamedTuple):
+    """Outputs of one instance that are inputs of another, variable by variable."""
+
+    source: str
+    outputs: tuple[str, ...]
+    target: str
+    inputs: tuple[str, ...]
+
+
+class System(NamedTuple):
+    """A graph of instances, independent of what they contain."""
+
+    instances: tuple[Instance, ...]
+    connections: tuple[Connection, ...]
+
+
+class Steppable(Protocol):
+    """What the master needs of a loaded component (``component.Component`` is one)."""
+
+    name: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    u: Floats
+    y: Floats
+
+    def write(self) -> None:
+        """Hand ``u`` to the component."""
+
+    def step(self, t: float, h: float) -> None:
+        """Advance from t to t + h; raises ComponentFailed."""
+
+    def read(self) -> None:
+        """Fetch ``y`` from the component."""
+
+
+class Feed(NamedTuple):
+    """``u[inputs] = source.y[outputs]``."""
+
+    source: Steppable
+    outputs: Indices
+    inputs: Indices
+
+
+class Member(NamedTuple):
+    """A component with what feeds it."""
+
+    component: Steppable
+    feeds: tuple[Feed, ...]
+
+
+Stages = tuple[tuple[Member, ...], ...]
+
+
+class Miswired(ValueError):
+    """A connection names an instance or a variable that does not exist."""
+
+
+def _indices(names: tuple[str, ...], wanted: tuple[str, ...], instance: str, what: str) -> Indices:
+    place = {name: index for index, name in enumerate(names)}
+    for name in wanted:
+        if name not in place:
+            raise Miswired(f"{instance} has no {what} '{name}'")
+    return np.array([place[name] for name in wanted], dtype=np.intp)
+
+
+def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
+    """The members of every stage, connections resolved to index arrays; raises Miswired."""
+    feeds: dict[str, list[Feed]] = {instance.name: [] for instance in system.instances}
+    for connection in system.connections:
+        for end in (connection.source, connection.target):
+            if end not in components:
+                raise Miswired(f"no component '{end}'")
+        source, target = components[connection.source], components[connection.target]
+        outputs = _indices(source.outputs, connection.outputs, connection.source, "output")
+        inputs = _indices(target.inputs, connection.inputs, connection.target, "input")
+        feeds[connection.target].append(Feed(source, outputs, inputs))
+    return tuple(
+        tuple(
+            Member(components[instance.name], tuple(feeds[instance.name]))
+            for instance in system.instances
+            if instance.stage == stage
+        )
+        for stage in sorted({instance.stage for instance in system.instances})
+    )

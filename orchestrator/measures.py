@@ -1,0 +1,292 @@
+"""Measures that need more than one signal; a scene's checks name them, nothing else defines them.
+
+Every measure is ``measure(run, of, window) -> float``; ``of`` is a side ("left", "right"), a span, or empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from orchestrator.evidence import Evidence, Links, Window
+
+Floats = NDArray[np.float64]
+Measure = Callable[["Evidence", str, "Window"], float]
+
+SPAN_MARGIN = 0.25  # a span's links lie this fraction of the axle distance away from both axles
+RUN_REACH = 0.2  # m: a run between two wheels is sampled this far about its middle
+
+
+def reduce(values: Floats, how: str) -> float:
+    """One number from the samples of a window."""
+    match how:
+        case "mean":
+            return float(values.mean())
+        case "min":
+            return float(values.min())
+        case "max":
+            return float(values.max())
+        case "last":
+            return float(values[-1])
+        case "drop":
+            return float(values[0] - values[-1])
+        case "ripple":  # peak to peak over the mean
+            return float(np.ptp(values) / abs(values.mean()))
+        case "rms":
+            return float(np.sqrt(np.mean(values**2)))
+    raise ValueError(f"no reduction '{how}'")
+
+
+# --- chain between pins -----------------------------------------------------------------------------------------
+
+
+def sag(run: Evidence, of: str, window: Window) -> float:
+    """Depth of the lowest pin below the highest, m."""
+    links = _inside(run.links(of or run.tracks[0]), window)
+    return float(np.mean(links.up.max(axis=1) - links.up.min(axis=1)))
+
+
+def end_tension(run: Evidence, of: str, window: Window) -> float:
+    """Force in the pin at the end of a hanging chain (the largest of all pins), N."""
+    track = of or run.tracks[0]
+    series = run.log.read(f"/{track}/links")
+    inside = (series.t >= window.start - 1e-9) & (series.t <= window.end + 1e-9)
+    forces = [
+        series.values[np.ix_(inside, [i for i, name in enumerate(series.names) if name.endswith(f"].force.{axis}")])]
+        for axis in "xyz"
+    ]
+    return float(np.sqrt(sum(force**2 for force in forces)).max(axis=1).mean())
+
+
+# --- chain over a sprocket --------------------------------------------------------------------------------------
+
+
+def pins_passed(run: Evidence, of: str, window: Window) -> float:
+    """Pins that pass the front of the sprocket, forward positive, counted with the fraction of a pitch."""
+    links = _inside(run.links(_track(run, of)), window)
+    angle = np.arctan2(links.up, links.forward)
+    radius = np.hypot(links.up, links.forward)
+    near = (links.forward > 0) & (radius < 1.5 * _pitch_radius(run))
+    above = np.where(near & (angle >= 0), angle, np.inf).argmin(axis=1)  # the next pin to pass
+    below = np.where(near & (angle < 0), angle, -np.inf).argmax(axis=1)  # the last that passed
+    rows = np.arange(len(above))
+    a, b = angle[rows, above], angle[rows, below]
+    pins = angle.shape[1]
+    towards = np.where((below - above) % pins == 1, 1.0, -1.0)  # numbering along or against forward motion
+    place = above + towards * a / (a - b)
+    path = np.unwrap(place, period=pins)
+    return float(-towards[0] * (path[-1] - path[0]))
+
+
+def pins_per_revolution(run: Evidence, of: str, window: Window) -> float:
+    """Pins passed over revolutions of the sprocket against its mount."""
+    t = _inside(run.links(_track(run, of)), window).t
+    times, angle = run.signal(f"{_drive(run, of)}.angle")
+    turned = np.interp(t[[0, -1]], times, angle)
+    return pins_passed(run, of, window) / float((turned[1] - turned[0]) / (2 * np.pi))
+
+
+def chain_speed_ratio(run: Evidence, of: str, window: Window) -> float:
+    """Mean chain speed over pins passed times pitch over time."""
+    track = _track(run, of)
+    t = _inside(run.links(track), window).t
+    by_pins = pins_passed(run, of, window) * run.scene["vehicle"]["track"]["pitch"] / (t[-1] - t[0])
+    return run.mean(f"{track}.speed", window) / float(by_pins)
+
+
+def polygon_ripple(run: Evidence, of: str, window: Window) -> float:
+    """First tooth harmonic of the speed of a chain end over its mean: least squares over whole tooth periods.
+
+    ``of`` is the end: "upper" (default) or "lower". Fitted to the position of the end pin, x(t) = a + v t + sum of
+    c_k cos(k w t) + s_k sin(k w t), k = 1..3; the amplitude of the speed is w |(c_1, s_1)|.
+    """
+    track = run.tracks[0]
+    w = run.scene["vehicle"]["sprocket"]["teeth"] * run.mean(f"{_drive(run, '')}.speed", window)
+    period = 2 * np.pi / abs(w)
+    whole = np.floor((window.end - window.start) / period + 1e-9)
+    links = _inside(run.links(track), window)
+    inside = links.t < links.t[0] + whole * period - 1e-9
+    t, ends = links.t[inside], links.up[0, [0, -1]]
+    end = [0, -1][int(ends.argmin() if of == "lower" else ends.argmax())]
+    x = links.forward[inside, end]
+    waves = [f(k * w * t) for k in (1, 2, 3) for f in (np.cos, np.sin)]
+    basis = np.stack([np.ones_like(t), t - t.mean(), *waves], axis=1)
+    fit = np.linalg.lstsq(basis, x, rcond=None)[0]
+    return float(abs(w) * np.hypot(fit[2], fit[3]) / abs(fit[1]))
+
+
+def span_tension(run: Evidence, of: str, window: Window) -> float:
+    """Mean tension of the "upper" or "lower" span between sprocket and idler of a rig, N."""
+    links = _inside(run.links(run.tracks[0]), window)
+    distance = run.scene["rig"]["axle_distance"]
+    forward, up = _middles(links)
+    free = (forward < -SPAN_MARGIN * distance) & (forward > -(1 - SPAN_MARGIN) * distance)
+    return float(links.tension[free & ((up > 0) if of == "upper" else (up < 0))].mean())
+
+
+def span_moment_ratio(run: Evidence, of: str, window: Window) -> float:
+    """(T_upper - T_lower) x teeth x pitch / 2 pi over the mean torque of the drive on the sprocket."""
+    vehicle = run.scene["vehicle"]
+    arm = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2 * np.pi)
+    difference = span_tension(run, "upper", window) - span_tension(run, "lower", window)
+    return difference * arm / run.mean(f"{_drive(run, of)}.torque", window)
+
+
+def tight_span_enters(run: Evidence, of: str, window: Window) -> float:
+    """1 when the tighter span runs into the sprocket, -1 when it leaves it."""
+    difference = span_tension(run, "upper", window) - span_tension(run, "lower", window)
+    return float(np.sign(difference * run.mean(f"{_drive(run, of)}.speed", window)))  # the upper one enters forward
+
+
+# --- vehicle ----------------------------------------------------------------------------------------------------
+
+
+def ground_force(run: Evidence, of: str, window: Window) -> float:
+    """Vertical ground reaction of all tracks, mean, N."""
+    return sum(run.mean(f"{track}.ground.force.z", window) for track in run.tracks)
+
+
+def slip(run: Evidence, of: str, window: Window) -> float:
+    """Load-weighted slip of the contact points, mean of all tracks."""
+    return float(np.mean([run.mean(f"{track}.slip", window) for track in run.tracks]))
+
+
+def speed_excess(run: Evidence, of: str, window: Window) -> float:
+    """Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1."""
+    vehicle = run.scene["vehicle"]
+    omega = np.mean([run.mean(f"{_drive(run, side)}.speed", window) for side in ("left", "right")])
+    kinematic = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] * omega / (2 * np.pi)
+    return run.mean("chassis.speed", window) / float(kinematic) - 1.0
+
+
+def settlement_of_springs(run: Evidence, of: str, window: Window) -> float:
+    """Mean rise of the road wheels against the hull since the start, m: the share of springs in the settlement."""
+    wheels = [
+        f"chassis.{side}.road_wheel[{i}].position.z"
+        for side in ("left", "right")
+        for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
+    ]
+    t, hull = run.signal("chassis.chassis.position.z")
+    inside = (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
+    rise = np.mean([run.signal(wheel)[1] - hull for wheel in wheels], axis=0)
+    return float(rise[inside].mean() - rise[0])
+
+
+def settlement_of_contacts(run: Evidence, of: str, window: Window) -> float:
+    """What remains of the settlement: wheels into the chain and the chain into the ground, m."""
+    return run.mean("chassis.settlement", window) - settlement_of_springs(run, of, window)
+
+
+def tension_top(run: Evidence, of: str, window: Window) -> float:
+    """Mean tension of the upper run, N; of one side or of all tracks."""
+    return _run_tension(run, of, window, "top")
+
+
+def tension_rear(run: Evidence, of: str, window: Window) -> float:
+    """Mean tension between the last road wheel and the idler, N."""
+    return _run_tension(run, of, window, "rear")
+
+
+def tension_front(run: Evidence, of: str, window: Window) -> float:
+    """Mean tension between the first road wheel and the sprocket, N."""
+    return _run_tension(run, of, window, "front")
+
+
+def third_law(run: Evidence, of: str, window: Window) -> float:
+    """Impulse the tracks gave to their wheels less what the chassis received, over the sum of magnitudes.
+
+    The sprockets' share goes through the drives, which pass the whole force on.
+    """
+    given, received, size = np.zeros(3), np.zeros(3), 0.0
+    for connection in run.system["connections"]:
+        forces = [name.removesuffix(".x") for name in connection["inputs"] if name.endswith(".force.x")]
+        for prefix in forces:
+            if connection["source"] in run.tracks:
+                source = connection["outputs"][connection["inputs"].index(f"{prefix}.x")].removesuffix(".x")
+                t, force = run.vectors(connection["source"], "out", source)
+                force = force[(t > window.start + 1e-9) & (t <= window.end + 1e-9)]
+                given += force.sum(axis=0)
+                size += float(np.abs(force).sum())
+            if connection["target"] == "chassis":
+                t, force = run.vectors("chassis", "in", prefix)
+                received += force[(t >= window.start - 1e-9) & (t < window.end - 1e-9)].sum(axis=0)
+    return float(np.linalg.norm(given - received) / size)
+
+
+# --- helpers ----------------------------------------------------------------------------------------------------
+
+
+def _run_tension(run: Evidence, of: str, window: Window, where: str) -> float:
+    vehicle = run.scene["vehicle"]
+    first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
+    middle, reach = {
+        "top": (idler / 2, -idler / 2 - 2 * RUN_REACH),
+        "rear": ((last + idler) / 2, RUN_REACH),
+        "front": (first / 2, RUN_REACH),
+    }[where]
+    means = []
+    for track in (_track(run, of),) if of else run.tracks:
+        links = _inside(run.links(track), window)
+        forward, up = _middles(links)
+        split = vehicle["road_wheel"]["z"] if where == "top" else -0.1
+        there = (np.abs(forward - middle) < reach) & ((up > split) if where == "top" else (up < split))
+        means.append(links.tension[there].mean())
+    return float(np.mean(means))
+
+
+def _middles(links: Links) -> tuple[Floats, Floats]:
+    """Middles of the links (forward, up); link i lies between pins i and i + 1."""
+    count = links.tension.shape[1]
+    following = (np.arange(count) + 1) % links.forward.shape[1]
+    here = np.arange(count)
+    return (
+        (links.forward[:, here] + links.forward[:, following]) / 2,
+        (links.up[:, here] + links.up[:, following]) / 2,
+    )
+
+
+def _inside(links: Links, window: Window) -> Links:
+    inside = (links.t >= window.start - 1e-9) & (links.t <= window.end + 1e-9)
+    return type(links)(*(column[inside] for column in links))
+
+
+def _track(run: Evidence, of: str) -> str:
+    return f"{of}_track" if f"{of}_track" in run.tracks else run.tracks[0]
+
+
+def _drive(run: Evidence, of: str) -> str:
+    return f"{of}_drive" if f"{of}_drive" in run.instances else "drive"
+
+
+def _pitch_radius(run: Evidence) -> float:
+    vehicle = run.scene["vehicle"]
+    return float(vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
+
+
+NAMES: dict[str, Measure] = {
+    measure.__name__: measure
+    for measure in (
+        sag,
+        end_tension,
+        pins_passed,
+        pins_per_revolution,
+        chain_speed_ratio,
+        polygon_ripple,
+        span_tension,
+        span_moment_ratio,
+        tight_span_enters,
+        ground_force,
+        slip,
+        speed_excess,
+        settlement_of_springs,
+        settlement_of_contacts,
+        tension_top,
+        tension_rear,
+        tension_front,
+        third_law,
+    )
+}

@@ -1,0 +1,288 @@
+"""A scene becomes a system: component configs, connections by connector, built FMUs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from math import isclose
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fmus.build import build
+from fmus.ports import wheel_state, wrench
+from fmus.vehicle import VehicleTable
+from orchestrator.graph import Connection, Instance, System
+from orchestrator.scene import BenchScene, ChainScene, Drive, RigScene, Scene, VehicleScene
+
+TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
+SIDES = {"left": 1.0, "right": -1.0}  # sign of y
+TRACK, DRIVE, CHASSIS = 0, 1, 2  # stages: force sides first
+
+Parameters = dict[str, float | int | str]
+
+
+class Part(NamedTuple):
+    """A component before it is built."""
+
+    name: str
+    kind: str  # FMU kind, a key of the build
+    config: dict[str, Any]  # what the build packs beside the model
+    parameters: Parameters  # set before initialisation
+    stage: int
+
+
+class Assembly(NamedTuple):
+    """What a scene consists of."""
+
+    parts: tuple[Part, ...]
+    connections: tuple[Connection, ...]
+
+
+def assemble(scene: Scene) -> Assembly:
+    """The parts and connections of a scene, nothing that it does not declare."""
+    match scene:
+        case ChainScene():
+            return _chain(scene)
+        case BenchScene():
+            return _bench(scene)
+        case RigScene():
+            return _rig(scene)
+        case VehicleScene():
+            return _vehicle(scene)
+    raise TypeError(f"no assembly for {type(scene).__name__}")
+
+
+def system(assembly: Assembly) -> System:
+    """Build what the assembly needs (each distinct FMU once) and name it as a graph."""
+    files = build_all([(part.kind, part.config, None) for part in assembly.parts])
+    instances = tuple(
+        Instance(part.name, file, part.parameters, part.stage)
+        for part, file in zip(assembly.parts, files, strict=True)
+    )
+    return System(instances, assembly.connections)
+
+
+def build_all(wanted: Sequence[tuple[str, dict[str, Any], str | None]], folder: Path | None = None) -> list[Path]:
+    """Build ``(kind, config, name)`` in order, equal ones once, two at a time."""
+    keys = [json.dumps(item, sort_keys=True) for item in wanted]
+    distinct = dict(zip(keys, wanted, strict=True))
+    with ThreadPoolExecutor(2) as pool:
+        built = dict(zip(distinct, pool.map(lambda item: build(item[0], item[1], folder, item[2]), distinct.values()), strict=True))
+    return [built[key] for key in keys]
+
+
+# --- assemblies -------------------------------------------------------------------------------------------------
+
+
+def _chain(scene: ChainScene) -> Assembly:
+    distance = scene.chain.span * scene.chain.links * scene.vehicle.track.pitch
+    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [distance, 0.0]}
+    config = _track_config(scene, links=scene.chain.links, closed=False, wheels=[], ends=ends)
+    return Assembly((_track(scene, "chain", config),), ())
+
+
+def _bench(scene: BenchScene) -> Assembly:
+    bench = scene.bench
+    ends = {"kind": "pulled", "first": [-bench.lower, 0.0], "last": [-bench.upper, 0.0]}
+    config = _track_config(
+        scene,
+        links=bench.links,
+        closed=False,
+        wheels=[_sprocket()],
+        gravity=0.0,
+        ends=ends,
+        transverse_damping=bench.transverse_damping,
+    )
+    drive = _drive(scene, "drive", scene.drive, scene.vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0))
+    return Assembly((_track(scene, "track", config), drive), _wheel("track", "sprocket", "drive", "sprocket"))
+
+
+def _rig(scene: RigScene) -> Assembly:
+    rig, vehicle = scene.rig, scene.vehicle
+    idler_at = (-rig.axle_distance, 0.0, 0.0)
+    idler = _rim("idler", vehicle.idler.radius, idler_at[0], idler_at[2])
+    config = _track_config(
+        scene, links=rig.links, closed=True, wheels=[_sprocket(), idler], gravity=0.0, tension=rig.tension
+    )
+    parts = (
+        _track(scene, "track", config),
+        _drive(scene, "drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0)),
+        _drive(scene, "idler_drive", scene.idler_drive, vehicle.idler.spin_inertia, idler_at),
+    )
+    wiring = (
+        *_wheel("track", "sprocket", "drive", "sprocket"),
+        *_wheel("track", "idler", "idler_drive", "sprocket"),
+    )
+    return Assembly(parts, wiring)
+
+
+def _vehicle(scene: VehicleScene) -> Assembly:
+    vehicle = scene.vehicle
+    rollers = [
+        *(
+            _rim(f"road_wheel[{i}]", vehicle.road_wheel.radius, x, vehicle.road_wheel.z)
+            for i, x in enumerate(vehicle.road_wheel.x, 1)
+        ),
+        _rim("idler", vehicle.idler.radius, vehicle.idler.x, vehicle.idler.z),
+    ]
+    config = _track_config(
+        scene, links=vehicle.track.links, closed=True, wheels=[_sprocket(), *rollers], ground=True,
+        tension=vehicle.track.tension,
+    )
+    parts: list[Part] = []
+    wiring: list[Connection] = []
+    for side, sign in SIDES.items():
+        track, drive = f"{side}_track", f"{side}_drive"
+        parts.append(_track(scene, track, config, sign * vehicle.track.lateral))
+        wiring += _wheel(track, "sprocket", drive, "sprocket")
+        for roller in rollers:
+            wiring += _wheel(track, roller["name"], "chassis", f"{side}.{roller['name']}")
+        wiring += _wheel(drive, "mount", "chassis", f"{side}.sprocket")
+    for side in SIDES:
+        parts.append(_drive(scene, f"{side}_drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0)))
+    chassis = {"vehicle": vehicle.model_dump(), "chassis": {"sides": list(SIDES)}}
+    parts.append(Part("chassis", "Chassis", chassis, _start(scene), CHASSIS))
+    return Assembly(tuple(parts), tuple(wiring))
+
+
+# --- parts ------------------------------------------------------------------------------------------------------
+
+
+def _track_config(
+    scene: Scene,
+    *,
+    links: int,
+    closed: bool,
+    wheels: list[dict[str, Any]],
+    ground: bool = False,
+    gravity: float | None = None,
+    ends: dict[str, Any] | None = None,
+    transverse_damping: float = 0.0,
+    tension: float = 0.0,
+) -> dict[str, Any]:
+    return {
+        "vehicle": scene.vehicle.model_dump(),
+        "track": {
+            "links": links,
+            "closed": closed,
+            "wheels": wheels,
+            "ground": ground,
+            "gravity": scene.vehicle.gravity if gravity is None else gravity,
+            "ends": ends,
+            "transverse_damping": transverse_damping,
+            "tension": tension,
+        },
+        "link_outputs": scene.track.link_outputs,
+    }
+
+
+def _track(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
+    track = scene.track
+    parameters: Parameters = {**_start(scene), "start.lateral": lateral, "start": track.start}
+    if track.integrator is not None:
+        parameters["integrator"] = track.integrator
+    if track.step is not None:
+        parameters["step"] = track.step
+    return Part(name, TRACKS[track.model], config, parameters, TRACK)
+
+
+def _drive(scene: Scene, name: str, drive: Drive, inertia: float, mount: tuple[float, float, float]) -> Part:
+    config = {"vehicle": scene.vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
+    return Part(name, "SprocketDrive", config, {**_start(scene), **_drive_parameters(drive)}, DRIVE)
+
+
+def _drive_parameters(drive: Drive) -> Parameters:
+    raise NotImplementedError
+
+
+def _start(scene: Scene) -> Parameters:
+    x, y, z = scene.start.position
+    pose = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
+    return {**pose, "start.heading": scene.start.heading}
+
+
+def _sprocket() -> dict[str, Any]:
+    return {"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]}
+
+
+def _rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
+    return {"name": name, "kind": "rim", "radius": radius, "position": [x, z]}
+
+
+def _wheel(giver: str, connector: str, taker: str, taken: str) -> tuple[Connection, Connection]:
+    """Motion from the taker to the giver, mean wrench from the giver to the taker."""
+    return (
+        Connection(taker, _names(wheel_state(taken, "output")), giver, _names(wheel_state(connector, "input"))),
+        Connection(giver, _names(wrench(connector, "output")), taker, _names(wrench(taken, "input"))),
+    )
+
+
+def _names(ports: Sequence[Any]) -> tuple[str, ...]:
+    return tuple(port.name for port in ports)
+
+
+# --- what is in, what is left out ---------------------------------------------------------------------------------
+
+
+def describe(scene: Scene) -> Iterator[str]:
+    """Lines for ``cotrack show``: what is in with its size, and what is left out."""
+    assembly = assemble(scene)
+    run = scene.run
+    yield f"{scene.name}: {scene.title}"
+    yield f"  {run.stop:g} s in {run.steps} steps of {run.step * 1e3:g} ms; outputs every {run.outputs}, links every {run.links}"
+    yield "in"
+    for part in assembly.parts:
+        exchanged = [
+            sum(len(c.inputs) for c in assembly.connections if c.target == part.name),
+            sum(len(c.outputs) for c in assembly.connections if c.source == part.name),
+        ]
+        yield f"  {part.name:12} {part.kind:13} {_size(part)}; {exchanged[0]} values in, {exchanged[1]} out a step"
+    yield "left out"
+    for line in _absent(scene, assembly):
+        yield f"  {line}"
+    if scene.expect:
+        yield "expected"
+        for name, check in scene.expect.items():
+            allowed = f"{check.tolerance * 100:g} %" if check.relative else f"{check.tolerance:g}"
+            yield f"  {name}: {check.expected:g} +- {allowed} ({check.signal or check.measure})"
+
+
+def _size(part: Part) -> str:
+    if part.stage == TRACK:
+        track = part.config["track"]
+        links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
+        if part.kind == TRACKS["flexible"]:
+            size = f"{links} elements, {12 * links - 4 * pins} dofs"
+        else:
+            size = f"{links} bodies, {pins} pins"
+        return f"{size}, {len(track['wheels'])} wheels, {'ground' if track['ground'] else 'no ground'}"
+    if part.stage == DRIVE:
+        return f"spin inertia {part.config['drive']['inertia']:g} kg m2"
+    vehicle = part.config["vehicle"]
+    arms = len(vehicle["road_wheel"]["x"])
+    sides = part.config["chassis"]["sides"]
+    return f"1 hull, {arms * len(sides)} arms with wheels, {len(sides)} idlers, {len(sides)} mounts"
+
+
+def _absent(scene: Scene, assembly: Assembly) -> Iterator[str]:
+    kinds = {part.kind for part in assembly.parts}
+    tracks = [part.config["track"] for part in assembly.parts if part.stage == TRACK]
+    other = "rigid" if scene.track.model == "flexible" else "flexible"
+    yield f"the {other} track model ({TRACKS[other]})"
+    if "Chassis" not in kinds:
+        yield "the chassis with its suspension, road wheels and tensioners"
+    if "SprocketDrive" not in kinds:
+        yield "drives"
+    if not any(track["wheels"] for track in tracks):
+        yield "contact with wheels and teeth"
+    elif len(tracks[0]["wheels"]) == 1:
+        yield "contact with wheels other than the sprocket"
+    if not any(track["ground"] for track in tracks):
+        yield "contact with the ground"
+    if all(isclose(track["gravity"], 0.0) for track in tracks):
+        yield "gravity"
+    if len(tracks) == 1:
+        yield "a second track"
+    if not scene.track.link_outputs:
+        yield "outputs per link"
