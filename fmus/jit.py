@@ -1,13 +1,204 @@
-"""Compiled kernels."""
+"""Compiled kernels, found again by what they say, not by where they lie.
+
+numba's own cache is keyed by the path of the source file (an FMU that is unpacked elsewhere compiles again) and looks
+at that file alone (an edited callee in another module is not noticed, and the old physics runs on). Here a kernel's
+place in the cache is a hash of its module and of every module of ours that it can reach by imports; each overload is
+one file, named by signature and processor and written at once, so that processes that compile together never meet.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import ast
+import hashlib
+import os
+import pickle
+import sys
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.serialize import dumps
+
+ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
+
+
+def cache_folder() -> Path:
+    """Where built FMUs and compiled kernels live: ``$COTRACK_CACHE``, else the user's cache folder."""
+    chosen = os.environ.get("COTRACK_CACHE")
+    if chosen:
+        return Path(chosen).expanduser().absolute()
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
+    elif sys.platform == "darwin":
+        base = "~/Library/Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(base).expanduser() / "cotrack"
+
+
+def sources(root: Path = ROOT) -> list[Path]:
+    """The Python sources below ``root``, in a fixed order."""
+    return sorted(root.rglob("*.py"), key=lambda path: path.relative_to(root).as_posix())
+
+
+def source_hash(root: Path = ROOT) -> str:
+    """Hash of all Python sources of a tree, by relative path and content: which build this is."""
+    digest = hashlib.sha256()
+    for path in sources(root):
+        digest.update(path.relative_to(root).as_posix().encode() + b"\0")
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    for statement in body:
+        yield statement
+        for name in ("body", "orelse", "finalbody"):
+            yield from _statements(getattr(statement, name, []))
+        for handler in getattr(statement, "handlers", []):
+            yield from _statements(handler.body)
+
+
+@cache
+def _imports(path: Path, package: str) -> tuple[str, ...]:
+    """Absolute names that the source at ``path`` imports; of ``from a import b`` both ``a`` and ``a.b``."""
+    found: list[str] = []
+    for statement in _statements(ast.parse(path.read_bytes()).body):
+        if isinstance(statement, ast.Import):
+            found += [alias.name for alias in statement.names]
+        elif isinstance(statement, ast.ImportFrom):
+            parents = (
+                package.split(".")[: len(package.split(".")) - statement.level + 1] if statement.level else []
+            )
+            base = ".".join([*parents, *filter(None, [statement.module])])
+            found += [base, *(f"{base}.{alias.name}" for alias in statement.names)]
+    return tuple(found)
+
+
+def _locate(module: str) -> Path | None:
+    """The source of a module of a package that is loaded, without importing it."""
+    top, *parts = module.split(".")
+    for root in getattr(sys.modules.get(top), "__path__", ()):
+        base = Path(root).joinpath(*parts)
+        for path in (base / "__init__.py", base.with_name(f"{base.name}.py")):
+            if path.is_file():
+                return path
+    return None
+
+
+@cache
+def reachable_hash(module: str, path: Path) -> str:
+    """Hash of the source at ``path`` and of all it reaches by imports within its own package and ``fmus``."""
+    ours = {module.partition(".")[0], "fmus"}
+    found: dict[str, Path] = {module: path}
+    todo = [module]
+    while todo:
+        name = todo.pop()
+        source = found[name]
+        package = name if source.name == "__init__.py" else name.rpartition(".")[0]
+        for imported in (package, *_imports(source, package)):
+            parts = imported.split(".")
+            if parts[0] not in ours:
+                continue
+            for depth in range(1, len(parts) + 1):  # importing a.b.c runs a and a.b too
+                wanted = ".".join(parts[:depth])
+                if wanted not in found and (place := _locate(wanted)) is not None:
+                    found[wanted] = place
+                    todo.append(wanted)
+    digest = hashlib.sha256()
+    for name in sorted(found):
+        digest.update(name.encode() + b"\0" + hashlib.sha256(found[name].read_bytes()).digest())
+    return digest.hexdigest()
+
+
+class _Locator(_CacheLocator):
+    """Place and stamp of a kernel: the hash of the sources it can reach."""
+
+    def __init__(self, function: Callable[..., Any], file: str) -> None:
+        self._py_file = file  # numba names it in warnings
+        self._module = function.__module__
+        self._line = function.__code__.co_firstlineno
+        self._stamp = reachable_hash(function.__module__, Path(file))
+
+    def get_cache_path(self) -> str:
+        return str(cache_folder() / "kernels" / f"{self._module}-{self._stamp[:20]}")
+
+    def get_source_stamp(self) -> str:
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
+        return cls(py_func, py_file)
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes = [_Locator]  # noqa: RUF012 - numba's own name for it
+
+
+class _Overloads:
+    """One file per overload; numba's index of overloads loses or swaps entries when two processes write at once."""
+
+    def __init__(self, folder: Path, stem: str, stamp: str) -> None:
+        self._folder, self._stem, self._stamp = folder, stem, stamp
+
+    def _path(self, key: object) -> Path:
+        name = hashlib.sha256(repr((numba.__version__, self._stamp, key)).encode()).hexdigest()
+        return self._folder / f"{self._stem}.{name[:24]}.kernel"
+
+    def load(self, key: object) -> Any:
+        try:
+            return pickle.loads(self._path(key).read_bytes())
+        except (
+            Exception
+        ):  # not there, cut off by a machine that lost power, or of a class that is gone: compile
+            return None
+
+    def save(self, key: object, data: object) -> None:
+        path = self._path(key)
+        fresh = path.with_name(f"{path.name}.{uuid.uuid4().hex[:12]}")
+        try:
+            fresh.write_bytes(dumps(data))
+            fresh.replace(path)
+        except BaseException:
+            fresh.unlink(missing_ok=True)
+            raise
+
+    def flush(self) -> None:
+        for path in self._folder.glob(f"{self._stem}.*.kernel"):
+            path.unlink(missing_ok=True)
+
+
+class _Cache(FunctionCache):
+    _impl_class = _Implementation
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        locator = self._impl.locator
+        self._cache_file = _Overloads(
+            Path(locator.get_cache_path()), self._impl.filename_base, locator.get_source_stamp()
+        )
+
+    @contextmanager
+    def _guard_against_spurious_io_errors(self) -> Iterator[None]:
+        with suppress(OSError):  # a cache that cannot be read or written only costs time
+            yield
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a kernel: no Python objects, no GIL, cached."""
-    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    """Compile a kernel: no Python objects, no GIL, IEEE division, cached by content.
+
+    Kernels call kernels by import: one that closes over or takes a jitted function is never found in the cache.
+    With ``NUMBA_DISABLE_JIT=1`` the function comes back as it is.
+    """
+    compiled = numba.njit(nogil=True, error_model="numpy")(function)
+    if compiled is not function:
+        compiled._cache = _Cache(function)  # what numba's cache=True does, with our cache
+    return compiled
