@@ -32,7 +32,7 @@ def workspace(n: int, m: int) -> np.ndarray:
 
 @kernel
 def invert(A, swap):
-    """Invert ``A`` (m, m) in place, Gauss-Jordan with row exchanges; ``swap`` (m) is scratch; False: singular."""
+    """Invert ``A`` (m, m) in place (Gauss-Jordan, row exchanges; scratch ``swap`` (m)); False: singular."""
     m = A.shape[0]
     for k in range(m):
         p = k

@@ -1,16 +1,16 @@
 """Coefficients of the generalised-alpha method for second-order systems, with and without constraints.
 
 Arnold and Bruels, Convergence of the generalized-alpha scheme for constrained mechanical systems, Multibody
-System Dynamics 18, 2007; on Lie groups Bruels, Cardona, Arnold, Mechanism and Machine Theory 48, 2012. A step
-from t to t + h has, beside the true acceleration ``vdot`` (which satisfies the equations of motion at both ends),
-an auxiliary one, ``a``:
+System Dynamics 18, 2007; on Lie groups Bruels, Cardona, Arnold, Mechanism and Machine Theory 48, 2012.
+Beside the true acceleration ``vdot``, which satisfies the equations of motion at both ends of a step from t
+to t + h, there is an auxiliary one, ``a``:
 
     (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) vdot1 + alpha_f vdot0
     v1 = v0 + h ((1 - gamma) a0 + gamma a1)
     q1 = q0 o exp(h v0 + h^2 ((1/2 - beta) a0 + beta a1))
 
-Seen from the position's increment the rest is affine; ``Slopes`` holds the factors. A force's impulse goes through
-the same recursion, with W in place of a and the force in place of vdot: over the step it is
+Seen from the position's increment the rest is affine; ``Slopes`` holds the factors. A force's impulse goes
+through the same recursion, with W in place of a and the force in place of vdot: over the step it is
 h ((1 - gamma) W0 + gamma W1), and the impulses of all forces add up to the change of momentum to rounding.
 """
 
@@ -42,7 +42,7 @@ class Slopes(NamedTuple):
 
 @kernel
 def coefficients(radius):
-    """The second-order method with spectral ``radius`` at infinite frequency, 0 (hardest damping) to 1 (none)."""
+    """The second-order method with spectral ``radius`` at infinite frequency, 0 (damps hard) to 1 (never)."""
     alpha_m = (2.0 * radius - 1.0) / (radius + 1.0)
     alpha_f = radius / (radius + 1.0)
     gamma = 0.5 + alpha_f - alpha_m
