@@ -1,9 +1,10 @@
 """Compiled kernels, found again by what they say, not by where they lie.
 
-numba's own cache is keyed by the path of the source file (an FMU that is unpacked elsewhere compiles again) and looks
-at that file alone (an edited callee in another module is not noticed, and the old physics runs on). Here a kernel's
-place in the cache is a hash of its module and of every module of ours that it can reach by imports; each overload is
-one file, named by signature and processor and written at once, so that processes that compile together never meet.
+numba's own cache is keyed by the path of the source file (an FMU unpacked elsewhere compiles again) and looks
+at that file alone (an edited callee in another module is not noticed, and the old physics runs on). Here a
+kernel's place in the cache is a hash of its module and of every module of ours that it reaches by imports. An
+overload is one file, named by signature and processor and written at once: processes may compile side by
+side.
 """
 
 from __future__ import annotations
@@ -144,7 +145,7 @@ class _Implementation(CompileResultCacheImpl):
 
 
 class _Overloads:
-    """One file per overload; numba's index of overloads loses or swaps entries when two processes write at once."""
+    """One file per overload: numba's index of overloads loses or swaps entries when two processes write."""
 
     def __init__(self, folder: Path, stem: str, stamp: str) -> None:
         self._folder, self._stem, self._stamp = folder, stem, stamp
@@ -195,7 +196,7 @@ class _Cache(FunctionCache):
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a kernel: no Python objects, no GIL, IEEE division, cached by content.
 
-    Kernels call kernels by import: one that closes over or takes a jitted function is never found in the cache.
+    Kernels call kernels by import: one that closes over or takes a jitted function is never found again.
     With ``NUMBA_DISABLE_JIT=1`` the function comes back as it is.
     """
     compiled = numba.njit(nogil=True, error_model="numpy")(function)

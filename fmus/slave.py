@@ -1,0 +1,558 @@
+"""A model as an FMI 2.0 co-simulation slave: the one module that knows pythonfmu.
+
+A shell derives ``Slave``, names its model and keeps its globals (see `Slave`). Variables are ordered as Real
+inputs, Real outputs, Real link outputs, Real parameters, Integers, Strings; a value reference is the index in
+that order, so that get and set are array accesses.
+
+pythonfmu 0.7.0 drops references that it does not own: one of the module's globals at every instantiation, and
+one each of class, instance and log queue whenever an exception leaves a call. ``_PINS`` holds as many in
+stock, so that a refusal is an ordinary FMI status, and neither a second one nor freeing the instance crashes
+the process.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import hashlib
+import json
+import math
+import os
+import sys
+import threading
+import time
+import traceback
+import uuid
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import wraps
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from numpy.typing import NDArray
+from pythonfmu import Fmi2Slave
+from pythonfmu import __version__ as pythonfmu_version
+from pythonfmu.enums import Fmi2Status
+
+from fmus.jit import source_hash
+from fmus.model import InvalidParameter, Model, StepFailed
+from fmus.ports import UNITS, Port
+
+BUILD = source_hash()  # of the fmus tree that is running
+OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
+_INT_MAX = 2**31 - 1  # fmi2Integer is 32 bits wide
+_PINS: list[object] = []
+_FINALISED: set[Path] = set()
+
+
+class Refused(RuntimeError):  # noqa: N818
+    """An FMI call that is not done; pythonfmu shows the repr, so the repr is the sentence."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+class Saved(NamedTuple):
+    """Everything that changes during a run; ``flaw`` tells why the bytes it was read from are unusable."""
+
+    guid: str
+    phase: str
+    flags: tuple[bool, bool]  # outputs stale (parameters changed), link outputs stale
+    failure: str
+    strings: tuple[str, ...]
+    values: NDArray[np.float64]  # all Reals, among them inputs and outputs
+    integers: NDArray[np.int64]
+    state: NDArray[np.float64]
+    counters: NDArray[np.int64]
+    flaw: str = ""
+
+
+class _Access(NamedTuple):
+    """What a list of Real value references touches."""
+
+    index: slice | NDArray[np.intp]
+    inputs: bool  # only inputs
+    outputs: bool  # some output
+    links: bool  # some link output
+    parameters: bool  # some parameter
+
+
+def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
+    """Turn whatever goes wrong in an FMI call into log entries and one refusal that pythonfmu survives."""
+
+    @wraps(call)
+    def guarded(self: Slave, *args: Any) -> Any:
+        try:
+            return call(self, *args)
+        except BaseException as error:  # KeyboardInterrupt too: nothing else may leave
+            sentence = self._report(error)
+            _PINS.extend((type(self), self, self.log_queue))
+            raise Refused(sentence) from None
+
+    return guarded
+
+
+class Slave(Fmi2Slave):
+    """Base of the FMU shells.
+
+    A shell is a script with a stem of its own, because pythonfmu imports it by that name and runs it twice::
+
+        from fmus.slave import Slave
+        from fmus.chassis.model import Model
+
+        _keep = globals()  # pythonfmu releases them too often
+
+        class Chassis(Slave):
+            "Chassis, road arms, road wheels and idlers of a tracked vehicle"
+
+            model = Model
+
+    Beside it, in the FMU's resources, lie ``config.json`` (what the model is made from) and ``build.txt``
+    (hash of the ``fmus`` tree that was packed). In one process all FMUs share the first one's ``fmus``; an
+    FMU from another build is refused, because it would silently run the wrong code.
+    """
+
+    model: Callable[[Mapping[str, Any]], Model]
+
+    def __init__(self, **kwargs: Any) -> None:
+        _PINS.append(vars(sys.modules[type(self).__module__]))
+        super().__init__(**kwargs)
+        self._status, self._failure, self._phase = OK, "", "instantiated"
+        try:
+            self._load(Path(self.resources))
+        except Exception as error:
+            raise Refused(self._sentence(error)) from None
+
+    # ---------------------------------------------------------------- variables
+
+    def _load(self, resources: Path) -> None:
+        packed = (resources / "build.txt").read_text().strip()
+        if packed != BUILD:
+            raise Refused(
+                f"{type(self).__name__} was built from other sources ({packed[:12]}) than the fmus package "
+                f"of this process ({BUILD[:12]}): build it again, or load it in a process of its own"
+            )
+        config = (resources / "config.json").read_bytes()
+        self.guid = str(
+            uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)}".encode() + config).digest()[:16])
+        )
+        self._model = type(self).model(json.loads(config))
+        self._sort_ports(self._model.ports, self._model.link_ports)
+        self._stale, self._links_stale = True, False
+        self._used: dict[str, float | int | str] = {}  # parameters of the last start
+        _finalise_at_exit(resources.parent / "binaries" / "linux64" / f"{type(self).__name__}.so")
+
+    def _sort_ports(self, ports: tuple[Port, ...], link_ports: int) -> None:
+        def pick(causality: str, kind: type) -> list[Port]:
+            return [p for p in ports if p.causality == causality and isinstance(p.start, kind)]
+
+        inputs = [p for p in ports if p.causality == "input"]
+        outputs = pick("output", float)
+        count = len(outputs) - link_ports
+        parameters = pick("parameter", float)
+        self._counter_ports = pick("output", int)
+        status = Port("status", "output", "1", "0 ok, 1 the last step warned, 3 the last call failed", OK)
+        self._integer_parameters = pick("parameter", int)
+        self._string_ports = pick("parameter", str)
+        if [p for p in ports if p in inputs or p in outputs] != inputs + outputs:
+            raise Refused("the Real inputs must come before the Real outputs")
+        if len(self._counter_ports) != len(self._model.counters):
+            raise Refused(
+                f"{len(self._model.counters)} counters for {len(self._counter_ports)} Integer outputs"
+            )
+        self._reals = (*inputs, *outputs, *parameters)
+        self._integers = (*self._counter_ports, status, *self._integer_parameters)
+        names = [p.name for p in self.variables]
+        if len(set(names)) < len(names):
+            raise Refused(f"two ports are called '{max(names, key=names.count)}'")
+
+        self._inputs = slice(0, len(inputs))
+        self._outputs = slice(len(inputs), len(inputs) + count)
+        self._links = slice(self._outputs.stop, self._outputs.stop + link_ports)
+        self._parameters = slice(self._links.stop, len(self._reals))
+        self._values = np.array([float(p.start) for p in self._reals])
+        self._u, self._y = self._values[self._inputs], self._values[self._outputs]
+        self._y_new, self._links_new = np.zeros(count), np.zeros(link_ports)
+        self._integer_values = np.array([int(p.start) for p in self._integer_parameters], dtype=np.int64)
+        self._string_values = [str(p.start) for p in self._string_ports]
+        self._accesses: dict[tuple[int, ...], _Access] = {}
+
+    @property
+    def variables(self) -> tuple[Port, ...]:
+        """All variables; the index is the value reference, and the FMI index less one."""
+        return (*self._reals, *self._integers, *self._string_ports)
+
+    def _access(self, references: list[int]) -> _Access:
+        key = tuple(references)
+        access = self._accesses.get(key)
+        if access is None:
+            if any(not 0 <= r < len(self._reals) for r in key):
+                raise Refused(f"no Real variable has the value reference {max(key)}")
+            index: slice | NDArray[np.intp] = np.array(key, dtype=np.intp)
+            if key and key == tuple(range(key[0], key[0] + len(key))):
+                index = slice(key[0], key[0] + len(key))
+            access = _Access(
+                index,
+                inputs=all(r < self._inputs.stop for r in key),
+                outputs=any(self._outputs.start <= r < self._links.stop for r in key),
+                links=any(self._links.start <= r < self._links.stop for r in key),
+                parameters=any(r >= self._parameters.start for r in key),
+            )
+            if len(self._accesses) > 100:  # an importer that asks one by one, in ever new groups
+                self._accesses.clear()
+            self._accesses[key] = access
+        return access
+
+    @_guarded
+    def get_real(self, vrs: list[int]) -> list[float]:
+        """Values of Real variables."""
+        access = self._access(vrs)
+        if access.outputs and self._stale and self._phase == "initialising":
+            self._initialise()
+        if access.links and self._links_stale:
+            self._refresh_links()
+        return self._values[access.index].tolist()
+
+    @_guarded
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        """Set Real inputs; before the end of initialisation also Real parameters."""
+        access = self._access(vrs)
+        if not access.inputs:
+            if access.outputs:
+                raise Refused(f"an output cannot be set ({self._reals[max(vrs)].name} or one set with it)")
+            self._parameter_set(self._reals[max(vrs)].name)
+        self._values[access.index] = values
+
+    def _parameter_set(self, name: str) -> None:
+        if self._phase == "running":
+            raise Refused(f"parameter '{name}' is fixed: set it before the end of initialisation")
+        self._stale = True
+
+    def _place(self, reference: int, ports: tuple[Port, ...], first: int, kind: str) -> int:
+        if not first <= reference < first + len(ports):
+            raise Refused(f"no {kind} variable has the value reference {reference}")
+        return reference - first
+
+    @_guarded
+    def get_integer(self, vrs: list[int]) -> list[int]:
+        """Values of Integer variables; counters stop at the largest 32 bit number."""
+        if self._stale and self._phase == "initialising":
+            self._initialise()
+        values = [*self._model.counters.tolist(), self._status, *self._integer_values.tolist()]
+        first = len(self._reals)
+        return [min(values[self._place(r, self._integers, first, "Integer")], _INT_MAX) for r in vrs]
+
+    @_guarded
+    def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        """Set Integer parameters before the end of initialisation."""
+        for reference, value in zip(vrs, values, strict=True):
+            place = self._place(reference, self._integers, len(self._reals), "Integer")
+            offset = len(self._integers) - len(self._integer_parameters)
+            if place < offset:
+                raise Refused(f"output '{self._integers[place].name}' cannot be set")
+            self._parameter_set(self._integers[place].name)
+            self._integer_values[place - offset] = value
+
+    @_guarded
+    def get_string(self, vrs: list[int]) -> list[str]:
+        """Values of String parameters."""
+        first = len(self._reals) + len(self._integers)
+        return [self._string_values[self._place(r, self._string_ports, first, "String")] for r in vrs]
+
+    @_guarded
+    def set_string(self, vrs: list[int], values: list[str]) -> None:
+        """Set String parameters before the end of initialisation; what they may be is checked there."""
+        first = len(self._reals) + len(self._integers)
+        for reference, value in zip(vrs, values, strict=True):
+            place = self._place(reference, self._string_ports, first, "String")
+            self._parameter_set(self._string_ports[place].name)
+            self._string_values[place] = value
+
+    @_guarded
+    def get_boolean(self, vrs: list[int]) -> list[bool]:
+        """There are no Boolean variables."""
+        if vrs:
+            raise Refused(f"no Boolean variable has the value reference {vrs[0]}")
+        return []
+
+    @_guarded
+    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
+        """There are no Boolean variables."""
+        self.get_boolean(vrs)
+
+    # ---------------------------------------------------------------- life
+
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ):
+        """Nothing to do: models are autonomous but for the time given to each step."""
+
+    @_guarded
+    def enter_initialization_mode(self) -> None:
+        """Parameters may still change; the model starts when an output is read, or at the end."""
+        self._phase = "initialising"
+
+    @_guarded
+    def exit_initialization_mode(self) -> None:
+        """Start the model, unless reading an output did; wrong parameters are refused here."""
+        if self._stale:
+            self._initialise()
+        self._phase = "running"
+
+    def _given(self) -> dict[str, float | int | str]:
+        given: dict[str, float | int | str] = {}
+        for port, value in zip(
+            self._reals[self._parameters], self._values[self._parameters].tolist(), strict=True
+        ):
+            if not math.isfinite(value):
+                raise InvalidParameter(f"{port.name} = {value}: must be a finite number")
+            given[port.name] = value
+        for port, number in zip(self._integer_parameters, self._integer_values.tolist(), strict=True):
+            given[port.name] = number
+        for port, text in zip(self._string_ports, self._string_values, strict=True):
+            if port.choices and text not in port.choices:
+                raise InvalidParameter(f"{port.name} = '{text}': must be one of {', '.join(port.choices)}")
+            given[port.name] = text
+        return given
+
+    def _initialise(self) -> None:
+        self._used = self._given()
+        self._model.initialise(self._used)
+        self._failure, self._status = "", OK
+        self._refresh("at the start")
+        self._stale = False
+
+    @staticmethod
+    def _check(values: NDArray[np.float64], ports: tuple[Port, ...], when: str) -> None:
+        if not np.isfinite(values).all():
+            first = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise StepFailed(f"{ports[first].causality} '{ports[first].name}' is {values[first]} {when}")
+
+    def _refresh(self, when: str) -> None:
+        self._model.outputs(self._y_new)
+        self._check(self._y_new, self._reals[self._outputs], when)
+        self._y[:] = self._y_new
+        self._links_stale = self._links_new.size > 0
+        for sentence in self._model.warnings():
+            self._status = WARNING
+            self.log(sentence, Fmi2Status.warning)
+
+    def _refresh_links(self) -> None:
+        self._model.link_outputs(self._links_new)
+        self._check(self._links_new, self._reals[self._links], "after the last step")
+        self._values[self._links] = self._links_new
+        self._links_stale = False
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """One communication step; False (fmi2Discard) leaves the component as it was before, and failed."""
+        try:
+            self._step(current_time, step_size)
+        except BaseException as error:
+            self._report(error)
+            return False
+        return True
+
+    def _step(self, t: float, h: float) -> None:
+        if self._phase != "running":
+            raise Refused("a step was asked for before the end of initialisation")
+        if self._failure:
+            raise Refused(f"an earlier call failed ({self._failure}): restore a saved state or reset")
+        if not (math.isfinite(t) and math.isfinite(h) and h > 0.0):
+            raise Refused(f"a step needs a finite time and a positive length, not t = {t}, h = {h}")
+        self._check(self._u, self._reals[self._inputs], f"at t = {t}")
+        model = self._model
+        state, counters = model.state.copy(), model.counters.copy()
+        self._status = OK
+        try:
+            model.step(t, h, self._u)
+            self._refresh(f"at t = {t + h}")
+        except BaseException:
+            model.state[:], model.counters[:] = state, counters
+            raise
+
+    @_guarded
+    def terminate(self) -> None:
+        """Nothing to do: the instance is freed by its owner."""
+
+    # ---------------------------------------------------------------- state
+
+    @_guarded
+    def _get_fmu_state(self) -> Saved:
+        return Saved(
+            str(self.guid),
+            self._phase,
+            (self._stale, self._links_stale),
+            self._failure,
+            tuple(self._string_values),
+            self._values.copy(),
+            np.array([self._status, *self._integer_values], dtype=np.int64),
+            self._model.state.copy(),
+            self._model.counters.copy(),
+        )
+
+    @_guarded
+    def _set_fmu_state(self, state: Saved) -> None:
+        if not isinstance(state, Saved) or state.flaw:
+            raise Refused(getattr(state, "flaw", "this is not a state of an FMU of this build"))
+        if state.guid != self.guid:
+            raise Refused(f"the state belongs to another FMU ({state.guid} instead of {self.guid})")
+        self._phase, self._failure = state.phase, state.failure
+        self._stale, self._links_stale = state.flags
+        self._string_values[:] = state.strings
+        self._values[:] = state.values
+        self._status = int(state.integers[0])
+        self._integer_values[:] = state.integers[1:]
+        if not self._stale and self._used != self._given():  # a state of a run with other parameters
+            self._used = self._given()
+            self._model.initialise(self._used)
+        self._model.state[:] = state.state
+        self._model.counters[:] = state.counters
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: Saved) -> bytes:
+        if state.flaw:
+            return state.flaw.encode()
+        arrays = state[5:9]
+        head = json.dumps([*state[:5], [a.size for a in arrays]]).encode()
+        return len(head).to_bytes(8, "little") + head + b"".join(a.tobytes() for a in arrays)
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> Saved:
+        # Nothing may be raised here, where no instance can be pinned: setting the state tells the flaw.
+        try:
+            end = 8 + int.from_bytes(state[:8], "little")
+            guid, phase, flags, failure, strings, sizes = json.loads(state[8:end])
+            arrays = []
+            for size, kind in zip(sizes, (np.float64, np.int64, np.float64, np.int64), strict=True):
+                arrays.append(np.frombuffer(state, dtype=kind, count=size, offset=end).copy())
+                end += 8 * size
+            return Saved(guid, phase, (flags[0], flags[1]), failure, tuple(strings), *arrays)
+        except Exception as error:
+            none = np.zeros(0)
+            flaw = f"these bytes are not a saved state ({type(error).__name__}: {error})"
+            return Saved("", "", (True, True), "", (), none, none.astype(int), none, none.astype(int), flaw)
+
+    # ---------------------------------------------------------------- log
+
+    @staticmethod
+    def _sentence(error: BaseException) -> str:
+        if isinstance(error, Refused | InvalidParameter | StepFailed):
+            return str(error)
+        last = traceback.extract_tb(error.__traceback__)[-1:]
+        where = f" ({Path(last[0].filename).name}, line {last[0].lineno})" if last else ""
+        return f"{type(error).__name__}: {error}{where}"
+
+    def _report(self, error: BaseException) -> str:
+        """Log what went wrong, with its traceback in a category of its own; but for a refusal it lasts."""
+        sentence = self._sentence(error)
+        self._status = ERROR
+        if not isinstance(error, Refused):
+            self._failure = sentence
+        self.log(sentence, Fmi2Status.error)
+        trace = "".join(traceback.format_exception(error))
+        self.log(trace[-1500:], Fmi2Status.error, "traceback")  # importers cut messages at 2 kB
+        return sentence
+
+    log_categories = {**Fmi2Slave.log_categories, "traceback": "Where in the code an error arose."}  # noqa: RUF012
+
+    def log(
+        self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None
+    ):
+        """Queue a message; FMI reads it as a printf format, and the wrapper crashes on what is not UTF-8."""
+        text = msg.encode("utf-8", "replace").decode().replace("\0", "").replace("%", "%%")
+        super().log(text, status, category)
+
+    # ---------------------------------------------------------------- modelDescription.xml
+
+    def to_xml(self, model_options: Mapping[str, str] | None = None) -> Element:
+        """modelDescription.xml: units, dependencies, initial unknowns, and numbers with all their digits."""
+        name = type(self).__name__
+        built = int(os.environ.get("SOURCE_DATE_EPOCH") or time.time())
+        root = Element(
+            "fmiModelDescription",
+            fmiVersion="2.0",
+            modelName=name,
+            guid=str(self.guid),
+            description=(type(self).__doc__ or name).strip().splitlines()[0],
+            generationTool=f"cotrack, PythonFMU {pythonfmu_version}",
+            generationDateAndTime=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(built)),
+            variableNamingConvention="structured",
+        )
+        SubElement(
+            root,
+            "CoSimulation",
+            modelIdentifier=name,
+            needsExecutionTool="false",
+            canHandleVariableCommunicationStepSize="true",
+            canInterpolateInputs="false",
+            maxOutputDerivativeOrder="0",
+            canRunAsynchronuously="false",
+            canBeInstantiatedOnlyOncePerProcess="false",
+            canNotUseMemoryManagementFunctions="true",
+            canGetAndSetFMUstate="true",
+            canSerializeFMUstate="true",
+            providesDirectionalDerivative="false",
+        )
+        definitions = SubElement(root, "UnitDefinitions")
+        for unit in dict.fromkeys(p.unit for p in self._reals):
+            base = {exponent: str(power) for exponent, power in UNITS[unit].items()}
+            SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", base)
+        categories = SubElement(root, "LogCategories")
+        for category, text in self.log_categories.items():
+            SubElement(categories, "Category", name=category, description=text)
+        SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
+
+        variables = SubElement(root, "ModelVariables")
+        known: list[str] = []
+        outputs: list[str] = []
+        for reference, port in enumerate(self.variables):
+            continuous = reference < self._parameters.start
+            parameter = port.causality == "parameter"
+            (known if parameter else outputs if port.causality == "output" else []).append(str(reference + 1))
+            text = port.text + (f" ({', '.join(port.choices)})" if port.choices else "")
+            variable = SubElement(
+                variables,
+                "ScalarVariable",
+                name=port.name,
+                valueReference=str(reference),
+                description=text,
+                causality=port.causality,
+                variability="fixed" if parameter else "continuous" if continuous else "discrete",
+            )
+            if port.causality != "input":
+                variable.set("initial", "exact" if parameter else "calculated")
+            real = reference < len(self._reals)
+            start = repr(float(port.start)) if real else str(port.start)
+            attributes = {"unit": port.unit} if real else {}
+            if port.causality != "output":
+                attributes["start"] = start
+            kind = "Real" if real else "String" if isinstance(port.start, str) else "Integer"
+            SubElement(variable, kind, attributes)
+
+        # Outputs follow from states alone (no feedthrough), the states at the start from parameters.
+        structure = SubElement(root, "ModelStructure")
+        for group, dependencies in (("Outputs", ""), ("InitialUnknowns", " ".join(known))):
+            node = SubElement(structure, group)
+            for index in outputs:
+                SubElement(node, "Unknown", index=index, dependencies=dependencies)
+        return root
+
+
+def _finalise_at_exit(library: Path) -> None:
+    """Let the wrapper's helper thread end before the process does; otherwise one exit in five aborts.
+
+    Where the wrapper itself started the interpreter, that thread is the one that ends it, and must not wait
+    for itself: then, and only then, Python's exit does not run in the first thread of the process.
+    """
+    if library in _FINALISED or not library.exists() or not hasattr(os, "RTLD_NOLOAD"):
+        return
+    _FINALISED.add(library)
+
+    def finalise() -> None:
+        with suppress(OSError, AttributeError):  # the host has unloaded it already
+            if threading.get_native_id() == os.getpid():
+                ctypes.CDLL(str(library), mode=os.RTLD_NOLOAD | os.RTLD_LAZY).finalizePythonInterpreter()
+
+    atexit.register(finalise)
