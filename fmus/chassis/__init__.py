@@ -1,0 +1,1 @@
+"""Chassis, road arms, springs, road wheels, idlers and sprocket masses of a tracked vehicle."""

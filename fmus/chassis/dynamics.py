@@ -1,0 +1,238 @@
+"""Equations of motion of the tree: exact, O(n), and their integration by one communication step.
+
+State x, flat: position of O (3, world), quaternion of B (4), velocity of O (3, world), angular velocity (3, in B),
+then for n leaves: coordinates (arm angle about +y, or slide along +x; 0 when drawn), spin angles (relative to B),
+coordinate rates, spin rates (absolute, about B's y axis); then dissipated energy and work of the wrenches (J).
+Derivation and symbols: README.md of this folder, whose equation numbers stand at the lines.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.integrate.runge_kutta import RK4, finish, stage
+from fmus.physics.rotation import quat_normalise, quat_to_matrix
+from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
+
+ROOT = 13  # width of the free body's part of the state
+LEAF = 4  # and of a leaf's
+BOOKS = 2  # dissipated energy, work of the wrenches
+
+FINE, NOT_FINITE, BROKEN_QUATERNION, OUT_OF_REACH = 0, 1, 2, 3  # faults; a leaf's number is added to the last
+
+
+@kernel
+def wheel_offset(tree, k, d):
+    """Wheel centre of leaf k from its hinge, and the derivative by the coordinate d, in B. (1)"""
+    if tree.turns[k] == 0:
+        return (d, 0.0, 0.0), (1.0, 0.0, 0.0)
+    x, z, c, s = tree.arm[k, 0], tree.arm[k, 1], np.cos(d), np.sin(d)
+    r = (c * x + s * z, 0.0, c * z - s * x)
+    return r, (r[2], 0.0, -r[0])
+
+
+@kernel
+def compression(tree, k, d):
+    """How much shorter than drawn the spring of leaf k is, m, and the derivative by the coordinate d. (2)"""
+    if tree.turns[k] == 0:
+        return d, 1.0
+    x, z, c, s = tree.on_arm[k, 0], tree.on_arm[k, 1], np.cos(d), np.sin(d)
+    ax, az = c * x + s * z, c * z - s * x
+    bx, bz = ax - tree.on_chassis[k, 0], az - tree.on_chassis[k, 1]
+    length = np.sqrt(bx * bx + bz * bz)
+    return tree.drawn_length[k] - length, (bz * ax - bx * az) / length
+
+
+@kernel
+def leaf_inertia(tree, k, r, w):
+    """J w of leaf k about its centre of mass, in B; r from the hinge to the wheel centre, as everywhere. (3)"""
+    a, b, t = tree.across[k], tree.along[k] * dot(r, w), tree.transverse[k]
+    return (a + t) * w[0] - b * r[0], a * w[1] - b * r[1], (a + t) * w[2] - b * r[2]
+
+
+@kernel
+def unit_wrench(tree, k, A, u):
+    """Force and torque on unit k in B from the world wrenches u (six an input)."""
+    i, m = 6 * tree.source[k], tree.mirror[k]
+    f, g = to_body(A, vector(u, i)), to_body(A, vector(u, i + 3))
+    return (f[0], m * f[1], f[2]), (m * g[0], g[1], m * g[2])
+
+
+@kernel
+def add_body(M, mass, c, J):
+    """Add a body with mass, centre c and inertia J(3, 3) about c to the lower triangle of the root's M (6, 6). (5)"""
+    for i in range(3):
+        M[i, i] += mass
+        for j in range(3):
+            M[3 + i, 3 + j] += J[i, j] - mass * c[i] * c[j]
+        M[3 + i, 3 + i] += mass * dot(c, c)
+    for i in range(3):  # mass [c x], skew
+        j, k = (i + 1) % 3, (i + 2) % 3
+        M[3 + k, j] += mass * c[i]
+        M[3 + j, k] -= mass * c[i]
+
+
+@kernel
+def solve_symmetric(M, b):
+    """Solve M x = b in place in b; M positive definite, its lower triangle is overwritten by its Cholesky factor."""
+    n = len(b)
+    for j in range(n):
+        for i in range(j, n):
+            s = M[i, j]
+            for k in range(j):
+                s -= M[i, k] * M[j, k]
+            M[i, j] = np.sqrt(s) if i == j else s / M[j, j]
+        for k in range(j):
+            b[j] -= M[j, k] * b[k]
+        b[j] /= M[j, j]
+    for j in range(n - 1, -1, -1):
+        for i in range(j + 1, n):
+            b[j] -= M[i, j] * b[i]
+        b[j] /= M[j, j]
+
+
+@kernel
+def rates(tree, x, u, out):
+    """Write dx/dt at the state x under the world wrenches u on the units."""
+    n = len(tree.turns)
+    A = quat_to_matrix(x[3:7])
+    v, w = to_body(A, vector(x, 7)), vector(x, 10)
+    M, b, J = np.zeros((6, 6)), np.zeros(6), np.zeros((3, 3))
+    Q, g = np.empty((n, 6)), np.empty(n)  # columns that couple leaves to the root, over the leaves' masses
+    d, spin, rate, spin_rate = ROOT, ROOT + n, ROOT + 2 * n, ROOT + 3 * n
+    dissipated, power, momentum = 0.0, 0.0, 0.0
+
+    # the free body with the sprockets (6)
+    c = vector(tree.centre, 0)
+    add_body(M, tree.mass, c, tree.inertia)
+    F = scale(-tree.mass, cross(w, cross(w, c)))
+    T = add(cross(c, F), cross(to_world(tree.inertia, w), w))
+    for side in range(2):
+        f, torque = unit_wrench(tree, n + side, A, u)
+        mount = vector(tree.sprocket[side], 0)
+        F, T = add(F, f), add(T, add(torque, cross(mount, f)))
+        power += dot(f, add(v, cross(w, mount))) + dot(torque, w)
+
+    for k in range(n):
+        q, qd, y = x[d + k], x[rate + k], float(tree.turns[k])
+        r, dr = wheel_offset(tree, k, q)
+        hinge, s, m = vector(tree.hinge[k], 0), tree.fraction[k], tree.leaf_mass[k]
+        c, lc, bend = add(hinge, scale(s, r)), scale(s, dr), scale(-s * y * qd * qd, r)
+        wl, turn = (w[0], w[1] + y * qd, w[2]), (0.0, y, 0.0)
+        f, torque = unit_wrench(tree, k, A, u)
+        wheel = add(hinge, r)
+        power += dot(f, add(add(v, cross(w, wheel)), scale(qd, dr)))
+        power += torque[0] * w[0] + torque[1] * x[spin_rate + k] + torque[2] * w[2]
+
+        # acceleration and torque that motion alone makes (7), the wheel's wrench without its spin part (8)
+        bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), bend)
+        gyro = add(
+            leaf_inertia(tree, k, r, cross(w, (0.0, y * qd, 0.0))), cross(wl, leaf_inertia(tree, k, r, wl))
+        )
+        f_c, t_c = scale(-m, bias), scale(-1.0, gyro)
+        F = add(F, add(f, f_c))
+        T = add(T, add(add(cross(wheel, f), (torque[0], 0.0, torque[2])), add(cross(c, f_c), t_c)))
+        momentum += tree.spin_inertia[k] * x[spin_rate + k]
+
+        # spring and damper (9)
+        e, slope = compression(tree, k, q)
+        ed = slope * qd
+        push = tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * ed
+        dissipated += tree.damping[k] * ed * ed
+
+        # eliminate the leaf (10)
+        Jt = leaf_inertia(tree, k, r, turn)
+        own = m * dot(lc, lc) + dot(turn, Jt)
+        g[k] = (dot(dr, f) + dot(lc, f_c) + dot(turn, t_c) - slope * push) / own
+        put(Q[k], 0, scale(m, lc))
+        put(Q[k], 3, add(cross(c, scale(m, lc)), Jt))
+        for i in range(3):
+            for j in range(3):
+                J[i, j] = -tree.along[k] * r[i] * r[j]
+            J[i, i] += tree.across[k] + (tree.transverse[k] if i != 1 else 0.0)
+        add_body(M, m, c, J)
+        for i in range(6):
+            b[i] -= Q[k, i] * g[k]
+            for j in range(i + 1):
+                M[i, j] -= Q[k, i] * Q[k, j] / own
+            Q[k, i] /= own
+
+        out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
+        out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
+
+    T = add(T, cross((0.0, momentum, 0.0), w))  # the wheels' spin resists turning (8)
+    for i in range(3):
+        b[i] += F[i]
+        b[3 + i] += T[i]
+    solve_symmetric(M, b)
+    for k in range(n):  # (11)
+        out[rate + k] = g[k] - dot(Q[k], b) - dot(Q[k, 3:], b[3:])
+
+    put(out, 0, vector(x, 7))
+    p = vector(x, 4)
+    out[3] = -0.5 * dot(p, w)
+    put(out, 4, scale(0.5, add(scale(x[3], w), cross(p, w))))
+    put(out, 7, to_world(A, vector(b, 0)))
+    out[9] -= tree.gravity  # uniform gravity moves the whole tree alike (12)
+    put(out, 10, vector(b, 3))
+    out[-2], out[-1] = dissipated, power
+
+
+@kernel
+def fault(tree, x):
+    """What makes the state x absurd, a code of this module; FINE else."""
+    if not np.all(np.isfinite(x)):
+        return NOT_FINITE
+    if abs(np.sqrt(np.sum(x[3:7] ** 2)) - 1.0) > 1e-2:
+        return BROKEN_QUATERNION
+    for k in range(len(tree.turns)):
+        q = x[ROOT + k]
+        if tree.turns[k] == 0:
+            beyond = abs(q) > tree.reach[k]
+        else:  # past the dead point, where the spring's line runs through the pin
+            beyond = abs(q) > np.pi or compression(tree, k, q)[1] * compression(tree, k, 0.0)[1] <= 0.0
+        if beyond:
+            return OUT_OF_REACH + k
+    return FINE
+
+
+@kernel
+def advance(tree, x, u, h, steps):
+    """Integrate x in place over ``steps`` steps of h under constant u; number of steps done, fault of the last."""
+    k, y = np.empty((len(RK4.b), len(x))), np.empty(len(x))
+    for done in range(steps):
+        for i in range(len(RK4.b)):
+            stage(RK4, i, h, x, k, y)
+            rates(tree, y, u, k[i])
+        finish(RK4, h, x, k)
+        code = fault(tree, x)
+        if code != FINE:
+            return done + 1, code
+        x[3:7] = quat_normalise(x[3:7])
+    return steps, FINE
+
+
+@kernel
+def energies(tree, x):
+    """Kinetic energy, gravity (0 where the centre of mass of all is at z = 0), spring energy, J. (13)"""
+    n = len(tree.turns)
+    A = quat_to_matrix(x[3:7])
+    v, w = to_body(A, vector(x, 7)), vector(x, 10)
+    c = vector(tree.centre, 0)
+    vc, moment, spring = add(v, cross(w, c)), scale(tree.mass, c), 0.0
+    kinetic = 0.5 * tree.mass * dot(vc, vc) + 0.5 * dot(w, to_world(tree.inertia, w))
+    for k in range(n):
+        q, qd, spin = x[ROOT + k], x[ROOT + 2 * n + k], x[ROOT + 3 * n + k]
+        r, dr = wheel_offset(tree, k, q)
+        c = add(vector(tree.hinge[k], 0), scale(tree.fraction[k], r))
+        vc = add(add(v, cross(w, c)), scale(qd * tree.fraction[k], dr))
+        wl = (w[0], w[1] + tree.turns[k] * qd, w[2])
+        kinetic += 0.5 * tree.leaf_mass[k] * dot(vc, vc) + 0.5 * dot(wl, leaf_inertia(tree, k, r, wl))
+        kinetic += 0.5 * tree.spin_inertia[k] * spin * spin
+        moment = add(moment, scale(tree.leaf_mass[k], c))
+        e = compression(tree, k, q)[0]
+        stored = tree.preload[k] ** 2 / (2 * tree.stiffness[k]) if tree.stiffness[k] > 0.0 else 0.0
+        spring += stored + (tree.preload[k] + 0.5 * tree.stiffness[k] * e) * e
+    gravity = tree.gravity * (tree.total_mass * x[2] + to_world(A, moment)[2])
+    return kinetic, gravity, spring

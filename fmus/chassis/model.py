@@ -1,0 +1,175 @@
+"""The chassis as a component: ports, start, steps of the tree's equations of motion, outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.chassis.dynamics import (
+    BOOKS,
+    BROKEN_QUATERNION,
+    FINE,
+    LEAF,
+    NOT_FINITE,
+    OUT_OF_REACH,
+    ROOT,
+    advance,
+    energies,
+)
+from fmus.chassis.observe import observe
+from fmus.chassis.tree import tree
+from fmus.model import InvalidParameter, StepFailed
+from fmus.physics.integrate.runge_kutta import RK4
+from fmus.ports import Port, start_pose, wheel_state, wrench
+
+Floats = NDArray[np.float64]
+
+
+def stations(wheels: int) -> list[str]:
+    """The names of the places of a side where a track acts: road wheels, idler, sprocket."""
+    return [*(f"road_wheel[{i + 1}]" for i in range(wheels)), "idler", "sprocket"]
+
+
+def spring_ports(side: str, wheels: int) -> list[Port]:
+    """Outputs of the arms and springs of a side."""
+    ports = []
+    for i in range(1, wheels + 1):
+        arm, spring = f"{side}.road_arm[{i}]", f"{side}.suspension[{i}]"
+        ports += [
+            Port(
+                f"{arm}.angle", "output", "rad", f"rotation of {arm} from the drawn position, up is positive"
+            ),
+            Port(f"{spring}.force", "output", "N", f"push of spring and damper of {spring}"),
+            Port(f"{spring}.length", "output", "m", f"length of {spring}"),
+        ]
+    return [
+        *ports,
+        Port(
+            f"{side}.tensioner.force", "output", "N", f"push of the {side} tensioner on its idler, rearward"
+        ),
+    ]
+
+
+def chassis_ports() -> list[Port]:
+    """Pose and progress of the chassis."""
+    return [
+        *wheel_state("chassis", "output"),
+        Port("pitch", "output", "rad", "pitch of the chassis about y, nose down is positive"),
+        Port("roll", "output", "rad", "roll of the chassis about x, right side down is positive"),
+        Port("yaw", "output", "rad", "yaw of the chassis about z, from the world's x axis"),
+        Port("speed", "output", "m/s", "velocity of the chassis' centre of mass along the chassis' x axis"),
+        Port("distance", "output", "m", "way of the chassis' centre of mass along the start heading"),
+        Port("settlement", "output", "m", "downward motion of the chassis' centre of mass since the start"),
+    ]
+
+
+class Model:
+    """Chassis, road arms, springs, wheels, idlers, sprocket masses, on the sides that have ports.
+
+    ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"]}}. With the left
+    side alone the right side exists all the same, and receives the left side's wrenches mirrored.
+    """
+
+    link_ports = 0
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        vehicle, sides = config["vehicle"], list(config["chassis"]["sides"])
+        if sides not in (["left", "right"], ["left"]):
+            raise InvalidParameter(f"chassis.sides = {sides} must be ['left', 'right'] or ['left']")
+        self._sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
+        self._tree = tree(vehicle, len(sides))
+        self._centre = np.array(vehicle["chassis"]["centre"])
+        places = [f"{side}.{name}" for side in sides for name in stations(self._wheels)]
+        self.ports: tuple[Port, ...] = (
+            *(port for place in places for port in wrench(place, "input")),
+            *(port for place in places for port in wheel_state(place, "output")),
+            *chassis_ports(),
+            *(port for side in sides for port in spring_ports(side, self._wheels)),
+            Port("energy.kinetic", "output", "J", "kinetic energy"),
+            Port("energy.gravity", "output", "J", "gravity energy since the start"),
+            Port("energy.spring", "output", "J", "energy of suspension and tensioner springs"),
+            Port("energy.dissipated", "output", "J", "work done on the dampers since the start"),
+            Port("port.work", "output", "J", "work of the input wrenches since the start"),
+            Port("solver.steps", "output", "1", "internal steps since the start", 0),
+            Port("solver.evaluations", "output", "1", "evaluations of the equations of motion since the start", 0),
+            *start_pose(),
+            Port("step", "parameter", "s", "largest internal step", 1e-3),
+            Port("suspension.preload", "parameter", "N", "push of each suspension spring in the drawn position",
+                 vehicle["suspension"]["preload"]),
+            Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler in the drawn position",
+                 vehicle["tensioner"]["preload"]),
+        )  # fmt: skip
+        self._defaults = {port.name: port.start for port in self.ports if port.causality == "parameter"}
+        self.state: Floats = np.zeros(ROOT + LEAF * len(self._tree.turns) + BOOKS)
+        self.counters = np.zeros(2, dtype=np.int64)
+        self._step, self._start, self._gravity = 1e-3, np.zeros(4), 0.0
+
+    def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
+        """Drawn position at the start pose, at rest."""
+        values = {name: float(parameters.get(name, start)) for name, start in self._defaults.items()}
+        for name, value in values.items():
+            if not np.isfinite(value):
+                raise InvalidParameter(f"{name} = {value} must be a finite number")
+        if values["step"] <= 0.0:
+            raise InvalidParameter(f"step = {values['step']} s must be positive")
+        self._step = values["step"]
+        preload = np.where(self._tree.turns == 1, values["suspension.preload"], values["tensioner.preload"])
+        self._tree = self._tree._replace(preload=preload)
+        heading, (x, y, z) = values["start.heading"], self._centre
+        c, s = np.cos(heading), np.sin(heading)
+        place = [values[f"start.position.{axis}"] for axis in "xyz"]
+        self._start[:] = [place[0] + c * x - s * y, place[1] + s * x + c * y, place[2] + z, heading]
+        self.state[:] = 0.0
+        self.state[:3] = self._start[:3]
+        self.state[3], self.state[6] = np.cos(0.5 * heading), np.sin(0.5 * heading)
+        self.counters[:] = 0
+        self._gravity = energies(self._tree, self.state)[1]
+
+    def step(self, t: float, h: float, u: Floats) -> None:
+        """Integrate from t to t + h under the mean wrenches u; the state is left as it was when that fails."""
+        steps = max(1, int(np.ceil(h / self._step - 1e-9)))
+        state = self.state.copy()
+        done, code = advance(self._tree, state, u, h / steps, steps)
+        if code != FINE:
+            raise StepFailed(f"at t = {t + done * h / steps:.6g} s {self._complaint(code, state, u)}")
+        self.state[:] = state
+        self.counters += (steps, len(RK4.b) * steps)
+
+    def outputs(self, y: Floats) -> None:
+        """Write all Real outputs, in port order."""
+        observe(self._tree, self.state, self._start, self._gravity, len(self._sides), y)
+
+    def link_outputs(self, y: Floats) -> None:
+        """None here."""
+
+    def warnings(self) -> list[str]:
+        """None here."""
+        return []
+
+    def _complaint(self, code: int, state: Floats, u: Floats) -> str:
+        if code == NOT_FINITE:
+            inputs = [port.name for port in self.ports if port.causality == "input"]
+            bad = np.flatnonzero(~np.isfinite(u))
+            if len(bad):
+                return f"the input {inputs[bad[0]]} is not finite"
+            return f"the motion of the {self._part(int(np.argmax(~np.isfinite(state))))} is not finite"
+        if code == BROKEN_QUATERNION:
+            return "the chassis turns too fast for the internal step: its quaternion lost its length"
+        leaf = code - OUT_OF_REACH
+        name, value = self._part(ROOT + leaf), state[ROOT + leaf]
+        if self._tree.turns[leaf]:
+            return (
+                f"the {name} is beyond its reach, turned by {value:.3g} rad past the dead point of its spring"
+            )
+        return f"the {name} is beyond its reach, {value:.3g} m from its drawn position"
+
+    def _part(self, index: int) -> str:
+        """The part of the vehicle that the state's entry ``index`` belongs to."""
+        leaves = len(self._tree.turns)
+        if not ROOT <= index < ROOT + LEAF * leaves:
+            return "chassis"
+        side, k = divmod((index - ROOT) % leaves, leaves // 2)
+        return f"{('left', 'right')[side]} " + ("idler" if k == self._wheels else f"road_arm[{k + 1}]")

@@ -1,0 +1,82 @@
+"""What the outside sees of the tree's state: wheel motions, chassis pose, springs, energies. No physics of its own.
+
+Each kernel writes its part of the output vector from index ``i`` and returns the index after it; the order is that
+of the ports in ``model.py``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.chassis.dynamics import ROOT, compression, energies, wheel_offset
+from fmus.jit import kernel
+from fmus.physics.rotation import quat_multiply, quat_to_matrix
+from fmus.physics.vector import add, cross, dot, put, scale, to_world, vector
+
+
+@kernel
+def put_motion(y, i, x, A, r, dr, q, w):
+    """The 13 of a point at r in B that moves at dr in B, with the quaternion q and angular velocity w in B."""
+    put(y, i, add(vector(x, 0), to_world(A, r)))
+    y[i + 3 : i + 7] = q
+    put(y, i + 7, add(vector(x, 7), to_world(A, add(cross(vector(x, 10), r), dr))))
+    put(y, i + 10, to_world(A, w))
+    return i + 13
+
+
+@kernel
+def put_sides(tree, x, sides, y, i):
+    """Wheels, idler and sprocket mount of each side."""
+    n, still = len(tree.turns), (0.0, 0.0, 0.0)
+    A, w = quat_to_matrix(x[3:7]), vector(x, 10)
+    for side in range(sides):
+        for k in range(side * n // 2, (side + 1) * n // 2):
+            r, dr = wheel_offset(tree, k, x[ROOT + k])
+            half, spin = 0.5 * x[ROOT + n + k], x[ROOT + 3 * n + k]
+            q = quat_multiply(x[3:7], (np.cos(half), 0.0, np.sin(half), 0.0))
+            centre, velocity = add(vector(tree.hinge[k], 0), r), scale(x[ROOT + 2 * n + k], dr)
+            i = put_motion(y, i, x, A, centre, velocity, q, (w[0], spin, w[2]))
+        i = put_motion(y, i, x, A, vector(tree.sprocket[side], 0), still, x[3:7], w)
+    return i
+
+
+@kernel
+def put_chassis(x, start, y, i):
+    """The 13 of the chassis, pitch, roll, yaw, speed, distance, settlement; start: position of O (3) and heading."""
+    A, zero = quat_to_matrix(x[3:7]), (0.0, 0.0, 0.0)
+    i = put_motion(y, i, x, A, zero, zero, x[3:7], vector(x, 10))
+    y[i] = np.arcsin(min(1.0, max(-1.0, -A[2, 0])))
+    y[i + 1] = np.arctan2(A[2, 1], A[2, 2])
+    y[i + 2] = np.arctan2(A[1, 0], A[0, 0])
+    y[i + 3] = dot(vector(x, 7), A[:, 0])
+    y[i + 4] = (x[0] - start[0]) * np.cos(start[3]) + (x[1] - start[1]) * np.sin(start[3])
+    y[i + 5] = start[2] - x[2]
+    return i + 6
+
+
+@kernel
+def put_springs(tree, x, sides, y, i):
+    """Arm angle, force and length of each suspension, then the tensioner's force, side by side."""
+    n = len(tree.turns)
+    for k in range(sides * n // 2):
+        d, rate = x[ROOT + k], x[ROOT + 2 * n + k]
+        e, slope = compression(tree, k, d)
+        push = tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * slope * rate
+        if tree.turns[k] == 1:
+            y[i], y[i + 1], y[i + 2] = d, push, tree.drawn_length[k] - e
+            i += 3
+        else:
+            y[i] = push
+            i += 1
+    return i
+
+
+@kernel
+def observe(tree, x, start, gravity, sides, y):
+    """Write all outputs of the state x into y; ``gravity`` is the gravity energy at the start, J."""
+    i = put_sides(tree, x, sides, y, 0)
+    i = put_chassis(x, start, y, i)
+    i = put_springs(tree, x, sides, y, i)
+    y[i], y[i + 1], y[i + 2] = energies(tree, x)
+    y[i + 1] -= gravity
+    y[i + 3], y[i + 4] = x[-2], x[-1]

@@ -1,0 +1,119 @@
+"""The chassis as a star-shaped tree: one free body, and leaves with one degree of freedom each.
+
+A leaf is a road arm with its wheel (turns about a pin) or an idler (slides along the chassis); the wheel on it
+spins besides. Leaves are ordered side by side, left first: road arms from the front, then the idler. Frame B is the
+chassis' own, axes x forward, y left, z up in the drawn position, origin O in the chassis' centre of mass. Lateral
+pins and slides lie along B's y and x axes, so a leaf moves in a plane y = const of B.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Tree(NamedTuple):
+    """All numbers of a vehicle without its tracks, SI, frame B; n leaves, n + 2 units that carry wrenches."""
+
+    gravity: float  # m/s2, downward
+    mass: float  # chassis with both sprockets, kg
+    total_mass: float  # with all leaves, kg
+    centre: Floats  # (3,) centre of mass of chassis with sprockets, m
+    inertia: Floats  # (3, 3) of chassis with sprockets about that, without the sprockets' spin, kg m2
+    turns: Integers  # (n,) 1 for a road arm, 0 for an idler
+    hinge: Floats  # (n, 3) pin of the arm, or drawn wheel centre of the idler, m
+    arm: Floats  # (n, 2) x and z of the wheel centre from the pin in the drawn position, m; 0 for an idler
+    fraction: (
+        Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for an idler
+    )
+    leaf_mass: Floats  # (n,) arm and wheel, kg
+    # Inertia of a leaf about its own centre of mass: J x = across x - along (r.x) r + transverse (x_x, 0, x_z),
+    # r from the pin to the wheel centre; the wheel's spin is apart.
+    across: Floats  # (n,) kg m2
+    along: Floats  # (n,) kg
+    transverse: Floats  # (n,) wheel's transverse inertia, kg m2
+    spin_inertia: Floats  # (n,) kg m2
+    on_arm: Floats  # (n, 2) x and z of the spring's end on the arm, from the pin, drawn position, m
+    on_chassis: Floats  # (n, 2) x and z of the spring's end on the chassis, from the pin, m
+    drawn_length: Floats  # (n,) of the spring-damper in the drawn position, m
+    stiffness: Floats  # (n,) N/m
+    damping: Floats  # (n,) N s/m
+    preload: Floats  # (n,) push of the spring in the drawn position, N
+    reach: Floats  # (n,) largest motion of an idler on its slide, m
+    sprocket: Floats  # (2, 3) centres of the sprocket mounts, left and right, m
+    source: Integers  # (n + 2,) which wrench input acts on a unit: leaves, left mount, right mount
+    mirror: Floats  # (n + 2,) 1, or -1 where the input is the other side's, mirrored in the plane y = 0 of B
+
+
+def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
+    """Lay the tree out from a vehicle table; with ``sides`` 1 the right side mirrors the left side's wrenches."""
+    body, sprocket, idler = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"]
+    wheel, arm, spring = vehicle["road_wheel"], vehicle["road_arm"], vehicle["suspension"]
+    tensioner, lateral = vehicle["tensioner"], vehicle["track"]["lateral"]
+    origin = np.array(body["centre"])
+    count = len(wheel["x"]) + 1  # leaves a side
+    last = np.arange(count) == count - 1  # the idler
+
+    def leaves(road: Any, idling: Any) -> Floats:
+        """One value for arms and one for idlers as an array over all leaves."""
+        side = np.where(
+            last.reshape(-1, *[1] * np.ndim(road)), np.asarray(idling, float), np.asarray(road, float)
+        )
+        return np.concatenate([side, side])
+
+    pivot = np.array(arm["pivot"])  # of the arm from the wheel centre, as all points of the table
+    hinge = np.array(
+        [[x + pivot[0], lateral, wheel["z"] + pivot[1]] for x in wheel["x"]]
+        + [[idler["x"], lateral, idler["z"]]]
+    )
+    hinge = np.concatenate([hinge, hinge * [1, -1, 1]]) - origin
+    mounts = np.array([[0.0, lateral, 0.0], [0.0, -lateral, 0.0]]) - origin
+    on_arm, on_chassis = np.array(spring["on_arm"]) - pivot, np.array(spring["on_chassis"]) - pivot
+
+    inertia = np.diag(body["inertia"]).astype(float)
+    mass = body["mass"] + 2 * sprocket["mass"]
+    centre = sprocket["mass"] * mounts.sum(axis=0) / mass
+    for m, r in ((body["mass"], -centre), *((sprocket["mass"], mount - centre) for mount in mounts)):
+        inertia += m * (r @ r * np.eye(3) - np.outer(r, r))
+    inertia += np.diag([2.0, 0.0, 2.0]) * sprocket["transverse_inertia"]
+    leaf_mass = wheel["mass"] + arm["mass"]
+    # arm and wheel: point masses a half arm apart, on the arm's line
+    reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
+    square = float(pivot @ pivot)
+    per_unit = np.arange(2 * count)
+    sources = np.concatenate(
+        [per_unit + per_unit // count, [count, 2 * count + 1]]
+    )  # inputs: leaves, then the mount
+    right = np.concatenate([per_unit >= count, [False, True]])
+    return Tree(
+        gravity=float(vehicle["gravity"]),
+        mass=mass,
+        total_mass=mass + 2 * ((count - 1) * leaf_mass + idler["mass"]),
+        centre=centre,
+        inertia=inertia,
+        turns=leaves(1, 0).astype(np.int64),
+        hinge=hinge,
+        arm=leaves(-pivot, [0.0, 0.0]),
+        fraction=leaves((wheel["mass"] + 0.5 * arm["mass"]) / leaf_mass, 1.0),
+        leaf_mass=leaves(leaf_mass, idler["mass"]),
+        across=leaves(arm["pin_inertia"] + reduced * square, 0.0),
+        along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / square + reduced, 0.0),
+        transverse=leaves(wheel["transverse_inertia"], idler["transverse_inertia"]),
+        spin_inertia=leaves(wheel["spin_inertia"], idler["spin_inertia"]),
+        on_arm=leaves(on_arm, [0.0, 0.0]),
+        on_chassis=leaves(on_chassis, [0.0, 0.0]),
+        drawn_length=leaves(np.hypot(*(on_chassis - on_arm)), 0.0),
+        stiffness=leaves(spring["stiffness"], tensioner["stiffness"]),
+        damping=leaves(spring["damping"], tensioner["damping"]),
+        preload=leaves(spring["preload"], tensioner["preload"]),
+        reach=leaves(0.0, idler["radius"]),
+        sprocket=mounts,
+        source=np.where(right & (sides == 1), sources - count - 1, sources),
+        mirror=np.where(right & (sides == 1), -1.0, 1.0),
+    )

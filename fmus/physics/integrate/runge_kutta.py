@@ -1,0 +1,53 @@
+"""Explicit Runge-Kutta methods as tables and two stage formulas.
+
+A method is a Tableau; the model owns the compiled loop over the stages, because kernels call kernels by import:
+
+    for i in range(len(RK4.b)):
+        stage(RK4, i, h, x, k, y)      # y = x + h sum_j a_ij k_j
+        k[i] = f(t + c_i h, y)
+    finish(RK4, h, x, k)               # x += h sum_i b_i k_i
+
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.1.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.jit import kernel
+
+
+class Tableau(NamedTuple):
+    """Butcher's coefficients of an explicit method with s stages."""
+
+    order: int  # of the global error, for smooth right-hand sides
+    a: NDArray[np.float64]  # (s, s), strictly lower triangular
+    b: NDArray[np.float64]  # (s,)
+    c: NDArray[np.float64]  # (s,), row sums of a
+
+
+RK4 = Tableau(
+    4,
+    np.array([[0.0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]]),
+    np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]),
+    np.array([0.0, 0.5, 0.5, 1.0]),
+)
+
+
+@kernel
+def stage(method, i, h, x, k, y):
+    """Write the argument of stage i, x + h sum_j a_ij k_j, into y; x, y are (n,), k is (s, n)."""
+    y[:] = x
+    for j in range(i):
+        if method.a[i, j] != 0.0:
+            y += h * method.a[i, j] * k[j]
+
+
+@kernel
+def finish(method, h, x, k):
+    """Advance x (n,) in place by the step h with the slopes k (s, n)."""
+    for i in range(len(method.b)):
+        x += h * method.b[i] * k[i]
