@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 Measure = Callable[["Evidence", str, "Window"], float]
 
 SPAN_MARGIN = 0.25  # a span's links lie this fraction of the axle distance away from both axles
+AT_REST = 0.01  # m/s of chain speed
 RUN_REACH = 0.2  # m: a run between two wheels is sampled this far about its middle
 
 
@@ -151,8 +152,10 @@ def ground_force(run: Evidence, of: str, window: Window) -> float:
 
 
 def slip(run: Evidence, of: str, window: Window) -> float:
-    """Load-weighted slip of the contact points, mean of all tracks."""
-    return float(np.mean([run.mean(f"{track}.slip", window) for track in run.tracks]))
+    """Load-weighted slip velocity of the ground contact points over the chain speed; 0 for a chain at rest."""
+    speed = np.mean([abs(run.mean(f"{track}.speed", window)) for track in run.tracks])
+    velocity = np.mean([run.mean(f"{track}.slip", window) for track in run.tracks])
+    return float(velocity / speed) if speed > AT_REST else 0.0
 
 
 def speed_excess(run: Evidence, of: str, window: Window) -> float:

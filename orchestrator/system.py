@@ -84,7 +84,7 @@ def _chain(scene: ChainScene) -> Assembly:
 
 def _bench(scene: BenchScene) -> Assembly:
     bench = scene.bench
-    ends = {"kind": "pulled", "first": [-bench.lower, 0.0], "last": [-bench.upper, 0.0]}
+    ends = {"kind": "pulled", "first": [-bench.upper, 0.0], "last": [-bench.lower, 0.0]}
     config = _track_config(
         scene,
         links=bench.links,

@@ -1,0 +1,235 @@
+"""The command ``cotrack``. Results go to stdout, messages and progress to stderr.
+
+Exit status: 0 done and every check made is ok, 1 failed or a check not ok, 2 bad input.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from fmus.vehicle import BadInput
+
+app = typer.Typer(
+    name="cotrack",
+    help="Tracked vehicles with flexible or rigid link chains as FMI 2.0 co-simulation components.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+log_app = typer.Typer(help="Look into a log.", no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(log_app, name="log")
+
+
+class TrackModel(str, Enum):
+    """The two track models."""
+
+    flexible = "flexible"
+    rigid = "rigid"
+
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="a name of the gallery or a TOML file")]
+TrackOption = Annotated[TrackModel | None, typer.Option("--track", help="the track model, instead of the scene's")]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="a dotted key of the resolved scene, repeatable")
+]
+LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
+
+
+def main() -> None:
+    """Run the command line; what a user gave wrong ends as one sentence and exit status 2."""
+    logging.basicConfig(format="cotrack: %(message)s", level=logging.WARNING, stream=sys.stderr)
+    try:
+        app()
+    except KeyboardInterrupt:
+        _leave("interrupted", 1)
+    except Exception as error:
+        if not isinstance(error, _refusals()):
+            raise
+        _leave(str(error), 2)
+
+
+def _refusals() -> tuple[type[Exception], ...]:
+    """What is raised about input before anything ran."""
+    from fmus.build import BuildFailed
+    from orchestrator.component import ComponentFailed
+    from orchestrator.evidence import Missing
+    from orchestrator.graph import Miswired
+    from orchestrator.reader import LogUnreadable, NoSuchSignal
+    from orchestrator.replay import Unfit
+
+    return (BadInput, BuildFailed, ComponentFailed, Miswired, LogUnreadable, NoSuchSignal, Unfit, Missing)
+
+
+def _leave(message: str, status: int) -> NoReturn:
+    print(f"cotrack: {message}", file=sys.stderr)
+    sys.exit(status)
+
+
+@app.command()
+def scenes() -> None:
+    """The gallery, one line each."""
+    from orchestrator import gallery
+
+    for name in gallery.names():
+        print(f"{name:16} {gallery.read(name)[1]['title']}")
+
+
+@app.command()
+def show(scene: SceneName, track: TrackOption = None, settings: Settings = None) -> None:
+    """What is in, what is left out, sizes."""
+    from orchestrator.scene import load
+    from orchestrator.system import describe
+
+    for line in describe(load(scene, _model(track), settings or ())):
+        print(line)
+
+
+@app.command()
+def build(
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="the folder of the FMUs")],
+    scene: Annotated[str | None, typer.Argument(metavar="[SCENE]", help="only what this scene needs")] = None,
+    everything: Annotated[bool, typer.Option("--all", help="every distinct FMU of the gallery")] = False,
+    track: TrackOption = None,
+    vehicle: Annotated[str | None, typer.Option("--vehicle", metavar="FILE", help="a vehicle, instead of the scene's")] = None,
+) -> None:
+    """FMUs to be kept: the four standard ones, a scene's, or all."""
+    from orchestrator import products
+    from orchestrator.scene import load
+    from orchestrator.system import TRACKS
+
+    if scene is not None and everything:
+        raise BadInput("give a scene or --all, not both")
+    settings = [f"vehicle={vehicle}"] if vehicle else []
+    models = [track.value] if track else list(TRACKS)
+    if everything:
+        wanted = products.of_gallery(models, settings)
+    elif scene is None:
+        wanted = products.of_scenes([load(products.STANDARD, model, settings) for model in models])
+    else:
+        wanted = products.of_scenes([load(scene, _model(track), settings)])
+    for file in products.build_to(output, wanted):
+        print(file)
+
+
+@app.command()
+def run(
+    scene: SceneName,
+    track: TrackOption = None,
+    settings: Settings = None,
+    stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
+    step: Annotated[str | None, typer.Option("--step", metavar="H", help="communication step, '1 ms' or a number")] = None,
+    log: Annotated[Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+) -> None:
+    """Run a scene, log it, check what it expects."""
+    from orchestrator import summary
+    from orchestrator.scene import load
+    from orchestrator.simulate import simulate
+
+    result, status = summary.empty(scene, _model(track)), 2
+    changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in (("stop", stop), ("step", step)) if v is not None)]
+    try:
+        resolved = load(scene, _model(track), changes)
+        path = log or Path("logs") / f"{resolved.name}-{resolved.track.model}.mcap"
+        result = simulate(resolved, path, _warn, progress=True)
+        sound = result["status"] == "ok" and all(check["ok"] for check in result["checks"].values())
+        status = 0 if sound else 1
+    except _refusals() as error:
+        result["message"] = str(error)
+    if result["message"]:
+        print(f"cotrack: {result['message']}", file=sys.stderr)
+    if as_json:
+        print(json.dumps(_finite(result)))
+    elif status != 2:
+        _print_summary(result)
+    sys.exit(status)
+
+
+@app.command()
+def replay(
+    log: LogPath,
+    component: Annotated[str, typer.Option("--component", metavar="NAME", help="the component that is stepped again")],
+    other: Annotated[
+        str | None, typer.Option("--with", metavar="rigid|flexible|FMU", help="another model under the recorded motion")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model's answer")] = None,
+) -> None:
+    """Feed a component the recorded inputs bit by bit: is it equal, or how does another model answer?"""
+    from orchestrator import rerun
+
+    with rerun.opened(log, component, other, _warn) as again:
+        if other is None:
+            verdict = again.verify()
+            print(verdict.sentence)
+            sys.exit(0 if verdict.difference is None else 1)
+        path = output or log.with_name(f"{log.stem}-{component}-{Path(other).stem}.mcap")
+        for line in again.answer(path):
+            print(line)
+        print(f"log {path}")
+
+
+@app.command()
+def view(
+    log: LogPath,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="a picture, .png or .svg")],
+    times: Annotated[list[float] | None, typer.Option("--at", metavar="T", help="an instant, s; repeatable")] = None,
+) -> None:
+    """Side view with the links coloured by tension, at three instants or those given."""
+    from orchestrator import picture
+
+    picture.draw(log, output, times or None)
+    print(output)
+
+
+@log_app.command("info")
+def log_info(log: LogPath) -> None:
+    """What a log holds and how its run ended."""
+    raise NotImplementedError
+
+
+def _model(track: TrackModel | None) -> str | None:
+    return track.value if track else None
+
+
+def _warn(instance: str, status: int, message: str) -> None:
+    """Messages of components."""
+    logging.getLogger("cotrack").warning("%s: %s", instance, message)
+
+
+def _finite(value: Any) -> Any:
+    """JSON knows no NaN."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, float) and (value != value or abs(value) == float("inf")):
+        return None
+    return value
+
+
+def _print_summary(result: dict[str, Any]) -> None:
+    r = result
+    print(
+        f"{r['scene']} ({r['track']}): {r['status']}, {r['simulated_time']:.6g} s in {r['wall_time']:.3g} s"
+        f" ({r['real_time_factor']:.3g} x real time), start-up {r['startup_time']:.3g} s"
+    )
+    for name, check in r["checks"].items():
+        mark = "ok " if check["ok"] else "NOT"
+        print(f"  {mark} {name} = {check['value']:.7g}, expected {check['expected']:.7g} +- {check['tolerance']:.3g}")
+    for name, value in r["observables"].items():
+        print(f"      {name} = {value:.7g}")
+    if r["energy"]:
+        e = r["energy"]
+        print(
+            f"  energy: work {e['work']:.6g} J = change {e['change']:.6g} + dissipated {e['dissipated']:.6g}"
+            f" + residual {e['residual']:.4g} ({e['residual_relative'] * 100:.3g} %; ports {e['port']:.4g} J)"
+        )
+    for name, cost in r["components"].items():
+        print(f"  {name:12} {cost['wall_time']:8.3f} s  {cost['steps']} steps, {cost['evaluations']} evaluations")
+    print(f"  log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)")

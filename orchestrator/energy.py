@@ -1,0 +1,142 @@
+"""The energy ledger: what the drives put in, where it is, what was lost, and what the coupling made of it.
+
+For each component, with the powers of its ports as it felt them itself,
+    integration part = work put in + received through ports - change of stored energy - dissipated.
+A port between a giver of wrenches and their taker makes
+    port part = wrench . (motion the giver extrapolated - motion the taker made).
+The residual is the sum of all of these: work - change - dissipated.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.evidence import Evidence, Missing
+
+Floats = NDArray[np.float64]
+STORED = ("kinetic", "gravity", "strain", "spring", "contact")
+
+
+class Port(NamedTuple):
+    """A wheel or mount between the component that gives its wrench and the one that takes it."""
+
+    giver: str
+    connector: str  # at the giver, of motion in and wrench out
+    taker: str
+    taken: str  # at the taker
+
+
+class Ledger(NamedTuple):
+    """Energies between the first and the last recorded output, J."""
+
+    work: float
+    change: float
+    dissipated: float
+    residual: float
+    residual_relative: float  # of the largest of work, change and dissipated
+    port: float  # the part of the residual that the ports make
+    integration: dict[str, float]  # the part of each component
+
+    def as_json(self) -> dict[str, Any]:
+        """For the summary."""
+        return self._asdict()
+
+
+def ledger(run: Evidence) -> Ledger:
+    """The ledger of a log; raises Missing where the log holds no energies."""
+    books = {name: _book(run, name) for name in run.instances}
+    if not any(books.values()):
+        raise Missing("the log holds no energies")
+    end = min(float(run.log.read(f"/{name}/out").t[-1]) for name in run.instances)
+    received = dict.fromkeys(run.instances, 0.0)
+    lost = 0.0
+    for port in ports(run):
+        given, taken = _works(run, port, end)
+        received[port.giver] -= given
+        received[port.taker] += taken
+        lost += given - taken
+    work = sum(book.get("work", 0.0) for book in books.values())
+    change = sum(book.get(part, 0.0) for book in books.values() for part in STORED)
+    dissipated = sum(book.get("dissipated", 0.0) for book in books.values())
+    residual = work - change - dissipated
+    scale = max(abs(work), abs(change), abs(dissipated))
+    integration = {
+        name: book.get("work", 0.0) + received[name] - sum(book.get(p, 0.0) for p in STORED) - book.get("dissipated", 0.0)
+        for name, book in books.items()
+    }
+    return Ledger(work, change, dissipated, residual, residual / scale if scale else 0.0, lost, integration)
+
+
+def ports(run: Evidence) -> list[Port]:
+    """The ports of a system: where a wrench goes one way."""
+    found = []
+    for connection in run.system["connections"]:
+        for output, taken in zip(connection["outputs"], connection["inputs"], strict=True):
+            if output.endswith(".force.x"):
+                found.append(
+                    Port(
+                        connection["source"],
+                        output.removesuffix(".force.x"),
+                        connection["target"],
+                        taken.removesuffix(".force.x"),
+                    )
+                )
+    return found
+
+
+def _book(run: Evidence, instance: str) -> dict[str, float]:
+    """Change of each ``energy.*`` output of an instance over the run."""
+    series = run.log.read(f"/{instance}/out")
+    return {
+        name.removeprefix("energy."): float(series.values[-1, i] - series.values[0, i])
+        for i, name in enumerate(series.names)
+        if name.startswith("energy.")
+    }
+
+
+def _works(run: Evidence, port: Port, end: float) -> tuple[float, float]:
+    """Work of the port's wrench: on the motion that the giver saw, and on the motion that the taker made, J."""
+    t, force = run.vectors(port.taker, "in", f"{port.taken}.force")
+    _, torque = run.vectors(port.taker, "in", f"{port.taken}.torque")
+    seen_shift, seen_turn, shift, turn = _motions(run, port.giver, port.connector)
+    for upstream in ports(run):
+        if upstream.giver == port.taker:  # the taker moves with a mount that it extrapolates itself
+            carried = _motions(run, upstream.giver, upstream.connector)
+            shift = shift + carried[0] - carried[2]
+            turn = turn + carried[1] - carried[3]
+    steps = min(int(np.count_nonzero(t < end - 1e-9)), len(shift))
+    force, torque = force[:steps], torque[:steps]
+    given = np.sum(force * seen_shift[:steps]) + np.sum(torque * seen_turn[:steps])
+    taken = np.sum(force * shift[:steps]) + np.sum(torque * turn[:steps])
+    return float(given), float(taken)
+
+
+def _motions(run: Evidence, instance: str, connector: str) -> tuple[Floats, Floats, Floats, Floats]:
+    """Of every step (m, 3): extrapolated shift and turn, made shift and turn.
+
+    The last step has no successor in the inputs: its motion is taken as extrapolated.
+    """
+    h = run.log.read(f"/{instance}/in").h[:, None]
+    position = run.vectors(instance, "in", f"{connector}.position")[1]
+    q = run.vectors(instance, "in", f"{connector}.orientation", "wxyz")[1]
+    seen_shift = h * run.vectors(instance, "in", f"{connector}.velocity")[1]
+    seen_turn = h * run.vectors(instance, "in", f"{connector}.angular_velocity")[1]
+    shift, turn = seen_shift.copy(), seen_turn.copy()
+    shift[:-1] = np.diff(position, axis=0)
+    turn[:-1] = turns(q)
+    return seen_shift, seen_turn, shift, turn
+
+
+def turns(q: Floats) -> Floats:
+    """Rotation vectors (m - 1, 3), world, between successive quaternions (m, 4), body to world."""
+    w, v = q[:, 0], q[:, 1:]
+    # q[k + 1] times the conjugate of q[k]
+    scalar = w[1:] * w[:-1] + np.sum(v[1:] * v[:-1], axis=1)
+    vector = w[:-1, None] * v[1:] - w[1:, None] * v[:-1] - np.cross(v[1:], v[:-1])
+    vector *= np.where(scalar < 0, -1.0, 1.0)[:, None]
+    sine = np.linalg.norm(vector, axis=1)
+    angle = 2.0 * np.arctan2(sine, np.abs(scalar))
+    return vector * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 2.0)[:, None]

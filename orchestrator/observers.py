@@ -1,0 +1,83 @@
+"""What looks on while a run steps: the log and the progress bar."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from types import TracebackType
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+from orchestrator.component import Component
+from orchestrator.recorder import Recorder
+
+REFRESH = 0.2  # s of wall time between updates of the bar
+STATS = ("wall_time",)  # of /stats/<instance>, after the counters
+
+
+class Logging:
+    """Hands what happened to the recorder: inputs at the step's beginning, outputs and links at its end."""
+
+    def __init__(self, recorder: Recorder, components: Sequence[Component], step: float, stats_every: int) -> None:
+        self.recorder = recorder
+        self.components = components
+        self.step = step
+        self.stats_every = stats_every
+
+    def __call__(self, k: int, t: float) -> None:
+        """Record step k - 1's inputs and the outputs that belong to time t."""
+        recorder, h = self.recorder, self.step
+        for component in self.components:
+            name = component.name
+            if k and len(component.u):
+                recorder.write(f"/{name}/in", k - 1, (k - 1) * h, h, component.u)
+            if recorder.due(f"/{name}/out", k):
+                recorder.write(f"/{name}/out", k, t, h, component.y)
+            if len(component.y_links) and recorder.due(f"/{name}/links", k):
+                component.read_links()
+                recorder.write(f"/{name}/links", k, t, h, component.y_links)
+            if k % self.stats_every == 0:
+                component.read_counters()
+                recorder.stats(name, k, t, h, np.append(component.counters.astype(float), component.wall_time))
+
+
+class ProgressBar:
+    """Simulated time and real-time factor on stderr; only where someone watches."""
+
+    def __init__(self, title: str, stop: float) -> None:
+        self._stop = stop
+        self._began = self._next = 0.0
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed:.2f}/{task.total:g} s  {task.fields[factor]:.2f} x real time"),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            auto_refresh=False,
+            transient=True,
+        )
+        self._task: TaskID = self._bar.add_task(title, total=stop, factor=0.0)
+
+    def __enter__(self) -> ProgressBar:
+        if self._bar.console.is_terminal:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar.console.is_terminal:
+            self._bar.stop()
+
+    def __call__(self, k: int, t: float) -> None:
+        """Show time t, a few times a second."""
+        now = time.perf_counter()
+        if not k:
+            self._began = now
+        elif now >= self._next or t >= self._stop - 1e-12:
+            self._next = now + REFRESH
+            self._bar.update(self._task, completed=t, factor=t / (now - self._began))
+            if self._bar.console.is_terminal:
+                self._bar.refresh()

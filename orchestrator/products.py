@@ -1,0 +1,47 @@
+"""Which FMUs scenes need, and what their files are called when they are built to be kept."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from orchestrator import gallery
+from orchestrator.scene import Scene, load
+from orchestrator.system import TRACKS, assemble, build_all
+
+STANDARD = "straight"  # its components carry the plain names
+
+Product = tuple[str, dict[str, Any], str | None]  # kind, config, name
+
+
+def of_gallery(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
+    """Every distinct FMU of the gallery; the standard vehicle's come first and have no suffix."""
+    ordered = [STANDARD, *(name for name in gallery.names() if name != STANDARD)]
+    return of_scenes([load(name, model, settings) for name in ordered for model in models])
+
+
+def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
+    """Every distinct FMU of some scenes; variants carry the scene's name, and the component's where that is not enough."""
+    seen: set[str] = set()
+    names: set[str] = set()
+    products = []
+    for scene in scenes:
+        for part in assemble(scene).parts:
+            key = json.dumps([part.kind, part.config], sort_keys=True)
+            if key in seen:
+                continue
+            seen.add(key)
+            name = part.kind if scene.name == STANDARD else f"{part.kind}-{scene.name}"
+            if name in names:
+                name = f"{part.kind}-{scene.name}-{part.name}"
+            names.add(name)
+            products.append((part.kind, part.config, name))
+    return products
+
+
+def build_to(folder: Path, products: Sequence[Product]) -> list[Path]:
+    """Build them into a folder; paths in order."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return build_all(products, folder)

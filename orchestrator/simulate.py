@@ -1,0 +1,182 @@
+"""One run of a scene from the built FMUs to the summary."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from orchestrator import master, summary
+from orchestrator.component import Component
+from orchestrator.evidence import Evidence
+from orchestrator.graph import System, wire
+from orchestrator.observers import STATS, Logging, ProgressBar
+from orchestrator.reader import Log
+from orchestrator.recorder import LogFailed, Recorder
+from orchestrator.scene import Scene
+from orchestrator.system import assemble, system
+
+PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
+STATS_PERIOD = 0.1  # s of simulated time between records of cost
+
+Logger = Callable[[str, int, str], None]
+
+
+def simulate(scene: Scene, path: Path, logger: Logger | None = None, progress: bool = False) -> dict[str, Any]:
+    """Build, run, record and evaluate a scene; the summary of ``summary.empty``.
+
+    Raises BadInput, BuildFailed or ComponentFailed before the first step (then no log is written); afterwards
+    every failure is in the summary's status and message.
+    """
+    began = time.perf_counter()
+    graph = system(assemble(scene))
+    result = summary.empty(scene.name, scene.track.model)
+    with ExitStack() as stack:
+        components = load(graph, scene.run.stop, stack, logger)
+        stages = wire(graph, components)
+        clock = master.Clock(scene.run.step, scene.run.steps)
+        outcome, startup, wall = master.Outcome("failed", "", 0), 0.0, 0.0
+        try:
+            with Recorder(path, *contents(scene, graph, components), every=strides(scene, components)) as recorder:
+                stats_every = max(1, round(STATS_PERIOD / clock.step))
+                observers: list[master.Observer] = [Logging(recorder, list(components.values()), clock.step, stats_every)]
+                if progress:
+                    observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop)))
+                startup = time.perf_counter() - began
+                with _interruptible() as interrupted:
+                    try:
+                        outcome = master.run(stages, clock, observers, interrupted)
+                    finally:
+                        wall = time.perf_counter() - began - startup
+                recorder.close(outcome.status, outcome.message, outcome.steps)
+        except LogFailed as failure:
+            outcome = master.Outcome("failed", str(failure), outcome.steps)
+        result["components"] = {name: cost(component) for name, component in components.items()}
+    simulated = clock.time(outcome.steps)
+    result |= {
+        "status": "ok" if outcome.status == "ok" else "failed",
+        "message": outcome.message,
+        "simulated_time": simulated,
+        "startup_time": startup,
+        "wall_time": wall,
+        "real_time_factor": simulated / wall if wall else 0.0,
+        "communication_steps": outcome.steps,
+        "log": str(path),
+        "log_bytes": path.stat().st_size if path.exists() else 0,
+    }
+    if outcome.steps:
+        result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
+    return result
+
+
+def load(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
+    """Load and initialise every instance; they live as long as the stack."""
+    components = {
+        instance.name: stack.enter_context(Component(instance.fmu, instance.name, logger))
+        for instance in graph.instances
+    }
+    for instance in graph.instances:
+        component = components[instance.name]
+        component.initialise(instance.parameters, 0.0, stop)
+        component.read()
+    return components
+
+
+def contents(
+    scene: Scene, graph: System, components: Mapping[str, Component]
+) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
+    """What a log holds before step 0: topics, attachments, metadata."""
+    topics: dict[str, list[tuple[str, str]]] = {}
+    attachments = {
+        "scene.json": _json(scene.resolved()),
+        "system.json": _json(describe(graph)),
+    }
+    for name, component in components.items():
+        families = {"in": component.inputs, "out": component.outputs, "links": component.links}
+        for topic, names in families.items():
+            if names or topic == "in":
+                topics[f"/{name}/{topic}"] = [(variable, component.unit(variable)) for variable in names]
+        counters = [(counter, "1") for counter in component.integers]
+        topics[f"/stats/{name}"] = counters + [(figure, "s") for figure in STATS]
+    for instance in graph.instances:
+        attachments[f"{instance.name}.modelDescription.xml"] = components[instance.name].xml
+    metadata = {
+        "run": {
+            "scene": scene.name,
+            "title": scene.title,
+            "track": scene.track.model,
+            "coupling": "tracks_first",
+            "step": repr(scene.run.step),
+            "stop": repr(scene.run.stop),
+        },
+        "versions": {"python": platform.python_version(), **{package: version(package) for package in PACKAGES}},
+    }
+    return topics, attachments, metadata
+
+
+def describe(graph: System) -> dict[str, Any]:
+    """A system as plain data, with the hash of every FMU."""
+    return {
+        "instances": [
+            {
+                "name": instance.name,
+                "fmu": instance.fmu.name,
+                "path": str(instance.fmu),
+                "sha256": sha256(instance.fmu),
+                "parameters": dict(instance.parameters),
+                "stage": instance.stage,
+            }
+            for instance in graph.instances
+        ],
+        "connections": [connection._asdict() for connection in graph.connections],
+    }
+
+
+def sha256(file: Path) -> str:
+    """Hash of a file's content."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def strides(scene: Scene, components: Mapping[str, Component]) -> dict[str, int]:
+    """Every how many steps a topic is recorded."""
+    result = {}
+    for name, component in components.items():
+        result[f"/{name}/out"] = scene.run.outputs
+        if component.links:
+            result[f"/{name}/links"] = scene.run.links
+    return result
+
+
+def cost(component: Component) -> dict[str, float | int]:
+    """Wall time and counters of a component."""
+    component.read_counters()
+    counters = {name.removeprefix("solver."): int(value) for name, value in zip(component.integers, component.counters, strict=True)}
+    counters.pop("status", None)
+    blank = dict.fromkeys(("steps", "evaluations", "iterations", "rejected"), 0)
+    return {"wall_time": component.wall_time, **blank, **counters}
+
+
+def _json(data: Any) -> bytes:
+    return json.dumps(data, indent=1, sort_keys=True).encode()
+
+
+@contextmanager
+def _interruptible() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C only asks: a step in progress ends, and the log is closed properly."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked.is_set
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: asked.set())
+    try:
+        yield asked.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)

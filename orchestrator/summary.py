@@ -1,0 +1,112 @@
+"""A run in one JSON object: how it ended, what it cost, its energy, its checks, its observables."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orchestrator import measures
+from orchestrator.energy import ledger
+from orchestrator.evidence import Evidence, Missing, Window
+from orchestrator.scene import Check, Scene
+
+LAST = 1.0  # s: observables are means over the end of a run
+
+
+class CheckResult(NamedTuple):
+    """A check that was made."""
+
+    value: float
+    expected: float
+    tolerance: float  # absolute
+    ok: bool
+
+
+def empty(scene: str, track: str | None) -> dict[str, Any]:
+    """The object with all its keys, as it stands before anything ran."""
+    return {
+        "scene": scene,
+        "track": track,
+        "status": "failed",
+        "message": "",
+        "simulated_time": 0.0,
+        "startup_time": 0.0,
+        "wall_time": 0.0,
+        "real_time_factor": 0.0,
+        "communication_steps": 0,
+        "log": None,
+        "log_bytes": 0,
+        "components": {},
+        "energy": None,
+        "checks": {},
+        "observables": {},
+    }
+
+
+def evaluate(run: Evidence, scene: Scene, simulated: float) -> dict[str, Any]:
+    """Energy, checks and observables of a log that covers ``simulated`` s of the scene."""
+    try:
+        energy: dict[str, Any] | None = ledger(run).as_json()
+    except Missing:
+        energy = None
+    return {
+        "energy": energy,
+        "checks": {name: result._asdict() for name, result in checks(run, scene, simulated).items()},
+        "observables": observables(run, scene, simulated),
+    }
+
+
+def checks(run: Evidence, scene: Scene, simulated: float) -> dict[str, CheckResult]:
+    """Results of the checks whose window the run covers."""
+    results = {}
+    for name, check in scene.expect.items():
+        end = scene.run.stop if check.end is None else check.end
+        if simulated < end - 1e-9 or check.track not in (None, scene.track.model):
+            continue
+        value = _value(run, check, Window(check.start, end))
+        tolerance = check.tolerance * (abs(check.expected) if check.relative else 1.0)
+        ok = bool(abs(value - check.expected) <= tolerance)  # false for a NaN
+        results[name] = CheckResult(value, check.expected, tolerance, ok)
+    return results
+
+
+def _value(run: Evidence, check: Check, window: Window) -> float:
+    try:
+        if check.measure is not None:
+            return measures.NAMES[check.measure](run, check.of, window)
+        return measures.reduce(run.signal(str(check.signal), window)[1], check.reduce)
+    except Missing:
+        return float("nan")  # counts as not ok
+
+
+def observables(run: Evidence, scene: Scene, simulated: float) -> dict[str, float]:
+    """What is worth knowing of a run of this kind, whatever it expects; means over its last second."""
+    last = Window(max(0.0, simulated - LAST), simulated)
+    values: dict[str, float] = {}
+    if not run.tracks:
+        return values
+    values["tension_max"] = max(float(run.signal(f"{track}.tension.max")[1].max()) for track in run.tracks)
+    values["tension_mean"] = float(np.mean([run.mean(f"{track}.tension.mean", last) for track in run.tracks]))
+    if scene.assembly == "vehicle":
+        values |= {
+            "distance": float(run.signal("chassis.distance")[1][-1]),
+            "speed": run.mean("chassis.speed", last),
+            "settlement": run.mean("chassis.settlement", last),
+            "ground_force": measures.ground_force(run, "", last),
+            "weight": weight(scene),
+            "slip": measures.slip(run, "", last),
+        }
+    elif scene.assembly == "chain" and scene.track.link_outputs:
+        values |= {"sag": measures.sag(run, "", last), "end_tension": measures.end_tension(run, "", last)}
+    else:
+        values["speed"] = run.mean(f"{run.tracks[0]}.speed", last)
+    return values
+
+
+def weight(scene: Scene) -> float:
+    """Weight of everything a vehicle scene carries, N."""
+    v = scene.vehicle
+    wheels = len(v.road_wheel.x) * (v.road_wheel.mass + v.road_arm.mass)
+    side = v.sprocket.mass + v.idler.mass + wheels + v.track.links * v.track.mass
+    return v.gravity * (v.chassis.mass + 2.0 * side)
