@@ -1,0 +1,126 @@
+"""The flexible track: a chain of steel cable elements behind the ports of a track."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.physics.ancf.cable import Cable
+from fmus.ports import WRENCH, Port
+from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
+from fmus.track_flexible.chain import NODE, Links, advance, axial, evaluate, gather, measure, relax, work
+
+REST = 1e-3  # residual of static equilibrium, N
+
+
+class Model(TrackModel):
+    """Cable elements with pins eliminated, integrated implicitly."""
+
+    def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
+        """Material and integration of the links."""
+        m = vehicle["material"]
+        return (
+            Port("material.youngs_modulus", "parameter", "Pa", "Young's modulus of the links", m["youngs_modulus"]),
+            Port("material.relaxation_time", "parameter", "s", "damping constants over Young's modulus", m["relaxation_time"]),
+            Port("spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.8),
+            Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9),
+        )
+
+    def chain_size(self) -> int:
+        """Coordinates, rates, both accelerations; wrenches, their auxiliaries; power; residuals of the links."""
+        wheels = len(self.wheel_list) + 1
+        return 4 * self.nodes * NODE + 2 * wheels * WRENCH + 1 + 12 * self.links_count
+
+    def prepare(self, p: Mapping[str, Any]) -> None:
+        """Links from material and section; views of the state."""
+        young, tau = float(p["material.youngs_modulus"]), float(p["material.relaxation_time"])
+        if not young > 0.0:
+            raise InvalidParameter(f"material.youngs_modulus = {young}: must be greater than 0")
+        if not tau >= 0.0:
+            raise InvalidParameter(f"material.relaxation_time = {tau}: must not be negative")
+        self.radius, self.tolerance = float(p["spectral_radius"]), float(p["tolerance"])
+        if not 0.0 <= self.radius <= 1.0:
+            raise InvalidParameter(f"spectral_radius = {self.radius}: must lie between 0 and 1")
+        if not self.tolerance > 0.0:
+            raise InvalidParameter(f"tolerance = {self.tolerance}: must be greater than 0")
+        s, v = self.vehicle["section"], self.vehicle
+        area, second = s["area"], s["bending"]
+        cable = Cable(self.pitch, v["material"]["density"] * area, young * area, young * second, tau * young * area,
+                      tau * young * second)
+        self.link = Links(self.links_count, int(self.closed), cable, v["track"]["face"], s["outer_fibre"], area, second)
+        n, m = self.nodes * NODE, len(self.wheel_list) + 1
+        parts = np.split(self.chain, np.cumsum([n, n, n, n, m * WRENCH, m * WRENCH, 1]))
+        self.q, self.v, self.a, self.vdot = (part.reshape(self.nodes, NODE) for part in parts[:4])
+        self.force, self.aux = parts[4].reshape(m, WRENCH), parts[5].reshape(m, WRENCH)
+        self.power, self.residual = parts[6], parts[7].reshape(self.links_count, 4, 3)
+        self.mean = np.zeros((m, WRENCH))
+        self.work = work(self.links_count, self.nodes, m - 1)
+
+    def settle(self, pins: Floats, rest: bool) -> None:
+        """Straight links between the pins, then static equilibrium if wanted."""
+        self.state[:] = 0.0
+        q, n = self.q, self.links_count
+        q[:, 0], q[:, 2] = pins[:, 0], pins[:, 1]
+        chord = (np.roll(pins, -1, axis=0) - pins)[:n] / self.pitch
+        q[:n, 5:7] = chord
+        q[(np.arange(n) + 1) % self.nodes, 3:5] = chord
+        if rest:
+            smooth = self.environment._replace(
+                sprocket=self.environment.sprocket._replace(mu=0.0), wheel=self.environment.wheel._replace(mu=0.0),
+                soil=self.environment.soil._replace(mu=0.0))
+            count, residual = relax(self.link, self.wheels, smooth, self.start_rows, q, REST, self.work)
+            if count < 0:
+                raise StepFailed(f"static equilibrium of the track was not found: residual {residual:.3g} N after {-count} steps")
+        self._observe()
+
+    def _observe(self) -> None:
+        """Wrenches and report of the state as it stands, at rest."""
+        self.work.moved[:] = self.start_rows
+        evaluate(self.link, self.wheels, self.environment, self.q, self.v, self.vdot, 0.0, 0.0, self.work, False)
+        self.force[:] = self.aux[:] = self.mean[:] = self.work.wrench
+        self.residual[:] = self.work.R
+        measure(self.link, self.wheels, self.environment, self.q, self.v, self.work, self.report)
+        self.report[[DISSIPATED, WORK]] = 0.0
+        self._publish()
+
+    def _publish(self) -> None:
+        self.wrench[:] = self.mean[:-1].reshape(-1, 3)
+        self.report[GROUND : GROUND + 3] = -self.mean[-1, :3]
+
+    def pins(self) -> Floats:
+        """Positions of the pins (nodes, 3)."""
+        return self.q[:, :3].copy()
+
+    def advance(self, t: float, h: float) -> None:
+        """Integrate over the communication step."""
+        failure, done, link, residual = advance(
+            self.link, self.wheels, self.environment, self.rows, h, self.max_step, self.radius, self.tolerance, self.q,
+            self.v, self.a, self.vdot, self.force, self.aux, self.power, self.work, self.mean, self.report, self.counters)
+        if failure:
+            what = "Newton's iteration of the chain did not converge" if failure == 1 else "the chain's matrix is singular"
+            raise self.failed(t + done, what, link, residual)
+        self.residual[:] = self.work.R
+        self._publish()
+
+    def _watch(self, t: float) -> None:
+        """Cable links cannot leave their plane: say so once when a wheel's axis does."""
+        off = np.degrees(np.arccos(np.clip(abs(self.rows[:, 10]), 0.0, 1.0)))
+        if off.size and off.max() > 0.2 and not self.warned:
+            self.warned = True
+            self._warnings.append(f"a wheel's axis is {off.max():.2f} degrees off the pin axis at t = {t:.4g} s: cable chains "
+                                  "drive in their own plane only, take rigid links for turns and side slopes")
+
+    warned = False
+
+    def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
+        """Per-link arrays from the state; the pin force is the link's own residual at its first pin."""
+        for i in range(self.links_count):
+            gather(self.q, i, (i + 1) % self.nodes, self.work.e)
+            tension[i], stress[i] = axial(self.link, self.work)
+        position[:] = self.q[:, :3]
+        force[: self.links_count] = self.residual[:, 0]
+        if not self.closed:
+            force[-1] = -self.residual[-1, 2]

@@ -1,0 +1,123 @@
+"""The cable element: potential, tangent, rigid motion, momentum, mass."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.physics.ancf import cable
+
+LINK = cable.Cable(0.1524, 7800 * 0.01516, 2e11 * 0.01516, 2e11 * 2.03e-6, 2e5 * 0.01516, 2e5 * 2.03e-6)
+SOFT = cable.Cable(0.1524, 118.0, 3e4, 4.0, 20.0, 0.01)
+rng = np.random.default_rng(5)
+
+
+def scratch():
+    return np.zeros((4, 3)), np.zeros((4, 3))
+
+
+def straight(c: cable.Cable) -> np.ndarray:
+    return np.array([[0.0, 0, 0], [1, 0, 0], [c.l, 0, 0], [1, 0, 0]])
+
+
+def bent(c: cable.Cable, size: float) -> np.ndarray:
+    return straight(c) + size * rng.standard_normal((4, 3)) * np.array([c.l, 1, c.l, 1])[:, None]
+
+
+def internal(c, e, v):
+    Q = np.zeros((4, 3))
+    cable.force(c, e, v, Q, *scratch())
+    return Q
+
+
+def rotation(axis, angle):
+    a = np.asarray(axis) / np.linalg.norm(axis)
+    K = np.cross(np.eye(3), -a)
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+@pytest.mark.parametrize("c", [LINK, SOFT])
+def test_force_is_the_gradient_of_the_energy(c):
+    e = bent(c, 0.02)
+    Q = internal(c, e, np.zeros((4, 3)))
+    numeric = np.zeros((4, 3))
+    for a in range(4):
+        for i in range(3):
+            d = np.zeros((4, 3))
+            d[a, i] = 1e-6
+            numeric[a, i] = (cable.energy(c, e + d, *scratch()) - cable.energy(c, e - d, *scratch())) / 2e-6
+    np.testing.assert_allclose(Q, numeric, rtol=1e-6, atol=1e-7 * abs(Q).max())
+
+
+@pytest.mark.parametrize("c", [LINK, SOFT])
+def test_stiffness_is_the_derivative_of_the_force(c):
+    """By coordinates at held rates (without bending damping's chord), by rates, by accelerations."""
+    c = c._replace(nuI=0.0)
+    e, v = bent(c, 0.02), 0.3 * rng.standard_normal((4, 3))
+    K, M = np.zeros((12, 12)), np.zeros((4, 4))
+    cable.stiffness(c, e, v, 700.0, 3e4, K, *scratch())
+    cable.mass(c, M)
+    numeric = 3e4 * np.kron(M, np.eye(3))
+    for j in range(12):
+        d = np.zeros(12)
+        d[j] = 1e-6
+        d = d.reshape(4, 3)
+        numeric[:, j] += ((internal(c, e + d, v + 700 * d) - internal(c, e - d, v - 700 * d)) / 2e-6).ravel()
+    np.testing.assert_allclose(K, numeric, rtol=1e-6, atol=1e-6 * abs(K).max())
+    cable.stiffness(c._replace(EA=1.03 * c.EA), e, v, 700.0, 3e4, K, *scratch())
+    assert not np.allclose(K, numeric, rtol=1e-6, atol=1e-6 * abs(K).max())
+
+
+def test_rigid_motion_strains_and_damps_nothing():
+    R, w = rotation([1, 2, 3], 2.0), np.array([0.3, -5.0, 1.0])
+    e = straight(LINK) @ R.T
+    e[[0, 2]] += [20.0, -3.0, 1.0]
+    v = np.cross(w, e)
+    v[[0, 2]] += [1.0, 2.0, 3.0]
+    assert cable.energy(LINK, e, *scratch()) < 1e-12 * LINK.EA * LINK.l
+    assert abs(internal(LINK, e, v)).max() < 1e-11 * LINK.EA
+    deformed = bent(LINK, 0.02)
+    assert cable.energy(LINK, deformed, *scratch()) == pytest.approx(
+        cable.energy(LINK, deformed @ R.T, *scratch()), rel=1e-11)
+
+
+def test_internal_forces_balance():
+    """Force, and moment about the axes normal to the chord (about all axes without damping)."""
+    e, v = bent(SOFT, 0.05), rng.standard_normal((4, 3))
+    elastic = internal(SOFT, e, np.zeros((4, 3)))
+    damping = internal(SOFT, e, v) - elastic
+    chord = (e[2] - e[0]) / np.linalg.norm(e[2] - e[0])
+    for Q, project in ((elastic, np.eye(3)), (damping, np.eye(3) - np.outer(chord, chord))):
+        size = abs(Q).max()
+        assert abs(Q[0] + Q[2]).max() < 1e-12 * size
+        moment = np.cross(e, Q).sum(axis=0)
+        assert abs(project @ moment).max() < 1e-12 * size
+
+
+def test_damping_dissipates_what_it_says():
+    e, v = bent(SOFT, 0.05), rng.standard_normal((4, 3))
+    Q = np.zeros((4, 3))
+    power = cable.force(SOFT, e, v, Q, *scratch())[2]
+    Q -= internal(SOFT, e, np.zeros((4, 3)))
+    assert power > 0.0
+    assert power == pytest.approx((Q * v).sum(), rel=1e-12)
+
+
+def test_mass_and_first_moment():
+    M = np.zeros((4, 4))
+    cable.mass(LINK, M)
+    e = straight(LINK)
+    one = np.array([1.0, 0, 1, 0])
+    assert one @ M @ one == pytest.approx(LINK.rhoA * LINK.l, rel=1e-14)
+    np.testing.assert_allclose(one @ M @ e, [LINK.rhoA * LINK.l**2 / 2, 0, 0], rtol=1e-14)
+    spin = np.array([[0, 0, 0], [0, 0, 1], [0, 0, LINK.l], [0, 0, 1.0]])  # rotation about y through the first pin
+    assert np.einsum("ai,ab,bi", spin, M, spin) == pytest.approx(LINK.rhoA * LINK.l**3 / 3, rel=1e-14)
+
+
+def test_matrices_match_their_products():
+    e = rng.standard_normal((4, 3))
+    for matrix, product in ((cable.gradients, cable.times_gradients), (cable.curvatures, cable.times_curvatures)):
+        K, P = np.zeros((4, 4)), np.zeros((4, 3))
+        matrix(LINK, K)
+        product(LINK, e, P)
+        np.testing.assert_allclose(K @ e, P, rtol=1e-11, atol=1e-11 * abs(P).max())
