@@ -1,0 +1,142 @@
+"""Build FMUs: stage the sources, let a child process describe them, pack, and keep the result by content.
+
+The child (``python -m fmus.build``) runs in the stage and imports the staged ``fmus``, so that an FMU which
+is built also loads alone; what pythonfmu leaves in ``sys.path`` and ``sys.modules`` goes with it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from fmus.jit import ROOT, cache_folder, source_hash, sources
+
+# kind of component -> its shell; the stems differ, because modules are global to a process
+KINDS = {
+    "TrackFlexible": "track_flexible/track_flexible_fmu.py",
+    "TrackRigid": "track_rigid/track_rigid_fmu.py",
+    "Chassis": "chassis/chassis_fmu.py",
+    "SprocketDrive": "sprocket_drive/sprocket_drive_fmu.py",
+}
+
+
+class BuildFailed(RuntimeError):  # noqa: N818
+    """An FMU could not be built; the message is one sentence."""
+
+
+def build(kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None) -> Path:
+    """The FMU of a kind of component, built unless the cache has it.
+
+    ``config`` is what the model is made from (JSON). The file is called ``name`` (default: the kind) and lies
+    in the cache, or in ``folder`` if one is given. Raises BuildFailed.
+    """
+    if kind not in KINDS:
+        raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
+    return build_shell(ROOT / KINDS[kind], config, folder, name or kind)
+
+
+def build_shell(
+    script: Path,
+    config: Mapping[str, Any],
+    folder: Path | None = None,
+    name: str | None = None,
+    packages: Sequence[Path] = (),
+) -> Path:
+    """The FMU of any shell of `fmus.slave`; ``packages`` are source folders it imports besides ``fmus``."""
+    try:
+        text = json.dumps(config, sort_keys=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise BuildFailed(f"the configuration of {script.stem} is not JSON: {error}") from None
+    if not script.is_file():
+        raise BuildFailed(f"no FMU shell at {script}")
+    parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), text]
+    parts += [f"{package.name} {source_hash(package)}" for package in packages]
+    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+    kept = cache_folder() / "fmus" / key / f"{name or script.stem}.fmu"
+    try:
+        if not kept.exists():
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=kept.parent, prefix="stage-") as stage:
+                fresh = _pack(Path(stage), script, text, packages)
+                _keep(fresh, kept)
+        if folder is None:
+            return kept
+        folder.mkdir(parents=True, exist_ok=True)
+        fresh = folder / f".{kept.name}.{os.getpid()}"
+        shutil.copyfile(kept, fresh)
+        return fresh.replace(folder / kept.name)
+    except OSError as error:
+        raise BuildFailed(f"cannot build {kept.name}: {error}") from None
+
+
+def _keep(fresh: Path, kept: Path) -> None:
+    """Put a built file in its place at once; of two processes that built the same, the first one's stays."""
+    try:
+        os.link(fresh, kept)
+    except FileExistsError:
+        pass
+    except OSError:  # a file system without links
+        fresh.replace(kept)
+
+
+def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> Path:
+    tree = stage / "tree"
+    for package in (ROOT, *packages):
+        for source in sources(package):
+            target = tree / package.name / source.relative_to(package)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target)
+    shutil.copyfile(script, tree / script.name)
+    (tree / "config.json").write_text(config, encoding="utf-8")
+    (tree / "build.txt").write_text(source_hash(tree / ROOT.name), encoding="utf-8")
+    order = {
+        "script": script.name,
+        "project": [ROOT.name, *(package.name for package in packages), "config.json", "build.txt"],
+        "target": str(stage / "described.fmu"),
+    }
+    child = subprocess.run(
+        [sys.executable, "-m", "fmus.build"],
+        input=json.dumps(order),
+        text=True,
+        capture_output=True,
+        cwd=tree,
+        env={**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"},
+    )
+    if child.returncode:
+        last = (child.stderr.strip() or "no message").splitlines()[-1]
+        raise BuildFailed(f"cannot build {script.stem}: {last.removeprefix('fmus.slave.Refused: ')}")
+    return _compress(Path(order["target"]), stage / "packed.fmu")
+
+
+def _compress(described: Path, packed: Path) -> Path:
+    """The same archive in a fixed order, without times of files: equal sources give equal bytes."""
+    with zipfile.ZipFile(described) as source, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as target:
+        for name in sorted(source.namelist()):
+            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            target.writestr(entry, source.read(name))
+    return packed
+
+
+def _child() -> None:
+    from pythonfmu.builder import FmuBuilder
+
+    order = json.load(sys.stdin)
+    FmuBuilder.build_FMU(
+        Path(order["script"]).absolute(), dest=order["target"], project_files=order["project"]
+    )
+
+
+if __name__ == "__main__":
+    _child()

@@ -1,0 +1,441 @@
+"""One loaded FMU: any FMI 2.0 co-simulation FMU, through fmpy and arrays that are made once."""
+
+from __future__ import annotations
+
+import atexit
+import difflib
+import hashlib
+import io
+import itertools
+import os
+import shutil
+import sys
+import tempfile
+import zipfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from ctypes import POINTER, byref, c_double, c_int, c_size_t, c_uint, create_string_buffer
+from pathlib import Path
+from time import perf_counter
+from types import TracebackType
+from typing import Any, NamedTuple
+from urllib.parse import unquote
+
+import fmpy
+import numpy as np
+from fmpy import calloc, free, read_model_description
+from fmpy.fmi1 import FMICallException, printLogMessage
+from fmpy.fmi2 import (
+    FMU2Slave,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+    fmi2FMUstate,
+)
+from fmpy.logging import addLoggerProxy
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Logger = Callable[[str, int, str], None]  # instance, FMI status, message
+
+LINK_FAMILIES = ("link[", "joint[")  # outputs of every link: read and recorded at a rate of their own
+_DISCARD, _FATAL = 2, 4
+_WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
+
+
+class ComponentFailed(RuntimeError):  # noqa: N818
+    """An FMU cannot be loaded or did not do what it was asked; the message is one sentence with its name."""
+
+
+class State(NamedTuple):
+    """A saved state of a component with the values of its arrays; good for its instance until freed."""
+
+    handle: fmi2FMUstate
+    u: Floats
+    y: Floats
+    y_links: Floats
+    counters: NDArray[np.int32]
+
+
+# ------------------------------------------------------------------ messages
+
+_components: dict[int, Component] = {}
+_numbers = itertools.count(1)
+
+
+def _receive(
+    environment: int | None, name: bytes, status: int, category: bytes | None, message: bytes
+) -> None:
+    component = _components.get(environment or 0)
+    if component is None:  # an instance made by other code: fmpy has room for one logger in a process
+        printLogMessage(environment, name, status, category, message)
+    else:
+        component._receive(status, (message or b"").decode("utf-8", "replace"), (category or b"").decode())
+
+
+_receiver = fmi2CallbackLoggerTYPE(_receive)  # lives as long as the process
+
+
+def _callbacks(number: int) -> fmi2CallbackFunctions:
+    functions = fmi2CallbackFunctions()
+    functions.logger = _receiver
+    functions.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
+    functions.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
+    functions.componentEnvironment = number
+    addLoggerProxy(byref(functions))  # formats the printf arguments, which ctypes cannot take
+    return functions
+
+
+# ------------------------------------------------------------------ files
+
+_libraries: dict[Path, Any] = {}
+
+
+@atexit.register
+def _finalise() -> None:
+    """End the helper threads of pythonfmu libraries; without this one exit in five aborts."""
+    for library in _libraries.values():
+        with suppress(AttributeError):  # not a pythonfmu library
+            library.finalizePythonInterpreter()
+
+
+def _cache() -> Path:
+    """The folder of unpacked FMUs: ``$COTRACK_CACHE``, else the user's cache folder."""
+    chosen = os.environ.get("COTRACK_CACHE")
+    if chosen:
+        return Path(chosen).expanduser().absolute() / "unpacked"
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
+    elif sys.platform == "darwin":
+        base = "~/Library/Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(base).expanduser() / "cotrack" / "unpacked"
+
+
+def unpack(fmu: Path) -> Path:
+    """The folder that holds the unpacked FMU, by content: unpacked once. Raises ComponentFailed."""
+    try:
+        content = fmu.read_bytes()
+    except FileNotFoundError:
+        raise ComponentFailed(f"there is no FMU '{fmu}'") from None
+    except OSError as error:
+        raise ComponentFailed(f"cannot read the FMU '{fmu}': {error.strerror}") from None
+    folder = _cache() / hashlib.sha256(content).hexdigest()[:24]
+    if folder.is_dir():
+        return folder
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            if "modelDescription.xml" not in archive.namelist():
+                raise ComponentFailed(f"'{fmu}' is not an FMU: it has no modelDescription.xml")
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix="fresh-"))
+            try:
+                archive.extractall(fresh)
+                fresh.chmod(0o755)
+                fresh.rename(folder)
+            finally:
+                if fresh.exists():
+                    shutil.rmtree(fresh, ignore_errors=True)
+    except zipfile.BadZipFile:
+        raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive") from None
+    except OSError as error:
+        if not folder.is_dir():  # else another process was faster
+            raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None
+    return folder
+
+
+# ------------------------------------------------------------------ component
+
+
+class Component:
+    """An FMU instance with arrays: write ``u``, step, read ``y``. Use it in a ``with``.
+
+    Methods may be called from any thread, one at a time; the GIL is free while the FMU computes, as far as
+    the FMU lets go of it. Whatever fails raises ComponentFailed with the FMU's own message where it logged
+    one.
+    """
+
+    def __init__(self, fmu: Path, name: str, logger: Logger | None = None) -> None:
+        self.name = name
+        self.wall_time = 0.0  # s inside the FMU since initialise
+        self._logger = logger
+        self._messages: list[tuple[int, str]] = []
+        self._states: list[State] = []
+        self._handle: Any = None
+        self._phase = "made"
+        folder = unpack(Path(fmu))
+        self.description = _description(folder, fmu)
+        self._sort()
+        self._load(folder, fmu)
+
+    def _sort(self) -> None:
+        variables = self.description.modelVariables
+        self._variables = {v.name: v for v in variables}
+
+        def names(causality: str, kind: str) -> tuple[str, ...]:
+            return tuple(v.name for v in variables if v.causality == causality and v.type == kind)
+
+        outputs = names("output", "Real")
+        self.inputs = names("input", "Real")
+        self.outputs = tuple(n for n in outputs if not n.startswith(LINK_FAMILIES))
+        self.links = tuple(n for n in outputs if n.startswith(LINK_FAMILIES))
+        self.integers = names("output", "Integer")
+        self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
+        self.u = np.array([float(self._variables[n].start or 0.0) for n in self.inputs])
+        self.y = np.zeros(len(self.outputs))
+        self.y_links = np.zeros(len(self.links))
+        self.counters = np.zeros(len(self.integers), dtype=np.int32)
+        self._u = self._group(self.inputs, self.u, c_double)
+        self._y = self._group(self.outputs, self.y, c_double)
+        self._y_links = self._group(self.links, self.y_links, c_double)
+        self._counters = self._group(self.integers, self.counters, c_int)
+
+    def _group(self, names: tuple[str, ...], values: NDArray[Any], kind: type) -> tuple[Any, int, Any]:
+        references = (c_uint * len(names))(*(self._variables[n].valueReference for n in names))
+        return references, len(names), values.ctypes.data_as(POINTER(kind))
+
+    def _load(self, folder: Path, fmu: Path) -> None:
+        identifier = self.description.coSimulation.modelIdentifier
+        library = folder / "binaries" / fmpy.platform / f"{identifier}{fmpy.sharedLibraryExtension}"
+        if not library.is_file():
+            raise ComponentFailed(f"'{fmu}' has no binary for {fmpy.platform}")
+        try:
+            self._fmu = FMU2Slave(
+                guid=self.description.guid,
+                modelIdentifier=identifier,
+                unzipDirectory=str(folder),
+                instanceName=self.name,
+                libraryPath=str(library),
+            )
+        except Exception as error:
+            raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
+        _libraries[library] = self._fmu.dll  # never unloaded: Python modules may hold on to it
+        number = next(_numbers)
+        _components[number] = self
+        self._number = number
+        self._callbacks = _callbacks(number)
+        handle = self._fmu.fmi2Instantiate(
+            self.name.encode(),
+            1,  # co-simulation
+            (self.description.guid or "").encode(),
+            _location(folder / "resources").encode(),
+            byref(self._callbacks),
+            False,
+            True,  # without logging there are no messages either
+        )
+        if not handle:
+            del _components[number]
+            raise ComponentFailed(f"{self.name}: {self._complaint() or 'the FMU cannot be instantiated'}")
+        self._handle = handle
+        self._phase = "instantiated"
+
+    def unit(self, name: str) -> str:
+        """Unit of a variable as the FMU names it, '1' if it has none."""
+        return self._variables[name].unit or "1"
+
+    # -------------------------------------------------------------- messages
+
+    def _receive(self, status: int, message: str, category: str) -> None:
+        if status >= _DISCARD and category != "traceback":
+            self._messages.append((status, message))
+        if self._logger is not None:
+            self._logger(self.name, status, message)
+
+    def _complaint(self) -> str:
+        """The first thing the FMU complained about during the last call, on one line."""
+        if not self._messages:
+            return ""
+        text = self._messages[0][1].strip()
+        if text.startswith(_WRAPPER):
+            text = text.splitlines()[-1]
+        return " ".join(text.split())
+
+    def _call(self, function: Callable[..., Any], *arguments: Any) -> None:
+        if self._handle is None:
+            raise ComponentFailed(f"{self.name}: the component is closed")
+        self._messages.clear()
+        try:
+            function(self._handle, *arguments)
+        except FMICallException as error:
+            if error.status >= _FATAL:
+                self._phase = "lost"
+            sentence = self._complaint() or f"{error.function} failed with FMI status {error.status}"
+            raise ComponentFailed(f"{self.name}: {sentence}") from None
+
+    # -------------------------------------------------------------- life
+
+    def initialise(
+        self, parameters: Mapping[str, float | int | str], start: float = 0.0, stop: float | None = None
+    ) -> None:
+        """Set parameters, run the initialisation with the inputs in ``u``, and read all outputs."""
+        if self._phase != "instantiated":
+            self._call(self._fmu.fmi2Reset)
+            self._phase = "instantiated"
+        for name, value in parameters.items():
+            self._set_parameter(name, value)
+        fmu = self._fmu
+        self._call(
+            fmu.fmi2SetupExperiment, False, 0.0, start, stop is not None, 0.0 if stop is None else stop
+        )
+        self._call(fmu.fmi2EnterInitializationMode)
+        self.write()
+        self._call(fmu.fmi2ExitInitializationMode)
+        self._phase = "running"
+        self.read()
+        self.read_links()
+        self.read_counters()
+        self.wall_time = 0.0
+
+    def _set_parameter(self, name: str, value: float | int | str) -> None:
+        if name not in self.parameters:
+            near = difflib.get_close_matches(name, self.parameters, 1)
+            hint = f" (did you mean '{near[0]}'?)" if near else ""
+            raise ComponentFailed(f"{self.name}: there is no parameter '{name}'{hint}")
+        variable = self._variables[name]
+        kind = variable.type
+        reference = (c_uint * 1)(variable.valueReference)
+        fmu = self._fmu
+        if kind == "Real" and isinstance(value, int | float) and not isinstance(value, bool):
+            self._call(fmu.fmi2SetReal, reference, 1, (c_double * 1)(value))
+        elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
+            self._call(fmu.fmi2SetInteger, reference, 1, (c_int * 1)(value))
+        elif kind == "Boolean" and isinstance(value, bool):
+            self._call(fmu.fmi2SetBoolean, reference, 1, (c_int * 1)(value))
+        elif kind == "String" and isinstance(value, str):
+            self._call(fmu.fmi2SetString, reference, 1, (fmpy.c_char_p * 1)(value.encode()))
+        else:
+            raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: must be of type {kind}")
+
+    def write(self) -> None:
+        """``u`` goes into the FMU."""
+        if self.inputs:
+            began = perf_counter()
+            self._call(self._fmu.fmi2SetReal, *self._u)
+            self.wall_time += perf_counter() - began
+
+    def step(self, t: float, h: float) -> None:
+        """From t to t + h, both in s."""
+        began = perf_counter()
+        self._call(self._fmu.fmi2DoStep, t, h, not self._states)
+        self.wall_time += perf_counter() - began
+
+    def read(self) -> None:
+        """The Real outputs go into ``y``, but for those of links."""
+        self._get(self._fmu.fmi2GetReal, self._y)
+
+    def read_links(self) -> None:
+        """The outputs of links go into ``y_links``."""
+        self._get(self._fmu.fmi2GetReal, self._y_links)
+
+    def read_counters(self) -> None:
+        """The Integer outputs go into ``counters``."""
+        self._get(self._fmu.fmi2GetInteger, self._counters)
+
+    def _get(self, function: Callable[..., Any], group: tuple[Any, int, Any]) -> None:
+        if group[1]:
+            began = perf_counter()
+            self._call(function, *group)
+            self.wall_time += perf_counter() - began
+
+    # -------------------------------------------------------------- state
+
+    def save(self) -> State:
+        """The state of the FMU and the arrays, to be restored or freed."""
+        handle = fmi2FMUstate()
+        self._call(self._able("canGetAndSetFMUstate", "save its state").fmi2GetFMUstate, byref(handle))
+        return self._state(handle)
+
+    def _state(self, handle: fmi2FMUstate) -> State:
+        arrays = (self.u.copy(), self.y.copy(), self.y_links.copy(), self.counters.copy())
+        state = State(handle, *arrays)
+        self._states.append(state)
+        return state
+
+    def restore(self, state: State) -> None:
+        """Back to a saved state, bit for bit; it stays good for another time."""
+        self._call(self._able("canGetAndSetFMUstate", "restore a state").fmi2SetFMUstate, state.handle)
+        self._phase = "running"
+        self.u[:], self.y[:], self.y_links[:], self.counters[:] = state[1:]
+
+    def free(self, state: State) -> None:
+        """Forget a saved state."""
+        self._states = [kept for kept in self._states if kept is not state]
+        self._call(self._fmu.fmi2FreeFMUstate, byref(state.handle))
+
+    def dump(self, state: State) -> bytes:
+        """A saved state as bytes, for another process with the same FMU."""
+        fmu = self._able("canSerializeFMUstate", "write its state")
+        size = c_size_t()
+        self._call(fmu.fmi2SerializedFMUstateSize, state.handle, byref(size))
+        content = create_string_buffer(size.value)
+        self._call(fmu.fmi2SerializeFMUstate, state.handle, content, size)
+        return content.raw
+
+    def load(self, content: bytes) -> State:
+        """Restore from the bytes of `dump`, also into an instance that has not been initialised."""
+        fmu = self._able("canSerializeFMUstate", "read a state")
+        handle = fmi2FMUstate()
+        size = len(content)
+        self._call(fmu.fmi2DeSerializeFMUstate, create_string_buffer(content, size), size, byref(handle))
+        self._call(fmu.fmi2SetFMUstate, handle)
+        self._phase = "running"
+        if self.inputs:
+            self._get(fmu.fmi2GetReal, self._u)
+        self.read()
+        self.read_links()
+        self.read_counters()
+        return self._state(handle)
+
+    def _able(self, capability: str, what: str) -> FMU2Slave:
+        if not getattr(self.description.coSimulation, capability):
+            raise ComponentFailed(f"{self.name}: the FMU cannot {what}")
+        return self._fmu
+
+    # -------------------------------------------------------------- end
+
+    def close(self) -> None:
+        """Terminate and free the instance, unless it is lost (after fmi2Fatal nothing may be called)."""
+        if self._handle is None:
+            return
+        if self._phase != "lost":
+            for state in list(self._states):
+                with suppress(ComponentFailed):
+                    self.free(state)
+            if self._phase == "running":
+                with suppress(ComponentFailed):
+                    self._call(self._fmu.fmi2Terminate)
+            self._fmu.fmi2FreeInstance(self._handle)
+        self._handle = None
+        _components.pop(self._number, None)
+
+    def __enter__(self) -> Component:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _description(folder: Path, fmu: Path) -> Any:
+    version = ""
+    with suppress(OSError):
+        head = (folder / "modelDescription.xml").read_bytes()[:2000].decode("utf-8", "replace")
+        version = head.partition("fmiVersion")[2].partition('"')[2].partition('"')[0]
+    if version and version != "2.0":
+        raise ComponentFailed(f"'{fmu}' is an FMU of FMI {version}: only FMI 2.0 for co-simulation is run")
+    try:
+        description = read_model_description(str(folder), validate=False)
+    except Exception as error:
+        raise ComponentFailed(f"'{fmu}' is not an FMU: bad modelDescription.xml: {error}") from None
+    if description.coSimulation is None:
+        raise ComponentFailed(f"'{fmu}' is an FMU for model exchange: only FMI 2.0 for co-simulation is run")
+    return description
+
+
+def _location(resources: Path) -> str:
+    """URI of the resources; in the clear where wrappers, which decode %20 at most, would look elsewhere."""
+    quoted = resources.as_uri()
+    return quoted if "%" not in quoted.replace("%20", "") else unquote(quoted)
