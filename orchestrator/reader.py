@@ -144,9 +144,9 @@ class Log:
         self._walk()
         self.complete = self.closing is not None and self._ended and not self.faults
         self._places: dict[str, tuple[str, int]] = {}
-        for topic, (names, _, _) in self.topics.items():
-            for column, name in enumerate(names):
-                self._places.setdefault(f"{_owner(topic)}.{name}", (topic, column))
+        for topic, about in self.topics.items():
+            for column in range(len(about.names)):
+                self._places.setdefault(self.name(topic, column), (topic, column))
 
     def __enter__(self) -> Log:
         return self
@@ -183,10 +183,8 @@ class Log:
 
     def read(self, topic: str) -> Series:
         """All messages of a topic; raises NoSuchSignal, LogUnreadable. Kept: do not write into the arrays."""
-        if topic not in self.topics:
-            raise NoSuchSignal(f"{self.path} has no topic '{topic}'{_near(topic, self.topics)}")
+        names = self.topics[self.known_topic(topic)].names
         if topic not in self._series:
-            names = self.topics[topic].names
             decoded = [messages.decode() for messages in self._of(topic)]
             if decoded:
                 t, h, values = (np.concatenate(columns) for columns in zip(*decoded, strict=True))
@@ -198,6 +196,16 @@ class Log:
     def sequence(self, topic: str) -> NDArray[np.uint32]:
         """Number of the step of every message of a topic (m,); raises LogUnreadable."""
         return np.concatenate([np.empty(0, np.uint32), *(messages.sequence for messages in self._of(topic))])
+
+    def known_topic(self, topic: str) -> str:
+        """The topic, if the log has it; raises NoSuchSignal."""
+        if topic not in self.topics:
+            raise NoSuchSignal(f"{self.path} has no topic '{topic}'{_near(topic, self.topics)}")
+        return topic
+
+    def name(self, topic: str, column: int) -> str:
+        """The "instance.variable" in a column of a topic."""
+        return f"{_owner(topic)}.{self.topics[topic].names[column]}"
 
     def find(self, signal: str) -> tuple[str, int]:
         """Topic and column of "instance.variable"; raises NoSuchSignal."""
@@ -248,17 +256,12 @@ class Log:
         ]
         return hashlib.sha256(json.dumps(whole).encode()).hexdigest()
 
-    def check(self) -> list[str]:
-        """Faults of single records and of the checksums over all bytes, in sentences; reads everything."""
-        found = list(self.faults)
+    def checksums(self) -> list[str]:
+        """Faults of attachments and of the checksums over all bytes, in sentences; chunks: see ``intact``."""
+        found = []
         for name in self._attachments:
             try:
                 self.attachment(name)
-            except LogUnreadable as damage:
-                found.append(str(damage))
-        for offset in self._chunks:
-            try:
-                self._read(offset)
             except LogUnreadable as damage:
                 found.append(str(damage))
         if self._data_end is not None:

@@ -202,11 +202,9 @@ def descriptor(name: str, fields: Iterable[Field]) -> bytes:
     file = FileDescriptorProto(name=f"{name.replace('.', '/')}.proto", package=package, syntax="proto3")
     kind = file.message_type.add(name=message)
     for field in (Field("t", 1, 0), Field("h", 2, 0), *fields):
+        label = FieldDescriptorProto.LABEL_REPEATED if field.length else FieldDescriptorProto.LABEL_OPTIONAL
         kind.field.add(
-            name=field.name,
-            number=field.number,
-            type=FieldDescriptorProto.TYPE_DOUBLE,
-            label=FieldDescriptorProto.LABEL_REPEATED if field.length else FieldDescriptorProto.LABEL_OPTIONAL,
+            name=field.name, number=field.number, type=FieldDescriptorProto.TYPE_DOUBLE, label=label
         )
     return FileDescriptorSet(file=[file]).SerializeToString(deterministic=True)
 

@@ -1,0 +1,315 @@
+"""What can be asked of a log: is it whole, save what is left of it, what is in it, give it as CSV."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple, TextIO
+
+import numpy as np
+
+from orchestrator.reader import Log, LogUnreadable, Messages, NoSuchSignal, Series
+from orchestrator.recorder import LogFailed, Recorder
+
+WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes
+
+
+class Verdict(NamedTuple):
+    """What a check or a recovery found."""
+
+    code: int  # WHOLE, BROKEN or RECOVERED
+    sentences: list[str]
+
+
+class TopicInfo(NamedTuple):
+    """One topic of a log."""
+
+    topic: str
+    signals: int
+    messages: int
+    every: int  # one step in ``every`` is recorded
+    first: float  # s; nan without messages
+    last: float  # s; nan without messages
+    bytes: int  # of its messages before compression
+
+
+class Info(NamedTuple):
+    """A log at a glance."""
+
+    path: Path
+    bytes: int
+    complete: bool
+    faults: list[str]
+    status: str  # of the closing record; "cut off" without one
+    message: str
+    steps: int | None  # communication steps done; None where the log was cut off
+    start: float  # s; nan without messages
+    end: float  # s; nan without messages
+    digest: str  # empty where a part is damaged
+    topics: list[TopicInfo]
+    attachments: list[tuple[str, int]]  # name, bytes
+    metadata: dict[str, dict[str, str]]
+
+
+class _Tally:
+    """What passes by of one topic: its steps and times."""
+
+    def __init__(self) -> None:
+        self.messages = 0
+        self.bytes = 0
+        self.first = self.last = float("nan")
+        self.newest: int | None = None  # sequence
+        self.hash = hashlib.sha256()
+
+    def add(self, messages: Messages, stride: int | None) -> list[str]:
+        """Count messages; sentences on steps that are missing (every ``stride``) and times that are wrong."""
+        found = []
+        sequence = messages.sequence.astype(np.int64)
+        if self.newest is not None:
+            sequence = np.concatenate([[self.newest], sequence])
+        steps = np.diff(sequence)
+        wrong = np.flatnonzero(steps != stride if stride else steps <= 0)
+        if len(wrong):
+            before, after = sequence[wrong[0] : wrong[0] + 2]
+            found.append(f"{messages.topic}: step {after} follows step {before}")
+        t = messages.decode()[0]
+        times = np.rint(t * 1e9).astype(np.uint64)
+        if not (np.array_equal(messages.log_time, times) and np.array_equal(messages.publish_time, times)):
+            found.append(f"{messages.topic}: times of records and messages differ near t = {t[0]:.6g} s")
+        self.first = t[0] if self.messages == 0 else self.first
+        self.last = t[-1]
+        self.newest = int(sequence[-1])
+        self.messages += len(messages.rows)
+        self.bytes += messages.rows.nbytes
+        self.hash.update(messages.digestible())
+        return found
+
+
+def verify(path: str | os.PathLike[str]) -> Verdict:
+    """Whether a log is whole: every checksum, every step, every sha256, the closing record."""
+    try:
+        with Log(path) as log:
+            faults = _faults(log)
+            if faults:
+                return Verdict(BROKEN, faults)
+            closing = log.closing or {}
+            count = sum(closing["messages"].values())
+            sentence = (
+                f"{path} is whole: {len(log.topics)} topics, {count} messages, {closing['steps']} steps"
+            )
+            ending = f"the run ended with status {closing['status']}"
+            return Verdict(
+                WHOLE, [sentence, f"{ending}: {closing['message']}" if closing["message"] else ending]
+            )
+    except LogUnreadable as error:
+        return Verdict(BROKEN, [str(error)])
+
+
+def _faults(log: Log) -> list[str]:
+    """All that is wrong with a log, in sentences."""
+    tallies = {topic: _Tally() for topic in log.topics}
+    faults = [
+        fault
+        for piece in log.intact()
+        for messages in piece
+        for fault in tallies[messages.topic].add(messages, _stride(log, messages.topic))
+    ]
+    faults = [*log.faults, *log.checksums(), *faults]
+    if log.closing is None:
+        last = max((tally.last for tally in tallies.values() if tally.messages), default=0.0)
+        return [*faults, f"{log.path} has no closing record: the run was cut off after t = {last:.6g} s"]
+    for topic, expected in log.closing["messages"].items():
+        if topic not in tallies:
+            faults.append(f"{topic} is missing")
+        elif tallies[topic].messages != expected:
+            faults.append(f"{topic} has {tallies[topic].messages} messages, {expected} were recorded")
+        elif tallies[topic].hash.hexdigest() != log.closing["sha256"].get(topic):
+            faults.append(f"{topic} does not have the sha256 of the closing record")
+    return faults
+
+
+def _stride(log: Log, topic: str) -> int | None:
+    """Steps from one message to the next; None for statistics, which are recorded when it suits."""
+    return None if topic.startswith("/stats/") else log.topics[topic].every
+
+
+def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdict:
+    """Write a new log with everything that is whole in a broken one.
+
+    WHOLE where nothing was lost, RECOVERED where something was (the new log's closing record says so), BROKEN
+    where nothing could be saved.
+    """
+    source, target = Path(path), Path(out)
+    if target.exists() and source.exists() and target.samefile(source):
+        return Verdict(BROKEN, [f"{target} is the log itself: give another name"])
+    try:
+        with Log(source) as log:
+            if not log.topics:
+                return Verdict(BROKEN, [f"nothing could be saved from {source}", *log.faults])
+            return _rewrite(log, target)
+    except (LogUnreadable, LogFailed) as error:
+        return Verdict(BROKEN, [str(error)])
+
+
+def _rewrite(log: Log, target: Path) -> Verdict:
+    attachments = {
+        name: content for name in log.attachments if (content := _attachment(log, name)) is not None
+    }
+    complete = len(attachments) == len(log.attachments)
+    topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
+    every = {topic: about.every for topic, about in log.topics.items()}
+    saved = dict.fromkeys(log.topics, 0)
+    last, steps = 0.0, 0
+    with Recorder(target, topics, attachments, log.metadata, every=every) as recorder:
+        for piece in log.intact():
+            for messages in piece:
+                t, h, values = messages.decode()
+                for row, sequence in enumerate(messages.sequence.tolist()):
+                    recorder.write(messages.topic, sequence, t[row], h[row], values[row])
+                saved[messages.topic] += len(t)
+                last, steps = max(last, t[-1]), max(steps, int(messages.sequence[-1]))
+        closing = log.closing
+        if closing is not None and complete and saved == closing["messages"]:
+            recorder.close(closing["status"], closing["message"], closing["steps"])
+        else:
+            recorder.close("failed", f"recovered from a broken log, which reads to t = {last:.6g} s", steps)
+    with Log(target) as copy:
+        same = closing is not None and complete and copy.hashes() == closing["sha256"]
+    if same:
+        return Verdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
+    sentence = f"{target} holds {sum(saved.values())} messages, to t = {last:.6g} s; the rest is lost"
+    return Verdict(RECOVERED, [sentence, *log.faults])
+
+
+def _attachment(log: Log, name: str) -> bytes | None:
+    """The content of an attached file, None where it is damaged (which goes to the log's faults)."""
+    try:
+        return log.attachment(name)
+    except LogUnreadable as damage:
+        log.faults.append(str(damage))
+        return None
+
+
+def info(path: str | os.PathLike[str]) -> Info:
+    """A log at a glance; reads all of it. Raises LogUnreadable."""
+    with Log(path) as log:
+        tallies = {topic: _Tally() for topic in log.topics}
+        for piece in log.intact():
+            for messages in piece:
+                tallies[messages.topic].add(messages, None)
+        try:
+            digest = log.digest()
+        except LogUnreadable:
+            digest = ""
+        attachments = [(name, len(_attachment(log, name) or b"")) for name in log.attachments]
+        topics = [
+            TopicInfo(
+                topic, len(about.names), tally.messages, about.every, tally.first, tally.last, tally.bytes
+            )
+            for (topic, about), tally in zip(log.topics.items(), tallies.values(), strict=True)
+        ]
+        written = [topic for topic in topics if topic.messages]
+        closing = log.closing
+        return Info(
+            path=log.path,
+            bytes=log.size,
+            complete=log.complete and not log.faults,
+            faults=list(log.faults),
+            status=closing["status"] if closing else "cut off",
+            message=closing["message"] if closing else "",
+            steps=closing["steps"] if closing else None,
+            start=min((topic.first for topic in written), default=float("nan")),
+            end=max((topic.last for topic in written), default=float("nan")),
+            digest=digest,
+            topics=topics,
+            attachments=attachments,
+            metadata=log.metadata,
+        )
+
+
+def export(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    signals: Sequence[str] = (),
+    topics: Sequence[str] = (),
+) -> list[Path]:
+    """Write recorded values as CSV and return the files.
+
+    A column is ``t [s]`` or ``instance.variable [unit]``; numbers are the shortest that read back as the same
+    double (only the payload of a NaN is lost). ``signals`` and ``topics`` choose, ``*`` in them stands for
+    anything; without either everything is written. ``out`` is a folder, which gets one file a topic
+    (``left_track.out.csv``), or, when it ends in ``.csv``, one file: its signals must have the same times.
+
+    :raises NoSuchSignal: for what the log does not hold, or cannot put into one file.
+    :raises LogUnreadable: for a log, or a part of it, that cannot be read.
+    :raises LogFailed: where the CSV cannot be written.
+    """
+    target = Path(out)
+    with Log(path) as log:
+        chosen = _choose(log, signals, topics)
+        tables = {topic: log.read(topic) for topic in chosen}
+        if target.suffix.lower() != ".csv":
+            files = {target / f"{topic.strip('/').replace('/', '.')}.csv": [topic] for topic in chosen}
+        else:
+            first, *others = chosen
+            for topic in others:
+                if not np.array_equal(tables[topic].t, tables[first].t):
+                    raise NoSuchSignal(
+                        f"{first} and {topic} were recorded at different times: export to a folder"
+                    )
+            files = {target: list(chosen)}
+        for file, members in files.items():
+            header = ["t [s]"] + [
+                f"{log.name(topic, column)} [{log.topics[topic].units[column]}]"
+                for topic in members
+                for column in chosen[topic]
+            ]
+            _write(file, header, [(tables[topic], chosen[topic]) for topic in members])
+    return list(files)
+
+
+def _choose(log: Log, signals: Sequence[str], topics: Sequence[str]) -> dict[str, list[int]]:
+    """Topic -> columns, in the order of the log; raises NoSuchSignal."""
+    chosen: dict[str, set[int]] = {}
+    for wanted in topics:
+        found = [topic for topic in log.topics if _matches(wanted, topic)]
+        for topic in found or [log.known_topic(wanted)]:
+            chosen.setdefault(topic, set()).update(range(len(log.topics[topic].names)))
+    for wanted in signals:
+        for signal in [name for name in log.signals if _matches(wanted, name)] or [wanted]:
+            topic, column = log.find(signal)
+            chosen.setdefault(topic, set()).add(column)
+    if not topics and not signals:
+        chosen = {topic: set(range(len(about.names))) for topic, about in log.topics.items()}
+    return {topic: sorted(chosen[topic]) for topic in log.topics if topic in chosen}
+
+
+def _matches(pattern: str, text: str) -> bool:
+    """Whether ``pattern``, with ``*`` for anything, is ``text`` (brackets mean themselves)."""
+    return re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), text) is not None
+
+
+def _write(file: Path, header: list[str], parts: Sequence[tuple[Series, list[int]]]) -> None:
+    t = parts[0][0].t
+    table = np.concatenate([t[:, None], *(series.values[:, columns] for series, columns in parts)], axis=1)
+    with _writing(file) as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(header)
+        for start in range(0, len(table), 1000):
+            writer.writerows(table[start : start + 1000].tolist())
+
+
+@contextmanager
+def _writing(file: Path) -> Iterator[TextIO]:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with file.open("w", newline="") as stream:
+            yield stream
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise LogFailed(f"{file} cannot be written: {reason[:1].lower()}{reason[1:]}") from None
