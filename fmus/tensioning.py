@@ -1,0 +1,56 @@
+"""Where a wheel has to stand so that a closed chain carries a wanted static tension (build side).
+
+The links are so stiff that a millimetre is a kilonewton: the place is solved with the track's own static equilibrium,
+not drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from scipy.optimize import brentq
+
+from fmus.model import InvalidParameter, StepFailed
+from fmus.track import T_MEAN
+from fmus.track_flexible.model import Model
+from fmus.vehicle import BadInput
+
+SLACK, TIGHT = 0.06, 0.06  # how far the wheel is moved from its drawn place, m
+
+
+def tension_wheel(config: Mapping[str, Any], name: str, tension: float) -> tuple[float, float]:
+    """Place along x, m, of the wheel ``name`` for the mean static ``tension``, N, and the push along -x that holds it, N.
+
+    ``config`` is that of a track. Raises BadInput when the chain cannot carry that tension with the wheel within 60 mm
+    of its drawn place.
+    """
+    track = config["track"]
+    at = next(i for i, wheel in enumerate(track["wheels"]) if wheel["name"] == name)
+    drawn = float(track["wheels"][at]["position"][0])
+
+    def settled(x: float) -> Model:
+        wheels = [dict(wheel) for wheel in track["wheels"]]
+        wheels[at]["position"] = [x, wheels[at]["position"][1]]
+        model = Model({**config, "track": {**track, "wheels": wheels}, "link_outputs": False})
+        model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"})
+        return model
+
+    def excess(x: float) -> float:
+        try:
+            return float(settled(x).report[T_MEAN]) - tension
+        except (InvalidParameter, StepFailed):
+            # beyond what can be laid out: too short a loop hangs, too long a one does not close
+            return -tension if x > drawn else 1e6
+
+    try:
+        settled(drawn)
+    except (InvalidParameter, StepFailed) as error:
+        raise BadInput(f"vehicle.track.links = {track['links']}: {error}") from None
+    low, high = drawn - TIGHT, drawn + SLACK
+    tight, slack = excess(low), excess(high)
+    if not tight > 0.0 > slack:
+        raise BadInput(f"vehicle.track.tension = {tension:.6g} N: not reached with the {name} within {TIGHT * 1e3:.0f} mm of "
+                       f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)")
+    x = round(float(brentq(excess, low, high, xtol=1e-8)), 8)
+    return x, round(float(settled(x).wrench[2 * at, 0]), 3)
