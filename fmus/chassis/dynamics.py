@@ -156,7 +156,7 @@ def rates(tree, x, u, out):
             b[i] -= Q[k, i] * g[k]
             for j in range(i + 1):
                 M[i, j] -= Q[k, i] * Q[k, j] / own
-            Q[k, i] /= own
+        Q[k] /= own
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
