@@ -1,0 +1,1 @@
+"""A track of rigid links on pins."""

@@ -1,0 +1,200 @@
+"""The linear system of a Newton step of a pinned chain of rigid links, solved in O(n).
+
+    [ K  -B^T ] [ dx ]     [ r ]
+    [ B   D   ] [ dl ] = - [ C ]
+
+K is block diagonal (6 x 6 a link), B the Jacobian of the pins (rigid/pin.py), D the compliance of the closing pin.
+Eliminating dx leaves B K^-1 B^T + D, block tridiagonal with one 5 x 5 block a pin and cyclic in a closed chain.
+
+Pin j joins link j - 1 with link j; a closed chain of n links has n pins, an open one n + 1 of which the first and the
+last hold it to the ground, or are absent (their blocks then hold ones). Pins all parallel close a chain by three
+equations too many (320 of rank 317 for 64 links): the closing pin, 0 of a closed chain and the last of an open one
+held at both ends, is compliant along its axis and in tilting. The others close the chain in these directions too,
+so that this spring stays unloaded.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics import block_cyclic
+from fmus.physics.rigid import pin
+
+STIFFNESS = 1e9  # of the closing pin, N/m along its axis
+TILTING = 1e7  # and N m/rad
+
+
+class System(NamedTuple):
+    """Arrays of one chain's linear system; p pins, n links."""
+
+    A: np.ndarray  # (n, 3, 3) rotation matrices of the links
+    WP: np.ndarray  # (p, 2, 3) axis rows of the link before each pin
+    WQ: np.ndarray  # (p, 2, 3) and of the one behind it
+    K: np.ndarray  # (n, 6, 6) diagonal blocks, inverted in place by ``factor``
+    r: np.ndarray  # (n, 6) residual of the links, N and N m
+    C: np.ndarray  # (p, 5) residual of the pins, m and rad
+    dx: np.ndarray  # (n, 6) increments of the links, m and rad
+    dl: np.ndarray  # (p, 5) increments of the multipliers, N and N m
+    S: np.ndarray  # (3, p, 5, 5) Schur complement: diagonal, upper, lower
+    factors: np.ndarray  # of the block solver
+    P: np.ndarray  # (10, 6) scratch, also of the inversion
+
+
+class Ends(NamedTuple):
+    """How the chain ends."""
+
+    closed: bool
+    first: bool  # an open chain's first pin holds it to the ground
+    last: bool  # and its last
+
+
+def system(n: int, closed: bool) -> System:
+    """Zeroed arrays for ``n`` links."""
+    p = n if closed else n + 1
+    return System(
+        A=np.zeros((n, 3, 3)),
+        WP=np.zeros((p, 2, 3)),
+        WQ=np.zeros((p, 2, 3)),
+        K=np.zeros((n, 6, 6)),
+        r=np.zeros((n, 6)),
+        C=np.zeros((p, 5)),
+        dx=np.zeros((n, 6)),
+        dl=np.zeros((p, 5)),
+        S=np.zeros((3, p, 5, 5)),
+        factors=block_cyclic.workspace(p, 5),
+        P=np.zeros((10, 6)),
+    )
+
+
+@kernel
+def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
+    """Add a link's B K^-1 B^T: its pin before (it is Q; rows 0-4 of P), its pin after (it is P; rows 5-9)."""
+    for k in range(3):
+        y, z = -half * A[k, 2], half * A[k, 1]
+        for c in range(6):
+            turning = y * Kinv[4, c] + z * Kinv[5, c]
+            P[k, c] = turning - Kinv[k, c]
+            P[5 + k, c] = turning + Kinv[k, c]
+    for k in range(2):
+        for c in range(6):
+            P[3 + k, c] = WQ[k, 0] * Kinv[3, c] + WQ[k, 2] * Kinv[5, c]
+            P[8 + k, c] = WP[k, 0] * Kinv[3, c] + WP[k, 1] * Kinv[4, c] + WP[k, 2] * Kinv[5, c]
+    for a in range(5):
+        for k in range(3):
+            y, z = -half * A[k, 2], half * A[k, 1]
+            turning = y * P[a, 4] + z * P[a, 5]
+            SA[a, k] += turning - P[a, k]
+            SU[a, k] = turning + P[a, k]
+            turning = y * P[5 + a, 4] + z * P[5 + a, 5]
+            SL[a, k] = turning - P[5 + a, k]
+            SB[a, k] += turning + P[5 + a, k]
+        for k in range(2):
+            SA[a, 3 + k] += WQ[k, 0] * P[a, 3] + WQ[k, 2] * P[a, 5]
+            SU[a, 3 + k] = WP[k, 0] * P[a, 3] + WP[k, 1] * P[a, 4] + WP[k, 2] * P[a, 5]
+            SL[a, 3 + k] = WQ[k, 0] * P[5 + a, 3] + WQ[k, 2] * P[5 + a, 5]
+            SB[a, 3 + k] += WP[k, 0] * P[5 + a, 3] + WP[k, 1] * P[5 + a, 4] + WP[k, 2] * P[5 + a, 5]
+
+
+@kernel
+def factor(half, ends, s):
+    """Factor the system whose A, WP, WQ and K are set. Returns -1, or the index of the singular link or pin."""
+    n, p = s.K.shape[0], s.C.shape[0]
+    SA, SU, SL = s.S[0], s.S[1], s.S[2]
+    SA[:] = 0.0
+    for i in range(n):
+        if not block_cyclic.invert(s.K[i], s.P[0]):
+            return i
+        j = (i + 1) % p
+        _complement(half, s.A[i], s.K[i], s.WQ[i], s.WP[j], s.P, SA[i], SU[i], SL[j], SA[j])
+    if not ends.closed:
+        if not ends.first:
+            _absent(0, SA, SU, SL)
+        if not ends.last:
+            _absent(n, SA, SU, SL)
+    if ends.closed or (ends.first and ends.last):
+        link = 0 if ends.closed else n - 1
+        close = 0 if ends.closed else n
+        for i in range(3):
+            for k in range(3):
+                SA[close, i, k] += s.A[link, i, 1] * s.A[link, k, 1] / STIFFNESS
+        SA[close, 3, 3] += 1.0 / TILTING
+        SA[close, 4, 4] += 1.0 / TILTING
+    return block_cyclic.factor(SA, SU, SL, s.factors, ends.closed)
+
+
+@kernel
+def _absent(j, SA, SU, SL):
+    """Pin ``j`` of an open chain holds nothing: ones on its diagonal, no coupling."""
+    p = SA.shape[0]
+    SA[j] = 0.0
+    for k in range(5):
+        SA[j, k, k] = 1.0
+    SU[j] = 0.0
+    SL[j] = 0.0
+    if j > 0:
+        SU[j - 1] = 0.0
+    if j < p - 1:
+        SL[j + 1] = 0.0
+
+
+@kernel
+def compliance(ends, s, lam):
+    """Add the give of the closing pin under its multipliers ``lam`` (p, 5) to the residual C."""
+    n = s.K.shape[0]
+    if ends.closed or (ends.first and ends.last):
+        link = 0 if ends.closed else n - 1
+        j = 0 if ends.closed else n
+        along = s.A[link, 0, 1] * lam[j, 0] + s.A[link, 1, 1] * lam[j, 1] + s.A[link, 2, 1] * lam[j, 2]
+        for i in range(3):
+            s.C[j, i] += s.A[link, i, 1] * along / STIFFNESS
+        s.C[j, 3] += lam[j, 3] / TILTING
+        s.C[j, 4] += lam[j, 4] / TILTING
+
+
+@kernel
+def solve(half, ends, s):
+    """Solve for dx and dl with the residuals r and C and what ``factor`` left."""
+    n, p = s.K.shape[0], s.C.shape[0]
+    dx, dl = s.dx, s.dl
+    for j in range(p):
+        for k in range(5):
+            dl[j, k] = -s.C[j, k]
+    for i in range(n):
+        for a in range(6):
+            y = 0.0
+            for c in range(6):
+                y += s.K[i, a, c] * s.r[i, c]
+            dx[i, a] = y
+        _apply(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], dx[i], dl[i], dl[(i + 1) % p])
+    if not ends.closed:
+        for k in range(5):
+            if not ends.first:
+                dl[0, k] = 0.0
+            if not ends.last:
+                dl[n, k] = 0.0
+    block_cyclic.solve(s.S[0], s.S[1], s.factors, ends.closed, dl)
+    f = s.P[0]
+    for i in range(n):
+        for a in range(6):
+            f[a] = -s.r[i, a]
+        pin.reaction(half, s.A[i], dl[i], dl[(i + 1) % p], s.WQ[i], s.WP[(i + 1) % p], f)
+        for a in range(6):
+            y = 0.0
+            for c in range(6):
+                y += s.K[i, a, c] * f[c]
+            dx[i, a] = y
+
+
+@kernel
+def _apply(half, A, WQ, WP, x, before, after):
+    """Add a link's B x to the rows of the pins ``before`` and ``after`` (5)."""
+    for k in range(3):
+        turning = half * (A[k, 1] * x[5] - A[k, 2] * x[4])
+        before[k] += turning - x[k]
+        after[k] += turning + x[k]
+    for k in range(2):
+        before[3 + k] += WQ[k, 0] * x[3] + WQ[k, 1] * x[4] + WQ[k, 2] * x[5]
+        after[3 + k] += WP[k, 0] * x[3] + WP[k, 1] * x[4] + WP[k, 2] * x[5]

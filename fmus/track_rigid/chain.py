@@ -1,0 +1,630 @@
+"""The rigid chain in time: residual with contact, Newton, ``settle`` to static equilibrium and ``advance``.
+
+Index-3 generalised-alpha on the Lie group of the links' poses: the equations of motion and the pins' position
+equations hold at the end of every step, to the tolerances below.
+
+    M vdot + w cross J w - f(t, q, v) - B(q)^T lambda = 0,    C(q) + D lambda = 0
+
+Unknowns of Newton are the links' increments over the step and the multipliers (rigid/augmented.py). What a wheel gets
+is the reaction to what its contacts give to the links, passed through the recursion of the velocities.
+All in the track's frame.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.contact.friction import Scratch, scratch
+from fmus.physics.contact.ground import ground_contact
+from fmus.physics.contact.partner import WIDTH, collect, move
+from fmus.physics.contact.teeth import teeth_contact
+from fmus.physics.contact.wheel import GAUSS, reach, wheel_contact
+from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary, slopes
+from fmus.physics.rigid import augmented, body, pin
+from fmus.physics.rigid.augmented import System
+
+GAP = 1e-12  # largest misfit of a pin, m and rad
+FORCE = 1e-9  # largest residual of a link, relative to weight and pull
+ITERATIONS = 15  # of Newton, before a step is given up
+REUSE = 0.05  # keep the tangent while an iteration leaves less than this of the residual
+BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # of the pseudo-transient: backward Euler
+LONG = 50.0  # longest pseudo step towards equilibrium, s
+STILL = 1e-11  # largest movement over it at equilibrium, m and rad
+
+# tally: sums over the run, then figures of the last evaluation
+TRAVEL, DISSIPATED, WORK, POWER, LOAD_POWER, CONTACT, DEPTH, SLIP, LOAD = range(9)
+TALLY = 9
+
+
+class Link(NamedTuple):
+    """A link, SI units."""
+
+    half: float  # half the pitch, m
+    face: float  # from the pin line to the inner and to the outer face, m
+    lateral: float  # of the contact points from the middle, m
+    mass: float  # kg
+    inertia: np.ndarray  # (3) about its own axes, kg m2
+
+
+class State(NamedTuple):
+    """Views into the flat state of a chain: n links, p pins, m wheels."""
+
+    q: np.ndarray  # (n, 7) poses: centre of mass, quaternion
+    v: np.ndarray  # (n, 6) velocity, angular velocity in body axes
+    a: np.ndarray  # (n, 6) auxiliary accelerations
+    vdot: np.ndarray  # (n, 6) accelerations
+    lam: np.ndarray  # (p, 5) multipliers of the pins
+    F: np.ndarray  # (m + 1, 6) wrench on each wheel now; the last row is the ground's on the chain
+    W: np.ndarray  # (m + 1, 6) auxiliary wrenches
+    tally: np.ndarray  # (TALLY)
+
+
+class Work(NamedTuple):
+    """Scratch of one chain."""
+
+    system: System
+    contact: Scratch
+    q0: np.ndarray  # (n, 7), and the state at the beginning of the step
+    v0: np.ndarray
+    a0: np.ndarray
+    vdot0: np.ndarray
+    lam0: np.ndarray
+    F0: np.ndarray
+    x: np.ndarray  # (n, 6) increments over the step
+    rows: np.ndarray  # (m, 15) the wheels at the end of the step
+    impulse: np.ndarray  # (m + 1, 6) over the communication step
+    tally0: np.ndarray
+    point: np.ndarray  # (3, 3): a contact point's position, velocity, lever
+    N: np.ndarray  # (2, 3, 3) its derivative by the link's turning
+    ground: np.ndarray  # (2, 7) poses of the bodies that hold the first and the last pin
+    still: np.ndarray  # (3, 3) their rotation matrix, ones
+
+
+def shapes(n: int, closed: bool, wheels: int) -> tuple[tuple[int, ...], ...]:
+    """Shapes of the arrays of a State, in order."""
+    p, m = n if closed else n + 1, wheels + 1
+    return ((n, 7), (n, 6), (n, 6), (n, 6), (p, 5), (m, 6), (m, 6), (TALLY,))
+
+
+def views(flat: np.ndarray, n: int, closed: bool, wheels: int) -> State:
+    """A State that looks into the flat array."""
+    table = shapes(n, closed, wheels)
+    parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in table])[:-1])
+    return State(*(part.reshape(shape) for part, shape in zip(parts, table, strict=True)))
+
+
+def place(link: Link, pins: np.ndarray, s: State, w: Work) -> None:
+    """Put the links between ``pins`` (nodes, 2; x and z) at rest, and the ground's pins where the chain ends."""
+    n = len(s.q)
+    chord = (np.roll(pins, -1, axis=0) - pins)[:n]
+    angle = np.arctan2(chord[:, 1], chord[:, 0])  # from x towards z, that is about -y
+    s.q[:] = 0.0
+    s.q[:, [0, 2]] = pins[:n] + 0.5 * chord
+    s.q[:, 3], s.q[:, 5] = np.cos(0.5 * angle), -np.sin(0.5 * angle)
+    w.ground[0, [0, 2]] = pins[0] - [link.half, 0.0]
+    w.ground[1, [0, 2]] = pins[-1] + [link.half, 0.0]
+
+
+def work(n: int, closed: bool, wheels: int) -> Work:
+    """Zeroed scratch."""
+    z, p = np.zeros, n if closed else n + 1
+    ground = z((2, 7))
+    ground[:, 3] = 1.0
+    return Work(
+        augmented.system(n, closed),
+        scratch(),
+        *(z((n, 7)), z((n, 6)), z((n, 6)), z((n, 6)), z((p, 5)), z((wheels + 1, 6)), z((n, 6))),
+        *(z((wheels, WIDTH)), z((wheels + 1, 6)), z(TALLY), z((3, 3)), z((2, 3, 3)), ground, np.eye(3)),
+    )
+
+
+@kernel
+def _lever(A, v, r, lx, ly, lz, point):
+    """A point of a link at (lx, ly, lz) in body axes: position, velocity, lever into rows 0 to 2 of ``point``."""
+    # body velocity of the point: w cross l
+    u0, u1, u2 = v[4] * lz - v[5] * ly, v[5] * lx - v[3] * lz, v[3] * ly - v[4] * lx
+    for i in range(3):
+        lever = A[i, 0] * lx + A[i, 1] * ly + A[i, 2] * lz
+        point[2, i] = lever
+        point[0, i] = r[i] + lever
+        point[1, i] = v[i] + A[i, 0] * u0 + A[i, 1] * u1 + A[i, 2] * u2
+
+
+@kernel
+def _push(A, lever, share, c, by_v, tangent, N, r, K):
+    """Put ``share`` of the contact force in the scratch ``c`` on a link at ``lever`` (3): residual r, tangent K."""
+    f = c.f
+    for k in range(3):
+        # N = d(point)/d(turning about body axis k) = axis cross lever; N^T f is the body torque
+        n0 = A[1, k] * lever[2] - A[2, k] * lever[1]
+        n1 = A[2, k] * lever[0] - A[0, k] * lever[2]
+        n2 = A[0, k] * lever[1] - A[1, k] * lever[0]
+        N[0, 0, k], N[0, 1, k], N[0, 2, k] = n0, n1, n2
+        r[k] -= share * f[k]
+        r[3 + k] -= share * (n0 * f[0] + n1 * f[1] + n2 * f[2])
+    if not tangent:
+        return
+    for i in range(3):
+        for j in range(3):
+            K[i, j] -= share * (c.f_x[i, j] + by_v * c.f_v[i, j])
+        for k in range(3):
+            s = 0.0
+            for j in range(3):
+                s -= share * (c.f_x[i, j] + by_v * c.f_v[i, j]) * N[0, j, k]
+            N[1, i, k] = s
+            K[i, 3 + k] += s
+    for k in range(3):
+        for j in range(3):
+            s = 0.0
+            t = 0.0
+            for i in range(3):
+                s -= N[0, i, k] * share * (c.f_x[i, j] + by_v * c.f_v[i, j])
+                t += N[0, i, k] * N[1, i, j]
+            K[3 + k, j] += s
+            K[3 + k, 3 + j] += t
+
+
+@kernel
+def _count(s, depth, energy, power):
+    s.tally[CONTACT] += energy
+    s.tally[POWER] += power
+    s.tally[DEPTH] = max(s.tally[DEPTH], depth)
+
+
+@kernel
+def _rims(link, env, wheels, i, s, w, by_v, tangent):
+    """Rolling contact of link ``i``'s inner face on all smooth wheels."""
+    A, q, v, p, c = w.system.A[i], s.q[i], s.v[i], w.point, w.contact
+    for k in range(w.rows.shape[0]):
+        row = w.rows[k]
+        d0, d1, d2 = q[0] - row[0], q[1] - row[1], q[2] - row[2]
+        near = wheels.radius[k] + link.face + link.half
+        if wheels.teeth[k] != 0 or d0 * d0 + d1 * d1 + d2 * d2 > near * near + 4.0 * link.lateral**2:
+            continue
+        for j in range(3):
+            p[0, j] = q[j] - link.half * A[j, 0]
+            p[1, j] = q[j] + link.half * A[j, 0]
+        low, high = reach(row, wheels.radius[k], p[0], p[1], link.face)
+        if high <= low:
+            continue
+        for g in range(4):
+            along = low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)
+            lateral = (2 * (g % 2) - 1) * link.lateral
+            _lever(A, v, q, (2.0 * along - 1.0) * link.half, lateral, -link.face, p)
+            share = 0.25 * (high - low)
+            depth, _, energy, power, _ = wheel_contact(env.wheel, share, wheels.radius[k], row, p[0], p[1], c)
+            if depth > 0.0:
+                _count(s, depth, energy, power)
+                collect(row, p[0], c.f, s.F[k])
+                _push(A, p[2], 1.0, c, by_v, tangent, w.N, w.system.r[i], w.system.K[i])
+
+
+@kernel
+def _teeth(link, ends, env, wheels, j, s, w, by_v, tangent):
+    """Pin ``j`` in the teeth, at two places across; half of the force goes to each of its links."""
+    p, c, n = w.point, w.contact, s.q.shape[0]
+    before = j - 1 if j > 0 or not ends.closed else n - 1
+    after = j if j < n else -1
+    i = after if after >= 0 else before
+    end = -link.half if after >= 0 else link.half
+    share = 1.0 if before < 0 or after < 0 else 0.5
+    for k in range(w.rows.shape[0]):
+        if wheels.teeth[k] == 0:
+            continue
+        row = w.rows[k]
+        square = 0.0
+        for a in range(3):
+            square += (s.q[i, a] + end * w.system.A[i, a, 0] - row[a]) ** 2
+        if square > wheels.radius[k] ** 2 + 4.0 * link.lateral**2:
+            continue
+        for g in range(2):
+            lateral = (2 * g - 1) * link.lateral
+            _lever(w.system.A[i], s.v[i], s.q[i], end, lateral, 0.0, p)
+            depth, _, energy, power, _ = teeth_contact(env.sprocket, 0.5, wheels.profile, row, p[0], p[1], c)
+            if depth > 0.0:
+                _count(s, depth, energy, power)
+                collect(row, p[0], c.f, s.F[k])
+                _push(w.system.A[i], p[2], share, c, by_v, tangent, w.N, w.system.r[i], w.system.K[i])
+                if share < 1.0:
+                    A = w.system.A[before]
+                    for a in range(3):  # the same point seen from the other link
+                        p[2, a] = link.half * A[a, 0] + lateral * A[a, 1]
+                    _push(A, p[2], share, c, by_v, tangent, w.N, w.system.r[before], w.system.K[before])
+
+
+@kernel
+def _soil(link, env, i, s, w, by_v, tangent):
+    """Four points of link ``i``'s outer face on the ground."""
+    A, p, c, F = w.system.A[i], w.point, w.contact, s.F[w.rows.shape[0]]
+    if s.q[i, 2] - link.face - link.half > env.height:
+        return
+    for g in range(4):
+        along, lateral = 2.0 * (2 * (g // 2) - 1) * GAUSS * link.half, (2 * (g % 2) - 1) * link.lateral
+        _lever(A, s.v[i], s.q[i], along, lateral, link.face, p)
+        depth, force, energy, power, _ = ground_contact(env.soil, 0.25, env.height, p[0], p[1], c)
+        if depth > 0.0:
+            _count(s, depth, energy, power)
+            s.tally[LOAD] += force
+            s.tally[SLIP] -= force * p[1, 0]
+            for a in range(3):
+                F[a] += c.f[a]
+            _push(A, p[2], 1.0, c, by_v, tangent, w.N, w.system.r[i], w.system.K[i])
+
+
+@kernel
+def _across(link, env, j, s, w, by_v, tangent, closed):
+    """Damping of pin ``j``'s velocity across the chain, half on each of its links."""
+    n, p, c = s.q.shape[0], w.point, w.contact
+    before = j - 1 if j > 0 or not closed else n - 1
+    after = j if j < n else -1
+    t = c.n
+    for a in range(3):
+        t[a] = (w.system.A[before, a, 0] if before >= 0 else 0.0) + (
+            w.system.A[after, a, 0] if after >= 0 else 0.0
+        )
+    norm = np.sqrt(t[0] ** 2 + t[1] ** 2 + t[2] ** 2)
+    share = 1.0 if before < 0 or after < 0 else 0.5
+    for g in range(2):
+        i = before if g == 0 else after
+        if i < 0:
+            continue
+        A = w.system.A[i]
+        _lever(A, s.v[i], s.q[i], link.half if g == 0 else -link.half, 0.0, 0.0, p)
+        along = (p[1, 0] * t[0] + p[1, 1] * t[1] + p[1, 2] * t[2]) / (norm * norm)
+        for a in range(3):
+            c.f[a] = -env.transverse * (p[1, a] - along * t[a])
+            s.tally[POWER] -= share * c.f[a] * p[1, a]
+            for b in range(3):
+                c.f_x[a, b] = 0.0
+                c.f_v[a, b] = -env.transverse * ((1.0 if a == b else 0.0) - t[a] * t[b] / (norm * norm))
+        _push(A, p[2], share, c, by_v, tangent, w.N, w.system.r[i], w.system.K[i])
+
+
+@kernel
+def _pull(link, ends, env, s, w):
+    """Constant forces on the free ends of an open chain."""
+    n, p, c = s.q.shape[0], w.point, w.contact
+    for end in range(2):
+        if ends.closed or (ends.first if end == 0 else ends.last):
+            continue
+        i = end * (n - 1)
+        A = w.system.A[i]
+        _lever(A, s.v[i], s.q[i], (2 * end - 1) * link.half, 0.0, 0.0, p)
+        for a in range(3):
+            c.f[a] = env.pull[end, a]
+            s.tally[LOAD_POWER] += c.f[a] * p[1, a]
+        _push(A, p[2], 1.0, c, 0.0, False, w.N, w.system.r[i], w.system.K[i])
+
+
+@kernel
+def _pins(link, ends, s, w):
+    """Rotation matrices of the links, equations and axis rows of the pins."""
+    y, n, p = w.system, s.q.shape[0], s.lam.shape[0]
+    for i in range(n):
+        body.rotation(s.q[i], y.A[i])
+    for j in range(p):
+        if ends.closed or 0 < j < n:
+            b = j - 1 if j > 0 else n - 1
+            pin.equations(link.half, s.q[b], y.A[b], s.q[j], y.A[j], y.C[j])
+            pin.axis_rows(y.A[b], y.A[j], y.WP[j], y.WQ[j])
+        elif j == 0 and ends.first:
+            pin.equations(link.half, w.ground[0], w.still, s.q[0], y.A[0], y.C[0])
+            pin.axis_rows(w.still, y.A[0], y.WP[0], y.WQ[0])
+        elif j == n and ends.last:
+            pin.equations(link.half, s.q[n - 1], y.A[n - 1], w.ground[1], w.still, y.C[n])
+            pin.axis_rows(y.A[n - 1], w.still, y.WP[n], y.WQ[n])
+    augmented.compliance(ends, y, s.lam)
+
+
+@kernel
+def _inertia(link, env, s, w, i, by, tangent):
+    """Link ``i``: inertia less weight less pins into the residual, and their tangent."""
+    y = w.system
+    r, K, J, o, x = y.r[i], y.K[i], link.inertia, s.v[i, 3:], w.x[i, 3:]
+    j = (i + 1) % s.lam.shape[0]
+    for a in range(6):
+        r[a] = 0.0
+    pin.reaction(link.half, y.A[i], s.lam[i], s.lam[j], y.WQ[i], y.WP[j], r)
+    g0, g1, g2 = (J[2] - J[1]), (J[0] - J[2]), (J[1] - J[0])
+    for a in range(3):
+        r[a] = link.mass * s.vdot[i, a] - r[a]
+        r[3 + a] = J[a] * s.vdot[i, 3 + a] - r[3 + a]
+    r[2] += link.mass * env.gravity
+    r[3] += g0 * o[1] * o[2]
+    r[4] += g1 * o[2] * o[0]
+    r[5] += g2 * o[0] * o[1]
+    if not tangent:
+        return
+    for a in range(6):
+        for b in range(6):
+            K[a, b] = 0.0
+    for a in range(3):
+        K[a, a] = link.mass * by.vdot
+        K[3 + a, 3 + a] = J[a] * by.vdot
+    # gyroscopic part, then J T^-1(x) to first order: the increment turns the end of the step
+    h = 0.5 * by.vdot
+    K[3, 4] = g0 * o[2] * by.v - h * J[0] * x[2]
+    K[3, 5] = g0 * o[1] * by.v + h * J[0] * x[1]
+    K[4, 3] = g1 * o[2] * by.v + h * J[1] * x[2]
+    K[4, 5] = g1 * o[0] * by.v - h * J[1] * x[0]
+    K[5, 3] = g2 * o[1] * by.v - h * J[2] * x[1]
+    K[5, 4] = g2 * o[0] * by.v + h * J[2] * x[0]
+    pin.stiffness(link.half, y.A[i], s.lam[i], s.lam[j], K[3:, 3:])
+
+
+@kernel
+def residual(link, ends, env, wheels, s, w, by, tangent):
+    """Residuals of links and pins into the system, with ``tangent`` also its K; wheel wrenches and the tally."""
+    n, p = s.q.shape[0], s.lam.shape[0]
+    for k in range(POWER, TALLY):
+        s.tally[k] = 0.0
+    s.F[:] = 0.0
+    _pins(link, ends, s, w)
+    for i in range(n):
+        _inertia(link, env, s, w, i, by, tangent)
+        if w.rows.shape[0] > 0:
+            _rims(link, env, wheels, i, s, w, by.v, tangent)
+        if env.ground != 0:
+            _soil(link, env, i, s, w, by.v, tangent)
+    for j in range(p):
+        if w.rows.shape[0] > 0:
+            _teeth(link, ends, env, wheels, j, s, w, by.v, tangent)
+        if env.transverse > 0.0:
+            _across(link, env, j, s, w, by.v, tangent, ends.closed)
+    _pull(link, ends, env, s, w)
+
+
+@kernel
+def _misfit(link, env, s, w):
+    """Largest residual over its tolerance, and the link (or pin) that has it."""
+    pull = 0.0
+    for j in range(s.lam.shape[0]):
+        pull = max(pull, abs(s.lam[j, 0]), abs(s.lam[j, 2]))
+    scale = FORCE * (link.mass * 9.81 + pull)
+    worst, where = 0.0, -1
+    y = w.system
+    for i in range(s.q.shape[0]):
+        for a in range(6):
+            e = abs(y.r[i, a]) / (scale if a < 3 else scale * link.half)
+            if not e <= worst:
+                worst, where = e, i
+    for j in range(s.lam.shape[0]):
+        for a in range(5):
+            e = abs(y.C[j, a]) / GAP
+            if not e <= worst:
+                worst, where = e, j
+    return worst, where, scale
+
+
+@kernel
+def newton(link, ends, env, wheels, method, h, s, w, counters):
+    """One implicit step of ``h`` to the wheels in ``w.rows``. Returns -1, or the link that did not converge."""
+    n = s.q.shape[0]
+    by = slopes(method, h)
+    w.q0[:] = s.q
+    w.v0[:] = s.v
+    w.a0[:] = s.a
+    w.vdot0[:] = s.vdot
+    w.lam0[:] = s.lam
+    for i in range(n):
+        for k in range(6):
+            a0 = s.a[i, k]
+            a1 = auxiliary(method, a0, s.vdot[i, k], s.vdot[i, k])
+            w.x[i, k] = h * (s.v[i, k] + h * ((0.5 - method.beta) * a0 + method.beta * a1))
+            s.v[i, k] += h * ((1.0 - method.gamma) * a0 + method.gamma * a1)
+            s.a[i, k] = a1
+        body.advance(w.q0[i], w.x[i], s.q[i])
+    fresh, before = True, np.inf
+    where, y = 0, w.system
+    for _ in range(ITERATIONS):
+        residual(link, ends, env, wheels, s, w, by, fresh)
+        counters[1] += 1
+        error, where, _ = _misfit(link, env, s, w)
+        if error <= 1.0:
+            _settle_rates(link, s, w, by)
+            return -1
+        if not error < 1e15:
+            return max(where, 0)
+        if not fresh and error > REUSE * before:
+            fresh = True
+            residual(link, ends, env, wheels, s, w, by, fresh)
+            counters[1] += 1
+        if fresh:
+            failed = augmented.factor(link.half, ends, y)
+            if failed >= 0:
+                return failed
+        augmented.solve(link.half, ends, y)
+        counters[2] += 1
+        fresh, before = False, error
+        _update(s, w, by)
+    return where
+
+
+@kernel
+def _update(s, w, by):
+    """Apply the increments of a Newton iteration to everything that hangs on the positions."""
+    y, d = w.system, w.N[0, 0]
+    for i in range(s.q.shape[0]):
+        body.turn_rate(w.x[i, 3:], y.dx[i, 3:], d)
+        for k in range(6):
+            x = y.dx[i, k] if k < 3 else d[k - 3]
+            w.x[i, k] += x
+            s.v[i, k] += by.v * x
+            s.a[i, k] += by.a * x
+            s.vdot[i, k] += by.vdot * x
+        body.advance(w.q0[i], w.x[i], s.q[i])
+    for j in range(s.lam.shape[0]):
+        for k in range(5):
+            s.lam[j, k] += y.dl[j, k]
+
+
+@kernel
+def _settle_rates(link, s, w, by):
+    """Give what is left of the residual to the accelerations: momentum is then balanced to rounding."""
+    for i in range(s.q.shape[0]):
+        for k in range(6):
+            d = -w.system.r[i, k] / (link.mass if k < 3 else link.inertia[k - 3])
+            s.vdot[i, k] += d
+            s.a[i, k] += d * by.a / by.vdot
+            s.v[i, k] += d * by.v / by.vdot
+
+
+@kernel
+def _restore(s, w):
+    s.q[:] = w.q0
+    s.v[:] = w.v0
+    s.a[:] = w.a0
+    s.vdot[:] = w.vdot0
+    s.lam[:] = w.lam0
+
+
+@kernel
+def accelerations(link, ends, env, wheels, s, w):
+    """Accelerations and multipliers that belong to poses and velocities; wrenches and auxiliaries with them."""
+    n, y = s.q.shape[0], w.system
+    s.vdot[:] = 0.0
+    s.lam[:] = 0.0
+    w.x[:] = 0.0
+    residual(link, ends, env, wheels, s, w, slopes(BACKWARD, 1.0), False)
+    y.K[:] = 0.0
+    for i in range(n):
+        for k in range(3):
+            y.K[i, k, k] = link.mass
+            y.K[i, 3 + k, 3 + k] = link.inertia[k]
+    for j in range(s.lam.shape[0]):
+        y.C[j] = 0.0
+        if ends.closed or 0 < j < n:
+            b = j - 1 if j > 0 else n - 1
+            pin.velocity_terms(link.half, y.A[b], s.v[b, 3:], y.A[j], s.v[j, 3:], y.C[j])
+        elif j == 0 and ends.first:
+            pin.velocity_terms(link.half, w.still, 0.0 * s.v[0, 3:], y.A[0], s.v[0, 3:], y.C[0])
+        elif j == n and ends.last:
+            pin.velocity_terms(link.half, y.A[n - 1], s.v[n - 1, 3:], w.still, 0.0 * s.v[0, 3:], y.C[n])
+    failed = augmented.factor(link.half, ends, y)
+    if failed >= 0:
+        return failed
+    augmented.solve(link.half, ends, y)
+    s.vdot[:] = y.dx
+    s.a[:] = y.dx
+    s.lam[:] = y.dl
+    s.W[:] = s.F
+    return -1
+
+
+@kernel
+def settle(link, ends, env, wheels, rows, s, w, counters):
+    """Static equilibrium on standing wheels ``rows``: implicit steps from rest, ever longer. Returns as ``newton``.
+
+    Long steps are Newton's method on the static equations; the inertia over the step squared keeps what has no
+    stiffness (an unloaded link's roll, a loop that could slide) in place. Friction is viscous at rest and fades.
+    """
+    w.rows[:] = rows
+    w.rows[:, 3:9] = 0.0
+    h = 1e-3
+    s.vdot[:] = 0.0
+    for _ in range(400):
+        s.v[:] = 0.0
+        s.a[:] = 0.0
+        s.vdot[:] = 0.0
+        failed = newton(link, ends, env, wheels, BACKWARD, h, s, w, counters)
+        if failed >= 0:
+            _restore(s, w)
+            counters[3] += 1
+            h *= 0.25
+            if h < 1e-7:
+                return failed
+            continue
+        counters[0] += 1
+        moved = 0.0
+        for i in range(s.q.shape[0]):
+            for k in range(6):
+                moved = max(moved, abs(w.x[i, k]))
+        if h >= LONG and moved < STILL:
+            break
+        h = min(2.0 * h, LONG)
+    s.v[:] = 0.0
+    s.a[:] = 0.0
+    s.vdot[:] = 0.0
+    residual(link, ends, env, wheels, s, w, slopes(BACKWARD, h), False)
+    s.W[:] = s.F
+    return -1
+
+
+@kernel
+def advance(link, ends, env, wheels, method, rows, h, step, s, w, counters):
+    """Integrate over ``h`` with the wheels ``rows`` (at its beginning); the mean wrenches are impulse / h.
+
+    Steps of ``step`` at most; one that Newton cannot do is halved. Returns as ``newton``.
+    """
+    w.impulse[:] = 0.0
+    dt = h / np.ceil(h / step - 1e-9)
+    done = 0.0
+    while done < h * (1.0 - 1e-12):
+        dt = min(dt, h - done)
+        w.F0[:] = s.F
+        w.tally0[:] = s.tally
+        speed0 = chain_speed(s, w.system.A)
+        move(rows, done + dt, w.rows)
+        failed = newton(link, ends, env, wheels, method, dt, s, w, counters)
+        if failed >= 0:
+            _restore(s, w)
+            s.F[:] = w.F0
+            s.tally[:] = w.tally0
+            counters[3] += 1
+            dt *= 0.5
+            if dt < 1e-4 * step:
+                return failed
+            continue
+        counters[0] += 1
+        done += dt
+        for k in range(s.F.shape[0]):
+            for c in range(6):
+                W0 = s.W[k, c]
+                W1 = auxiliary(method, W0, w.F0[k, c], s.F[k, c])
+                w.impulse[k, c] += dt * ((1.0 - method.gamma) * W0 + method.gamma * W1)
+                s.W[k, c] = W1
+        s.tally[DISSIPATED] += 0.5 * dt * (w.tally0[POWER] + s.tally[POWER])
+        s.tally[WORK] += 0.5 * dt * (w.tally0[LOAD_POWER] + s.tally[LOAD_POWER])
+        s.tally[TRAVEL] += 0.5 * dt * (speed0 + chain_speed(s, w.system.A))
+    return -1
+
+
+@kernel
+def measure(link, ends, env, s, w, tension, report):
+    """Tensions of the links (n), and the report of fmus.track but for the ground force."""
+    n, p, A = s.q.shape[0], s.lam.shape[0], w.system.A
+    report[0] = s.tally[TRAVEL]
+    report[1] = chain_speed(s, A)
+    low, high, mean, kinetic, height = np.inf, -np.inf, 0.0, 0.0, 0.0
+    for i in range(n):
+        j = (i + 1) % p
+        pull = 0.0
+        for k in range(3):
+            before, after = s.lam[i, k], s.lam[j, k]
+            if i == 0 and not (ends.closed or ends.first):
+                before = -env.pull[0, k]
+            if i == n - 1 and not (ends.closed or ends.last):
+                after = env.pull[1, k]
+            pull += 0.5 * (before + after) * A[i, k, 0]
+        tension[i] = pull
+        low, high, mean = min(low, pull), max(high, pull), mean + pull / n
+        kinetic += body.kinetic(link.mass, link.inertia, s.v[i])
+        height += s.q[i, 2]
+    report[2], report[3], report[4], report[5] = low, mean, high, 0.0
+    report[6], report[7], report[8] = kinetic, 0.0, link.mass * env.gravity * height
+    report[9], report[10], report[11] = s.tally[CONTACT], s.tally[DISSIPATED], s.tally[WORK]
+    report[12] = s.tally[DEPTH]
+    report[16] = s.tally[SLIP] / s.tally[LOAD] if s.tally[LOAD] > 0.0 else 0.0
+
+
+@kernel
+def chain_speed(s, A):
+    """Velocity of the links along themselves, mean, m/s."""
+    n, speed = s.q.shape[0], 0.0
+    for i in range(n):
+        body.rotation(s.q[i], A[i])
+        speed += s.v[i, 0] * A[i, 0, 0] + s.v[i, 1] * A[i, 1, 0] + s.v[i, 2] * A[i, 2, 0]
+    return speed / n

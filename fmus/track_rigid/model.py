@@ -1,0 +1,105 @@
+"""The rigid track: a chain of rigid links on pins behind the ports of a track."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.physics.integrate.generalized_alpha import coefficients
+from fmus.physics.rigid.augmented import Ends
+from fmus.ports import Port
+from fmus.track import GROUND, TrackModel
+from fmus.track_rigid import chain
+from fmus.track_rigid.chain import Link
+
+
+class Model(TrackModel):
+    """Rigid links joined by exact pins, integrated implicitly."""
+
+    def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
+        """Integration of the links."""
+        return (
+            Port(
+                "spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.8
+            ),
+        )
+
+    def chain_size(self) -> int:
+        """Poses, velocities, both accelerations; multipliers; wheel wrenches and their auxiliaries; tally."""
+        table = chain.shapes(self.links_count, self.closed, len(self.wheel_list))
+        return sum(int(np.prod(shape)) for shape in table)
+
+    def prepare(self, p: Mapping[str, Any]) -> None:
+        """Links from the vehicle table; views of the state."""
+        radius = float(p["spectral_radius"])
+        if not 0.0 <= radius <= 1.0:
+            raise InvalidParameter(f"spectral_radius = {radius}: must lie between 0 and 1")
+        self.method = coefficients(radius)
+        v, n, wheels = self.vehicle["track"], self.links_count, len(self.wheel_list)
+        self.link = Link(
+            0.5 * self.pitch, v["face"], 0.25 * v["width"], v["mass"], np.array(v["inertia"], dtype=float)
+        )
+        held = self._pinned()
+        self.ends = Ends(self.closed, held, held)
+        self.views = chain.views(self.chain, n, self.closed, wheels)
+        self.work = chain.work(n, self.closed, wheels)
+        self.tensions = np.zeros(n)
+
+    def _system(self) -> tuple:
+        return self.link, self.ends, self.environment, self.wheels
+
+    def settle(self, pins: Floats, rest: bool) -> None:
+        """Links between the pins, then static equilibrium, or the accelerations of the release."""
+        self.state[:] = 0.0
+        s = self.views
+        chain.place(self.link, pins, s, self.work)
+        start = self.start_rows
+        if rest:
+            failed = chain.settle(*self._system(), start, s, self.work, self.counters)
+        else:
+            self.work.rows[:] = start
+            failed = chain.accelerations(*self._system(), s, self.work)
+        if failed >= 0:
+            raise StepFailed(f"static equilibrium of the track was not found: link {failed + 1}")
+        self.counters[:] = 0
+        self.work.impulse[:] = s.F
+        self._publish(1.0)
+
+    def _publish(self, h: float) -> None:
+        self.wrench[:] = (self.work.impulse[:-1] / h).reshape(-1, 3)
+        chain.measure(
+            self.link, self.ends, self.environment, self.views, self.work, self.tensions, self.report
+        )
+        self.report[GROUND : GROUND + 3] = self.work.impulse[-1, :3] / h
+
+    def pins(self) -> Floats:
+        """Positions of the pins (nodes, 3)."""
+        s = self.views
+        chain.chain_speed(s, self.work.system.A)  # also the rotation matrices
+        along = self.link.half * self.work.system.A[:, :, 0]
+        first = s.q[:, :3] - along
+        return first if self.closed else np.vstack([first, s.q[-1:, :3] + along[-1:]])
+
+    def advance(self, t: float, h: float) -> None:
+        """Integrate over the communication step."""
+        s, w = self.views, self.work
+        failed = chain.advance(*self._system(), self.method, self.rows, h, self.max_step, s, w, self.counters)
+        if failed >= 0:
+            raise self.failed(
+                t, "Newton's iteration of the chain did not converge", failed, abs(w.system.r).max()
+            )
+        self._publish(h)
+
+    def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
+        """Per-link arrays from the state."""
+        chain.measure(
+            self.link, self.ends, self.environment, self.views, self.work, tension, self.report.copy()
+        )
+        stress[:] = 0.0
+        position[:] = self.pins()
+        force[:] = -self.views.lam[:, :3]
+        if not (self.closed or self._pinned()):
+            force[0], force[-1] = self.environment.pull[0], -self.environment.pull[1]
