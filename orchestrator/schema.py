@@ -28,7 +28,7 @@ Bytes = NDArray[np.uint8]
 FIRST_NUMBER = (
     16  # of the variables' fields: the tags of 16 to 2047 are two bytes, so holes are evenly spaced
 )
-RESERVED = range(19000, 20000)  # field numbers that protobuf keeps for itself
+MOST_FIELDS = 8000  # in a message: protobuf's decoder holds one in 65,535 bytes, 8 a field
 FIXED64, LENGTH_DELIMITED = 1, 2  # wire types
 
 _INDEX = re.compile(r"\[(\d+)\]")
@@ -153,8 +153,9 @@ def layout(where: Sequence[str]) -> Layout:
             raise ValueError(f"the values of the field '{name}' are not counted from 0 to {len(found) - 1}")
     counts = {name: 0 if None in found else len(found) for name, found in members.items()}
     names = sorted(members, key=counts.__getitem__)  # stable: singles in their order, then families by length
-    numbers = [number for number in range(FIRST_NUMBER, len(names) + 2000) if number not in RESERVED]
-    fields = tuple(Field(name, number, counts[name]) for name, number in zip(names, numbers, strict=False))
+    if len(names) > MOST_FIELDS:
+        raise ValueError(f"a message holds {MOST_FIELDS} variables and families, not {len(names)}")
+    fields = tuple(Field(name, number, counts[name]) for number, name in enumerate(names, FIRST_NUMBER))
     indices = ((f.name, i if f.length else None) for f in fields for i in range(f.length or 1))
     order = np.array([members[name][index] for name, index in indices], np.intp)
     groups, template = _lay_out(fields)

@@ -1,0 +1,68 @@
+"""Small logs for the tests of the log layer."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orchestrator import recorder as module
+from orchestrator.recorder import Recorder
+
+STEP = 1e-3
+TOPICS = {
+    "/left_track/in": [
+        ("sprocket.position.x", "m"),
+        ("road_wheel[1].position.x", "m"),
+        ("road_wheel[2].position.x", "m"),
+    ],
+    "/left_track/out": [("speed", "m/s"), ("tension.mean", "N")],
+    "/left_track/links": [
+        (f"link[{i}].{what}", unit)
+        for i in range(1, 65)
+        for what, unit in (("tension", "N"), ("stress", "Pa"))
+    ],
+    "/chassis/out": [
+        ("speed", "m/s"),
+        *((f"{side}.road_arm[{i}].angle", "rad") for side in ("left", "right") for i in range(1, 6)),
+    ],
+    "/stats/chassis": [("wall_time", "s")],
+}
+ATTACHMENTS = {
+    "scene.json": b'{"name": "small"}',
+    "chassis.modelDescription.xml": b"<fmiModelDescription/>" * 50,
+}
+METADATA = {"run": {"scene": "small", "step": "0.001"}, "versions": {"cotrack": "0.1.0"}}
+EVERY = {"/left_track/links": 5}
+
+
+def values(topic: str, k: int) -> np.ndarray:
+    """What is recorded on a topic at step k."""
+    number = list(TOPICS).index(topic)
+    return np.sin(np.arange(len(TOPICS[topic])) + 0.01 * k + number) * 10.0**number
+
+
+def record(
+    path: Path, steps: int = 100, wall: float = 0.0, change=lambda topic, k, row: row, **options
+) -> Path:
+    """Write a log of ``steps`` steps; ``change`` may alter what is recorded."""
+    with Recorder(path, TOPICS, ATTACHMENTS, METADATA, every=EVERY, **options) as recorder:
+        write_steps(recorder, steps, wall, change)
+        recorder.close("ok", "", steps)
+    return path
+
+
+def record_in_chunks(path: Path, steps: int = 1500) -> Path:
+    """Write a log of some ten chunks."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "CHUNK", 80_000)
+        return record(path, steps, flush=60)
+
+
+def write_steps(recorder: Recorder, steps: int, wall: float = 0.0, change=lambda topic, k, row: row) -> None:
+    """Steps 0 to ``steps``."""
+    for k in range(steps + 1):
+        for topic in TOPICS:
+            if topic.startswith("/stats/"):
+                recorder.stats("chassis", k, k * STEP, STEP, np.array([wall + k]))
+            else:
+                recorder.write(topic, k, k * STEP, STEP, change(topic, k, values(topic, k)))

@@ -1,0 +1,264 @@
+import csv
+import struct
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from recorded import ATTACHMENTS, STEP, TOPICS, record, record_in_chunks
+
+from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, export, info, recover, verify
+from orchestrator.reader import Log, LogUnreadable, NoSuchSignal
+from orchestrator.recorder import LogFailed, Recorder
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("logs") / "small.mcap")
+
+
+@pytest.fixture(scope="module")
+def chunked(tmp_path_factory):
+    """A log in several chunks."""
+    path = tmp_path_factory.mktemp("logs") / "chunked.mcap"
+    return record_in_chunks(path)
+
+
+def records(data):
+    """(opcode, offset, end) of all records."""
+    offset = 8
+    while offset < len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, offset)
+        yield opcode, offset, offset + 9 + length
+        offset += 9 + length
+
+
+def chunk_spans(data):
+    """(start of the chunk, end of its message indexes)."""
+    found = []
+    for opcode, start, end in records(data):
+        if opcode == 0x06:
+            found.append([start, end])
+        elif opcode == 0x07:
+            found[-1][1] = end
+    return found
+
+
+def test_a_whole_log(small):
+    verdict = verify(small)
+    assert verdict.code == WHOLE
+    assert verdict.sentences == [
+        f"{small} is whole: 5 topics, 425 messages, 100 steps",
+        "the run ended with status ok",
+    ]
+
+
+def test_a_log_of_a_failed_run_is_whole(tmp_path):
+    with Recorder(tmp_path / "a.mcap", TOPICS, {}, {}) as recorder:
+        recorder.close("failed", "Newton did not converge at t = 0.3 s", 0)
+    verdict = verify(tmp_path / "a.mcap")
+    assert verdict.code == WHOLE
+    assert verdict.sentences[1] == "the run ended with status failed: Newton did not converge at t = 0.3 s"
+
+
+@settings(max_examples=150)
+@given(st.floats(0.0, 1.0, exclude_max=True), st.integers(0, 7))
+@example(0.0, 0)
+def test_a_flipped_bit_is_found_wherever_it_is(small, fraction, bit):
+    data = bytearray(small.read_bytes())
+    data[int(fraction * len(data))] ^= 1 << bit
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "flipped.mcap"
+        path.write_bytes(data)
+        verdict = verify(path)
+        assert verdict.code == BROKEN
+        assert all("\n" not in sentence for sentence in verdict.sentences)
+        data[int(fraction * len(data))] ^= 1 << bit
+        path.write_bytes(data)
+        assert verify(path).code == WHOLE
+
+
+def test_the_sentences_name_the_damage(chunked, tmp_path):
+    data = chunked.read_bytes()
+    start, _ = chunk_spans(data)[1]
+    path = tmp_path / "a.mcap"
+
+    def sentences(content):
+        path.write_bytes(content)
+        verdict = verify(path)
+        assert verdict.code == BROKEN
+        return "\n".join(verdict.sentences)
+
+    flipped = bytearray(data)
+    flipped[start + 100] ^= 4
+    assert f"the chunk at byte {start} is damaged" in sentences(flipped)
+    attached = bytearray(data)
+    at = data.index(b"<fmiModelDescription/>")
+    attached[at] ^= 4
+    assert "the attachment 'chassis.modelDescription.xml'" in sentences(attached)
+    assert "the checksum over all data does not hold" in sentences(data.replace(b"small", b"smell", 1))
+    assert "no closing record: the run was cut off after t = " in sentences(data[: len(data) // 2])
+    assert "the log was cut off" in sentences(data[: len(data) // 2])
+
+
+def test_a_missing_chunk_is_a_gap(chunked, tmp_path):
+    data = chunked.read_bytes()
+    start, end = chunk_spans(data)[1]
+    (tmp_path / "a.mcap").write_bytes(data[:start] + data[end:])
+    sentences = "\n".join(verify(tmp_path / "a.mcap").sentences)
+    assert "/chassis/out: step " in sentences
+    assert "1501 were recorded" in sentences
+
+
+def test_a_step_that_was_never_written_is_a_gap(tmp_path):
+    def run(steps):
+        with Recorder(
+            tmp_path / "a.mcap", {"/a/out": [("x", "m")], "/stats/a": [("wall_time", "s")]}, {}, {}
+        ) as recorder:
+            for k in steps:
+                recorder.write("/a/out", k, k * STEP, STEP, np.zeros(1))
+                if k % 3 == 0:
+                    recorder.stats("a", k, k * STEP, STEP, np.zeros(1))
+            recorder.close("ok", "", 9)
+        return verify(tmp_path / "a.mcap")
+
+    assert run(range(10)).code == WHOLE
+    broken = run([0, 1, 2, 4, 5])
+    assert broken == (BROKEN, ["/a/out: step 4 follows step 2"])
+
+
+def test_no_log_at_all(tmp_path):
+    (tmp_path / "a.mcap").write_text("hello")
+    for tool in (
+        verify(tmp_path / "a.mcap"),
+        verify(tmp_path / "b.mcap"),
+        recover(tmp_path / "a.mcap", tmp_path / "c.mcap"),
+    ):
+        assert tool.code == BROKEN
+    with pytest.raises(LogUnreadable):
+        info(tmp_path / "b.mcap")
+
+
+def test_recovering_a_whole_log_copies_it(small, tmp_path):
+    assert recover(small, tmp_path / "copy.mcap").code == WHOLE
+    assert verify(tmp_path / "copy.mcap").code == WHOLE
+    with Log(small) as ours, Log(tmp_path / "copy.mcap") as theirs:
+        assert theirs.hashes() == ours.hashes()
+        assert theirs.metadata == ours.metadata
+        assert theirs.closing == ours.closing
+        assert {name: theirs.attachment(name) for name in theirs.attachments} == ATTACHMENTS
+
+
+@settings(max_examples=25)
+@given(st.floats(0.05, 0.99))
+def test_recovering_a_cut_log_saves_its_beginning(chunked, fraction):
+    data = chunked.read_bytes()
+    end = int(fraction * chunk_spans(data)[-1][1])
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "cut.mcap").write_bytes(data[:end])
+        verdict = recover(folder / "cut.mcap", folder / "saved.mcap")
+        assert verdict.code == RECOVERED
+        assert verify(folder / "saved.mcap").code == WHOLE
+        whole_chunks = sum(stop <= end for _, stop in chunk_spans(data))
+        with Log(chunked) as whole, Log(folder / "saved.mcap") as saved:
+            series = saved.read("/chassis/out")
+            assert np.array_equal(series.values, whole.read("/chassis/out").values[: len(series.t)])
+            assert (len(series.t) > 0) >= (whole_chunks > 0)
+            assert saved.closing["status"] == "failed"
+            assert "recovered" in saved.closing["message"]
+
+
+def test_recovering_leaves_out_a_damaged_chunk_only(chunked, tmp_path):
+    data = bytearray(chunked.read_bytes())
+    start, _ = chunk_spans(data)[1]
+    for offset in (
+        start + 100,
+        start + 3,
+    ):  # in its content; in its length, so that the way to the next is lost
+        damaged = data.copy()
+        damaged[offset] ^= 0x40
+        (tmp_path / "bad.mcap").write_bytes(damaged)
+        assert recover(tmp_path / "bad.mcap", tmp_path / "saved.mcap").code == RECOVERED
+        assert "step" in verify(tmp_path / "saved.mcap").sentences[0]  # the gap stays a gap
+        with Log(chunked) as whole, Log(tmp_path / "saved.mcap") as saved:
+            kept = saved.sequence("/chassis/out")
+            assert 300 < len(kept) < 1501
+            assert (kept[0], kept[-1]) == (0, 1500)
+            assert np.array_equal(saved.read("/chassis/out").values, whole.read("/chassis/out").values[kept])
+
+
+def test_recovering_from_damaged_indexes_loses_nothing(small, tmp_path):
+    data = bytearray(small.read_bytes())
+    data_end = next(end for opcode, _, end in records(data) if opcode == 0x0F)
+    data[data_end + 20] ^= 1
+    (tmp_path / "bad.mcap").write_bytes(data)
+    assert verify(tmp_path / "bad.mcap").code == BROKEN
+    assert recover(tmp_path / "bad.mcap", tmp_path / "saved.mcap").code == WHOLE
+    assert verify(tmp_path / "saved.mcap").code == WHOLE
+
+
+def test_recovering_does_not_overwrite_the_log(small):
+    before = small.read_bytes()
+    assert recover(small, small).code == BROKEN
+    assert small.read_bytes() == before
+
+
+def test_info(small):
+    about = info(small)
+    assert (about.complete, about.status, about.steps, about.start, about.end) == (True, "ok", 100, 0.0, 0.1)
+    assert about.bytes == small.stat().st_size
+    links = next(topic for topic in about.topics if topic.topic == "/left_track/links")
+    assert (links.signals, links.messages, links.every, links.last) == (128, 21, 5, 0.1)
+    assert about.attachments == [(name, len(content)) for name, content in ATTACHMENTS.items()]
+    with Log(small) as log:
+        assert about.digest == log.digest()
+
+
+def test_info_of_a_cut_log(chunked, tmp_path):
+    (tmp_path / "cut.mcap").write_bytes(chunked.read_bytes()[:200_000])
+    about = info(tmp_path / "cut.mcap")
+    assert (about.complete, about.status, about.steps) == (False, "cut off", None)
+    assert about.faults
+
+
+def table(path):
+    with path.open(newline="") as stream:
+        header, *rows = csv.reader(stream)
+    return header, np.array(rows, float)
+
+
+def test_export_of_everything(small, tmp_path):
+    files = export(small, tmp_path / "csv")
+    assert [file.name for file in files] == [f"{topic[1:].replace('/', '.')}.csv" for topic in TOPICS]
+    header, rows = table(tmp_path / "csv" / "left_track.out.csv")
+    assert header == ["t [s]", "left_track.speed [m/s]", "left_track.tension.mean [N]"]
+    with Log(small) as log:
+        series = log.read("/left_track/out")
+    assert np.array_equal(rows[:, 0], series.t)
+    assert np.array_equal(rows[:, 1:], series.values)
+
+
+def test_export_of_signals_and_topics(small, tmp_path):
+    (file,) = export(small, tmp_path / "a.csv", ["chassis.speed", "left_track.tension.*"])
+    header, rows = table(file)
+    assert header == ["t [s]", "left_track.tension.mean [N]", "chassis.speed [m/s]"]
+    assert rows.shape == (101, 3)
+    (file,) = export(small, tmp_path / "csv", ["left_track.link[*].tension"])
+    assert len(table(file)[0]) == 65
+    (file,) = export(small, tmp_path / "csv", topics=["/*/in"])
+    assert file.name == "left_track.in.csv"
+
+
+def test_export_of_what_is_not_there(small, tmp_path):
+    with pytest.raises(NoSuchSignal, match=r"did you mean 'chassis\.speed'"):
+        export(small, tmp_path, ["chassis.sped"])
+    with pytest.raises(NoSuchSignal, match="no topic"):
+        export(small, tmp_path, topics=["/chassis/inn"])
+    with pytest.raises(NoSuchSignal, match="different times"):
+        export(small, tmp_path / "a.csv", ["chassis.speed", "left_track.link[1].tension"])
+    (tmp_path / "file").write_text("")
+    with pytest.raises(LogFailed, match="cannot be written"):
+        export(small, tmp_path / "file" / "a.csv", ["chassis.speed"])

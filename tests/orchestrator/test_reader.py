@@ -1,0 +1,165 @@
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, record, record_in_chunks, values
+
+from orchestrator.compare import first_difference
+from orchestrator.reader import Log, LogUnreadable, NoSuchSignal, Series
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("logs") / "small.mcap")
+
+
+@pytest.fixture(scope="module")
+def chunked(tmp_path_factory):
+    """A log in several chunks."""
+    path = tmp_path_factory.mktemp("logs") / "chunked.mcap"
+    return record_in_chunks(path)
+
+
+def test_what_a_log_says(small):
+    with Log(small) as log:
+        assert log.complete
+        assert log.faults == []
+        assert {
+            topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()
+        } == TOPICS
+        assert log.topics["/left_track/links"].every == 5
+        assert log.metadata == METADATA
+        assert {name: log.attachment(name) for name in log.attachments} == ATTACHMENTS
+        assert {key: log.closing[key] for key in ("status", "message", "steps")} == {
+            "status": "ok",
+            "message": "",
+            "steps": 100,
+        }
+        assert log.closing["messages"] == {topic: 21 if topic.endswith("links") else 101 for topic in TOPICS}
+        assert log.closing["sha256"] == log.hashes()
+        for topic in TOPICS:
+            if not topic.startswith("/stats/"):
+                every = log.topics[topic].every
+                series = log.read(topic)
+                assert np.array_equal(log.sequence(topic), np.arange(0, 101, every))
+                assert np.array_equal(series.t, np.arange(0, 101, every) * STEP)
+                assert np.array_equal(series.values, [values(topic, k) for k in range(0, 101, every)])
+
+
+def test_signals_by_name(small):
+    with Log(small) as log:
+        t, tension = log.signal("left_track.link[64].tension")
+        assert np.array_equal(t, np.arange(0, 101, 5) * STEP)
+        assert tension[3] == values("/left_track/links", 15)[126]
+        assert log.unit("left_track.link[64].tension") == "N"
+        assert log.signal("stats.chassis.wall_time")[1][5] == 5.0
+        assert "chassis.left.road_arm[3].angle" in log.signals
+
+
+def test_what_a_log_does_not_hold_is_one_sentence(small):
+    with Log(small) as log:
+        with pytest.raises(
+            NoSuchSignal, match=r"has no signal 'chassis\.sped'; did you mean 'chassis\.speed'\?"
+        ):
+            log.signal("chassis.sped")
+        with pytest.raises(NoSuchSignal, match="has no topic '/chassis/outs'; did you mean '/chassis/out'"):
+            log.read("/chassis/outs")
+        with pytest.raises(NoSuchSignal, match="has no attachment"):
+            log.attachment("scene.toml")
+
+
+@pytest.mark.parametrize("content", [b"", b"t,x\n0,1\n", b"\x89MCAP1\r\n" * 9])
+def test_what_is_no_log_is_one_sentence(tmp_path, content):
+    (tmp_path / "a.mcap").write_bytes(content)
+    with pytest.raises(LogUnreadable, match="is not a log"):
+        Log(tmp_path / "a.mcap")
+
+
+def test_a_missing_log_is_one_sentence(tmp_path):
+    with pytest.raises(LogUnreadable, match=r"the log .* cannot be read: no such file or directory"):
+        Log(tmp_path / "a.mcap")
+
+
+@settings(max_examples=60)
+@given(st.floats(0.0, 1.0))
+def test_a_cut_log_reads_as_far_as_it_goes(chunked, fraction):
+    data = chunked.read_bytes()
+    with Log(chunked) as log:
+        whole = {topic: log.read(topic) for topic in TOPICS}
+    end = 8 + int(fraction * (len(data) - 9))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cut.mcap"
+        path.write_bytes(data[:end])
+        with Log(path) as log:
+            assert not log.complete
+            assert log.faults
+            for topic in log.topics:
+                series = log.read(topic)
+                m = len(series.t)
+                assert np.array_equal(series.t, whole[topic].t[:m])
+                assert np.array_equal(series.values, whole[topic].values[:m])
+            later = [chunk for chunk in log._chunks if chunk >= end]
+            assert not later
+
+
+def test_most_of_a_cut_log_is_there(chunked):
+    data = chunked.read_bytes()
+    path = chunked.with_name("most.mcap")
+    path.write_bytes(data[: int(0.9 * len(data))])
+    with Log(path) as log:
+        assert len(log.read("/chassis/out").t) > 700
+        assert log.closing is None
+
+
+def test_messages_in_any_order_and_compression_read_alike(small, tmp_path):
+    """MCAP's own writer puts the messages of all topics in the order of time."""
+    for compression in (CompressionType.NONE, CompressionType.ZSTD):
+        with small.open("rb") as stream, (tmp_path / "other.mcap").open("wb") as target:
+            writer = Writer(target, chunk_size=20_000, compression=compression)
+            writer.start()
+            numbers = {}
+            for kind, channel, message in make_reader(stream).iter_messages(log_time_order=True):
+                if channel.topic not in numbers:
+                    schema = writer.register_schema(kind.name, kind.encoding, kind.data)
+                    numbers[channel.topic] = writer.register_channel(
+                        channel.topic, "protobuf", schema, channel.metadata
+                    )
+                number = numbers[channel.topic]
+                writer.add_message(
+                    number, message.log_time, message.data, message.publish_time, message.sequence
+                )
+            writer.finish()
+        with Log(small) as ours, Log(tmp_path / "other.mcap") as theirs:
+            assert theirs.digest() == ours.digest()
+            assert np.array_equal(
+                theirs.read("/left_track/links").values, ours.read("/left_track/links").values
+            )
+
+
+def series(values, t=None):
+    values = np.array(values, float)
+    t = np.arange(len(values)) * 0.5 if t is None else np.array(t)
+    return Series(t, np.full(len(t), 0.5), ("x", "y"), values)
+
+
+def test_first_difference():
+    recorded = series([[0, 1], [np.nan, 0.0], [4, 5]])
+    assert first_difference("chassis", recorded, series([[0, 1], [np.nan, 0.0], [4, 5]])) is None
+    found = first_difference("chassis", recorded, series([[0, 1], [np.nan, -0.0], [5, 5]]))
+    assert (found.variable, found.step, found.t) == ("y", 1, 0.5)
+    assert str(found) == (
+        "chassis.y differs first at step 1, t = 0.5 s: "
+        "recorded 0.0 (0x0000000000000000), replayed -0.0 (0x8000000000000000)"
+    )
+    assert first_difference("chassis", recorded, series([[0, 1], [np.nan, 0.0]])).step == 2
+    assert (
+        first_difference("chassis", recorded, series([[0, 1], [np.nan, 0.0], [4, 5]], [0, 0.5, 1.1])).variable
+        == "t"
+    )
+    with pytest.raises(ValueError, match="different variables"):
+        first_difference("chassis", recorded, recorded._replace(names=("x", "z")))

@@ -1,0 +1,354 @@
+import resource
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import textwrap
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message_factory import GetMessageClass
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader, make_reader
+from recorded import STEP, TOPICS, record, values, write_steps
+
+from orchestrator import schema
+from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, recover, verify
+from orchestrator.reader import Log
+from orchestrator.recorder import LogFailed, Recorder
+
+ODD_BITS = [
+    0x8000000000000000,  # -0.0
+    0x0000000000000001,  # the smallest denormal
+    0x800FFFFFFFFFFFFF,  # the largest negative denormal
+    0x7FF0000000000000,  # inf
+    0x7FF8000000000000,  # nan
+    0x7FF0DEADBEEF0001,  # a signalling nan with a payload
+    0xFFFFFFFFFFFFFFFF,
+]
+WORDS = st.one_of(st.sampled_from(ODD_BITS), st.integers(0, 2**64 - 1))
+NAMES = st.lists(
+    st.one_of(
+        st.sampled_from(
+            ["t", "h", "speed", "a.b", "a_b", "aB", "der(x)", "3d", "z[1].k[2]", "w[3].y", "w[5].y"]
+        ),
+        st.builds("link[{}].{}".format, st.integers(1, 6), st.sampled_from(["tension", "stress"])),
+        st.text("abcXY_.[]12", min_size=1, max_size=8),
+    ),
+    unique=True,
+    max_size=24,
+)
+
+
+def standard_messages(path):
+    """(topic, sequence, message) as any tool decodes them: MCAP's own reader, protobuf's own decoder."""
+    pool, classes = DescriptorPool(), {}
+    with path.open("rb") as stream:
+        for kind, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            if kind.id not in classes:
+                for file in FileDescriptorSet.FromString(kind.data).file:
+                    pool.Add(file)
+                classes[kind.id] = GetMessageClass(pool.FindMessageTypeByName(kind.name))
+            decoded = classes[kind.id].FromString(message.data)
+            assert message.log_time == message.publish_time == round(decoded.t * 1e9)
+            yield channel, message, decoded
+
+
+def until_cut(messages):
+    """What an iterator gives before it complains about the end of the file."""
+    with suppress(McapError, struct.error):
+        yield from messages
+
+
+def of_place(message, place):
+    field, _, index = place.rstrip("]").partition("[")
+    value = getattr(message, field)
+    return value[int(index)] if index else value
+
+
+@given(NAMES, st.data())
+def test_every_bit_comes_back(names, data):
+    words = data.draw(
+        st.lists(st.lists(WORDS, min_size=len(names), max_size=len(names)), min_size=1, max_size=4)
+    )
+    recorded = np.array(words, np.uint64).reshape(len(words), len(names))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bits.mcap"
+        with Recorder(path, {"/a/out": [(name, "1") for name in names]}, {}, {}) as recorder:
+            for k, row in enumerate(recorded):
+                recorder.write("/a/out", k, k * 0.1, 0.1, row.view(np.float64))
+            recorder.close("ok", "", len(words))
+        with Log(path) as log:
+            series = log.read("/a/out")
+        assert log.complete
+        assert series.names == tuple(names)
+        assert np.array_equal(np.ascontiguousarray(series.values).view(np.uint64), recorded)
+        assert np.array_equal(series.t, np.arange(len(words)) * 0.1)
+        assert sum(1 for _ in standard_messages(path)) == len(words)
+
+
+@given(NAMES)
+def test_names_are_places_and_back(names):
+    where = schema.places(names)
+    assert len(set(where)) == len(names)
+    layout = schema.layout(where)
+    assert sorted(layout.order) == list(range(len(names)))
+    assert (
+        len({field.name.replace("_", "").lower() for field in layout.fields} | {"t", "h"})
+        == len(layout.fields) + 2
+    )
+
+
+def test_names_of_families():
+    names = ["speed", "link[1].tension", "link[1].stress", "link[2].tension", "link[2].stress", "a.b", "a_b"]
+    assert schema.places(names) == [
+        "speed", "link_tension[0]", "link_stress[0]", "link_tension[1]", "link_stress[1]", "a_b", "a_b_2",
+    ]  # fmt: skip
+
+
+def test_fields_with_longer_tags(tmp_path):
+    names = [f"x{i}" for i in range(3000)]
+    row = np.random.default_rng(1).normal(size=3000)
+    with Recorder(tmp_path / "wide.mcap", {"/a/out": [(n, "1") for n in names]}, {}, {}) as recorder:
+        recorder.write("/a/out", 0, 0.0, 0.1, row)
+    ((_, _, message),) = standard_messages(tmp_path / "wide.mcap")
+    assert [getattr(message, name) for name in names] == row.tolist()
+    with pytest.raises(ValueError, match="holds 8000 variables and families, not 8001"):
+        schema.layout([f"x{i}" for i in range(8001)])
+
+
+def test_standard_decoding_gives_the_same_values(tmp_path):
+    path = record(tmp_path / "a.mcap", steps=20)
+    found = dict.fromkeys(TOPICS, 0)
+    sizes = {}
+    with Log(path) as log:
+        for channel, message, decoded in standard_messages(path):
+            names = [name for name, _ in TOPICS[channel.topic]]
+            where = schema.places(names)
+            series = log.read(channel.topic)
+            row = int(np.flatnonzero(log.sequence(channel.topic) == message.sequence)[0])
+            assert [of_place(decoded, place) for place in where] == series.values[row].tolist()
+            assert (decoded.t, decoded.h) == (series.t[row], series.h[row])
+            found[channel.topic] += 1
+            assert sizes.setdefault(channel.topic, len(message.data)) == len(message.data)
+    assert found == {topic: 5 if topic.endswith("links") else 21 for topic in TOPICS}
+
+
+def test_what_stands_before_step_0(tmp_path):
+    path = record(tmp_path / "a.mcap")
+    data = path.read_bytes()
+    for text in (b"small", b"<fmiModelDescription/>", b"versions", b"/chassis/out"):
+        assert 0 < data.index(text) < data.index(b"zstd")  # the first chunk
+
+
+def test_equal_runs_have_equal_digests_and_a_changed_bit_shows(tmp_path):
+    def flip(topic, k, row):
+        if (topic, k) == ("/chassis/out", 60):
+            row.view(np.uint64)[4] ^= 1
+        return row
+
+    paths = {
+        "one": record(tmp_path / "one.mcap", flush=0.25),
+        "two": record(tmp_path / "two.mcap", wall=7.0, flush=0.001),  # other chunks, other wall clock
+        "bit": record(tmp_path / "bit.mcap", change=flip),
+    }
+    digests = {}
+    for name, path in paths.items():
+        with Log(path) as log:
+            digests[name] = log.digest()
+    assert digests["one"] == digests["two"] != digests["bit"]
+
+
+def test_other_units_are_another_digest(tmp_path):
+    digests = []
+    for unit in ("m", "m", "mm"):
+        with Recorder(tmp_path / "u.mcap", {"/a/out": [("x", unit)]}, {}, {}) as recorder:
+            recorder.write("/a/out", 0, 0.0, 0.1, np.ones(1))
+        with Log(tmp_path / "u.mcap") as log:
+            digests.append(log.digest())
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_the_array_is_copied_and_steps_that_are_not_due_are_left_out(tmp_path):
+    row = np.zeros(2)
+    with Recorder(
+        tmp_path / "a.mcap", {"/a/out": [("x", "m"), ("y", "m")]}, {}, {}, every={"/a/out": 3}
+    ) as recorder:
+        for k in range(10):
+            assert recorder.due("/a/out", k) == (k % 3 == 0)
+            row[:] = k
+            recorder.write("/a/out", k, k * 0.1, 0.1, row)
+        recorder.close("ok", "", 9)
+    with Log(tmp_path / "a.mcap") as log:
+        assert log.read("/a/out").values.tolist() == [[0, 0], [3, 3], [6, 6], [9, 9]]
+        assert log.topics["/a/out"].every == 3
+
+
+def test_an_exception_closes_the_log_as_failed(tmp_path):
+    def fail():
+        with Recorder(tmp_path / "a.mcap", TOPICS, {}, {}) as recorder:
+            write_steps(recorder, 7)
+            raise RuntimeError("the chain came off")
+
+    with pytest.raises(RuntimeError, match="came off"):
+        fail()
+    with Log(tmp_path / "a.mcap") as log:
+        assert log.complete
+        assert (log.closing["status"], log.closing["message"], log.closing["steps"]) == (
+            "failed",
+            "the chain came off",
+            7,
+        )
+
+
+def test_misuse_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="listed twice"):
+        Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m"), ("x", "m")]}, {}, {})
+    with pytest.raises(ValueError, match="every 0"):
+        Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m")]}, {}, {}, every={"/a/out": 0})
+    recorder = Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m"), ("y", "m")]}, {}, {})
+    with pytest.raises(ValueError, match="has 2 variables, not 1"):
+        recorder.write("/a/out", 0, 0.0, 0.1, np.zeros(1))
+    for t in (-0.1, float("nan")):
+        with pytest.raises(ValueError, match="begins at 0"):
+            recorder.write("/a/out", 0, t, 0.1, np.zeros(2))
+    recorder.close("ok", "", 0)
+    recorder.close("failed", "again", 3)
+    with pytest.raises(ValueError, match="is closed"):
+        recorder.write("/a/out", 0, 0.0, 0.1, np.zeros(2))
+    with Log(tmp_path / "a.mcap") as log:
+        assert log.closing["status"] == "ok"
+
+
+def test_a_killed_run_loses_less_than_a_second(tmp_path):
+    script = textwrap.dedent(f"""
+        import time
+        import numpy as np
+        from orchestrator.recorder import Recorder
+        topics = {{"/a/out": [("clock", "s"), ("step", "1")]}}
+        with Recorder({str(tmp_path / "killed.mcap")!r}, topics, {{}}, {{}}) as recorder:
+            for k in range(10**9):
+                recorder.write("/a/out", k, k * 1e-3, 1e-3, np.array([time.monotonic(), k]))
+                if k == 0:
+                    print("begun", flush=True)
+                time.sleep(1e-3)
+    """)
+    child = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE)
+    assert child.stdout.readline() == b"begun\n"
+    time.sleep(1.5)
+    child.send_signal(signal.SIGKILL)
+    killed = time.monotonic()
+    assert child.wait() == -signal.SIGKILL
+    child.stdout.close()
+
+    with Log(tmp_path / "killed.mcap") as log:
+        assert not log.complete
+        assert log.closing is None
+        clock, step = log.read("/a/out").values.T
+    assert killed - 1.0 < clock[-1] < killed
+    assert np.array_equal(step, np.arange(len(step)))  # complete from the start
+    with (tmp_path / "killed.mcap").open("rb") as stream:  # MCAP's own reader sees the same
+        messages = NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        assert len(list(until_cut(messages))) == len(step)
+    assert verify(tmp_path / "killed.mcap").code == BROKEN
+    assert recover(tmp_path / "killed.mcap", tmp_path / "saved.mcap").code == RECOVERED
+    assert verify(tmp_path / "saved.mcap").code == WHOLE
+    with Log(tmp_path / "saved.mcap") as log:
+        assert np.array_equal(log.read("/a/out").values[:, 1], step)
+        assert log.closing["status"] == "failed"
+
+
+def test_a_full_disk_is_one_sentence_and_leaves_a_readable_log(tmp_path):
+    path = tmp_path / "full.mcap"
+    script = textwrap.dedent(f"""
+        import resource, signal
+        import numpy as np
+        from orchestrator.recorder import LogFailed, Recorder
+        resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, {resource.RLIM_INFINITY}))
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        random = np.random.default_rng(1)
+        topics = {{"/a/out": [(f"x{{i}}", "m") for i in range(500)]}}
+        recorder = Recorder({str(path)!r}, topics, {{}}, {{}}, flush=60)
+        k = 0
+        try:
+            for k in range(100_000):
+                recorder.write("/a/out", k, k * 1e-3, 1e-3, random.normal(size=500))
+        except LogFailed as failure:
+            print(failure)
+            recorder.close("failed", str(failure), k)
+    """)
+    child = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert child.stderr == ""
+    assert child.stdout == f"the log {path} cannot be written: file too large\n"
+    with Log(path) as log:
+        series = log.read("/a/out")
+    random = np.random.default_rng(1)
+    assert 300 < len(series.t) < 800
+    assert np.array_equal(series.values, random.normal(size=(len(series.t), 500)))
+    assert log.closing["status"] == "failed"  # the chunk that was taken back made room for the end
+    assert verify(path).code == WHOLE
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_disk_that_is_full_at_once():
+    with pytest.raises(LogFailed, match="the log /dev/full cannot be written: no space left on device"):
+        Recorder("/dev/full", TOPICS, {}, {})
+
+
+def test_a_disk_that_fills_while_closing(tmp_path, monkeypatch):
+    recorder = Recorder(tmp_path / "a.mcap", TOPICS, {}, {})
+    write_steps(recorder, 50)
+
+    def full(data):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(recorder._file, "_append", full)
+    with pytest.raises(LogFailed, match="no space left on device"):
+        recorder.close("ok", "", 50)
+    with Log(tmp_path / "a.mcap") as log:
+        assert log.closing is None
+
+
+def test_unwritable_folder_is_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(LogFailed, match=r"the log .*file/a\.mcap cannot be written: ") as caught:
+        Recorder(tmp_path / "file" / "a.mcap", TOPICS, {}, {})
+    assert "\n" not in str(caught.value)
+    with pytest.raises(LogFailed, match="is a directory"):
+        Recorder(tmp_path, TOPICS, {}, {})
+
+
+def test_an_older_log_is_replaced_and_open_readers_keep_it(tmp_path):
+    path = record(tmp_path / "a.mcap", steps=10)
+    with Log(path) as old:
+        record(path, steps=20)
+        assert len(old.read("/chassis/out").t) == 11
+    with Log(path) as new:
+        assert np.array_equal(new.read("/chassis/out").values[20], values("/chassis/out", 20))
+        assert new.read("/chassis/out").t[-1] == 20 * STEP
+
+
+@pytest.mark.benchmark
+@pytest.mark.parametrize("width", [100, 841])
+def test_cost_of_a_message(tmp_path, width):
+    row = np.random.default_rng(1).normal(size=width)
+    spent, steps = 0.0, 3000
+    with Recorder(
+        tmp_path / "a.mcap", {"/a/out": [(f"x{i}", "m") for i in range(width)]}, {}, {}
+    ) as recorder:
+        for k in range(steps):
+            began = time.perf_counter()
+            recorder.write("/a/out", k, k * 1e-3, 1e-3, row)
+            spent += time.perf_counter() - began
+            time.sleep(2e-5)
+        recorder.close("ok", "", steps)
+    print(f"{width} doubles: {spent / steps * 1e6:.2f} us a message on the caller's thread")
+    assert spent / steps < 50e-6
