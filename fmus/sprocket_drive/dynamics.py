@@ -1,0 +1,177 @@
+"""One step of a sprocket's spin on a mount whose motion is extrapolated; equation numbers as in README.md.
+
+The sprocket is axisymmetric: its mass and transverse inertia belong to the mount, what is left is a rotor with the
+angular momentum J Omega a, Omega absolute about the mount's lateral axis a.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.integrate.runge_kutta import RK4, finish, stage
+from fmus.physics.rotation import quat_advance, quat_multiply, quat_normalise, quat_rotate
+from fmus.physics.vector import add, dot, put, scale, vector
+
+SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
+
+# where things stand in the flat state
+ANGLE, RATE, INTEGRAL, WORK, BRAKED, IMPULSE = 0, 1, 2, 3, 4, 5  # integrated together; rate is absolute
+SPUN = 6  # number of these
+PORT_WORK, SPEED_NOW, TORQUE_NOW = 6, 7, 8
+MOMENTUM = 9  # J Omega a at the end of the last step, world (3)
+SPROCKET = 12  # position, orientation, velocity, angular velocity (13)
+MOUNT = 25  # mean wrench of the last step (6)
+STEP, VELOCITY = (
+    31,
+    32,
+)  # of the last step: length (0 before the first), the mount's velocities at its start (6)
+WIDTH = 38
+
+
+class Drive(NamedTuple):
+    """Parameters of a drive, SI."""
+
+    inertia: float  # of the spin, J, kg m2
+    mode: int  # SPEED, TORQUE or CONTROLLER
+    start_speed: float  # of the profile, relative to the mount, rad/s
+    end_speed: float
+    ramp_start: float  # s
+    ramp_end: float
+    torque: float  # of the motor in mode TORQUE, N m
+    brake: float  # largest torque of the brake, N m
+    brake_speed: float  # below which the brake fades, rad/s
+    proportional: float  # gain of the controller, N m s/rad
+    integral: float  # gain of the controller, N m/rad
+    limit: float  # largest torque of the controller, N m
+    accelerated: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
+
+
+@kernel
+def profile(p, t):
+    """Speed of the profile at t, rad/s, and the angle since ramp_start, rad: a half-cosine between two speeds. (1)"""
+    length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
+    rise = p.end_speed - p.start_speed
+    angle = p.start_speed * past
+    if past <= 0.0:
+        return p.start_speed, angle
+    if past >= length:
+        return p.end_speed, angle + rise * (past - 0.5 * length)
+    s = past / length
+    shape = 0.5 * (s - np.sin(np.pi * s) / np.pi)
+    return p.start_speed + rise * 0.5 * (1.0 - np.cos(np.pi * s)), angle + rise * length * shape
+
+
+@kernel
+def motor(p, t, speed, integral):
+    """Torque of the motor on the sprocket, N m, and the rate of the controller's integral. (2)"""
+    if p.mode == TORQUE:
+        return p.torque, 0.0
+    error = profile(p, t)[0] - speed
+    wanted = p.proportional * error + p.integral * integral
+    torque = min(p.limit, max(-p.limit, wanted))
+    return torque, 0.0 if torque != wanted and wanted * error > 0.0 else error  # no wind-up at the limit
+
+
+@kernel
+def rates(p, t, y, chain, mount_rate, out):
+    """Write the derivatives of the SPUN quantities y under the chain's torque about the axis. (3)"""
+    speed = y[RATE] - mount_rate
+    torque, growth = motor(p, t, speed, y[INTEGRAL])
+    brake = p.brake * speed / np.sqrt(speed * speed + p.brake_speed * p.brake_speed)
+    out[ANGLE], out[RATE], out[INTEGRAL] = speed, (chain + torque - brake) / p.inertia, growth
+    out[WORK], out[BRAKED], out[IMPULSE] = torque * speed, brake * speed, torque
+
+
+@kernel
+def substeps(p, h):
+    """How many internal steps resolve brake and controller: half a time constant each. (4)"""
+    if p.mode == SPEED:
+        return 1
+    gains = (
+        (p.proportional / p.inertia, np.sqrt(p.integral / p.inertia)) if p.mode == CONTROLLER else (0.0, 0.0)
+    )
+    fastest = p.brake / (p.brake_speed * p.inertia) + gains[0] + gains[1]
+    return max(1, int(np.ceil(min(2.0 * h * fastest, 1e9))))
+
+
+@kernel
+def spin(p, x, t, h, steps, chain, before, after):
+    """Advance the SPUN quantities of x; ``before`` and ``after`` are the mount's rate about the axis at t and t + h."""
+    y, k, d = np.empty(SPUN), np.empty((len(RK4.b), SPUN)), h / steps
+    x[IMPULSE] = 0.0
+    for n in range(steps):
+        for i in range(len(RK4.b)):
+            stage(RK4, i, d, x[:SPUN], k, y)
+            s = (n + RK4.c[i]) / steps
+            rates(p, t + s * h, y, chain, before + s * (after - before), k[i])
+        finish(RK4, d, x[:SPUN], k)
+
+
+@kernel
+def prescribe(p, x, t, h, chain, after):
+    """The same for a prescribed speed: the motor's torque follows. (5)"""
+    (now, angle), (then, end) = profile(p, t), profile(p, t + h)
+    turned, rate = end - angle, then + after
+    momentum = p.inertia * (rate - x[RATE])
+    x[ANGLE], x[RATE] = x[ANGLE] + turned, rate
+    x[IMPULSE] = momentum - chain * h
+    x[WORK] += 0.5 * momentum * (now + then) - chain * turned
+
+
+@kernel
+def place(x, position, q, velocity, omega):
+    """Write the sprocket's 13: the mount's pose turned by the angle, the mount's rates with the absolute spin. (6)"""
+    half, a = 0.5 * x[ANGLE], quat_rotate(q, (0.0, 1.0, 0.0))
+    put(x, SPROCKET, position)
+    x[SPROCKET + 3 : SPROCKET + 7] = quat_multiply(q, (np.cos(half), 0.0, np.sin(half), 0.0))
+    put(x, SPROCKET + 7, velocity)
+    put(x, SPROCKET + 10, add(omega, scale(x[RATE] - dot(omega, a), a)))
+    x[SPEED_NOW] = x[RATE] - dot(omega, a)
+
+
+@kernel
+def advance(p, x, t, h, u):
+    """One communication step of x in place; u: mount (13) at t, chain's mean wrench (6). Number of internal steps."""
+    # the mount at t, its mean rates over the step, and where they take it (7)
+    q, first = quat_normalise(u[3:7]), x[STEP] == 0.0
+    v, w = vector(u, 7), vector(u, 10)
+    a_v, a_w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if p.accelerated == 1 and not first:
+        s = 1.0 / x[STEP]
+        a_v = scale(s, add(v, scale(-1.0, vector(x, VELOCITY))))
+        a_w = scale(s, add(w, scale(-1.0, vector(x, VELOCITY + 3))))
+    v_mean, w_mean = add(v, scale(0.5 * h, a_v)), add(w, scale(0.5 * h, a_w))
+    v_end, w_end = add(v, scale(h, a_v)), add(w, scale(h, a_w))
+    q_end = quat_advance(q, scale(h, w_mean))
+    lateral = (0.0, 1.0, 0.0)
+    a, a_end = quat_rotate(q, lateral), quat_rotate(q_end, lateral)
+    middle = quat_rotate(quat_advance(q, scale(0.5 * h, w_mean)), lateral)
+    force, torque = vector(u, 13), vector(u, 16)
+    chain = (dot(torque, a) + 4 * dot(torque, middle) + dot(torque, a_end)) / 6
+
+    if first:  # nothing was handed over yet: the momentum is what the sprocket has on this mount
+        if p.mode == SPEED:
+            x[RATE] = profile(p, t)[0] + dot(a, w)
+        put(x, MOMENTUM, scale(p.inertia * x[RATE], vector(a, 0)))
+    angle, steps = x[ANGLE], substeps(p, h)
+    if p.mode == SPEED:
+        prescribe(p, x, t, h, chain, dot(a_end, w_end))
+    else:
+        spin(p, x, t, h, steps, chain, dot(a, w), dot(a_end, w_end))
+
+    # what the chain gave and the spin did not keep goes to the mount, in the mean over the step (8)
+    momentum = scale(p.inertia * x[RATE], vector(a_end, 0))
+    kept = add(momentum, scale(-1.0, vector(x, MOMENTUM)))
+    put(x, MOUNT, force)
+    put(x, MOUNT + 3, add(torque, scale(-1.0 / h, kept)))
+    put(x, MOMENTUM, momentum)
+    x[PORT_WORK] += chain * (x[ANGLE] - angle) + dot(kept, w_mean)
+    x[TORQUE_NOW] = x[IMPULSE] / h
+    place(x, add(vector(u, 0), scale(h, v_mean)), q_end, v_end, w_end)
+    x[STEP] = h
+    put(x, VELOCITY, v)
+    put(x, VELOCITY + 3, w)
+    return steps

@@ -1,0 +1,186 @@
+"""The sprocket drive as a component: ports, parameters, start, steps of the spin, outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.model import InvalidParameter, StepFailed
+from fmus.physics.integrate.runge_kutta import RK4
+from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
+from fmus.sprocket_drive.dynamics import (
+    ANGLE,
+    BRAKED,
+    MOUNT,
+    PORT_WORK,
+    RATE,
+    SPEED_NOW,
+    SPROCKET,
+    TORQUE_NOW,
+    WIDTH,
+    WORK,
+    Drive,
+    advance,
+    place,
+    profile,
+    substeps,
+)
+
+Floats = NDArray[np.float64]
+
+MODES = ("speed", "torque", "controller")
+EXTRAPOLATIONS = ("velocity", "acceleration")
+MOST_STEPS = 100_000  # internal steps in one communication step
+
+
+def parameter_ports() -> list[Port]:
+    """What can be set before initialisation."""
+    return [
+        *start_pose(),
+        Port("start.angle", "parameter", "rad", "angle of the sprocket against the mount at the start"),
+        Port("mode", "parameter", "1", "what turns the sprocket: a prescribed speed, a constant torque, or a "
+             "controller that follows the speed profile", "speed", MODES),
+        Port("extrapolation", "parameter", "1", "how the mount moves inside a step: with its velocity, or with the "
+             "acceleration of its last two velocities besides", "velocity", EXTRAPOLATIONS),
+        Port("speed.start", "parameter", "rad/s", "speed against the mount before the ramp, and at the start"),
+        Port("speed.end", "parameter", "rad/s", "speed against the mount after the ramp"),
+        Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
+        Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0),
+        Port("torque.drive", "parameter", "N.m", "constant torque of the motor in mode torque"),
+        Port("brake.torque", "parameter", "N.m", "torque of the brake, against the rotation; not in mode speed"),
+        Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1),
+        Port("controller.proportional", "parameter", "N.m.s/rad", "torque per speed error", 6000.0),
+        Port("controller.integral", "parameter", "N.m", "torque per rad of accumulated speed error", 20000.0),
+        Port("torque.limit", "parameter", "N.m", "largest torque of the controller, either way", 20000.0),
+    ]  # fmt: skip
+
+
+class Model:
+    """Spin of one sprocket, relative to nothing but its mount.
+
+    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": [x, y, z] of the mount in the vehicle frame at the
+    start}}; what else it holds is not read. A mount whose inputs still have their start values stands still at the
+    start pose, so an unconnected drive is a fixed axle.
+    """
+
+    link_ports = 0
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        drive = config["drive"]
+        self._inertia, self._place = float(drive["inertia"]), tuple(float(x) for x in drive["mount"])
+        if not self._inertia > 0.0:
+            raise InvalidParameter(f"drive.inertia = {self._inertia} kg m2 must be positive")
+        self.ports: tuple[Port, ...] = (
+            *wheel_state("mount", "input", self._place),
+            *wrench("sprocket", "input"),
+            *wheel_state("sprocket", "output", self._place),
+            *wrench("mount", "output"),
+            Port("speed", "output", "rad/s", "speed of the sprocket against the mount"),
+            Port(
+                "angle", "output", "rad", "angle of the sprocket against the mount, summed over revolutions"
+            ),
+            Port("torque", "output", "N.m", "torque of the motor on the sprocket, mean over the step"),
+            Port("energy.kinetic", "output", "J", "kinetic energy of the spin"),
+            Port("energy.work", "output", "J", "work of the motor since the start"),
+            Port("energy.dissipated", "output", "J", "work done on the brake since the start"),
+            Port("port.work", "output", "J", "work of chain and mount on the spin since the start"),
+            Port("solver.steps", "output", "1", "internal steps since the start", 0),
+            Port(
+                "solver.evaluations", "output", "1", "evaluations of the spin's equation since the start", 0
+            ),
+            *parameter_ports(),
+        )
+        self._defaults = {port.name: port for port in self.ports if port.causality == "parameter"}
+        self._unconnected = np.array([port.start for port in self.ports[:STATE]])
+        self._standing = self._unconnected.copy()
+        self._u = np.zeros(STATE + WRENCH)
+        self.state: Floats = np.zeros(WIDTH)
+        self.counters = np.zeros(2, dtype=np.int64)
+
+    def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
+        """The sprocket at its start angle and speed on a mount that stands still at the start pose."""
+        values = {name: parameters.get(name, port.start) for name, port in self._defaults.items()}
+        self._drive = self._checked(values)
+        place_x, place_y, place_z = self._place
+        heading = float(values["start.heading"])
+        c, s = np.cos(heading), np.sin(heading)
+        origin = [float(values[f"start.position.{axis}"]) for axis in "xyz"]
+        self._standing[:3] = origin[0] + c * place_x - s * place_y, origin[1] + s * place_x + c * place_y, \
+            origin[2] + place_z  # fmt: skip
+        self._standing[3:] = 0.0
+        self._standing[3], self._standing[6] = np.cos(0.5 * heading), np.sin(0.5 * heading)
+        self.state[:] = 0.0
+        self.state[ANGLE] = float(values["start.angle"])
+        self.state[RATE] = profile(self._drive, 0.0)[0]
+        still = (0.0, 0.0, 0.0)
+        place(self.state, tuple(self._standing[:3]), self._standing[3:7], still, still)
+        self.counters[:] = 0
+
+    def step(self, t: float, h: float, u: Floats) -> None:
+        """Advance from t to t + h; the state is left as it was when that fails."""
+        self._u[:] = u
+        if np.array_equal(u[:STATE], self._unconnected):
+            self._u[:STATE] = self._standing
+        steps = substeps(self._drive, h)
+        if steps > MOST_STEPS:
+            raise StepFailed(f"at t = {t:.6g} s brake.speed or the controller's gains ask for {steps} internal steps"
+                             f" in one of {h:.3g} s, more than {MOST_STEPS}")  # fmt: skip
+        state = self.state.copy()
+        advance(self._drive, state, t, h, self._u)
+        if not np.all(np.isfinite(state)):
+            bad = [port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value)]
+            if not bad and not np.any(u[3:7]):
+                raise StepFailed(f"at t = {t:.6g} s the input mount.orientation has no length")
+            what = f"input {bad[0]}" if bad else "sprocket's spin"
+            raise StepFailed(f"at t = {t:.6g} s the {what} is not finite")
+        self.state[:] = state
+        self.counters += (steps, len(RK4.b) * steps if self._drive.mode else 1)
+
+    def outputs(self, y: Floats) -> None:
+        """Write all Real outputs, in port order."""
+        x = self.state
+        y[:13] = x[SPROCKET : SPROCKET + 13]
+        y[13:19] = x[MOUNT : MOUNT + 6]
+        y[19], y[20], y[21] = x[SPEED_NOW], x[ANGLE], x[TORQUE_NOW]
+        y[22], y[23], y[24] = 0.5 * self._inertia * x[RATE] ** 2, x[WORK], x[BRAKED]
+        y[25] = x[PORT_WORK]
+
+    def link_outputs(self, y: Floats) -> None:
+        """None here."""
+
+    def warnings(self) -> list[str]:
+        """None here."""
+        return []
+
+    def _checked(self, values: Mapping[str, Any]) -> Drive:
+        """The parameters as a Drive; raises InvalidParameter."""
+        for name, port in self._defaults.items():
+            if port.choices and values[name] not in port.choices:
+                raise InvalidParameter(f"{name} = {values[name]!r} must be one of {', '.join(port.choices)}")
+            if not port.choices and not np.isfinite(values[name]):
+                raise InvalidParameter(f"{name} = {values[name]} must be a finite number")
+        for name in ("brake.torque", "controller.proportional", "controller.integral", "torque.limit"):
+            if values[name] < 0.0:
+                raise InvalidParameter(f"{name} = {values[name]} must not be negative")
+        if values["brake.speed"] <= 0.0:
+            raise InvalidParameter(f"brake.speed = {values['brake.speed']} rad/s must be positive")
+        if values["ramp.end"] < values["ramp.start"]:
+            raise InvalidParameter(f"ramp.end = {values['ramp.end']} s must not be before ramp.start")
+        return Drive(
+            inertia=self._inertia,
+            mode=MODES.index(values["mode"]),
+            start_speed=float(values["speed.start"]),
+            end_speed=float(values["speed.end"]),
+            ramp_start=float(values["ramp.start"]),
+            ramp_end=float(values["ramp.end"]),
+            torque=float(values["torque.drive"]),
+            brake=float(values["brake.torque"]),
+            brake_speed=float(values["brake.speed"]),
+            proportional=float(values["controller.proportional"]),
+            integral=float(values["controller.integral"]),
+            limit=float(values["torque.limit"]),
+            accelerated=EXTRAPOLATIONS.index(values["extrapolation"]),
+        )
