@@ -1,0 +1,432 @@
+"""The sprocket drive: exact profiles and spins, third law, gyroscopic moment, ledger, order, manners."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+from fmus.model import InvalidParameter, StepFailed
+from fmus.sprocket_drive.dynamics import ANGLE, RATE, SPUN, WIDTH, spin
+from fmus.sprocket_drive.model import Model
+
+J = 13.87
+PLACE = (0.0, 1.0795, 0.0)
+RAMP = {"speed.end": 20.0, "ramp.start": 2.0, "ramp.end": 6.0}
+
+
+class Probe:
+    """A drive with its variables by name; its mount is unconnected until ``mount`` is set."""
+
+    def __init__(self, inertia=J, **parameters):
+        self.model = Model({"drive": {"inertia": inertia, "mount": list(PLACE)}})
+        real = [
+            port
+            for port in self.model.ports
+            if isinstance(port.start, float) and port.causality != "parameter"
+        ]
+        inputs = [port for port in real if port.causality == "input"]
+        self.u, self.t = np.array([port.start for port in inputs]), 0.0
+        self.names = [port.name for port in real if port.causality == "output"]
+        self.y = np.zeros(len(self.names))
+        self.model.initialise(parameters)
+
+    def __getitem__(self, name):
+        self.model.outputs(self.y)
+        if name in self.names:
+            return self.y[self.names.index(name)]
+        parts = "wxyz" if name.endswith("orientation") else "xyz"
+        return np.array([self.y[self.names.index(f"{name}.{part}")] for part in parts])
+
+    @property
+    def axis(self):
+        """The sprocket's lateral axis in the world."""
+        return Rotation.from_quat(self["sprocket.orientation"], scalar_first=True).apply([0, 1, 0])
+
+    def step(self, h, chain=(0, 0, 0), force=(0, 0, 0), mount=None):
+        """One step; mount(t) gives position, Rotation, velocity, angular velocity."""
+        if mount is not None:
+            position, rotation, velocity, omega = mount(self.t)
+            self.u[:13] = *position, *rotation.as_quat(scalar_first=True), *velocity, *omega
+        self.u[13:] = *force, *chain
+        self.model.step(self.t, h, self.u)
+        self.t += h
+        return self
+
+    def run(self, duration, h=1e-3, **inputs):
+        for _ in range(round(duration / h)):
+            self.step(h, **inputs)
+        return self
+
+
+def turning(omega, velocity=(0.0, 0.0, 0.0), start=(0.2, -0.1, 0.4)):
+    """A mount that turns at a constant world rate and moves at a constant velocity."""
+    omega, velocity = np.asarray(omega), np.asarray(velocity)
+
+    def mount(t):
+        rotation = Rotation.from_rotvec(omega * t) * Rotation.from_rotvec(start)
+        return np.array(PLACE) + velocity * t, rotation, velocity, omega
+
+    return mount
+
+
+# --- exact solutions ---------------------------------------------------------------------------------------------
+
+
+def half_cosine(t):
+    return 20.0 * 0.5 * (1 - np.cos(np.pi * np.clip((t - 2.0) / 4.0, 0.0, 1.0)))
+
+
+@pytest.mark.parametrize("h", [1e-3, 0.1, 0.7])
+def test_prescribed_speed_and_angle_are_exact_at_any_step(h):
+    probe = Probe(**RAMP, **{"start.angle": 0.3})
+    for _ in range(round(7 / h)):
+        probe.step(h)
+        if probe.t % 0.5 < h:
+            turned = quad(
+                half_cosine, 0.0, probe.t, points=[p for p in (2.0, 6.0) if p < probe.t], epsabs=1e-12
+            )[0]
+            assert probe["speed"] == pytest.approx(half_cosine(probe.t), abs=1e-11)
+            assert probe["angle"] == pytest.approx(0.3 + turned, abs=1e-10)
+    x_axis = Rotation.from_quat(probe["sprocket.orientation"], scalar_first=True).apply([1, 0, 0])
+    assert np.allclose(x_axis, [np.cos(probe["angle"]), 0, -np.sin(probe["angle"])], rtol=0, atol=1e-9)
+    assert np.allclose(probe["sprocket.angular_velocity"], [0, 20, 0], rtol=0, atol=1e-12)
+    assert probe["angle"] != pytest.approx(0.3 + 1.01 * turned, abs=1e-3)
+
+
+def test_prescribed_speed_needs_the_torque_that_the_chain_takes_and_the_spin_keeps():
+    probe = Probe(**RAMP).run(4.0)
+    speeds = half_cosine(np.array([3.999, 4.0]))
+    assert probe["torque"] == pytest.approx(J * np.diff(speeds)[0] / 1e-3, rel=1e-9)
+    assert probe["torque"] == pytest.approx(J * 20 * np.pi / 8, rel=1e-6)
+    probe.step(1e-3, chain=(0, -7000.0, 0))
+    assert probe["torque"] == pytest.approx(7000 + J * 20 * np.pi / 8, rel=1e-6)
+    assert probe["mount.torque"][1] == pytest.approx(-7000 - J * 20 * np.pi / 8, rel=1e-6)
+
+
+def test_motor_work_in_prescribed_speed():
+    probe = Probe(**RAMP).run(8.0, chain=(0, -525.0, 0))
+    turned = 20 * 2.0 + 20 * 2.0
+    assert probe["energy.work"] == pytest.approx(525 * turned + 0.5 * J * 20**2, rel=1e-9)
+    assert probe["energy.kinetic"] == pytest.approx(0.5 * J * 20**2, rel=1e-12)
+
+
+def test_constant_torque_spins_up_linearly():
+    probe = Probe(mode="torque", **{"torque.drive": 300.0}).run(0.5, chain=(0, -20.0, 0))
+    rate = 280.0 / J
+    assert probe["speed"] == pytest.approx(rate * 0.5, rel=1e-12)
+    assert probe["angle"] == pytest.approx(rate * 0.125, rel=1e-12)
+    assert probe["torque"] == pytest.approx(300.0, rel=1e-14)
+    assert probe["energy.work"] == pytest.approx(300 * rate * 0.125, rel=1e-12)
+    twin = Probe(1.02 * J, mode="torque", **{"torque.drive": 300.0}).run(0.5, chain=(0, -20.0, 0))
+    assert twin["speed"] != pytest.approx(rate * 0.5, rel=1e-2)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("fade", [0.1, 1e-3])
+def test_brake_against_its_closed_form(sign, fade):
+    """J w' = -B w / sqrt(w^2 + e^2) has the integral sqrt(w^2 + e^2) - e asinh(e / w)."""
+    brake = {"mode": "torque", "brake.torque": 500.0, "brake.speed": fade, "speed.start": sign * 4.0}
+    probe = Probe(**brake)
+    probe.model.initialise(brake)
+
+    def integral(w):
+        return np.hypot(w, fade) - fade * np.arcsinh(fade / abs(w))
+
+    for _ in range(4):
+        probe.run(0.025)
+        assert sign * probe["speed"] > 0
+        assert integral(4.0) - integral(probe["speed"]) == pytest.approx(500 / J * probe.t, rel=1e-6)
+        assert integral(4.0) - integral(probe["speed"]) != pytest.approx(510 / J * probe.t, rel=1e-2)
+    probe.run(1.0)
+    assert abs(probe["speed"]) < 1e-6  # it stops, and does not ring
+    assert probe["energy.dissipated"] == pytest.approx(0.5 * J * 16, rel=1e-6)
+
+
+def test_driven_against_the_brake_it_creeps_at_the_speed_that_fades_it():
+    probe = Probe(mode="torque", **{"torque.drive": 300.0, "brake.torque": 500.0}).run(1.0)
+    assert probe["speed"] == pytest.approx(0.1 * 0.6 / 0.8, rel=1e-9)  # w / sqrt(w^2 + e^2) = 300 / 500
+
+
+def test_controller_under_a_load_is_a_damped_oscillator():
+    """J w' = c - P w - I theta: closed form from rest under a constant chain torque."""
+    P, K, c = 60.0, 900.0, -100.0
+    gains = {"controller.proportional": P, "controller.integral": K}
+    probe = Probe(mode="controller", **gains).run(0.3, chain=(0, c, 0))
+    decay = P / (2 * J)
+    wave = np.sqrt(K / J - decay**2)
+    assert probe["speed"] == pytest.approx(
+        c / (J * wave) * np.exp(-decay * 0.3) * np.sin(wave * 0.3), rel=1e-6
+    )
+    settled = probe.run(8.0, chain=(0, c, 0))
+    assert settled["torque"] == pytest.approx(100.0, rel=1e-6)
+    assert settled["angle"] == pytest.approx(c / K, rel=1e-6)
+    twin = Probe(mode="controller", **{**gains, "controller.integral": 1.03 * K}).run(0.3, chain=(0, c, 0))
+    assert twin["speed"] != pytest.approx(
+        c / (J * wave) * np.exp(-decay * 0.3) * np.sin(wave * 0.3), rel=1e-3
+    )
+
+
+def test_controller_keeps_its_limit_and_does_not_wind_up():
+    jump = {"mode": "controller", "speed.end": 30.0, "ramp.end": 0.0, "torque.limit": 400.0}
+    gains = {"controller.proportional": 300.0, "controller.integral": 600.0}
+    probe, speeds, torques = Probe(**jump, **gains), [], []
+    for _ in range(4000):
+        probe.step(1e-3)
+        speeds.append(probe["speed"])
+        torques.append(probe["torque"])
+    assert max(np.abs(torques)) <= 400.0 * (1 + 1e-12)
+    assert speeds[500] == pytest.approx(400 / J * 0.501, rel=1e-2)  # at the limit
+    assert speeds[-1] == pytest.approx(30.0, abs=1e-2)
+    # an integral that grew from 0 to 1 s would hold 30/2 rad s x 600 = 9 kN m, and push far beyond the target
+    assert max(speeds) < 30.0 * 1.1
+
+
+@pytest.mark.parametrize("mode", ["torque", "controller"])
+def test_spin_converges_at_order_four(mode):
+    probe = Probe(
+        mode=mode, **{"torque.drive": 400.0, "brake.torque": 300.0, "brake.speed": 2.0, "speed.end": 9.0},
+        **{"controller.proportional": 200.0, "controller.integral": 900.0},
+    )  # fmt: skip
+
+    def end(steps):
+        x = np.zeros(WIDTH)
+        spin(probe.model._drive, x, 0.0, 0.4, steps, -30.0, 0.2, -0.1)
+        return x[:SPUN].copy()
+
+    exact = end(2048)
+    errors = [np.linalg.norm(end(n) - exact) for n in (32, 64, 128)]
+    slopes = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert np.all(np.abs(slopes - 4.0) < 0.25), slopes
+
+
+# --- momentum and energy across the ports ------------------------------------------------------------------------
+
+MODES = {
+    "speed": {"mode": "speed", "speed.start": 3.0, "speed.end": 20.0, "ramp.start": 0.02, "ramp.end": 0.3},
+    "torque": {"mode": "torque", "speed.start": 3.0, "torque.drive": 700.0, "brake.torque": 200.0},
+    "controller": {"mode": "controller", "speed.start": 3.0, "speed.end": 9.0, "brake.torque": 200.0},
+}
+
+
+@pytest.mark.parametrize("extrapolation", ["velocity", "acceleration"])
+@pytest.mark.parametrize("mode", MODES)
+def test_third_law(mode, extrapolation):
+    """Impulse from the chain less impulse to the mount = change of J Omega a, to rounding, however it shakes."""
+    rng, h = np.random.default_rng(1), 1e-3
+    probe = Probe(**MODES[mode], extrapolation=extrapolation)
+
+    def mount(t):
+        """A motion whose exchanged rates do not even belong to its poses."""
+        turn = Rotation.from_rotvec([0.3 * np.sin(9 * t), 0.5 * t, 0.2 * np.cos(7 * t)])
+        return rng.normal(size=3), turn, rng.normal(size=3), rng.normal(size=3)
+
+    def momentum():
+        w = probe["sprocket.angular_velocity"]
+        return J * (w @ probe.axis) * probe.axis
+
+    probe.step(h, mount=mount, chain=rng.normal(size=3))
+    before, kept, size = momentum(), np.zeros(3), 0.0
+    for _ in range(200):
+        torque, force = 5e3 * rng.normal(size=3), 1e4 * rng.normal(size=3)
+        probe.step(h, mount=mount, chain=torque, force=force)
+        assert np.array_equal(probe["mount.force"], force)
+        kept += (torque - probe["mount.torque"]) * h
+        size += np.linalg.norm(torque) * h
+    assert np.allclose(kept, momentum() - before, rtol=0, atol=1e-11 * size)
+    assert not np.allclose(kept, 1.02 * momentum() - before, rtol=0, atol=1e-3)
+
+
+def test_gyroscopic_moment_of_a_turning_mount():
+    """The mount feels -d(J Omega a)/dt, in the mean over the step; sideways it is J Omega psi'."""
+    psi, omega, h = 0.4, 12.0, 1e-3
+    probe = Probe(mode="speed", **{"speed.start": omega, "speed.end": omega})
+    mount = turning([0, 0, psi], start=(0, 0, 0))
+    probe.run(0.5, h, mount=mount)
+    axes = [mount(t)[1].apply([0, 1, 0]) for t in (probe.t - h, probe.t)]
+    assert np.allclose(probe["mount.torque"], -J * omega * (axes[1] - axes[0]) / h, rtol=0, atol=1e-9)
+    assert np.linalg.norm(probe["mount.torque"]) == pytest.approx(J * omega * psi, rel=1e-6)
+    assert np.linalg.norm(probe["mount.torque"]) != pytest.approx(1.02 * J * omega * psi, rel=1e-2)
+    # turning left, a wheel that rolls forward rolls the mount outward: its right side is pressed down
+    assert mount(probe.t)[1].inv().apply(probe["mount.torque"])[0] > 0
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_ledger_closes_on_a_turning_mount(mode):
+    probe = Probe(**MODES[mode])
+    mount = turning([0.3, -0.5, 0.8], velocity=(1.0, 0.2, 0.0))
+    probe.step(1e-3, mount=mount)
+
+    def residual(inertia=1.0):
+        return (
+            probe["energy.work"]
+            + probe["port.work"]
+            - probe["energy.dissipated"]
+            - inertia * probe["energy.kinetic"]
+        )
+
+    before, heavier = residual(), residual(1.02)
+    probe.run(0.3, mount=mount, chain=(40.0, -350.0, 90.0))
+    size = abs(probe["energy.work"]) + abs(probe["port.work"])
+    assert size > 500
+    assert abs(residual() - before) < 1e-6 * size
+    assert abs(residual(1.02) - heavier) > 1e-5 * size
+
+
+def test_the_sprocket_rides_on_its_mount():
+    probe = Probe(**MODES["speed"], **{"start.angle": -0.2})
+    mount = turning([0.3, -0.5, 0.8], velocity=(1.0, 0.2, 0.0))
+    probe.run(0.4, mount=mount)
+    position, rotation, velocity, omega = mount(probe.t)
+    lateral = rotation.apply([0, 1, 0])
+    pose = rotation * Rotation.from_rotvec([0, probe["angle"], 0])
+    assert np.allclose(probe["sprocket.position"], position, rtol=0, atol=1e-12)
+    assert np.allclose(probe["sprocket.velocity"], velocity, rtol=0, atol=1e-12)
+    assert np.allclose(
+        Rotation.from_quat(probe["sprocket.orientation"], scalar_first=True).as_matrix(),
+        pose.as_matrix(),
+        atol=1e-11,
+    )
+    assert np.allclose(
+        probe["sprocket.angular_velocity"], omega + probe["speed"] * lateral, rtol=0, atol=1e-11
+    )
+
+
+def test_acceleration_extrapolation_removes_the_lag():
+    def braking(t):
+        v = np.array([5.0 - 3.0 * t, 0, 0])
+        return np.array([5 * t - 1.5 * t * t, *PLACE[1:]]), Rotation.identity(), v, np.zeros(3)
+
+    errors = {}
+    for extrapolation in ("velocity", "acceleration"):
+        probe = Probe(extrapolation=extrapolation).run(0.1, 1e-2, mount=braking)
+        errors[extrapolation] = (
+            abs(probe["sprocket.position"][0] - braking(probe.t)[0][0]),
+            abs(probe["sprocket.velocity"][0] - braking(probe.t)[2][0]),
+        )
+    assert errors["velocity"] == pytest.approx((1.5e-4, 3e-2), rel=1e-6)
+    assert max(errors["acceleration"]) < 1e-12
+
+
+# --- start and manners -------------------------------------------------------------------------------------------
+
+POSE = {"start.heading": 0.7, "start.position.x": 3.0, "start.position.z": 0.5}
+AT_POSE = Rotation.from_rotvec([0, 0, 0.7]).apply(PLACE) + np.array([3.0, 0.0, 0.5])
+
+
+def test_start_comes_from_parameters_never_from_inputs():
+    probe = Probe(**POSE, **{"start.angle": 0.4, "speed.start": 2.0})
+    probe.u[:3] = 9.0
+    pose = Rotation.from_rotvec([0, 0, 0.7]) * Rotation.from_rotvec([0, 0.4, 0])
+    assert np.allclose(probe["sprocket.position"], AT_POSE, rtol=0, atol=1e-15)
+    assert np.allclose(probe["sprocket.orientation"], pose.as_quat(scalar_first=True), rtol=0, atol=1e-15)
+    assert np.allclose(probe["sprocket.angular_velocity"], 2 * probe.axis, rtol=0, atol=1e-14)
+    assert probe["speed"] == 2.0
+    assert probe["angle"] == 0.4
+    assert not np.any(probe["mount.torque"])
+
+
+def test_an_unconnected_mount_stands_still_at_the_start_pose():
+    probe = Probe(**POSE, **RAMP).run(0.01)
+    assert np.allclose(probe["sprocket.position"], AT_POSE, rtol=0, atol=1e-15)
+    starts = {port.name: port.start for port in probe.model.ports}
+    assert [starts[f"mount.position.{axis}"] for axis in "xyz"] == list(PLACE)
+
+
+def test_heading_changes_nothing():
+    def driven(heading):
+        turn = Rotation.from_rotvec([0, 0, heading])
+        probe = Probe(**MODES["controller"], **{"start.heading": heading})
+        wobble = turning(turn.apply([0.3, -0.5, 0.1]), start=(0, 0, heading))
+        probe.run(0.2, mount=wobble, chain=turn.apply([30.0, -350.0, 90.0]))
+        return [
+            probe["speed"],
+            probe["torque"],
+            probe["energy.work"],
+            *turn.inv().apply(probe["mount.torque"]),
+        ]
+
+    assert np.allclose(driven(0.0), driven(np.radians(37)), rtol=1e-11, atol=1e-9)
+
+
+def test_both_directions_are_alike():
+    def driven(sign):
+        parameters = {**MODES["torque"], "torque.drive": sign * 700.0, "speed.start": sign * 3.0}
+        return Probe(**parameters).run(0.2, chain=(0, -sign * 350.0, 0))
+
+    forward, back = driven(1), driven(-1)
+    assert forward["speed"] == -back["speed"]
+    assert forward["energy.work"] == back["energy.work"]
+
+
+def test_saving_is_copying_the_state():
+    probe = Probe(**MODES["controller"], extrapolation="acceleration")
+    mount = turning([0.3, -0.5, 0.8])
+    probe.run(0.05, mount=mount, chain=(0, -90.0, 5.0))
+    saved, t = probe.model.state.copy(), probe.t
+    first = probe.run(0.05, mount=mount, chain=(0, -90.0, 5.0)).model.state.copy()
+    probe.model.state[:], probe.t = saved, t
+    assert np.array_equal(probe.run(0.05, mount=mount, chain=(0, -90.0, 5.0)).model.state, first)
+
+
+def test_cost_in_evaluations():
+    probe = Probe(mode="torque", **{"brake.torque": 500.0, "brake.speed": 0.01}).run(0.01)
+    steps = int(np.ceil(2 * 1e-3 * 500 / (0.01 * J)))  # half a time constant of the brake each
+    assert list(probe.model.counters) == [10 * steps, 40 * steps]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"mode": "fast"}, "mode = 'fast' must be one of speed, torque, controller"),
+        ({"extrapolation": "none"}, "extrapolation"),
+        ({"brake.torque": -1.0}, "brake.torque"),
+        ({"brake.speed": 0.0}, "brake.speed"),
+        ({"torque.limit": -5.0}, "torque.limit"),
+        ({"ramp.start": 2.0, "ramp.end": 1.0}, "ramp.end"),
+        ({"speed.end": np.nan}, "speed.end"),
+    ],
+)
+def test_bad_parameters_are_refused(parameters, words):
+    with pytest.raises(InvalidParameter, match=words):
+        Probe(**parameters)
+
+
+def test_a_drive_needs_inertia():
+    with pytest.raises(InvalidParameter, match="inertia"):
+        Probe(0.0)
+
+
+@pytest.mark.parametrize(
+    ("index", "value", "words"),
+    [
+        (13, np.nan, "sprocket.force.x"),
+        (2, np.inf, "mount.position.z"),
+        (slice(3, 7), 0.0, "mount.orientation"),
+    ],
+)
+def test_absurd_inputs_fail_with_a_sentence(index, value, words):
+    probe = Probe(mode="torque")
+    probe.run(0.01)
+    before = probe.model.state.copy()
+    probe.u[index] = value
+    with pytest.raises(StepFailed, match=f"t = 0.01 s.*{words}"):
+        probe.model.step(probe.t, 1e-3, probe.u)
+    assert np.array_equal(probe.model.state, before)
+
+
+def test_a_brake_too_sharp_is_refused():
+    probe = Probe(mode="torque", **{"brake.torque": 1e6, "brake.speed": 1e-6})
+    with pytest.raises(StepFailed, match=r"brake\.speed"):
+        probe.step(1e-3)
+
+
+def test_a_jump_of_the_clock_is_no_jump_of_the_speed():
+    """A drive that starts at t = 5 s begins with the profile's speed there, without an impulse."""
+    probe = Probe(**RAMP)
+    probe.t = 5.0
+    probe.step(1e-3)
+    assert probe["torque"] == pytest.approx(
+        J * np.diff(half_cosine(np.array([5.0, 5.001])))[0] / 1e-3, rel=1e-9
+    )
+    assert probe.model.state[RATE] == pytest.approx(half_cosine(5.001))
+    assert probe.model.state[ANGLE] < 0.1
