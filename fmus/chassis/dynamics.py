@@ -1,8 +1,9 @@
 """Equations of motion of the tree: exact, O(n), and their integration by one communication step.
 
-State x, flat: position of O (3, world), quaternion of B (4), velocity of O (3, world), angular velocity (3, in B),
-then for n leaves: coordinates (arm angle about +y, or slide along +x; 0 when drawn), spin angles (relative to B),
-coordinate rates, spin rates (absolute, about B's y axis); then dissipated energy and work of the wrenches (J).
+State x, flat: position of O (3, world), quaternion of B (4), velocity of O (3, world), angular velocity (3,
+in B), then for n leaves: coordinates (arm angle about +y, or slide along +x; 0 when drawn), spin angles
+(against B), coordinate rates, spin rates (absolute, about B's y axis); then dissipated energy, work of the
+wrenches (J).
 Derivation and symbols: README.md of this folder, whose equation numbers stand at the lines.
 """
 
@@ -46,7 +47,7 @@ def compression(tree, k, d):
 
 @kernel
 def leaf_inertia(tree, k, r, w):
-    """J w of leaf k about its centre of mass, in B; r from the hinge to the wheel centre, as everywhere. (3)"""
+    """J w of leaf k about its centre of mass, in B; r from the hinge to the wheel centre. (3)"""
     a, b, t = tree.across[k], tree.along[k] * dot(r, w), tree.transverse[k]
     return (a + t) * w[0] - b * r[0], a * w[1] - b * r[1], (a + t) * w[2] - b * r[2]
 
@@ -61,7 +62,7 @@ def unit_wrench(tree, k, A, u):
 
 @kernel
 def add_body(M, mass, c, J):
-    """Add a body with mass, centre c and inertia J(3, 3) about c to the lower triangle of the root's M (6, 6). (5)"""
+    """Add a body, centre c, inertia J (3, 3) about c, to the lower triangle of the root's M (6, 6). (5)"""
     for i in range(3):
         M[i, i] += mass
         for j in range(3):
@@ -75,7 +76,7 @@ def add_body(M, mass, c, J):
 
 @kernel
 def solve_symmetric(M, b):
-    """Solve M x = b in place in b; M positive definite, its lower triangle is overwritten by its Cholesky factor."""
+    """Solve M x = b in place in b; M positive definite, its lower triangle becomes its Cholesky factor."""
     n = len(b)
     for j in range(n):
         for i in range(j, n):
@@ -199,7 +200,7 @@ def fault(tree, x):
 
 @kernel
 def advance(tree, x, u, h, steps):
-    """Integrate x in place over ``steps`` steps of h under constant u; number of steps done, fault of the last."""
+    """Integrate x in place over ``steps`` steps of h under constant u; steps done, fault of the last."""
     k, y = np.empty((len(RK4.b), len(x))), np.empty(len(x))
     for done in range(steps):
         for i in range(len(RK4.b)):

@@ -69,8 +69,8 @@ def chassis_ports() -> list[Port]:
 class Model:
     """Chassis, road arms, springs, wheels, idlers, sprocket masses, on the sides that have ports.
 
-    ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"]}}. With the left
-    side alone the right side exists all the same, and receives the left side's wrenches mirrored.
+    ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"]}}. With
+    the left side alone the right side exists all the same, and receives the left side's wrenches mirrored.
     """
 
     link_ports = 0
@@ -94,13 +94,13 @@ class Model:
             Port("energy.dissipated", "output", "J", "work done on the dampers since the start"),
             Port("port.work", "output", "J", "work of the input wrenches since the start"),
             Port("solver.steps", "output", "1", "internal steps since the start", 0),
-            Port("solver.evaluations", "output", "1", "evaluations of the equations of motion since the start", 0),
+            Port("solver.evaluations", "output", "1", "evaluations of the accelerations since the start", 0),
             *start_pose(),
             Port("step", "parameter", "s", "largest internal step", 1e-3),
-            Port("suspension.preload", "parameter", "N", "push of each suspension spring in the drawn position",
-                 vehicle["suspension"]["preload"]),
-            Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler in the drawn position",
-                 vehicle["tensioner"]["preload"]),
+            Port("suspension.preload", "parameter", "N", "push of each suspension spring when drawn",
+                 float(vehicle["suspension"]["preload"])),
+            Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn",
+                 float(vehicle["tensioner"]["preload"])),
         )  # fmt: skip
         self._defaults = {port.name: port.start for port in self.ports if port.causality == "parameter"}
         self.state: Floats = np.zeros(ROOT + LEAF * len(self._tree.turns) + BOOKS)
@@ -129,7 +129,7 @@ class Model:
         self._gravity = energies(self._tree, self.state)[1]
 
     def step(self, t: float, h: float, u: Floats) -> None:
-        """Integrate from t to t + h under the mean wrenches u; the state is left as it was when that fails."""
+        """Integrate from t to t + h under the mean wrenches u; a failure leaves the state as it was."""
         steps = max(1, int(np.ceil(h / self._step - 1e-9)))
         state = self.state.copy()
         done, code = advance(self._tree, state, u, h / steps, steps)

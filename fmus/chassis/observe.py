@@ -1,7 +1,7 @@
-"""What the outside sees of the tree's state: wheel motions, chassis pose, springs, energies. No physics of its own.
+"""What the outside sees of the tree's state: wheel motions, chassis pose, springs, energies.
 
-Each kernel writes its part of the output vector from index ``i`` and returns the index after it; the order is that
-of the ports in ``model.py``.
+Each kernel writes its part of the output vector from index ``i`` and returns the index after it; the order is
+that of the ports in ``model.py``. There is no physics here.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fmus.physics.vector import add, cross, dot, put, scale, to_world, vector
 
 @kernel
 def put_motion(y, i, x, A, r, dr, q, w):
-    """The 13 of a point at r in B that moves at dr in B, with the quaternion q and angular velocity w in B."""
+    """The 13 of a point at r in B that moves at dr in B, with quaternion q and angular velocity w in B."""
     put(y, i, add(vector(x, 0), to_world(A, r)))
     y[i + 3 : i + 7] = q
     put(y, i + 7, add(vector(x, 7), to_world(A, add(cross(vector(x, 10), r), dr))))
@@ -42,7 +42,7 @@ def put_sides(tree, x, sides, y, i):
 
 @kernel
 def put_chassis(x, start, y, i):
-    """The 13 of the chassis, pitch, roll, yaw, speed, distance, settlement; start: position of O (3) and heading."""
+    """The 13 of the chassis, pitch, roll, yaw, speed, distance, settlement; start: of O (3), and heading."""
     A, zero = quat_to_matrix(x[3:7]), (0.0, 0.0, 0.0)
     i = put_motion(y, i, x, A, zero, zero, x[3:7], vector(x, 10))
     y[i] = np.arcsin(min(1.0, max(-1.0, -A[2, 0])))

@@ -1,9 +1,9 @@
 """The chassis as a star-shaped tree: one free body, and leaves with one degree of freedom each.
 
-A leaf is a road arm with its wheel (turns about a pin) or an idler (slides along the chassis); the wheel on it
-spins besides. Leaves are ordered side by side, left first: road arms from the front, then the idler. Frame B is the
-chassis' own, axes x forward, y left, z up in the drawn position, origin O in the chassis' centre of mass. Lateral
-pins and slides lie along B's y and x axes, so a leaf moves in a plane y = const of B.
+A leaf is a road arm with its wheel (turns about a pin) or an idler (slides along the chassis); the wheel on
+it spins besides. Leaves are ordered side by side, left first: road arms from the front, then the idler.
+Frame B is the chassis' own, axes x forward, y left, z up in the drawn position, origin O in the chassis'
+centre of mass. Pins and slides lie along B's y and x axes, so a leaf moves in a plane y = const of B.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Tree(NamedTuple):
         Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for an idler
     )
     leaf_mass: Floats  # (n,) arm and wheel, kg
-    # Inertia of a leaf about its own centre of mass: J x = across x - along (r.x) r + transverse (x_x, 0, x_z),
-    # r from the pin to the wheel centre; the wheel's spin is apart.
+    # Inertia of a leaf about its centre of mass: J w = across w - along (r.w) r + transverse (w_x, 0, w_z), r
+    # from the pin to the wheel centre; the wheel's spin is apart.
     across: Floats  # (n,) kg m2
     along: Floats  # (n,) kg
     transverse: Floats  # (n,) wheel's transverse inertia, kg m2
@@ -52,7 +52,7 @@ class Tree(NamedTuple):
 
 
 def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
-    """Lay the tree out from a vehicle table; with ``sides`` 1 the right side mirrors the left side's wrenches."""
+    """Lay the tree out from a vehicle table; with ``sides`` 1 the right mirrors the left side's wrenches."""
     body, sprocket, idler = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"]
     wheel, arm, spring = vehicle["road_wheel"], vehicle["road_arm"], vehicle["suspension"]
     tensioner, lateral = vehicle["tensioner"], vehicle["track"]["lateral"]

@@ -1,6 +1,6 @@
 """Vectors of three components as tuples: a kernel that uses them allocates nothing.
 
-Frames are the caller's business; ``to_world(A, v)`` and ``to_body(A, v)`` apply a rotation matrix (3, 3) and its
+Frames are the caller's business; ``to_world(A, v)`` and ``to_body(A, v)`` apply a matrix (3, 3) and its
 transpose.
 """
 

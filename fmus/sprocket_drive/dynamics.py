@@ -1,7 +1,7 @@
 """One step of a sprocket's spin on a mount whose motion is extrapolated; equation numbers as in README.md.
 
-The sprocket is axisymmetric: its mass and transverse inertia belong to the mount, what is left is a rotor with the
-angular momentum J Omega a, Omega absolute about the mount's lateral axis a.
+The sprocket is axisymmetric: its mass and transverse inertia belong to the mount, what is left is a rotor
+with the angular momentum J Omega a, Omega absolute about the mount's lateral axis a.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Drive(NamedTuple):
 
 @kernel
 def profile(p, t):
-    """Speed of the profile at t, rad/s, and the angle since ramp_start, rad: a half-cosine between two speeds. (1)"""
+    """Speed of the profile at t, rad/s, and angle since ramp_start, rad, of a half-cosine ramp. (1)"""
     length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
     rise = p.end_speed - p.start_speed
     angle = p.start_speed * past
@@ -99,7 +99,7 @@ def substeps(p, h):
 
 @kernel
 def spin(p, x, t, h, steps, chain, before, after):
-    """Advance the SPUN quantities of x; ``before`` and ``after`` are the mount's rate about the axis at t and t + h."""
+    """Advance the SPUN quantities of x; ``before``, ``after``: the mount's rate about it at t, t + h."""
     y, k, d = np.empty(SPUN), np.empty((len(RK4.b), SPUN)), h / steps
     x[IMPULSE] = 0.0
     for n in range(steps):
@@ -123,7 +123,7 @@ def prescribe(p, x, t, h, chain, after):
 
 @kernel
 def place(x, position, q, velocity, omega):
-    """Write the sprocket's 13: the mount's pose turned by the angle, the mount's rates with the absolute spin. (6)"""
+    """Write the sprocket's 13: the mount's pose turned by the angle, its rates with the absolute spin. (6)"""
     half, a = 0.5 * x[ANGLE], quat_rotate(q, (0.0, 1.0, 0.0))
     put(x, SPROCKET, position)
     x[SPROCKET + 3 : SPROCKET + 7] = quat_multiply(q, (np.cos(half), 0.0, np.sin(half), 0.0))
@@ -134,7 +134,7 @@ def place(x, position, q, velocity, omega):
 
 @kernel
 def advance(p, x, t, h, u):
-    """One communication step of x in place; u: mount (13) at t, chain's mean wrench (6). Number of internal steps."""
+    """One step of x in place; u: mount (13) at t, chain's mean wrench (6). Returns the internal steps."""
     # the mount at t, its mean rates over the step, and where they take it (7)
     q, first = quat_normalise(u[3:7]), x[STEP] == 0.0
     v, w = vector(u, 7), vector(u, 10)

@@ -43,14 +43,14 @@ def parameter_ports() -> list[Port]:
         Port("start.angle", "parameter", "rad", "angle of the sprocket against the mount at the start"),
         Port("mode", "parameter", "1", "what turns the sprocket: a prescribed speed, a constant torque, or a "
              "controller that follows the speed profile", "speed", MODES),
-        Port("extrapolation", "parameter", "1", "how the mount moves inside a step: with its velocity, or with the "
-             "acceleration of its last two velocities besides", "velocity", EXTRAPOLATIONS),
-        Port("speed.start", "parameter", "rad/s", "speed against the mount before the ramp, and at the start"),
+        Port("extrapolation", "parameter", "1", "how the mount moves inside a step: with its velocity, or "
+             "with the acceleration of its last two velocities besides", "velocity", EXTRAPOLATIONS),
+        Port("speed.start", "parameter", "rad/s", "speed against the mount at the start, before the ramp"),
         Port("speed.end", "parameter", "rad/s", "speed against the mount after the ramp"),
         Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
         Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0),
         Port("torque.drive", "parameter", "N.m", "constant torque of the motor in mode torque"),
-        Port("brake.torque", "parameter", "N.m", "torque of the brake, against the rotation; not in mode speed"),
+        Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed"),
         Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1),
         Port("controller.proportional", "parameter", "N.m.s/rad", "torque per speed error", 6000.0),
         Port("controller.integral", "parameter", "N.m", "torque per rad of accumulated speed error", 20000.0),
@@ -61,9 +61,9 @@ def parameter_ports() -> list[Port]:
 class Model:
     """Spin of one sprocket, relative to nothing but its mount.
 
-    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": [x, y, z] of the mount in the vehicle frame at the
-    start}}; what else it holds is not read. A mount whose inputs still have their start values stands still at the
-    start pose, so an unconnected drive is a fixed axle.
+    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": [x, y, z] of the mount in the vehicle
+    frame at the start}}; what else it holds is not read. A mount whose inputs still have their start values
+    stands still at the start pose, so an unconnected drive is a fixed axle.
     """
 
     link_ports = 0
@@ -126,8 +126,8 @@ class Model:
             self._u[:STATE] = self._standing
         steps = substeps(self._drive, h)
         if steps > MOST_STEPS:
-            raise StepFailed(f"at t = {t:.6g} s brake.speed or the controller's gains ask for {steps} internal steps"
-                             f" in one of {h:.3g} s, more than {MOST_STEPS}")  # fmt: skip
+            cause = "brake.speed is too small, or the controller's gains too large"
+            raise StepFailed(f"at t = {t:.6g} s {cause}: {steps} internal steps in one of {h:.3g} s")
         state = self.state.copy()
         advance(self._drive, state, t, h, self._u)
         if not np.all(np.isfinite(state)):

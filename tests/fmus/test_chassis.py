@@ -81,7 +81,7 @@ def stir(model, scale=1.0, seed=5):
     return x
 
 
-# --- exact solutions ---------------------------------------------------------------------------------------------
+# --- exact solutions ---
 
 
 def test_drawn_position_at_the_start_pose():
@@ -93,7 +93,9 @@ def test_drawn_position_at_the_start_pose():
         ("right.sprocket", (0.0, -1.0795, 0.0)),
         ("chassis", TABLE["chassis"]["centre"]),
     ):
-        assert np.allclose(probe[f"{name}.position"], turn.apply(place) + [3.0, 0.0, 1.0], rtol=0, atol=1e-14)
+        assert np.allclose(
+            probe[f"{name}.position"], turn.apply(place) + np.array([3.0, 0.0, 1.0]), rtol=0, atol=1e-14
+        )
     assert probe["yaw"] == pytest.approx(0.7, abs=1e-15)
     assert probe["left.suspension[1].length"] == pytest.approx(np.hypot(0.484, 0.406), abs=1e-15)
 
@@ -109,14 +111,14 @@ def test_free_fall_moves_no_spring():
 
 
 def test_wheel_rate_from_the_geometry():
-    """A held force on a wheel: small deflection = F / (k arm^2 / 0.288^2), with the spring 0.2507 m from the pin."""
+    """A held force on a wheel: small deflection = F 0.288^2 / (k arm^2), arm 0.2507 m from the pin."""
     arm = abs(cross2([-0.104, -0.240], [-0.588, 0.166])) / np.hypot(0.484, 0.406)
     assert arm == pytest.approx(0.251, abs=5e-4)
     rate = 1e6 * arm**2 / 0.288**2
     assert rate == pytest.approx(0.76e6, rel=5e-3)
 
     def deflection(changes=None, force=20.0):
-        """Equal forces on all wheels, a chassis too heavy to follow: wheel against chassis after the springs rest."""
+        """Of a wheel, after the springs rest, under equal forces on all and a chassis too heavy to follow."""
         heavy = {"chassis.mass": 1e12, "chassis.inertia": (1e12, 1e12, 1e12), "gravity": 0.0}
         probe = Probe({**heavy, "suspension.damping": 6e4, **(changes or {})})
         for side in ("left", "right"):
@@ -131,7 +133,7 @@ def test_wheel_rate_from_the_geometry():
 
 
 def test_a_deep_static_deflection_by_hand():
-    """Moment balance about the pin at the angle found, from the drawn points alone, weight of arm and wheel in it."""
+    """Moment balance about the pin at the angle found, from the drawn points alone."""
     heavy = {
         "chassis.mass": 1e12,
         "chassis.inertia": (1e12, 1e12, 1e12),
@@ -218,11 +220,11 @@ def test_precession_of_a_symmetric_gyrostat(spin):
         assert not np.allclose(axis_after(2.0, {"idler.spin_inertia": 1.03 * 14.70}), expected, atol=1e-3)
 
 
-# --- an independent formulation ----------------------------------------------------------------------------------
+# --- an independent formulation ---
 
 
 def accelerations_by_constraints(table, x, u):
-    """Accelerations of the same state from maximal coordinates: every body free, in the world, pins as equations.
+    """Accelerations of the same state from maximal coordinates: every body free, pins as equations.
 
     Bodies with full inertia tensors and Euler's equations, constraint forces by one dense solve. Returns what
     ``rates`` calls dx/dt from index 7 (without bookkeeping).
@@ -280,7 +282,7 @@ def accelerations_by_constraints(table, x, u):
             w_wheel = w0 - (w0 @ a_y) * a_y + spin * a_y
             if wx is None:
                 p0 = np.array([idler["x"], lateral, idler["z"]]) - centre
-                r = A @ (p0 + [d, 0, 0])
+                r = A @ (p0 + np.array([d, 0, 0]))
                 v = v0 + np.cross(w0, r) + rate * a_x
                 J = (idler["transverse_inertia"], idler["spin_inertia"], idler["transverse_inertia"])
                 b = body(idler["mass"], J, A, x[:3] + r, v, w_wheel)
@@ -312,8 +314,8 @@ def accelerations_by_constraints(table, x, u):
             same_turn(root, ia, [a_x, A[:, 2]])
             same_point(ia, iw, pin + r_wheel)
             same_turn(ia, iw, [R[:, 0], R[:, 2]])
-            low = pin + R @ (to_wheel + [spring["on_arm"][0], 0, spring["on_arm"][1]])
-            high = pin + A @ (to_wheel + [spring["on_chassis"][0], 0, spring["on_chassis"][1]])
+            low = pin + R @ (to_wheel + np.array([spring["on_arm"][0], 0, spring["on_arm"][1]]))
+            high = pin + A @ (to_wheel + np.array([spring["on_chassis"][0], 0, spring["on_chassis"][1]]))
             drawn = np.hypot(*(np.array(spring["on_arm"]) - spring["on_chassis"]))
             length = np.linalg.norm(high - low)
             e = (high - low) / length
@@ -400,11 +402,11 @@ def test_accelerations_agree_with_maximal_coordinates(seed):
         assert not agrees(numbers._replace(**{name: 1.03 * getattr(numbers, name)}), 1e-6), name
 
 
-# --- conserved quantities ----------------------------------------------------------------------------------------
+# --- conserved quantities ---
 
 
 def momenta(model):
-    """Linear momentum and angular momentum about the world's origin, from the outputs of each body by hand."""
+    """Linear momentum, and angular momentum about the world's origin, body by body from the table."""
     x, n, table = model.state, LEAVES, TABLE
     A = Rotation.from_quat(x[3:7], scalar_first=True).as_matrix()
     v, w = x[7:10], A @ x[10:13]
@@ -510,7 +512,7 @@ def test_energy_ledger_closes():
     assert abs(residual(1.01)[0]) > 1e-3 * abs(work)
 
 
-# --- symmetries --------------------------------------------------------------------------------------------------
+# --- symmetries ---
 
 
 def test_heading_changes_nothing():
@@ -566,7 +568,7 @@ def test_left_side_alone_runs_as_both_sides_driven_alike():
     assert np.allclose(half.model.state, whole.model.state, rtol=1e-12, atol=1e-12)
 
 
-# --- manners -----------------------------------------------------------------------------------------------------
+# --- manners ---
 
 
 def test_cost_in_evaluations():

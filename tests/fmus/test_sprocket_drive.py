@@ -69,7 +69,7 @@ def turning(omega, velocity=(0.0, 0.0, 0.0), start=(0.2, -0.1, 0.4)):
     return mount
 
 
-# --- exact solutions ---------------------------------------------------------------------------------------------
+# --- exact solutions ---
 
 
 def half_cosine(t):
@@ -199,7 +199,7 @@ def test_spin_converges_at_order_four(mode):
     assert np.all(np.abs(slopes - 4.0) < 0.25), slopes
 
 
-# --- momentum and energy across the ports ------------------------------------------------------------------------
+# --- momentum and energy across the ports ---
 
 MODES = {
     "speed": {"mode": "speed", "speed.start": 3.0, "speed.end": 20.0, "ramp.start": 0.02, "ramp.end": 0.3},
@@ -211,7 +211,7 @@ MODES = {
 @pytest.mark.parametrize("extrapolation", ["velocity", "acceleration"])
 @pytest.mark.parametrize("mode", MODES)
 def test_third_law(mode, extrapolation):
-    """Impulse from the chain less impulse to the mount = change of J Omega a, to rounding, however it shakes."""
+    """Impulse of the chain less impulse to the mount = change of J Omega a, to rounding, on any motion."""
     rng, h = np.random.default_rng(1), 1e-3
     probe = Probe(**MODES[mode], extrapolation=extrapolation)
 
@@ -307,7 +307,7 @@ def test_acceleration_extrapolation_removes_the_lag():
     assert max(errors["acceleration"]) < 1e-12
 
 
-# --- start and manners -------------------------------------------------------------------------------------------
+# --- start and manners ---
 
 POSE = {"start.heading": 0.7, "start.position.x": 3.0, "start.position.z": 0.5}
 AT_POSE = Rotation.from_rotvec([0, 0, 0.7]).apply(PLACE) + np.array([3.0, 0.0, 0.5])

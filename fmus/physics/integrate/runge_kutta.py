@@ -1,6 +1,6 @@
 """Explicit Runge-Kutta methods as tables and two stage formulas.
 
-A method is a Tableau; the model owns the compiled loop over the stages, because kernels call kernels by import:
+A method is a Tableau; the model owns the compiled loop over the stages (kernels call kernels by import):
 
     for i in range(len(RK4.b)):
         stage(RK4, i, h, x, k, y)      # y = x + h sum_j a_ij k_j
