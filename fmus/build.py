@@ -30,7 +30,7 @@ KINDS = {
 }
 
 
-class BuildFailed(RuntimeError):  # noqa: N818
+class BuildFailed(RuntimeError):
     """An FMU could not be built; the message is one sentence."""
 
 

@@ -1,25 +1,23 @@
 """A model as an FMI 2.0 co-simulation slave: the one module that knows pythonfmu.
 
-A shell derives ``Slave``, names its model and keeps its globals (see `Slave`). Variables are ordered as Real
-inputs, Real outputs, Real link outputs, Real parameters, Integers, Strings; a value reference is the index in
-that order, so that get and set are array accesses.
+A shell derives `Slave` and names its model. Variables are ordered as Real inputs, Real outputs, Real link
+outputs, Real parameters, Integers, Strings; a value reference is the index in that order, so that get and set
+are array accesses.
 
-pythonfmu 0.7.0 drops references that it does not own: one of the module's globals at every instantiation, and
-one each of class, instance and log queue whenever an exception leaves a call. ``_PINS`` holds as many in
-stock, so that a refusal is an ordinary FMI status, and neither a second one nor freeing the instance crashes
-the process.
+pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation,
+and one each of class, instance and log queue whenever an exception leaves a call. `_lend` gives it as many,
+so that a refusal is an ordinary FMI status, and neither a second one nor freeing the instance crashes the
+process.
 """
 
 from __future__ import annotations
 
-import atexit
 import ctypes
 import hashlib
 import json
 import math
 import os
 import sys
-import threading
 import time
 import traceback
 import uuid
@@ -43,11 +41,10 @@ from fmus.ports import UNITS, Port
 BUILD = source_hash()  # of the fmus tree that is running
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
 _INT_MAX = 2**31 - 1  # fmi2Integer is 32 bits wide
-_PINS: list[object] = []
 _FINALISED: set[Path] = set()
 
 
-class Refused(RuntimeError):  # noqa: N818
+class Refused(RuntimeError):
     """An FMI call that is not done; pythonfmu shows the repr, so the repr is the sentence."""
 
     def __repr__(self) -> str:
@@ -79,6 +76,12 @@ class _Access(NamedTuple):
     parameters: bool  # some parameter
 
 
+def _lend(*objects: object) -> None:
+    """One more reference to each, for pythonfmu to release; a container would be left with dead entries."""
+    for each in objects:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(each))
+
+
 def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
     """Turn whatever goes wrong in an FMI call into log entries and one refusal that pythonfmu survives."""
 
@@ -88,7 +91,7 @@ def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
             return call(self, *args)
         except BaseException as error:  # KeyboardInterrupt too: nothing else may leave
             sentence = self._report(error)
-            _PINS.extend((type(self), self, self.log_queue))
+            _lend(type(self), self, self.log_queue)
             raise Refused(sentence) from None
 
     return guarded
@@ -102,8 +105,6 @@ class Slave(Fmi2Slave):
         from fmus.slave import Slave
         from fmus.chassis.model import Model
 
-        _keep = globals()  # pythonfmu releases them too often
-
         class Chassis(Slave):
             "Chassis, road arms, road wheels and idlers of a tracked vehicle"
 
@@ -116,8 +117,10 @@ class Slave(Fmi2Slave):
 
     model: Callable[[Mapping[str, Any]], Model]
 
+    def __init_subclass__(cls) -> None:
+        _lend(vars(sys.modules[cls.__module__]))  # the shell runs once more before each release
+
     def __init__(self, **kwargs: Any) -> None:
-        _PINS.append(vars(sys.modules[type(self).__module__]))
         super().__init__(**kwargs)
         self._status, self._failure, self._phase = OK, "", "instantiated"
         try:
@@ -355,10 +358,10 @@ class Slave(Fmi2Slave):
         return True
 
     def _step(self, t: float, h: float) -> None:
-        if self._phase != "running":
-            raise Refused("a step was asked for before the end of initialisation")
         if self._failure:
             raise Refused(f"an earlier call failed ({self._failure}): restore a saved state or reset")
+        if self._phase != "running":
+            raise Refused("a step was asked for before the end of initialisation")
         if not (math.isfinite(t) and math.isfinite(h) and h > 0.0):
             raise Refused(f"a step needs a finite time and a positive length, not t = {t}, h = {h}")
         self._check(self._u, self._reals[self._inputs], f"at t = {t}")
@@ -541,18 +544,15 @@ class Slave(Fmi2Slave):
 
 
 def _finalise_at_exit(library: Path) -> None:
-    """Let the wrapper's helper thread end before the process does; otherwise one exit in five aborts.
+    """Let the wrapper's helper thread end before the process tears down its libraries.
 
-    Where the wrapper itself started the interpreter, that thread is the one that ends it, and must not wait
-    for itself: then, and only then, Python's exit does not run in the first thread of the process.
+    Otherwise an exit may abort: std::thread is destroyed while joinable, or, where that thread started the
+    interpreter and has to end it, LLVM is gone by then. Exit handlers run last in, first out: this one is in
+    after LLVM and before any step. The library stays loaded, so that the handler does.
     """
-    if library in _FINALISED or not library.exists() or not hasattr(os, "RTLD_NOLOAD"):
+    if library in _FINALISED or not sys.platform.startswith("linux") or not library.exists():
         return
     _FINALISED.add(library)
-
-    def finalise() -> None:
-        with suppress(OSError, AttributeError):  # the host has unloaded it already
-            if threading.get_native_id() == os.getpid():
-                ctypes.CDLL(str(library), mode=os.RTLD_NOLOAD | os.RTLD_LAZY).finalizePythonInterpreter()
-
-    atexit.register(finalise)
+    with suppress(OSError, AttributeError):  # no such libc, no such wrapper: nothing to end
+        finalise = ctypes.CDLL(str(library)).finalizePythonInterpreter
+        ctypes.CDLL(None).__cxa_atexit(finalise, None, None)

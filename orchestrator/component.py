@@ -44,7 +44,7 @@ _DISCARD, _FATAL = 2, 4
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
 
-class ComponentFailed(RuntimeError):  # noqa: N818
+class ComponentFailed(RuntimeError):
     """An FMU cannot be loaded or did not do what it was asked; the message is one sentence with its name."""
 
 

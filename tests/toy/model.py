@@ -1,4 +1,5 @@
 import numpy as np
+
 from fmus.model import InvalidParameter, StepFailed
 from fmus.ports import Port
 from toy.kernels import advance
@@ -11,17 +12,30 @@ class Model:
         self.config = config
         self.ports = (
             Port("force", "input", "N", "force on the mass"),
-            *(Port(f"spare[{i}]", "input", "m", "an input that nobody reads") for i in range(1, config["spare"] + 1)),
+            *(
+                Port(f"spare[{i}]", "input", "m", "an input that nobody reads")
+                for i in range(1, config["spare"] + 1)
+            ),
             Port("x", "output", "m", "position"),
             Port("v", "output", "m/s", "velocity"),
             *(Port(f"copy[{i}]", "output", "m", "the position again") for i in range(1, config["spare"] + 1)),
-            *(Port(f"link[{i}].tension", "output", "N", "tension of a part of the spring") for i in (1, 2, 3)),
+            *(
+                Port(f"link[{i}].tension", "output", "N", "tension of a part of the spring")
+                for i in (1, 2, 3)
+            ),
             Port("solver.steps", "output", "1", "internal steps", 0),
             Port("start.x", "parameter", "m", "position at the start", config["start"]),
             Port("stiffness", "parameter", "N/m", "stiffness", 100.0),
             Port("damping", "parameter", "N.s/m", "damping", 0.1),
             Port("substeps", "parameter", "1", "internal steps in a step", 4),
-            Port("trouble", "parameter", "1", "what goes wrong", "none", ("none", "raise", "nan", "zero", "warn")),
+            Port(
+                "trouble",
+                "parameter",
+                "1",
+                "what goes wrong",
+                "none",
+                ("none", "raise", "nan", "zero", "warn"),
+            ),
         )
         self.state = np.zeros(2)
         self.counters = np.zeros(1, dtype=np.int64)
