@@ -141,8 +141,8 @@ def _stride(log: Log, topic: str) -> int | None:
 def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdict:
     """Write a new log with everything that is whole in a broken one.
 
-    WHOLE where nothing was lost, RECOVERED where something was (the new log's closing record says so), BROKEN
-    where nothing could be saved.
+    WHOLE where only the indexes at the end were broken, RECOVERED where something is lost or may have been
+    changed (the new log's closing record says so), BROKEN where nothing could be saved.
     """
     source, target = Path(path), Path(out)
     if target.exists() and source.exists() and target.samefile(source):
@@ -152,7 +152,7 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdic
             if not log.topics:
                 return Verdict(BROKEN, [f"nothing could be saved from {source}", *log.faults])
             return _rewrite(log, target)
-    except (LogUnreadable, LogFailed) as error:
+    except (LogUnreadable, LogFailed, ValueError) as error:
         return Verdict(BROKEN, [str(error)])
 
 
@@ -160,7 +160,6 @@ def _rewrite(log: Log, target: Path) -> Verdict:
     attachments = {
         name: content for name in log.attachments if (content := _attachment(log, name)) is not None
     }
-    complete = len(attachments) == len(log.attachments)
     topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
     every = {topic: about.every for topic, about in log.topics.items()}
     saved = dict.fromkeys(log.topics, 0)
@@ -173,16 +172,17 @@ def _rewrite(log: Log, target: Path) -> Verdict:
                     recorder.write(messages.topic, sequence, t[row], h[row], values[row])
                 saved[messages.topic] += len(t)
                 last, steps = max(last, t[-1]), max(steps, int(messages.sequence[-1]))
-        closing = log.closing
-        if closing is not None and complete and saved == closing["messages"]:
+        closing = log.closing if log.sound() else None
+        if closing is not None:
             recorder.close(closing["status"], closing["message"], closing["steps"])
         else:
             recorder.close("failed", f"recovered from a broken log, which reads to t = {last:.6g} s", steps)
-    with Log(target) as copy:
-        same = closing is not None and complete and copy.hashes() == closing["sha256"]
-    if same:
+    if closing is not None:
         return Verdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
     sentence = f"{target} holds {sum(saved.values())} messages, to t = {last:.6g} s; the rest is lost"
+    lost = log.closing is None or saved != log.closing["messages"] or len(attachments) < len(log.attachments)
+    if not lost:
+        sentence = f"{target} holds all {sum(saved.values())} messages, but names or metadata may be damaged"
     return Verdict(RECOVERED, [sentence, *log.faults])
 
 

@@ -256,6 +256,12 @@ class Log:
         ]
         return hashlib.sha256(json.dumps(whole).encode()).hexdigest()
 
+    def sound(self) -> bool:
+        """Whether all bytes but the indexes at the end are as they were written."""
+        if self._data_end is None:
+            return False
+        return _parse(DataEnd, self._body(self._data_end)).data_section_crc == self._crc(0, self._data_end)
+
     def checksums(self) -> list[str]:
         """Faults of attachments and of the checksums over all bytes, in sentences; chunks: see ``intact``."""
         found = []
@@ -264,10 +270,8 @@ class Log:
                 self.attachment(name)
             except LogUnreadable as damage:
                 found.append(str(damage))
-        if self._data_end is not None:
-            recorded = _parse(DataEnd, self._body(self._data_end)).data_section_crc
-            if recorded != self._crc(0, self._data_end):
-                found.append(f"{self.path}: the checksum over all data does not hold")
+        if self._data_end is not None and not self.sound():
+            found.append(f"{self.path}: the checksum over all data does not hold")
         if self._ended:
             footer = _parse(Footer, self._body(self.size - FOOTER))
             if footer.summary_crc != self._crc(footer.summary_start, self.size - FOOTER + HEAD.size + 16):
@@ -346,13 +350,13 @@ class Log:
             return
         about = channel.metadata
         names, units, where = (tuple(json.loads(about[key])) for key in ("names", "units", "places"))
-        if not len(names) == len(units) == len(where):
-            raise ValueError("names, units and places differ in number")
+        if not len(names) == len(set(names)) == len(units) == len(where):
+            raise ValueError("names, units and places do not belong together")
         laid_out = schema.layout(where)
         if not schema.describes(self._schemas[channel.schema_id].data, laid_out.fields):
             raise ValueError("schema and places differ")
-        self._channels[channel.id] = channel.topic, laid_out
         self.topics[channel.topic] = Topic(names, units, int(about["every"]))
+        self._channels[channel.id] = channel.topic, laid_out
 
     def _indexed(self) -> list[int]:
         """Offsets of the records that the summary at the end knows; empty where there is none."""

@@ -200,6 +200,23 @@ def test_recovering_from_damaged_indexes_loses_nothing(small, tmp_path):
     assert verify(tmp_path / "saved.mcap").code == WHOLE
 
 
+def test_recovering_does_not_vouch_for_damaged_metadata(small, tmp_path):
+    (tmp_path / "bad.mcap").write_bytes(small.read_bytes().replace(b"small", b"smell", 1))
+    verdict = recover(tmp_path / "bad.mcap", tmp_path / "saved.mcap")
+    assert verdict.code == RECOVERED
+    assert "holds all 425 messages, but names or metadata may be damaged" in verdict.sentences[0]
+
+
+def test_a_damaged_channel_is_read_from_its_copy_at_the_end(small, tmp_path):
+    data = small.read_bytes()
+    (tmp_path / "bad.mcap").write_bytes(data.replace(b'["speed"', b'["spee"d', 1))
+    with Log(tmp_path / "bad.mcap") as log:
+        assert log.faults
+        assert {
+            topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()
+        } == TOPICS
+
+
 def test_recovering_does_not_overwrite_the_log(small):
     before = small.read_bytes()
     assert recover(small, small).code == BROKEN
