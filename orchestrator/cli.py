@@ -8,13 +8,15 @@ from __future__ import annotations
 import json
 import logging
 import sys
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
 
 from fmus.vehicle import BadInput
+
+FMI_WARNING = 1
 
 app = typer.Typer(
     name="cotrack",
@@ -28,7 +30,7 @@ log_app = typer.Typer(help="Look into a log.", no_args_is_help=True, rich_markup
 app.add_typer(log_app, name="log")
 
 
-class TrackModel(str, Enum):
+class TrackModel(StrEnum):
     """The two track models."""
 
     flexible = "flexible"
@@ -36,9 +38,12 @@ class TrackModel(str, Enum):
 
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="a name of the gallery or a TOML file")]
-TrackOption = Annotated[TrackModel | None, typer.Option("--track", help="the track model, instead of the scene's")]
+TrackOption = Annotated[
+    TrackModel | None, typer.Option("--track", help="the track model, instead of the scene's")
+]
 Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="a dotted key of the resolved scene, repeatable")
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="a dotted key of the resolved scene, repeatable"),
 ]
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
 
@@ -63,9 +68,20 @@ def _refusals() -> tuple[type[Exception], ...]:
     from orchestrator.evidence import Missing
     from orchestrator.graph import Miswired
     from orchestrator.reader import LogUnreadable, NoSuchSignal
+    from orchestrator.recorder import LogFailed
     from orchestrator.replay import Unfit
 
-    return (BadInput, BuildFailed, ComponentFailed, Miswired, LogUnreadable, NoSuchSignal, Unfit, Missing)
+    return (
+        BadInput,
+        BuildFailed,
+        ComponentFailed,
+        Miswired,
+        LogUnreadable,
+        LogFailed,
+        NoSuchSignal,
+        Unfit,
+        Missing,
+    )
 
 
 def _leave(message: str, status: int) -> NoReturn:
@@ -98,7 +114,9 @@ def build(
     scene: Annotated[str | None, typer.Argument(metavar="[SCENE]", help="only what this scene needs")] = None,
     everything: Annotated[bool, typer.Option("--all", help="every distinct FMU of the gallery")] = False,
     track: TrackOption = None,
-    vehicle: Annotated[str | None, typer.Option("--vehicle", metavar="FILE", help="a vehicle, instead of the scene's")] = None,
+    vehicle: Annotated[
+        str | None, typer.Option("--vehicle", metavar="FILE", help="a vehicle, instead of the scene's")
+    ] = None,
 ) -> None:
     """FMUs to be kept: the four standard ones, a scene's, or all."""
     from orchestrator import products
@@ -125,9 +143,15 @@ def run(
     track: TrackOption = None,
     settings: Settings = None,
     stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
-    step: Annotated[str | None, typer.Option("--step", metavar="H", help="communication step, '1 ms' or a number")] = None,
-    log: Annotated[Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+    step: Annotated[
+        str | None, typer.Option("--step", metavar="H", help="communication step, '1 ms' or a number")
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="the last line on stdout is one JSON object")
+    ] = False,
 ) -> None:
     """Run a scene, log it, check what it expects."""
     from orchestrator import summary
@@ -135,7 +159,10 @@ def run(
     from orchestrator.simulate import simulate
 
     result, status = summary.empty(scene, _model(track)), 2
-    changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in (("stop", stop), ("step", step)) if v is not None)]
+    changes = [
+        *(settings or ()),
+        *(f"run.{k}={v}" for k, v in (("stop", stop), ("step", step)) if v is not None),
+    ]
     try:
         resolved = load(scene, _model(track), changes)
         path = log or Path("logs") / f"{resolved.name}-{resolved.track.model}.mcap"
@@ -156,11 +183,16 @@ def run(
 @app.command()
 def replay(
     log: LogPath,
-    component: Annotated[str, typer.Option("--component", metavar="NAME", help="the component that is stepped again")],
+    component: Annotated[
+        str, typer.Option("--component", metavar="NAME", help="the component that is stepped again")
+    ],
     other: Annotated[
-        str | None, typer.Option("--with", metavar="rigid|flexible|FMU", help="another model under the recorded motion")
+        str | None,
+        typer.Option("--with", metavar="rigid|flexible|FMU", help="another model under the recorded motion"),
     ] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model's answer")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model's answer")
+    ] = None,
 ) -> None:
     """Feed a component the recorded inputs bit by bit: is it equal, or how does another model answer?"""
     from orchestrator import rerun
@@ -180,7 +212,9 @@ def replay(
 def view(
     log: LogPath,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="a picture, .png or .svg")],
-    times: Annotated[list[float] | None, typer.Option("--at", metavar="T", help="an instant, s; repeatable")] = None,
+    times: Annotated[
+        list[float] | None, typer.Option("--at", metavar="T", help="an instant, s; repeatable")
+    ] = None,
 ) -> None:
     """Side view with the links coloured by tension, at three instants or those given."""
     from orchestrator import picture
@@ -192,7 +226,74 @@ def view(
 @log_app.command("info")
 def log_info(log: LogPath) -> None:
     """What a log holds and how its run ended."""
-    raise NotImplementedError
+    from orchestrator.log_tools import info
+
+    about = info(log)
+    steps = "" if about.steps is None else f" after {about.steps} steps"
+    print(
+        f"{about.path}: {about.bytes / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {about.status}{steps}"
+    )
+    for sentence in (about.message, *about.faults):
+        if sentence:
+            print(f"  {sentence}")
+    for record, entries in about.metadata.items():
+        print(f"  {record}: " + ", ".join(f"{key} = {value}" for key, value in entries.items()))
+    for topic in about.topics:
+        print(
+            f"  {topic.topic:22} {topic.signals:5} signals, {topic.messages:7} messages,"
+            f" one step in {topic.every}, {topic.bytes / 1e6:.2f} MB"
+        )
+    for name, size in about.attachments:
+        print(f"  attached: {name}, {size} bytes")
+    print(f"  digest {about.digest or 'none: a part is damaged'}")
+
+
+@log_app.command("verify")
+def log_verify(log: LogPath) -> None:
+    """Whether a log is whole: exit 0, or 1 when it is broken."""
+    from orchestrator.log_tools import verify
+
+    _report(verify(log))
+
+
+@log_app.command("recover")
+def log_recover(
+    log: LogPath,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PATH", help="default LOG-recovered.mcap")
+    ] = None,
+) -> None:
+    """Save what is whole in a broken log: exit 0 without loss, 3 with loss, 1 when nothing is left."""
+    from orchestrator.log_tools import recover
+
+    _report(recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")))
+
+
+@log_app.command("export")
+def log_export(
+    log: LogPath,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="PATH", help="a folder, or one .csv file")
+    ],
+    signals: Annotated[
+        list[str] | None,
+        typer.Option("--signal", metavar="NAME", help="instance.variable, * for anything; repeatable"),
+    ] = None,
+    topics: Annotated[
+        list[str] | None, typer.Option("--topic", metavar="TOPIC", help="a whole topic; repeatable")
+    ] = None,
+) -> None:
+    """Recorded values as CSV."""
+    from orchestrator.log_tools import export
+
+    for file in export(log, output, signals or (), topics or ()):
+        print(file)
+
+
+def _report(verdict: Any) -> NoReturn:
+    for sentence in verdict.sentences:
+        print(sentence)
+    sys.exit(verdict.code)
 
 
 def _model(track: TrackModel | None) -> str | None:
@@ -200,8 +301,9 @@ def _model(track: TrackModel | None) -> str | None:
 
 
 def _warn(instance: str, status: int, message: str) -> None:
-    """Messages of components."""
-    logging.getLogger("cotrack").warning("%s: %s", instance, message)
+    """Warnings of components; what is worse ends the run and is its message."""
+    if status == FMI_WARNING:
+        logging.getLogger("cotrack").warning("%s: %s", instance, message)
 
 
 def _finite(value: Any) -> Any:
@@ -221,7 +323,8 @@ def _print_summary(result: dict[str, Any]) -> None:
     )
     for name, check in r["checks"].items():
         mark = "ok " if check["ok"] else "NOT"
-        print(f"  {mark} {name} = {check['value']:.7g}, expected {check['expected']:.7g} +- {check['tolerance']:.3g}")
+        expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"
+        print(f"  {mark} {name} = {check['value']:.7g}, expected {expected}")
     for name, value in r["observables"].items():
         print(f"      {name} = {value:.7g}")
     if r["energy"]:
@@ -231,5 +334,6 @@ def _print_summary(result: dict[str, Any]) -> None:
             f" + residual {e['residual']:.4g} ({e['residual_relative'] * 100:.3g} %; ports {e['port']:.4g} J)"
         )
     for name, cost in r["components"].items():
-        print(f"  {name:12} {cost['wall_time']:8.3f} s  {cost['steps']} steps, {cost['evaluations']} evaluations")
+        counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
+        print(f"  {name:12} {cost['wall_time']:8.3f} s  {counts}")
     print(f"  log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)")

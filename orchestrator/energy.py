@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from orchestrator.evidence import Evidence, Missing
 
 Floats = NDArray[np.float64]
+LEAST = 1.0  # J: below it all is rest
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
 
 
@@ -36,7 +37,7 @@ class Ledger(NamedTuple):
     change: float
     dissipated: float
     residual: float
-    residual_relative: float  # of the largest of work, change and dissipated
+    residual_relative: float  # of the largest of work, change and dissipated, of LEAST at least
     port: float  # the part of the residual that the ports make
     integration: dict[str, float]  # the part of each component
 
@@ -62,12 +63,15 @@ def ledger(run: Evidence) -> Ledger:
     change = sum(book.get(part, 0.0) for book in books.values() for part in STORED)
     dissipated = sum(book.get("dissipated", 0.0) for book in books.values())
     residual = work - change - dissipated
-    scale = max(abs(work), abs(change), abs(dissipated))
+    scale = max(abs(work), abs(change), abs(dissipated), LEAST)
     integration = {
-        name: book.get("work", 0.0) + received[name] - sum(book.get(p, 0.0) for p in STORED) - book.get("dissipated", 0.0)
+        name: book.get("work", 0.0)
+        + received[name]
+        - sum(book.get(p, 0.0) for p in STORED)
+        - book.get("dissipated", 0.0)
         for name, book in books.items()
     }
-    return Ledger(work, change, dissipated, residual, residual / scale if scale else 0.0, lost, integration)
+    return Ledger(work, change, dissipated, residual, residual / scale, lost, integration)
 
 
 def ports(run: Evidence) -> list[Port]:
@@ -98,7 +102,7 @@ def _book(run: Evidence, instance: str) -> dict[str, float]:
 
 
 def _works(run: Evidence, port: Port, end: float) -> tuple[float, float]:
-    """Work of the port's wrench: on the motion that the giver saw, and on the motion that the taker made, J."""
+    """Work of the port's wrench, J: on the motion that the giver saw, and on what the taker made."""
     t, force = run.vectors(port.taker, "in", f"{port.taken}.force")
     _, torque = run.vectors(port.taker, "in", f"{port.taken}.torque")
     seen_shift, seen_turn, shift, turn = _motions(run, port.giver, port.connector)

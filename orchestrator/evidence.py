@@ -26,7 +26,7 @@ class Window(NamedTuple):
 
 
 class Links(NamedTuple):
-    """Per-link records in the plane of a track: times, pins (forward, up) from the sprocket axle, tensions."""
+    """Per-link records in the plane of a track: times, pins from the sprocket axle, tensions."""
 
     t: Floats  # (m,)
     forward: Floats  # (m, pins) m, ahead of the sprocket axle in the direction of the vehicle
@@ -87,7 +87,7 @@ class Evidence:
         return series.t, series.values[:, columns]
 
     def links(self, track: str) -> Links:
-        """Per-link records of a track, seen from its sprocket axle (or from the start position without one)."""
+        """Per-link records of a track, seen from its sprocket axle (or the start position without one)."""
         if track not in self._links:
             self._links[track] = self._read_links(track)
         return self._links[track]
@@ -101,7 +101,10 @@ class Evidence:
         pins = sum(name.startswith("joint[") and name.endswith("].position.x") for name in names)
         links = sum(name.endswith("].tension") for name in names)
         position = np.stack(
-            [series.values[:, [names.index(f"joint[{i}].position.{axis}") for i in range(1, pins + 1)]] for axis in "xyz"],
+            [
+                series.values[:, [names.index(f"joint[{i}].position.{axis}") for i in range(1, pins + 1)]]
+                for axis in "xyz"
+            ],
             axis=-1,
         )
         tension = series.values[:, [names.index(f"link[{i}].tension") for i in range(1, links + 1)]]

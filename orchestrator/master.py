@@ -34,7 +34,10 @@ class Outcome(NamedTuple):
 
 
 def run(
-    stages: Stages, clock: Clock, observers: Sequence[Observer], interrupted: Callable[[], bool] = lambda: False
+    stages: Stages,
+    clock: Clock,
+    observers: Sequence[Observer],
+    interrupted: Callable[[], bool] = lambda: False,
 ) -> Outcome:
     """Step initialised components to the end, a failure or an interruption; observers see k = 0 as well."""
     threads = max(len(stage) for stage in stages) - 1

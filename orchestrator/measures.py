@@ -42,7 +42,7 @@ def reduce(values: Floats, how: str) -> float:
     raise ValueError(f"no reduction '{how}'")
 
 
-# --- chain between pins -----------------------------------------------------------------------------------------
+# --- chain between pins ----------------------------------------------------------------------------
 
 
 def sag(run: Evidence, of: str, window: Window) -> float:
@@ -57,13 +57,15 @@ def end_tension(run: Evidence, of: str, window: Window) -> float:
     series = run.log.read(f"/{track}/links")
     inside = (series.t >= window.start - 1e-9) & (series.t <= window.end + 1e-9)
     forces = [
-        series.values[np.ix_(inside, [i for i, name in enumerate(series.names) if name.endswith(f"].force.{axis}")])]
+        series.values[
+            np.ix_(inside, [i for i, name in enumerate(series.names) if name.endswith(f"].force.{axis}")])
+        ]
         for axis in "xyz"
     ]
     return float(np.sqrt(sum(force**2 for force in forces)).max(axis=1).mean())
 
 
-# --- chain over a sprocket --------------------------------------------------------------------------------------
+# --- chain over a sprocket -------------------------------------------------------------------------
 
 
 def pins_passed(run: Evidence, of: str, window: Window) -> float:
@@ -102,8 +104,8 @@ def chain_speed_ratio(run: Evidence, of: str, window: Window) -> float:
 def polygon_ripple(run: Evidence, of: str, window: Window) -> float:
     """First tooth harmonic of the speed of a chain end over its mean: least squares over whole tooth periods.
 
-    ``of`` is the end: "upper" (default) or "lower". Fitted to the position of the end pin, x(t) = a + v t + sum of
-    c_k cos(k w t) + s_k sin(k w t), k = 1..3; the amplitude of the speed is w |(c_1, s_1)|.
+    ``of`` is the end: "upper" (default) or "lower". Fitted to the position of the end pin, x(t) = a + v t +
+    sum of c_k cos(k w t) + s_k sin(k w t), k = 1..3; the amplitude of the speed is w |(c_1, s_1)|.
     """
     track = run.tracks[0]
     w = run.scene["vehicle"]["sprocket"]["teeth"] * run.mean(f"{_drive(run, '')}.speed", window)
@@ -140,10 +142,12 @@ def span_moment_ratio(run: Evidence, of: str, window: Window) -> float:
 def tight_span_enters(run: Evidence, of: str, window: Window) -> float:
     """1 when the tighter span runs into the sprocket, -1 when it leaves it."""
     difference = span_tension(run, "upper", window) - span_tension(run, "lower", window)
-    return float(np.sign(difference * run.mean(f"{_drive(run, of)}.speed", window)))  # the upper one enters forward
+    return float(
+        np.sign(difference * run.mean(f"{_drive(run, of)}.speed", window))
+    )  # the upper one enters forward
 
 
-# --- vehicle ----------------------------------------------------------------------------------------------------
+# --- vehicle ---------------------------------------------------------------------------------------
 
 
 def ground_force(run: Evidence, of: str, window: Window) -> float:
@@ -152,7 +156,7 @@ def ground_force(run: Evidence, of: str, window: Window) -> float:
 
 
 def slip(run: Evidence, of: str, window: Window) -> float:
-    """Load-weighted slip velocity of the ground contact points over the chain speed; 0 for a chain at rest."""
+    """Load-weighted slip velocity of the ground contact points over the chain speed; 0 at rest."""
     speed = np.mean([abs(run.mean(f"{track}.speed", window)) for track in run.tracks])
     velocity = np.mean([run.mean(f"{track}.slip", window) for track in run.tracks])
     return float(velocity / speed) if speed > AT_REST else 0.0
@@ -167,7 +171,7 @@ def speed_excess(run: Evidence, of: str, window: Window) -> float:
 
 
 def settlement_of_springs(run: Evidence, of: str, window: Window) -> float:
-    """Mean rise of the road wheels against the hull since the start, m: the share of springs in the settlement."""
+    """Mean rise of the road wheels against the hull since the start, m: the settlement's share of springs."""
     wheels = [
         f"chassis.{side}.road_wheel[{i}].position.z"
         for side in ("left", "right")
@@ -220,7 +224,25 @@ def third_law(run: Evidence, of: str, window: Window) -> float:
     return float(np.linalg.norm(given - received) / size)
 
 
-# --- helpers ----------------------------------------------------------------------------------------------------
+# --- energy, over the whole run --------------------------------------------------------------------
+
+
+def energy_residual(run: Evidence, of: str, window: Window) -> float:
+    """Residual of the energy ledger over the largest of work, change and dissipation."""
+    from orchestrator.energy import ledger
+
+    return ledger(run).residual_relative
+
+
+def port_residual(run: Evidence, of: str, window: Window) -> float:
+    """The part of the ports in the energy residual, over the work of the drives."""
+    from orchestrator.energy import ledger
+
+    books = ledger(run)
+    return books.port / books.work
+
+
+# --- helpers ---------------------------------------------------------------------------------------
 
 
 def _run_tension(run: Evidence, of: str, window: Window, where: str) -> float:
@@ -291,5 +313,7 @@ NAMES: dict[str, Measure] = {
         tension_rear,
         tension_front,
         third_law,
+        energy_residual,
+        port_residual,
     )
 }

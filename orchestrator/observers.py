@@ -20,7 +20,9 @@ STATS = ("wall_time",)  # of /stats/<instance>, after the counters
 class Logging:
     """Hands what happened to the recorder: inputs at the step's beginning, outputs and links at its end."""
 
-    def __init__(self, recorder: Recorder, components: Sequence[Component], step: float, stats_every: int) -> None:
+    def __init__(
+        self, recorder: Recorder, components: Sequence[Component], step: float, stats_every: int
+    ) -> None:
         self.recorder = recorder
         self.components = components
         self.step = step
@@ -31,7 +33,7 @@ class Logging:
         recorder, h = self.recorder, self.step
         for component in self.components:
             name = component.name
-            if k and len(component.u):
+            if k:
                 recorder.write(f"/{name}/in", k - 1, (k - 1) * h, h, component.u)
             if recorder.due(f"/{name}/out", k):
                 recorder.write(f"/{name}/out", k, t, h, component.y)
@@ -40,7 +42,9 @@ class Logging:
                 recorder.write(f"/{name}/links", k, t, h, component.y_links)
             if k % self.stats_every == 0:
                 component.read_counters()
-                recorder.stats(name, k, t, h, np.append(component.counters.astype(float), component.wall_time))
+                recorder.stats(
+                    name, k, t, h, np.append(component.counters.astype(float), component.wall_time)
+                )
 
 
 class ProgressBar:

@@ -23,7 +23,7 @@ def of_gallery(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = 
 
 
 def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
-    """Every distinct FMU of some scenes; variants carry the scene's name, and the component's where that is not enough."""
+    """Every distinct FMU of some scenes; variants carry the scene's name, and the component's if need be."""
     seen: set[str] = set()
     names: set[str] = set()
     products = []

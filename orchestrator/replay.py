@@ -9,26 +9,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.compare import Difference, first_difference
 from orchestrator.component import Component
-from orchestrator.reader import Log, NoSuchSignal, Series
+from orchestrator.reader import Log, Series
 from orchestrator.recorder import Recorder
 
 Floats = NDArray[np.float64]
 Parameters = Mapping[str, float | int | str]
+Progress = Callable[[int, float], None]
 
 
 class Unfit(ValueError):
     """The component cannot be driven by this log; the message is one sentence."""
-
-
-class Difference(NamedTuple):
-    """The first place where a replay departs from its log."""
-
-    topic: str
-    t: float
-    variable: str
-    recorded: float
-    replayed: float
 
 
 class Verdict(NamedTuple):
@@ -43,8 +35,7 @@ class Verdict(NamedTuple):
         """The verdict in words."""
         if self.difference is None:
             return f"equal: {self.compared} numbers of {self.steps} steps, bit by bit"
-        topic, t, variable, recorded, replayed = self.difference
-        return f"different: {topic} {variable} at t = {t:.6g} s was {recorded!r}, is {replayed!r}"
+        return f"different: {self.difference}"
 
 
 class Row(NamedTuple):
@@ -58,60 +49,63 @@ class Row(NamedTuple):
     replayed_rms: float
 
 
-class Moment(NamedTuple):
-    """The component after k steps."""
-
-    k: int
-    t: float
-
-
-def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[Moment]:
-    """Initialise and step a component through recorded inputs; yields before the first and after every step."""
+def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
+    """Step a component through recorded inputs; yields (k, t) at the start and after every step."""
     if tuple(component.inputs) != tuple(inputs.names):
         missing = sorted(set(component.inputs) ^ set(inputs.names))
-        raise Unfit(f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})")
+        raise Unfit(
+            f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})"
+        )
     component.initialise(parameters, 0.0)
-    component.read()
-    yield Moment(0, 0.0)
+    yield 0, 0.0
     for k, (t, h, u) in enumerate(zip(inputs.t, inputs.h, inputs.values, strict=True), 1):
         component.u[:] = u
         component.write()
         component.step(float(t), float(h))
         component.read()
-        yield Moment(k, float(t + h))
+        yield k, float(t + h)
 
 
-def verify(log: Log, component: Component, parameters: Parameters, progress: Callable[[int, float], None] | None = None) -> Verdict:
-    """Compare every recorded output and link output of the component, bit by bit, up to the first difference."""
+def verify(
+    log: Log, component: Component, parameters: Parameters, progress: Progress | None = None
+) -> Verdict:
+    """Step the component again and compare every recorded output and link output, bit by bit."""
     inputs = log.read(f"/{component.name}/in")
-    expected = {kind: _by_step(log, f"/{component.name}/{kind}") for kind in ("out", "links")}
-    compared = 0
-    for moment in drive(component, inputs, parameters):
+    recorded = {
+        kind: log.read(topic)
+        for kind in ("out", "links")
+        if (topic := f"/{component.name}/{kind}") in log.topics
+    }
+    every = {kind: log.topics[f"/{component.name}/{kind}"].every for kind in recorded}
+    rows: dict[str, list[Floats]] = {kind: [] for kind in recorded}
+    for k, t in drive(component, inputs, parameters):
         if progress is not None:
-            progress(*moment)
-        for kind, (series, rows) in expected.items():
-            if series is None or moment.k not in rows:
-                continue
-            if kind == "links":
-                component.read_links()
-            found = component.y if kind == "out" else component.y_links
-            recorded = series.values[rows[moment.k]]
-            unequal = np.flatnonzero(recorded.view(np.uint64) != found.view(np.uint64))
-            compared += len(recorded)
-            if len(unequal):
-                i = int(unequal[0])
-                difference = Difference(
-                    series_topic(component, kind), moment.t, series.names[i], float(recorded[i]), float(found[i])
-                )
-                return Verdict(moment.k, compared, difference)
-    return Verdict(len(inputs.t), compared, None)
+            progress(k, t)
+        if "out" in rows and k % every["out"] == 0:
+            rows["out"].append(component.y.copy())
+        if "links" in rows and k % every["links"] == 0:
+            component.read_links()
+            rows["links"].append(component.y_links.copy())
+    differences = []
+    for kind, series in recorded.items():
+        found = series._replace(
+            names=component.outputs if kind == "out" else component.links, values=np.array(rows[kind])
+        )
+        differences.append(first_difference(component.name, series, found))
+    first = min((d for d in differences if d is not None), key=lambda d: d.t, default=None)
+    return Verdict(len(inputs.t), sum(series.values.size for series in recorded.values()), first)
 
 
 def answer(
-    log: Log, component: Component, parameters: Parameters, path: Path, attachments: Mapping[str, bytes], links_every: int,
-    progress: Callable[[int, float], None] | None = None,
+    log: Log,
+    component: Component,
+    parameters: Parameters,
+    path: Path,
+    attachments: Mapping[str, bytes],
+    links_every: int,
+    progress: Progress | None = None,
 ) -> list[Row]:
-    """Put another model under the recorded inputs, log its answer to ``path``, compare forces side by side."""
+    """Another model under the recorded inputs: its answer goes to the log ``path``, forces side by side."""
     name = component.name
     inputs = log.read(f"/{name}/in")
     topics = {
@@ -121,24 +115,22 @@ def answer(
     }
     metadata = {"replay": {"of": str(log.path), "component": name}}
     every = {topic: links_every for topic in topics if topic.endswith("/links")}
+    answers: list[Floats] = []
     with Recorder(path, topics, attachments, metadata, every=every) as recorder:
-        answers, steps = [component.y.copy()], 0
         for k, t in drive(component, inputs, parameters):
             if progress is not None:
                 progress(k, t)
             h = float(inputs.h[max(k - 1, 0)])
             if k:
                 recorder.write(f"/{name}/in", k - 1, float(inputs.t[k - 1]), h, component.u)
-                answers.append(component.y.copy())
-            else:
-                answers[0] = component.y.copy()
             recorder.write(f"/{name}/out", k, t, h, component.y)
             if len(component.y_links) and recorder.due(f"/{name}/links", k):
                 component.read_links()
                 recorder.write(f"/{name}/links", k, t, h, component.y_links)
-            steps = k
-        recorder.close("ok", "", steps)
-    return _table(log.read(f"/{name}/out"), component, np.array(answers))
+            answers.append(component.y.copy())
+        recorder.close("ok", "", len(inputs.t))
+    every_out = log.topics[f"/{name}/out"].every
+    return _table(log.read(f"/{name}/out"), component, np.array(answers)[::every_out])
 
 
 def _table(recorded: Series, component: Component, answers: Floats) -> list[Row]:
@@ -148,28 +140,17 @@ def _table(recorded: Series, component: Component, answers: Floats) -> list[Row]
     for i, name in enumerate(recorded.names):
         if name not in mine or not (name.startswith("tension.") or ".force." in name):
             continue
-        theirs, ours = recorded.values[:, i], answers[recorded.sequence, mine[name]]
+        theirs, ours = recorded.values[:, i], answers[: len(recorded.t), mine[name]]
         rows.append(
-            Row(name, component.unit(name), float(theirs.mean()), float(ours.mean()), _rms(theirs), _rms(ours))
+            Row(
+                name, component.unit(name), float(theirs.mean()), float(ours.mean()), _rms(theirs), _rms(ours)
+            )
         )
     return rows
 
 
 def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _by_step(log: Log, topic: str) -> tuple[Series | None, dict[int, int]]:
-    try:
-        series = log.read(topic)
-    except NoSuchSignal:
-        return None, {}
-    return series, {int(k): row for row, k in enumerate(series.sequence)}
-
-
-def series_topic(component: Component, kind: str) -> str:
-    """Topic of a component's ``kind`` of record."""
-    return f"/{component.name}/{kind}"
 
 
 def instance(system: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -37,7 +37,9 @@ class Again(NamedTuple):
         rows = replay.answer(
             self.log, self.component, self.parameters, path, attachments, self.scene["run"]["links"]
         )
-        head = f"{'signal':28} {'unit':5} {'mean, log':>12} {'mean, now':>12} {'rms, log':>12} {'rms, now':>12}"
+        head = (
+            f"{'signal':28} {'unit':5} {'mean, log':>12} {'mean, now':>12} {'rms, log':>12} {'rms, now':>12}"
+        )
         return [head] + [
             f"{row.name:28} {row.unit:5} {row.recorded_mean:12.1f} {row.replayed_mean:12.1f}"
             f" {row.recorded_rms:12.1f} {row.replayed_rms:12.1f}"
@@ -54,7 +56,9 @@ def opened(path: Path, name: str, other: str | None, logger: Logger | None = Non
         fmu, parameters = _fmu(scene, entry, other)
         with Component(fmu, name, logger) as component:
             known = set(component.parameters)
-            yield Again(log, component, {key: value for key, value in parameters.items() if key in known}, scene)
+            yield Again(
+                log, component, {key: value for key, value in parameters.items() if key in known}, scene
+            )
 
 
 def _fmu(table: dict[str, Any], entry: dict[str, Any], other: str | None) -> tuple[Path, replay.Parameters]:
@@ -65,7 +69,12 @@ def _fmu(table: dict[str, Any], entry: dict[str, Any], other: str | None) -> tup
         return Path(other), entry["parameters"]
     scene = from_table(table, "the scene of the log")
     if other is not None:
-        part = _part(scene.model_copy(update={"track": scene.track.model_copy(update={"model": other, "integrator": None})}), entry["name"])
+        part = _part(
+            scene.model_copy(
+                update={"track": scene.track.model_copy(update={"model": other, "integrator": None})}
+            ),
+            entry["name"],
+        )
         if part.kind != TRACKS[other]:
             raise BadInput(f"--with {other}: '{entry['name']}' is no track")
         return build_all([(part.kind, part.config, None)])[0], part.parameters

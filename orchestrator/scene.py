@@ -1,7 +1,7 @@
 """A scene: what exists, how it starts, how long it runs and what is expected of it; frozen, complete, SI.
 
-A scene file names a vehicle (or carries ``[vehicle]`` with ``base`` and what differs from it); the resolved scene
-holds the whole vehicle table under ``vehicle``, so that a dotted key reaches every number of a run.
+A scene file names a vehicle (or carries ``[vehicle]`` with ``base`` and what differs from it); the resolved
+scene holds the whole vehicle table under ``vehicle``, so that a dotted key reaches every number of a run.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class Track(Part):
 class Drive(Part):
     """What turns a sprocket (or a braked idler).
 
-    ``speed`` rises from 0 to its value along a half cosine between ``ramp_start`` and ``ramp_start + ramp_time`` and
-    is then held; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
+    ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time``, and is then
+    held; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
     """
 
     mode: Literal["speed", "torque", "controller"]
@@ -111,7 +111,7 @@ class Scene(Part):
     track: Annotated[Track, BeforeValidator(_short_track)]
     run: Run
     start: Start = Start()
-    expect: dict[str, Check] = {}
+    expect: dict[str, Check] = Field(default_factory=dict)
 
     drives: ClassVar[tuple[str, ...]] = ()  # the fields that describe drives
 
@@ -148,7 +148,7 @@ class Rig(Part):
     """A closed chain round a sprocket and a smooth idler with fixed axles."""
 
     links: Annotated[int, Field(ge=8, le=4096)]
-    axle_distance: Distance
+    axle_distance: Distance  # as drawn: the idler is moved until the chain carries the tension
     tension: Force
 
 
@@ -195,7 +195,7 @@ KINDS: dict[str, type[Scene]] = {
 
 
 def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> Scene:
-    """Read a scene of the gallery or a file, with the track model and ``KEY=VALUE`` settings; raises BadInput."""
+    """Read a scene of the gallery or a file, with track model and ``KEY=VALUE`` settings; raises BadInput."""
     name, table = gallery.read(scene)
     changes = [_setting(text) for text in settings]
     if track is not None:

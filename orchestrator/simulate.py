@@ -8,9 +8,10 @@ import platform
 import signal
 import threading
 import time
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,9 @@ STATS_PERIOD = 0.1  # s of simulated time between records of cost
 Logger = Callable[[str, int, str], None]
 
 
-def simulate(scene: Scene, path: Path, logger: Logger | None = None, progress: bool = False) -> dict[str, Any]:
+def simulate(
+    scene: Scene, path: Path, logger: Logger | None = None, progress: bool = False
+) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; the summary of ``summary.empty``.
 
     Raises BadInput, BuildFailed or ComponentFailed before the first step (then no log is written); afterwards
@@ -45,9 +48,13 @@ def simulate(scene: Scene, path: Path, logger: Logger | None = None, progress: b
         clock = master.Clock(scene.run.step, scene.run.steps)
         outcome, startup, wall = master.Outcome("failed", "", 0), 0.0, 0.0
         try:
-            with Recorder(path, *contents(scene, graph, components), every=strides(scene, components)) as recorder:
+            with Recorder(
+                path, *contents(scene, graph, components), every=strides(scene, components)
+            ) as recorder:
                 stats_every = max(1, round(STATS_PERIOD / clock.step))
-                observers: list[master.Observer] = [Logging(recorder, list(components.values()), clock.step, stats_every)]
+                observers: list[master.Observer] = [
+                    Logging(recorder, list(components.values()), clock.step, stats_every)
+                ]
                 if progress:
                     observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop)))
                 startup = time.perf_counter() - began
@@ -86,7 +93,6 @@ def load(graph: System, stop: float, stack: ExitStack, logger: Logger | None = N
     for instance in graph.instances:
         component = components[instance.name]
         component.initialise(instance.parameters, 0.0, stop)
-        component.read()
     return components
 
 
@@ -107,7 +113,7 @@ def contents(
         counters = [(counter, "1") for counter in component.integers]
         topics[f"/stats/{name}"] = counters + [(figure, "s") for figure in STATS]
     for instance in graph.instances:
-        attachments[f"{instance.name}.modelDescription.xml"] = components[instance.name].xml
+        attachments[f"{instance.name}.modelDescription.xml"] = description(instance.fmu)
     metadata = {
         "run": {
             "scene": scene.name,
@@ -117,7 +123,10 @@ def contents(
             "step": repr(scene.run.step),
             "stop": repr(scene.run.stop),
         },
-        "versions": {"python": platform.python_version(), **{package: version(package) for package in PACKAGES}},
+        "versions": {
+            "python": platform.python_version(),
+            **{package: _version(package) for package in PACKAGES},
+        },
     }
     return topics, attachments, metadata
 
@@ -140,6 +149,19 @@ def describe(graph: System) -> dict[str, Any]:
     }
 
 
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # run from its sources
+        return "not installed"
+
+
+def description(fmu: Path) -> bytes:
+    """The modelDescription.xml of an FMU."""
+    with zipfile.ZipFile(fmu) as archive:
+        return archive.read("modelDescription.xml")
+
+
 def sha256(file: Path) -> str:
     """Hash of a file's content."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
@@ -158,7 +180,10 @@ def strides(scene: Scene, components: Mapping[str, Component]) -> dict[str, int]
 def cost(component: Component) -> dict[str, float | int]:
     """Wall time and counters of a component."""
     component.read_counters()
-    counters = {name.removeprefix("solver."): int(value) for name, value in zip(component.integers, component.counters, strict=True)}
+    counters = {
+        name.removeprefix("solver."): int(value)
+        for name, value in zip(component.integers, component.counters, strict=True)
+    }
     counters.pop("status", None)
     blank = dict.fromkeys(("steps", "evaluations", "iterations", "rejected"), 0)
     return {"wall_time": component.wall_time, **blank, **counters}

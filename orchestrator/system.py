@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from fmus.build import build
 from fmus.ports import wheel_state, wrench
-from fmus.vehicle import VehicleTable
+from fmus.tensioning import tension_wheel
 from orchestrator.graph import Connection, Instance, System
 from orchestrator.scene import BenchScene, ChainScene, Drive, RigScene, Scene, VehicleScene
 
@@ -63,16 +63,24 @@ def system(assembly: Assembly) -> System:
     return System(instances, assembly.connections)
 
 
-def build_all(wanted: Sequence[tuple[str, dict[str, Any], str | None]], folder: Path | None = None) -> list[Path]:
+def build_all(
+    wanted: Sequence[tuple[str, dict[str, Any], str | None]], folder: Path | None = None
+) -> list[Path]:
     """Build ``(kind, config, name)`` in order, equal ones once, two at a time."""
     keys = [json.dumps(item, sort_keys=True) for item in wanted]
     distinct = dict(zip(keys, wanted, strict=True))
     with ThreadPoolExecutor(2) as pool:
-        built = dict(zip(distinct, pool.map(lambda item: build(item[0], item[1], folder, item[2]), distinct.values()), strict=True))
+        built = dict(
+            zip(
+                distinct,
+                pool.map(lambda item: build(item[0], item[1], folder, item[2]), distinct.values()),
+                strict=True,
+            )
+        )
     return [built[key] for key in keys]
 
 
-# --- assemblies -------------------------------------------------------------------------------------------------
+# --- assemblies ------------------------------------------------------------------------------------
 
 
 def _chain(scene: ChainScene) -> Assembly:
@@ -100,15 +108,18 @@ def _bench(scene: BenchScene) -> Assembly:
 
 def _rig(scene: RigScene) -> Assembly:
     rig, vehicle = scene.rig, scene.vehicle
-    idler_at = (-rig.axle_distance, 0.0, 0.0)
-    idler = _rim("idler", vehicle.idler.radius, idler_at[0], idler_at[2])
-    config = _track_config(
-        scene, links=rig.links, closed=True, wheels=[_sprocket(), idler], gravity=0.0, tension=rig.tension
-    )
+
+    def config(x: float) -> dict[str, Any]:
+        wheels = [_sprocket(), _rim("idler", vehicle.idler.radius, x, 0.0)]
+        return _track_config(
+            scene, links=rig.links, closed=True, wheels=wheels, gravity=0.0, tension=rig.tension
+        )
+
+    x, _ = tension_wheel(config(-rig.axle_distance), "idler", rig.tension)
     parts = (
-        _track(scene, "track", config),
+        _track(scene, "track", config(x)),
         _drive(scene, "drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0)),
-        _drive(scene, "idler_drive", scene.idler_drive, vehicle.idler.spin_inertia, idler_at),
+        _drive(scene, "idler_drive", scene.idler_drive, vehicle.idler.spin_inertia, (x, 0.0, 0.0)),
     )
     wiring = (
         *_wheel("track", "sprocket", "drive", "sprocket"),
@@ -118,18 +129,17 @@ def _rig(scene: RigScene) -> Assembly:
 
 
 def _vehicle(scene: VehicleScene) -> Assembly:
-    vehicle = scene.vehicle
-    rollers = [
-        *(
-            _rim(f"road_wheel[{i}]", vehicle.road_wheel.radius, x, vehicle.road_wheel.z)
-            for i, x in enumerate(vehicle.road_wheel.x, 1)
-        ),
-        _rim("idler", vehicle.idler.radius, vehicle.idler.x, vehicle.idler.z),
-    ]
-    config = _track_config(
-        scene, links=vehicle.track.links, closed=True, wheels=[_sprocket(), *rollers], ground=True,
-        tension=vehicle.track.tension,
+    config = _vehicle_track(scene)
+    x, push = tension_wheel(config, "idler", scene.vehicle.track.tension)
+    vehicle = scene.vehicle.model_copy(
+        update={
+            "idler": scene.vehicle.idler.model_copy(update={"x": x}),
+            "tensioner": scene.vehicle.tensioner.model_copy(update={"preload": push}),
+        }
     )
+    scene = scene.model_copy(update={"vehicle": vehicle})
+    config = _vehicle_track(scene)
+    rollers = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
     parts: list[Part] = []
     wiring: list[Connection] = []
     for side, sign in SIDES.items():
@@ -137,16 +147,38 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         parts.append(_track(scene, track, config, sign * vehicle.track.lateral))
         wiring += _wheel(track, "sprocket", drive, "sprocket")
         for roller in rollers:
-            wiring += _wheel(track, roller["name"], "chassis", f"{side}.{roller['name']}")
+            wiring += _wheel(track, roller, "chassis", f"{side}.{roller}")
         wiring += _wheel(drive, "mount", "chassis", f"{side}.sprocket")
     for side in SIDES:
-        parts.append(_drive(scene, f"{side}_drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0)))
+        parts.append(
+            _drive(scene, f"{side}_drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0))
+        )
     chassis = {"vehicle": vehicle.model_dump(), "chassis": {"sides": list(SIDES)}}
     parts.append(Part("chassis", "Chassis", chassis, _start(scene), CHASSIS))
     return Assembly(tuple(parts), tuple(wiring))
 
 
-# --- parts ------------------------------------------------------------------------------------------------------
+def _vehicle_track(scene: VehicleScene) -> dict[str, Any]:
+    vehicle = scene.vehicle
+    wheels = [
+        _sprocket(),
+        *(
+            _rim(f"road_wheel[{i}]", vehicle.road_wheel.radius, x, vehicle.road_wheel.z)
+            for i, x in enumerate(vehicle.road_wheel.x, 1)
+        ),
+        _rim("idler", vehicle.idler.radius, vehicle.idler.x, vehicle.idler.z),
+    ]
+    return _track_config(
+        scene,
+        links=vehicle.track.links,
+        closed=True,
+        wheels=wheels,
+        ground=True,
+        tension=vehicle.track.tension,
+    )
+
+
+# --- parts -----------------------------------------------------------------------------------------
 
 
 def _track_config(
@@ -193,7 +225,17 @@ def _drive(scene: Scene, name: str, drive: Drive, inertia: float, mount: tuple[f
 
 
 def _drive_parameters(drive: Drive) -> Parameters:
-    raise NotImplementedError
+    parameters: Parameters = {
+        "mode": drive.mode,
+        "speed.end": drive.speed,
+        "ramp.start": drive.ramp_start,
+        "ramp.end": drive.ramp_start + drive.ramp_time,
+        "torque.drive": drive.torque,
+        "brake.torque": drive.brake,
+    }
+    if drive.torque_limit is not None:
+        parameters["torque.limit"] = drive.torque_limit
+    return parameters
 
 
 def _start(scene: Scene) -> Parameters:
@@ -213,7 +255,9 @@ def _rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
 def _wheel(giver: str, connector: str, taker: str, taken: str) -> tuple[Connection, Connection]:
     """Motion from the taker to the giver, mean wrench from the giver to the taker."""
     return (
-        Connection(taker, _names(wheel_state(taken, "output")), giver, _names(wheel_state(connector, "input"))),
+        Connection(
+            taker, _names(wheel_state(taken, "output")), giver, _names(wheel_state(connector, "input"))
+        ),
         Connection(giver, _names(wrench(connector, "output")), taker, _names(wrench(taken, "input"))),
     )
 
@@ -222,7 +266,7 @@ def _names(ports: Sequence[Any]) -> tuple[str, ...]:
     return tuple(port.name for port in ports)
 
 
-# --- what is in, what is left out ---------------------------------------------------------------------------------
+# --- what is in, what is left out ------------------------------------------------------------------
 
 
 def describe(scene: Scene) -> Iterator[str]:
@@ -230,14 +274,13 @@ def describe(scene: Scene) -> Iterator[str]:
     assembly = assemble(scene)
     run = scene.run
     yield f"{scene.name}: {scene.title}"
-    yield f"  {run.stop:g} s in {run.steps} steps of {run.step * 1e3:g} ms; outputs every {run.outputs}, links every {run.links}"
+    yield f"  {run.stop:g} s in {run.steps} steps of {run.step * 1e3:g} ms"
+    yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {run.links}"
     yield "in"
     for part in assembly.parts:
-        exchanged = [
-            sum(len(c.inputs) for c in assembly.connections if c.target == part.name),
-            sum(len(c.outputs) for c in assembly.connections if c.source == part.name),
-        ]
-        yield f"  {part.name:12} {part.kind:13} {_size(part)}; {exchanged[0]} values in, {exchanged[1]} out a step"
+        taken = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
+        given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
+        yield f"  {part.name:12} {part.kind:13} {_size(part)}; {taken} values in, {given} out a step"
     yield "left out"
     for line in _absent(scene, assembly):
         yield f"  {line}"

@@ -1,8 +1,8 @@
 """Force side first: stage after stage over the same interval, each with what was just produced for it.
 
-Inputs are gathered right before a stage steps. A component whose peer steps later sees the peer's state at t (and
-extrapolates it by the exchanged rates); one whose peer has stepped sees the mean wrench over [t, t + h]. No rollback,
-and what leaves one component in a step enters the other in the same step.
+Inputs are gathered right before a stage steps. A component whose peer steps later sees the peer's state at t
+(and extrapolates it by the exchanged rates); one whose peer has stepped sees the mean wrench over [t, t + h].
+No rollback, and what leaves one component in a step enters the other in the same step.
 """
 
 from __future__ import annotations
