@@ -44,7 +44,7 @@ def parameter_ports() -> list[Port]:
         Port("mode", "parameter", "1", "what turns the sprocket: a prescribed speed, a constant torque, or a "
              "controller that follows the speed profile", "speed", MODES),
         Port("extrapolation", "parameter", "1", "how the mount moves inside a step: with its velocity, or "
-             "with the acceleration of its last two velocities besides", "velocity", EXTRAPOLATIONS),
+             "with the acceleration of its last two velocities besides", "acceleration", EXTRAPOLATIONS),
         Port("speed.start", "parameter", "rad/s", "speed against the mount at the start, before the ramp"),
         Port("speed.end", "parameter", "rad/s", "speed against the mount after the ramp"),
         Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
