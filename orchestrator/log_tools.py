@@ -81,8 +81,8 @@ class _Tally:
         times = np.rint(t * 1e9).astype(np.uint64)
         if not (np.array_equal(messages.log_time, times) and np.array_equal(messages.publish_time, times)):
             found.append(f"{messages.topic}: times of records and messages differ near t = {t[0]:.6g} s")
-        self.first = t[0] if self.messages == 0 else self.first
-        self.last = t[-1]
+        self.first = float(t[0]) if self.messages == 0 else self.first
+        self.last = float(t[-1])
         self.newest = int(sequence[-1])
         self.messages += len(messages.rows)
         self.bytes += messages.rows.nbytes
@@ -171,7 +171,7 @@ def _rewrite(log: Log, target: Path) -> Verdict:
                 for row, sequence in enumerate(messages.sequence.tolist()):
                     recorder.write(messages.topic, sequence, t[row], h[row], values[row])
                 saved[messages.topic] += len(t)
-                last, steps = max(last, t[-1]), max(steps, int(messages.sequence[-1]))
+                last, steps = max(last, float(t[-1])), max(steps, int(messages.sequence[-1]))
         closing = log.closing if log.sound() else None
         if closing is not None:
             recorder.close(closing["status"], closing["message"], closing["steps"])

@@ -48,6 +48,7 @@ CLOSING = "closing"  # metadata record that ends a log, see recorder.py
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 PREFIX = 31  # bytes of a message record before its data: opcode, length, channel, sequence, two times
 IDENTITY = 11  # bytes of it that depend on the file: opcode, length, channel; the rest is in the digest
+KEEP = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
 _MESSAGE = struct.Struct("<BQH")
 _DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError)
@@ -138,6 +139,8 @@ class Log:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, tuple[str, schema.Layout]] = {}
         self._series: dict[str, Series] = {}
+        self._unpacked: dict[int, list[Messages]] = {}  # offset of a chunk -> its messages
+        self._room = KEEP
         self._data_end: int | None = None  # offset of the record that ends the data
         self._ended = False
         self.closing: dict | None = None
@@ -158,6 +161,7 @@ class Log:
 
     def close(self) -> None:
         """Give the file back; arrays that were read stay."""
+        self._unpacked.clear()
         self._data.close()
 
     @property
@@ -385,14 +389,20 @@ class Log:
 
     def _read(self, offset: int) -> list[Messages]:
         """The message records of a chunk by channel; raises LogUnreadable."""
+        if offset in self._unpacked:
+            return self._unpacked[offset]
         try:
             content = _content(_parse(Chunk, self._body(offset)))
             found = _message_offsets(content)
-            return [self._messages(content, *at) for at in found.items() if at[0] in self._channels]
+            piece = [self._messages(content, *at) for at in found.items() if at[0] in self._channels]
         except _DAMAGE as damage:
             raise LogUnreadable(
                 f"{self.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
             ) from None
+        if len(content) <= self._room:  # a log is read topic by topic, a chunk unpacked once
+            self._room -= len(content)
+            self._unpacked[offset] = piece
+        return piece
 
     def _messages(self, content: bytes, number: int, offsets: list[int]) -> Messages:
         topic, layout = self._channels[number]

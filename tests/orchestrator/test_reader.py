@@ -1,3 +1,4 @@
+import re
 import tempfile
 from pathlib import Path
 
@@ -163,3 +164,13 @@ def test_first_difference():
     )
     with pytest.raises(ValueError, match="different variables"):
         first_difference("chassis", recorded, recorded._replace(names=("x", "z")))
+
+
+def test_who_knows_mcap_and_protobuf():
+    """Only recorder and reader know MCAP, only the schema knows protobuf."""
+    users = {"mcap": set(), "google.protobuf": set()}
+    for path in Path(__file__).parents[2].glob("orchestrator/**/*.py"):
+        for package, found in users.items():
+            if re.search(rf"^\s*(from|import) {re.escape(package)}\b", path.read_text(), re.MULTILINE):
+                found.add(path.name)
+    assert users == {"mcap": {"recorder.py", "reader.py"}, "google.protobuf": {"schema.py"}}
