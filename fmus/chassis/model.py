@@ -161,9 +161,7 @@ class Model:
         leaf = code - OUT_OF_REACH
         name, value = self._part(ROOT + leaf), state[ROOT + leaf]
         if self._tree.turns[leaf]:
-            return (
-                f"the {name} is beyond its reach, turned by {value:.3g} rad past the dead point of its spring"
-            )
+            return f"the {name} is beyond its reach, {value:.3g} rad from its drawn position"
         return f"the {name} is beyond its reach, {value:.3g} m from its drawn position"
 
     def _part(self, index: int) -> str:
