@@ -50,7 +50,9 @@ def tension_wheel(config: Mapping[str, Any], name: str, tension: float) -> tuple
     low, high = drawn - TIGHT, drawn + SLACK
     tight, slack = excess(low), excess(high)
     if not tight > 0.0 > slack:
-        raise BadInput(f"vehicle.track.tension = {tension:.6g} N: not reached with the {name} within {TIGHT * 1e3:.0f} mm of "
-                       f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)")
+        raise BadInput(
+            f"vehicle.track.tension = {tension:.6g} N: not reached with the {name} within {TIGHT * 1e3:.0f} mm of "
+            f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)"
+        )
     x = round(float(brentq(excess, low, high, xtol=1e-8)), 8)
     return x, round(float(settled(x).wrench[2 * at, 0]), 3)

@@ -36,9 +36,28 @@ REPORT = (
     ("ground.force.x", "N", "force of the ground on the chain, x, world, mean over the step"),
     ("ground.force.y", "N", "force of the ground on the chain, y, world, mean over the step"),
     ("ground.force.z", "N", "force of the ground on the chain, z, world, mean over the step"),
-    ("slip", "m/s", "rearward velocity of the ground contact points in the vehicle's heading, weighted by their load"),
+    (
+        "slip",
+        "m/s",
+        "rearward velocity of the ground contact points in the vehicle's heading, weighted by their load",
+    ),
 )
-TRAVEL, SPEED, T_MIN, T_MEAN, T_MAX, STRESS, KINETIC, STRAIN, GRAVITY, CONTACT, DISSIPATED, WORK, DEPTH, GROUND = range(14)
+(
+    TRAVEL,
+    SPEED,
+    T_MIN,
+    T_MEAN,
+    T_MAX,
+    STRESS,
+    KINETIC,
+    STRAIN,
+    GRAVITY,
+    CONTACT,
+    DISSIPATED,
+    WORK,
+    DEPTH,
+    GROUND,
+) = range(14)
 SLIP = 16
 
 PINNED, PULLED, LOOP = 1, 2, 0  # how the ends of a chain are held
@@ -95,7 +114,9 @@ class TrackModel:
         size = self.chain_size()
         self.state = np.zeros(size + WRENCH * wheels + len(REPORT))
         self.chain = self.state[:size]
-        self.wrench = self.state[size : size + WRENCH * wheels].reshape(2 * wheels, 3)  # force, torque by turns
+        self.wrench = self.state[size : size + WRENCH * wheels].reshape(
+            2 * wheels, 3
+        )  # force, torque by turns
         self.report = self.state[size + WRENCH * wheels :]
         self._warnings: list[str] = []
 
@@ -113,27 +134,65 @@ class TrackModel:
             for i in range(1, self.links_count + 1):
                 ports.append(Port(f"link[{i}].stress", "output", "Pa", f"largest axial stress of link {i}"))
             for i in range(1, self.nodes + 1):
-                ports += [Port(f"joint[{i}].position.{a}", "output", "m", f"{a} of pin {i}, world") for a in "xyz"]
+                ports += [
+                    Port(f"joint[{i}].position.{a}", "output", "m", f"{a} of pin {i}, world") for a in "xyz"
+                ]
             for i in range(1, self.nodes + 1):
-                ports += [Port(f"joint[{i}].force.{a}", "output", "N", f"{a} force of pin {i} on the link that begins there, world")
-                          for a in "xyz"]
+                ports += [
+                    Port(
+                        f"joint[{i}].force.{a}",
+                        "output",
+                        "N",
+                        f"{a} force of pin {i} on the link that begins there, world",
+                    )
+                    for a in "xyz"
+                ]
         for name in ("steps", "evaluations", "iterations", "rejected"):
             ports.append(Port(f"solver.{name}", "output", "1", f"{name} of the integrator so far", 0))
         ports += start_pose()
-        ports.append(Port("start.lateral", "parameter", "m", "lateral position of the track plane in the vehicle, left positive",
-                          vehicle["track"]["lateral"]))
+        ports.append(
+            Port(
+                "start.lateral",
+                "parameter",
+                "m",
+                "lateral position of the track plane in the vehicle, left positive",
+                vehicle["track"]["lateral"],
+            )
+        )
         starts = ("rest", "polygon", "displaced") if self._pinned() else ("rest", "polygon")
-        ports.append(Port("start", "parameter", "1", "rest: static equilibrium; polygon: as laid out; displaced: equilibrium"
-                          " of ends 0.7 S apart, its link angles scaled to the span", "rest", starts))
-        ports.append(Port("integrator", "parameter", "1", "time integration of the chain", self.integrators[0],
-                          self.integrators))
+        ports.append(
+            Port(
+                "start",
+                "parameter",
+                "1",
+                "rest: static equilibrium; polygon: as laid out; displaced: equilibrium"
+                " of ends 0.7 S apart, its link angles scaled to the span",
+                "rest",
+                starts,
+            )
+        )
+        ports.append(
+            Port(
+                "integrator",
+                "parameter",
+                "1",
+                "time integration of the chain",
+                self.integrators[0],
+                self.integrators,
+            )
+        )
         ports.append(Port("step", "parameter", "s", "largest internal step", 1e-3))
         for pair in ("sprocket", "wheel", "ground"):
             law = vehicle["contact"][pair]
-            for key, unit, text in (("stiffness", "N/m", "normal stiffness"), ("damping", "N.s/m", "normal damping"),
-                                    ("friction", "1", "friction coefficient"),
-                                    ("friction_velocity", "m/s", "regularisation velocity of friction")):
-                ports.append(Port(f"contact.{pair}.{key}", "parameter", unit, f"{text} of {pair} contact", law[key]))
+            for key, unit, text in (
+                ("stiffness", "N/m", "normal stiffness"),
+                ("damping", "N.s/m", "normal damping"),
+                ("friction", "1", "friction coefficient"),
+                ("friction_velocity", "m/s", "regularisation velocity of friction"),
+            ):
+                ports.append(
+                    Port(f"contact.{pair}.{key}", "parameter", unit, f"{text} of {pair} contact", law[key])
+                )
         return tuple(ports) + self.own_ports_of(vehicle)
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
@@ -146,18 +205,29 @@ class TrackModel:
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Lay the chain out and, unless told otherwise, let it come to rest on its wheels."""
         p = parameters
-        for key in ("step", "contact.sprocket.friction_velocity", "contact.wheel.friction_velocity",
-                    "contact.ground.friction_velocity"):
+        for key in (
+            "step",
+            "contact.sprocket.friction_velocity",
+            "contact.wheel.friction_velocity",
+            "contact.ground.friction_velocity",
+        ):
             if not float(p[key]) > 0.0:
                 raise InvalidParameter(f"{key} = {p[key]}: must be greater than 0")
         for pair in ("sprocket", "wheel", "ground"):
             for key in ("stiffness", "damping", "friction"):
                 if not float(p[f"contact.{pair}.{key}"]) >= 0.0:
-                    raise InvalidParameter(f"contact.{pair}.{key} = {p[f'contact.{pair}.{key}']}: must not be negative")
+                    raise InvalidParameter(
+                        f"contact.{pair}.{key} = {p[f'contact.{pair}.{key}']}: must not be negative"
+                    )
         heading, lateral = float(p["start.heading"]), float(p["start.lateral"])
         c, s = np.cos(heading), np.sin(heading)
-        self.frame[:] = (float(p["start.position.x"]) - lateral * s, float(p["start.position.y"]) + lateral * c,
-                         float(p["start.position.z"]), c, s)
+        self.frame[:] = (
+            float(p["start.position.x"]) - lateral * s,
+            float(p["start.position.y"]) + lateral * c,
+            float(p["start.position.z"]),
+            c,
+            s,
+        )
         self.max_step = float(p["step"])
         self.integrator = str(p["integrator"])
         self.wheels = self._wheels()
@@ -176,17 +246,33 @@ class TrackModel:
         v = self.vehicle
         sprocket = v["sprocket"]
         try:
-            profile = teeth(sprocket["teeth"], self.pitch, sprocket["pin_radius"], sprocket["outer_radius"],
-                            sprocket["seat_clearance"], sprocket["flank_angle"], sprocket["tip_radius"])
+            profile = teeth(
+                sprocket["teeth"],
+                self.pitch,
+                sprocket["pin_radius"],
+                sprocket["outer_radius"],
+                sprocket["seat_clearance"],
+                sprocket["flank_angle"],
+                sprocket["tip_radius"],
+            )
         except ValueError as error:
             raise InvalidParameter(f"sprocket: {error}") from None
         toothed = np.array([w["kind"] == "teeth" for w in self.wheel_list], dtype=np.int64)
-        radius = np.array([profile.top if w["kind"] == "teeth" else w["radius"] for w in self.wheel_list], dtype=float)
+        radius = np.array(
+            [profile.top if w["kind"] == "teeth" else w["radius"] for w in self.wheel_list], dtype=float
+        )
         return Wheels(toothed, radius, profile, 0.5 * v["road_wheel"]["width"], v["guide"]["clearance"])
 
     def _environment(self, p: Mapping[str, Any]) -> Environment:
-        laws = [Law(*(float(p[f"contact.{pair}.{key}"]) for key in ("stiffness", "damping", "friction", "friction_velocity")))
-                for pair in ("sprocket", "wheel", "ground")]
+        laws = [
+            Law(
+                *(
+                    float(p[f"contact.{pair}.{key}"])
+                    for key in ("stiffness", "damping", "friction", "friction_velocity")
+                )
+            )
+            for pair in ("sprocket", "wheel", "ground")
+        ]
         ends = self.config.get("ends")
         pull = np.zeros((2, 3))
         kind = LOOP
@@ -198,8 +284,15 @@ class TrackModel:
         v = self.vehicle
         # pads just touch the ground under the road wheels of the drawn position
         height = v["road_wheel"]["z"] - v["road_wheel"]["radius"] - 2.0 * v["track"]["face"]
-        return Environment(float(self.config["gravity"]), int(bool(self.config["ground"])), height, kind, pull,
-                           float(self.config.get("transverse_damping", 0.0)), *laws)
+        return Environment(
+            float(self.config["gravity"]),
+            int(bool(self.config["ground"])),
+            height,
+            kind,
+            pull,
+            float(self.config.get("transverse_damping", 0.0)),
+            *laws,
+        )
 
     def polygon(self) -> Floats:
         """Pins (nodes, 2) of the start layout; raises InvalidParameter when the chain does not fit."""
@@ -208,8 +301,12 @@ class TrackModel:
                 centres = np.array([w["position"] for w in self.wheel_list], dtype=float)
                 toothed = np.array([w["kind"] == "teeth" for w in self.wheel_list])
                 pitch_radius = self.pitch / (2.0 * np.sin(np.pi / self.vehicle["sprocket"]["teeth"]))
-                radii = np.array([pitch_radius if w["kind"] == "teeth" else w["radius"] + self.vehicle["track"]["face"]
-                                  for w in self.wheel_list])
+                radii = np.array(
+                    [
+                        pitch_radius if w["kind"] == "teeth" else w["radius"] + self.vehicle["track"]["face"]
+                        for w in self.wheel_list
+                    ]
+                )
                 return closed_polygon(centres, radii, ~toothed, self.pitch, self.links_count)
             if self._pinned():
                 first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
@@ -288,5 +385,3 @@ class TrackModel:
     def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
         """Fill the per-link arrays, (n), (n), (nodes, 3), (nodes, 3), in the track's frame."""
         raise NotImplementedError
-
-

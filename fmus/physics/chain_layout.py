@@ -46,7 +46,9 @@ def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
     return pins[:-1], travelled - start[-1]
 
 
-def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int) -> Floats:
+def closed_polygon(
+    centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int
+) -> Floats:
     """Pins (links, 2) of a closed polygon of equal chords round circles ``centres`` (m, 2), ``radii`` (m).
 
     The first pin is the foremost point of the belt; the circles that ``grows`` marks (rims, not teeth) take the
@@ -62,7 +64,9 @@ def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pit
     if not low > 0.0 > high:
         belt = _belt(centres, radii)
         length = np.linalg.norm(np.diff(np.vstack([belt, belt[:1]]), axis=0), axis=1).sum()
-        raise ValueError(f"{links} links of {pitch} m make {links * pitch:.4f} m, the belt round the wheels {length:.4f} m")
+        raise ValueError(
+            f"{links} links of {pitch} m make {links * pitch:.4f} m, the belt round the wheels {length:.4f} m"
+        )
     distance = brentq(gap, -limit, limit, xtol=1e-13)
     pins = _walk(_belt(centres, radii + distance * grows), pitch, links)[0]
     return close_exactly(pins, pitch, closed=True)
@@ -114,7 +118,9 @@ def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
     angles = np.arctan2(chord[:, 1], chord[:, 0])
     distance = np.hypot(*(np.asarray(last, float) - pins[0]))
     factor = brentq(lambda s: pitch * np.cos(s * angles).sum() - distance, 1e-3, 1.5, xtol=1e-15)
-    return close_exactly(np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False)
+    return close_exactly(
+        np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False
+    )
 
 
 def over_sprocket(centre: Floats, pitch: float, teeth: int, links: int) -> Floats:

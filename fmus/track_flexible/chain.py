@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.ancf.cable import (Cable, end_moments, energy, force, mass, shape, shape_slope, stiffness)
+from fmus.physics.ancf.cable import Cable, end_moments, energy, force, mass, shape, shape_slope, stiffness
 from fmus.physics.block_cyclic import factor, invert, solve, workspace
 from fmus.physics.contact.friction import Scratch, scratch
 from fmus.physics.contact.ground import ground_contact
@@ -32,6 +32,7 @@ SHARED = np.array([0, 1, 2, 7])  # of a pin: what its two links share
 # entries of the sums of one evaluation
 CONTACT, POWER, DEPTH, LOAD, SLIP = 0, 1, 2, 3, 4
 SUMS = 5
+CHORD = 1e-5  # m: below such a correction the iteration matrix is kept
 
 
 class Links(NamedTuple):
@@ -80,10 +81,34 @@ class Work(NamedTuple):
 def work(links: int, nodes: int, wheels: int) -> Work:
     """Fresh zeroed arrays."""
     z = np.zeros
-    return Work(z((nodes, 4, 4)), z((nodes, 4, 4)), z((nodes, 4, 4)), workspace(nodes, 4), z((nodes, 4)), z((12, 12)),
-                z((links, 4, 3)), z((links, 4, 4)), z((links, 4, 8)), z((links, 8, 4)), z((links, 4)),
-                z((4, 3)), z((4, 3)), z((4, 3)), z((4, 3)), z((4, 3)), z((4, 4)), z(4), z(4), z(3), z(3), z(8),
-                z((wheels, 15)), z((wheels + 1, 6)), z(SUMS), scratch())
+    return Work(
+        z((nodes, 4, 4)),
+        z((nodes, 4, 4)),
+        z((nodes, 4, 4)),
+        workspace(nodes, 4),
+        z((nodes, 4)),
+        z((12, 12)),
+        z((links, 4, 3)),
+        z((links, 4, 4)),
+        z((links, 4, 8)),
+        z((links, 8, 4)),
+        z((links, 4)),
+        z((4, 3)),
+        z((4, 3)),
+        z((4, 3)),
+        z((4, 3)),
+        z((4, 3)),
+        z((4, 4)),
+        z(4),
+        z(4),
+        z(3),
+        z(3),
+        z(8),
+        z((wheels, 15)),
+        z((wheels + 1, 6)),
+        z(SUMS),
+        scratch(),
+    )
 
 
 @kernel
@@ -97,113 +122,126 @@ def gather(q, i, j, e):
 
 
 @kernel
-def locate(links, w, xi, offset):
-    """Point at ``xi`` on the face ``offset`` outside the centreline: position and velocity into ``w.x``, ``w.u``.
+def locate(cable, e, de, xi, offset, S, C, x, u):
+    """Point at ``xi`` on the face ``offset`` outside the centreline: position ``x`` (3) and velocity ``u`` (3).
 
-    Leaves shape functions in ``w.S`` and offset x slopes / |r_x| in ``w.C``. Returns tangent and normal (in x, z).
+    Leaves shape functions in ``S`` (4) and offset x slopes / |r_x| in ``C`` (4). Returns tangent (in x, z).
     The normal is r_x x e_y; its change is -tangent (normal . dr_x) / |r_x|.
     """
-    shape(links.cable, xi, w.S)
-    shape_slope(links.cable, xi, w.C)
+    shape(cable, xi, S)
+    shape_slope(cable, xi, C)
     a = b = da = db = 0.0
     for k in range(4):
-        a += w.C[k] * w.e[k, 0]
-        b += w.C[k] * w.e[k, 2]
-        da += w.C[k] * w.v[k, 0]
-        db += w.C[k] * w.v[k, 2]
+        a += C[k] * e[k, 0]
+        b += C[k] * e[k, 2]
+        da += C[k] * de[k, 0]
+        db += C[k] * de[k, 2]
     rho = np.sqrt(a * a + b * b)
     t0, t2 = a / rho, b / rho
     turn = offset * (t0 * db - t2 * da) / rho
     for i in range(3):
-        x = u = 0.0
-        for k in range(4):
-            x += w.S[k] * w.e[k, i]
-            u += w.S[k] * w.v[k, i]
-        w.x[i], w.u[i] = x, u
-    w.x[0] -= offset * t2
-    w.x[2] += offset * t0
-    w.u[0] -= turn * t0
-    w.u[2] -= turn * t2
+        x[i] = S[0] * e[0, i] + S[1] * e[1, i] + S[2] * e[2, i] + S[3] * e[3, i]
+        u[i] = S[0] * de[0, i] + S[1] * de[1, i] + S[2] * de[2, i] + S[3] * de[3, i]
+    x[0] -= offset * t2
+    x[2] += offset * t0
+    u[0] -= turn * t0
+    u[2] -= turn * t2
     for k in range(4):
-        w.C[k] *= offset / rho
+        C[k] *= offset / rho
     return t0, t2
 
 
 @kernel
-def load(w, R, by_rate, t0, t2, tangent):
-    """Put the contact force at the point of ``locate`` on the link: residual ``R`` and, if wanted, matrix ``w.K``.
-
-    With B = S - C t n^T: R -= B^T f, K -= B^T (f_x + by_rate f_v) B.
-    """
-    f, S, C = w.contact.f, w.S, w.C
+def push(f, S, C, t0, t2, R):
+    """Put a contact force at the point of ``locate`` on the residual of its link: R -= B^T f with B = S - C t n^T."""
     along = f[0] * t0 + f[2] * t2
     for k in range(4):
         R[k, 0] -= S[k] * f[0] + C[k] * along * t2
         R[k, 1] -= S[k] * f[1]
         R[k, 2] -= S[k] * f[2] - C[k] * along * t0
-    if not tangent:
-        return
-    G = w.W  # scratch: (3, 3) part
-    for i in range(3):
-        for j in range(3):
-            G[i, j] = w.contact.f_x[i, j] + by_rate * w.contact.f_v[i, j]
-    n = (-t2, 0.0, t0)
-    gt = (G[0, 0] * t0 + G[0, 2] * t2, G[1, 0] * t0 + G[1, 2] * t2, G[2, 0] * t0 + G[2, 2] * t2)
-    tg = (G[0, 0] * t0 + G[2, 0] * t2, G[0, 1] * t0 + G[2, 1] * t2, G[0, 2] * t0 + G[2, 2] * t2)
-    tgt = tg[0] * t0 + tg[2] * t2
-    for i in range(3):
-        for j in range(3):
-            g, p, o, r = G[i, j], gt[i] * n[j], n[i] * tg[j], tgt * n[i] * n[j]
-            for a in range(4):
-                left, right = S[a] * g - C[a] * o, C[a] * r - S[a] * p
-                for b in range(4):
-                    w.K[3 * a + i, 3 * b + j] -= S[b] * left + C[b] * right
 
 
 @kernel
-def note(w, k, depth, normal, stored, power):
-    """Book a contact with the partner ``k``."""
-    w.sums[CONTACT] += stored
-    w.sums[POWER] += power
-    if depth > w.sums[DEPTH]:
-        w.sums[DEPTH] = depth
+def stiffen(f_x, f_v, by_rate, S, C, t0, t2, K):
+    """Its part of the iteration matrix: K -= B^T (f_x + by_rate f_v) B."""
+    g00, g01, g02 = (
+        f_x[0, 0] + by_rate * f_v[0, 0],
+        f_x[0, 1] + by_rate * f_v[0, 1],
+        f_x[0, 2] + by_rate * f_v[0, 2],
+    )
+    g10, g11, g12 = (
+        f_x[1, 0] + by_rate * f_v[1, 0],
+        f_x[1, 1] + by_rate * f_v[1, 1],
+        f_x[1, 2] + by_rate * f_v[1, 2],
+    )
+    g20, g21, g22 = (
+        f_x[2, 0] + by_rate * f_v[2, 0],
+        f_x[2, 1] + by_rate * f_v[2, 1],
+        f_x[2, 2] + by_rate * f_v[2, 2],
+    )
+    # G t, t G and t G t; n = (-t2, 0, t0)
+    p0, p1, p2 = g00 * t0 + g02 * t2, g10 * t0 + g12 * t2, g20 * t0 + g22 * t2
+    o0, o1, o2 = g00 * t0 + g20 * t2, g01 * t0 + g21 * t2, g02 * t0 + g22 * t2
+    r = p0 * t0 + p2 * t2
+    for a in range(4):
+        for b in range(4):
+            ss, sc, cs, cc = S[a] * S[b], S[a] * C[b], C[a] * S[b], C[a] * C[b] * r
+            K[3 * a, 3 * b] -= ss * g00 + sc * p0 * t2 + cs * t2 * o0 + cc * t2 * t2
+            K[3 * a, 3 * b + 1] -= ss * g01 + cs * t2 * o1
+            K[3 * a, 3 * b + 2] -= ss * g02 - sc * p0 * t0 + cs * t2 * o2 - cc * t2 * t0
+            K[3 * a + 1, 3 * b] -= ss * g10 + sc * p1 * t2
+            K[3 * a + 1, 3 * b + 1] -= ss * g11
+            K[3 * a + 1, 3 * b + 2] -= ss * g12 - sc * p1 * t0
+            K[3 * a + 2, 3 * b] -= ss * g20 + sc * p2 * t2 - cs * t0 * o0 - cc * t0 * t2
+            K[3 * a + 2, 3 * b + 1] -= ss * g21 - cs * t0 * o1
+            K[3 * a + 2, 3 * b + 2] -= ss * g22 - sc * p2 * t0 - cs * t0 * o2 + cc * t0 * t0
+
+
+@kernel
+def note(sums, depth, stored, power):
+    """Book a contact."""
+    sums[CONTACT] += stored
+    sums[POWER] += power
+    sums[DEPTH] = max(sums[DEPTH], depth)
 
 
 @kernel
 def link_contacts(links, wheels, env, w, R, by_rate, tangent):
     """Contacts of the faces of the link in ``w.e`` with rims and ground."""
+    e, de, S, C, x, u, K, sums, s = w.e, w.v, w.S, w.C, w.x, w.u, w.K, w.sums, w.contact
+    moved, wrench, cable = w.moved, w.wrench, links.cable
     for k in range(wheels.radius.size):
         if wheels.teeth[k]:
             continue
-        row = w.moved[k]
-        far = wheels.radius[k] + links.face + links.cable.l
-        d0, d2 = w.e[0, 0] - row[0], w.e[0, 2] - row[2]
-        if d0 * d0 + d2 * d2 > far * far:
-            continue
-        low, high = reach(row, wheels.radius[k], w.e[0], w.e[2], links.face)
+        low, high = reach(moved[k], wheels.radius[k], e[0], e[2], links.face)
         if high <= low:
             continue
         for side in (-1.0, 1.0):
             xi = 0.5 * (low + high) + side * GAUSS * (high - low)
-            t0, t2 = locate(links, w, xi, -links.face)
-            depth, normal, stored, power, _ = wheel_contact(env.wheel, 0.5 * (high - low), wheels.radius[k], row,
-                                                            w.x, w.u, w.contact)
+            t0, t2 = locate(cable, e, de, xi, -links.face, S, C, x, u)
+            depth, _, stored, power, _ = wheel_contact(
+                env.wheel, 0.5 * (high - low), wheels.radius[k], moved[k], x, u, s
+            )
             if depth > 0.0:
-                note(w, k, depth, normal, stored, power)
-                collect(row, w.x, w.contact.f, w.wrench[k])
-                load(w, R, by_rate, t0, t2, tangent)
-    if env.ground and min(w.e[0, 2], w.e[2, 2]) - 1.1 * links.face - 0.1 * links.cable.l < env.height:
+                note(sums, depth, stored, power)
+                collect(moved[k], x, s.f, wrench[k])
+                push(s.f, S, C, t0, t2, R)
+                if tangent:
+                    stiffen(s.f_x, s.f_v, by_rate, S, C, t0, t2, K)
+    if env.ground and min(e[0, 2], e[2, 2]) - 1.1 * links.face - 0.1 * cable.l < env.height:
         last = wheels.radius.size
         for side in (-1.0, 1.0):
-            t0, t2 = locate(links, w, 0.5 + side * GAUSS, links.face)
-            depth, normal, stored, power, _ = ground_contact(env.soil, 0.5, env.height, w.x, w.u, w.contact)
+            t0, t2 = locate(cable, e, de, 0.5 + side * GAUSS, links.face, S, C, x, u)
+            depth, normal, stored, power, _ = ground_contact(env.soil, 0.5, env.height, x, u, s)
             if depth > 0.0:
-                note(w, last, depth, normal, stored, power)
-                w.sums[LOAD] += normal
-                w.sums[SLIP] -= normal * w.u[0]
+                note(sums, depth, stored, power)
+                sums[LOAD] += normal
+                sums[SLIP] -= normal * u[0]
                 for i in range(3):
-                    w.wrench[last, i] -= w.contact.f[i]
-                load(w, R, by_rate, t0, t2, tangent)
+                    wrench[last, i] -= s.f[i]
+                push(s.f, S, C, t0, t2, R)
+                if tangent:
+                    stiffen(s.f_x, s.f_v, by_rate, S, C, t0, t2, K)
 
 
 @kernel
@@ -218,11 +256,12 @@ def pin_loads(links, wheels, env, q, v, w, by_rate, tangent):
             d0, d2 = q[i, 0] - row[0], q[i, 2] - row[2]
             if d0 * d0 + d2 * d2 > wheels.radius[k] ** 2:
                 continue
-            depth, normal, stored, power, _ = teeth_contact(env.sprocket, 1.0, wheels.profile, row, q[i, :3], v[i, :3],
-                                                            w.contact)
+            depth, _, stored, power, _ = teeth_contact(
+                env.sprocket, 1.0, wheels.profile, row, q[i, :3], v[i, :3], w.contact
+            )
             if depth <= 0.0:
                 continue
-            note(w, k, depth, normal, stored, power)
+            note(w.sums, depth, stored, power)
             collect(row, q[i, :3], w.contact.f, w.wrench[k])
             for a in range(3):
                 w.b[i, a] -= w.contact.f[a]
@@ -271,99 +310,120 @@ def evaluate(links, wheels, env, q, v, vdot, by_rate, by_acceleration, w, tangen
     q, v, vdot (nodes, 8). Returns the largest entry of the residual, N, and the link it belongs to.
     """
     n, nodes, c = links.count, q.shape[0], links.cable
-    w.b[:] = 0.0
-    w.sums[:] = 0.0
+    R, own, inner, left, b, M, K = w.R, w.own, w.inner, w.left, w.b, w.M, w.K
+    e, de, dde, W, V, sums = w.e, w.v, w.dv, w.W, w.V, w.sums
+    b[:] = 0.0
+    sums[:] = 0.0
     w.wrench[:] = 0.0
     if tangent:
         w.A[:] = 0.0
         w.U[:] = 0.0
         w.L[:] = 0.0
-    mass(c, w.M)
+    mass(c, M)
     weight = c.rhoA * c.l * env.gravity
     worst, where = 0.0, 0
     for i in range(n):
-        j = (i + 1) % nodes
-        R = w.R[i]
-        gather(q, i, j, w.e)
-        gather(v, i, j, w.v)
-        gather(vdot, i, j, w.dv)
+        j = i + 1 if i + 1 < nodes else 0
+        gather(q, i, j, e)
+        gather(v, i, j, de)
+        gather(vdot, i, j, dde)
+        r = R[i]
         for a in range(4):
             for k in range(3):
-                R[a, k] = w.M[a, 0] * w.dv[0, k] + w.M[a, 1] * w.dv[1, k] + w.M[a, 2] * w.dv[2, k] + (
-                    w.M[a, 3] * w.dv[3, k])
-        R[0, 2] += 0.5 * weight
-        R[1, 2] += weight * c.l / 12.0
-        R[2, 2] += 0.5 * weight
-        R[3, 2] -= weight * c.l / 12.0
+                r[a, k] = (
+                    M[a, 0] * dde[0, k] + M[a, 1] * dde[1, k] + M[a, 2] * dde[2, k] + M[a, 3] * dde[3, k]
+                )
+        r[0, 2] += 0.5 * weight
+        r[1, 2] += weight * c.l / 12.0
+        r[2, 2] += 0.5 * weight
+        r[3, 2] -= weight * c.l / 12.0
         if tangent:
-            stiffness(c, w.e, w.v, by_rate, by_acceleration, w.K, w.W, w.V)
-        _, _, power = force(c, w.e, w.v, R, w.W, w.V)
-        w.sums[POWER] += power
-        link_contacts(links, wheels, env, w, R, by_rate, tangent)
-        own = w.own[i]
-        for k in range(4):
-            r = R.flat[INNER[k]]
-            own[k] = r
-            if abs(r) > worst:
-                worst, where = abs(r), i
+            stiffness(c, e, de, by_rate, by_acceleration, K, W, V)
+        sums[POWER] += force(c, e, de, r, W, V)[2]
+        if meets(links, wheels, env, w.moved, e):
+            link_contacts(links, wheels, env, w, r, by_rate, tangent)
+        for k in range(2):
+            worst, where = (abs(r[1, 2 * k]), i) if abs(r[1, 2 * k]) > worst else (worst, where)
+            worst, where = (abs(r[3, 2 * k]), i) if abs(r[3, 2 * k]) > worst else (worst, where)
         if tangent:
-            condense(w, i, j)
-        inner, left = w.inner[i], w.left[i]
-        y0 = inner[0, 0] * own[0] + inner[0, 1] * own[1] + inner[0, 2] * own[2] + inner[0, 3] * own[3]
-        y1 = inner[1, 0] * own[0] + inner[1, 1] * own[1] + inner[1, 2] * own[2] + inner[1, 3] * own[3]
-        y2 = inner[2, 0] * own[0] + inner[2, 1] * own[1] + inner[2, 2] * own[2] + inner[2, 3] * own[3]
-        y3 = inner[3, 0] * own[0] + inner[3, 1] * own[1] + inner[3, 2] * own[2] + inner[3, 3] * own[3]
-        own[0], own[1], own[2], own[3] = y0, y1, y2, y3
+            condense(K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
         for k in range(4):
-            w.b[i, k] += R.flat[OUTER[k]]
-            w.b[j, k] += R.flat[OUTER[4 + k]]
+            own[i, k] = (
+                inner[i, k, 0] * r[1, 0]
+                + inner[i, k, 1] * r[1, 2]
+                + inner[i, k, 2] * r[3, 0]
+                + (inner[i, k, 3] * r[3, 2])
+            )
+        for k in range(3):
+            b[i, k] += r[0, k]
+            b[j, k] += r[2, k]
+        b[i, 3] += r[1, 1]
+        b[j, 3] += r[3, 1]
     pin_loads(links, wheels, env, q, v, w, by_rate, tangent)
     for i in range(nodes):
         for k in range(4):
-            if abs(w.b[i, k]) > worst:
-                worst, where = abs(w.b[i, k]), min(i, n - 1)
+            if abs(b[i, k]) > worst:
+                worst, where = abs(b[i, k]), min(i, n - 1)
     for i in range(n):
-        j = (i + 1) % nodes
-        left, own = w.left[i], w.own[i]
+        j = i + 1 if i + 1 < nodes else 0
         for k in range(4):
-            w.b[i, k] -= left[k, 0] * own[0] + left[k, 1] * own[1] + left[k, 2] * own[2] + left[k, 3] * own[3]
-            w.b[j, k] -= left[4 + k, 0] * own[0] + left[4 + k, 1] * own[1] + left[4 + k, 2] * own[2] + (
-                left[4 + k, 3] * own[3])
+            for m in range(4):
+                b[i, k] -= left[i, k, m] * own[i, m]
+                b[j, k] -= left[i, 4 + k, m] * own[i, m]
     if env.ends == 1:
-        w.b[0, :3] = 0.0
-        w.b[nodes - 1, :3] = 0.0
+        b[0, :3] = 0.0
+        b[nodes - 1, :3] = 0.0
     return worst, where
 
 
 @kernel
-def condense(w, i, j):
-    """Eliminate the own slopes of link ``i`` from its matrix ``w.K`` and scatter the rest to pins ``i`` and ``j``."""
-    inner, right, left = w.inner[i], w.right[i], w.left[i]
+def meets(links, wheels, env, moved, e):
+    """Whether the link with coordinates ``e`` may touch a rim or the ground."""
+    if env.ground and min(e[0, 2], e[2, 2]) - 1.1 * links.face - 0.1 * links.cable.l < env.height:
+        return True
+    for k in range(wheels.radius.size):
+        d0, d2 = 0.5 * (e[0, 0] + e[2, 0]) - moved[k, 0], 0.5 * (e[0, 2] + e[2, 2]) - moved[k, 2]
+        far = wheels.radius[k] + links.face + 0.6 * links.cable.l
+        if wheels.teeth[k] == 0 and d0 * d0 + d2 * d2 < far * far:
+            return True
+    return False
+
+
+@kernel
+def condense(K, A, U, L, inner, right, left, swap, i, j):
+    """Eliminate the own slopes of a link from its matrix ``K`` (12, 12) and scatter the rest to its pins ``i`` and ``j``.
+
+    Leaves the inverse of its own part in ``inner`` (4, 4), that times the coupling in ``right`` (4, 8), and ``left`` (8, 4).
+    """
     for a in range(4):
         for b in range(4):
-            inner[a, b] = w.K[INNER[a], INNER[b]]
+            inner[a, b] = K[INNER[a], INNER[b]]
         for b in range(8):
-            left[b, a] = w.K[OUTER[b], INNER[a]]
-    invert(inner, w.swap)
+            left[b, a] = K[OUTER[b], INNER[a]]
+    invert(inner, swap)
     for a in range(4):
         for b in range(8):
             s = 0.0
             for k in range(4):
-                s += inner[a, k] * w.K[INNER[k], OUTER[b]]
+                s += inner[a, k] * K[INNER[k], OUTER[b]]
             right[a, b] = s
-    for a in range(8):
-        for b in range(8):
-            s = w.K[OUTER[a], OUTER[b]]
+    for a in range(4):
+        for b in range(4):
+            s, o, p, r = (
+                K[OUTER[a], OUTER[b]],
+                K[OUTER[a], OUTER[4 + b]],
+                K[OUTER[4 + a], OUTER[b]],
+                K[OUTER[4 + a], OUTER[4 + b]],
+            )
             for k in range(4):
                 s -= left[a, k] * right[k, b]
-            if a < 4 and b < 4:
-                w.A[i, a, b] += s
-            elif a < 4:
-                w.U[i, a, b - 4] += s
-            elif b < 4:
-                w.L[j, a - 4, b] += s
-            else:
-                w.A[j, a - 4, b - 4] += s
+                o -= left[a, k] * right[k, 4 + b]
+                p -= left[4 + a, k] * right[k, b]
+                r -= left[4 + a, k] * right[k, 4 + b]
+            A[i, a, b] += s
+            U[i, a, b] += o
+            L[j, a, b] += p
+            A[j, a, b] += r
 
 
 @kernel
@@ -455,14 +515,23 @@ def measure(links, wheels, env, q, v, w, report):
                     s += w.v[a, k] * w.v[b, k]
                 kinetic += 0.5 * w.M[a, b] * s
         strain_energy += energy(c, w.e, w.W, w.V)
-        gravity += c.rhoA * c.l * env.gravity * (0.5 * (w.e[0, 2] + w.e[2, 2]) + c.l / 12.0 * (w.e[1, 2] - w.e[3, 2]))
+        gravity += (
+            c.rhoA
+            * c.l
+            * env.gravity
+            * (0.5 * (w.e[0, 2] + w.e[2, 2]) + c.l / 12.0 * (w.e[1, 2] - w.e[3, 2]))
+        )
         tension, fibre = axial(links, w)
         low, high, mean = min(low, tension), max(high, tension), mean + tension / n
         stress = max(stress, fibre)
         d0, d1, d2 = w.e[2, 0] - w.e[0, 0], w.e[2, 1] - w.e[0, 1], w.e[2, 2] - w.e[0, 2]
         length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-        along += 0.5 * ((w.v[0, 0] + w.v[2, 0]) * d0 + (w.v[0, 1] + w.v[2, 1]) * d1 + (
-            w.v[0, 2] + w.v[2, 2]) * d2) / length / n
+        along += (
+            0.5
+            * ((w.v[0, 0] + w.v[2, 0]) * d0 + (w.v[0, 1] + w.v[2, 1]) * d1 + (w.v[0, 2] + w.v[2, 2]) * d2)
+            / length
+            / n
+        )
     report[1], report[2], report[3], report[4], report[5] = along, low, mean, high, stress
     report[6], report[7], report[8], report[9] = kinetic, strain_energy, gravity, w.sums[CONTACT]
     report[12] = w.sums[DEPTH]
@@ -487,8 +556,27 @@ def axial(links, w):
 
 
 @kernel
-def advance(links, wheels, env, rows, h, longest, radius, tolerance, q, v, a, vdot, wrench0, aux, power, w, mean, report,
-            counters):
+def advance(
+    links,
+    wheels,
+    env,
+    rows,
+    h,
+    longest,
+    radius,
+    tolerance,
+    q,
+    v,
+    a,
+    vdot,
+    wrench0,
+    aux,
+    power,
+    w,
+    mean,
+    report,
+    counters,
+):
     """Integrate by generalised-alpha over a communication step of ``h`` s, internal steps of at most ``longest`` s.
 
     q, v, a, vdot (nodes, 8) and wrench0, aux (wheels + 1, 6), power (1) are the state. ``mean`` (wheels + 1, 6) receives
@@ -512,14 +600,16 @@ def advance(links, wheels, env, rows, h, longest, radius, tolerance, q, v, a, vd
                 q[i, k] += dt * v0[i, k] + dt * dt * ((0.5 - coef.beta) * a0[i, k] + coef.beta * a1)
                 v[i, k] += dt * ((1.0 - coef.gamma) * a0[i, k] + coef.gamma * a1)
         move(rows, done + dt, w.moved)
-        converged, failure = False, 1
-        for _ in range(10):
-            worst, where = evaluate(links, wheels, env, q, v, vdot, s.v, s.vdot, w, True)
+        converged, failure, size = False, 1, np.inf
+        for _ in range(12):
+            fresh = size > CHORD  # close to the solution the last matrix serves once more
+            worst, where = evaluate(links, wheels, env, q, v, vdot, s.v, s.vdot, w, fresh)
             counters[1] += 1
-            counters[2] += 1
-            if factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
-                failure = 2
-                break
+            if fresh:
+                counters[2] += 1
+                if factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
+                    failure = 2
+                    break
             solve(w.A, w.U, w.factors, links.closed == 1, w.b)
             size = correct(links, w, q, v, vdot, s.v, s.vdot, 0.5 * links.cable.l)
             if not size < 10.0:
@@ -537,8 +627,6 @@ def advance(links, wheels, env, rows, h, longest, radius, tolerance, q, v, a, vd
         for i in range(q.shape[0]):
             for k in range(NODE):
                 a[i, k] = auxiliary(coef, a0[i, k], d0[i, k], vdot[i, k])
-        worst, where = evaluate(links, wheels, env, q, v, vdot, s.v, s.vdot, w, False)
-        counters[1] += 1
         for i in range(mean.shape[0]):
             for k in range(6):
                 old = aux[i, k]

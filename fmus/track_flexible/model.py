@@ -23,9 +23,23 @@ class Model(TrackModel):
         """Material and integration of the links."""
         m = vehicle["material"]
         return (
-            Port("material.youngs_modulus", "parameter", "Pa", "Young's modulus of the links", m["youngs_modulus"]),
-            Port("material.relaxation_time", "parameter", "s", "damping constants over Young's modulus", m["relaxation_time"]),
-            Port("spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.8),
+            Port(
+                "material.youngs_modulus",
+                "parameter",
+                "Pa",
+                "Young's modulus of the links",
+                m["youngs_modulus"],
+            ),
+            Port(
+                "material.relaxation_time",
+                "parameter",
+                "s",
+                "damping constants over Young's modulus",
+                m["relaxation_time"],
+            ),
+            Port(
+                "spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.8
+            ),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9),
         )
 
@@ -48,9 +62,17 @@ class Model(TrackModel):
             raise InvalidParameter(f"tolerance = {self.tolerance}: must be greater than 0")
         s, v = self.vehicle["section"], self.vehicle
         area, second = s["area"], s["bending"]
-        cable = Cable(self.pitch, v["material"]["density"] * area, young * area, young * second, tau * young * area,
-                      tau * young * second)
-        self.link = Links(self.links_count, int(self.closed), cable, v["track"]["face"], s["outer_fibre"], area, second)
+        cable = Cable(
+            self.pitch,
+            v["material"]["density"] * area,
+            young * area,
+            young * second,
+            tau * young * area,
+            tau * young * second,
+        )
+        self.link = Links(
+            self.links_count, int(self.closed), cable, v["track"]["face"], s["outer_fibre"], area, second
+        )
         n, m = self.nodes * NODE, len(self.wheel_list) + 1
         parts = np.split(self.chain, np.cumsum([n, n, n, n, m * WRENCH, m * WRENCH, 1]))
         self.q, self.v, self.a, self.vdot = (part.reshape(self.nodes, NODE) for part in parts[:4])
@@ -69,17 +91,23 @@ class Model(TrackModel):
         q[(np.arange(n) + 1) % self.nodes, 3:5] = chord
         if rest:
             smooth = self.environment._replace(
-                sprocket=self.environment.sprocket._replace(mu=0.0), wheel=self.environment.wheel._replace(mu=0.0),
-                soil=self.environment.soil._replace(mu=0.0))
+                sprocket=self.environment.sprocket._replace(mu=0.0),
+                wheel=self.environment.wheel._replace(mu=0.0),
+                soil=self.environment.soil._replace(mu=0.0),
+            )
             count, residual = relax(self.link, self.wheels, smooth, self.start_rows, q, REST, self.work)
             if count < 0:
-                raise StepFailed(f"static equilibrium of the track was not found: residual {residual:.3g} N after {-count} steps")
+                raise StepFailed(
+                    f"static equilibrium of the track was not found: residual {residual:.3g} N after {-count} steps"
+                )
         self._observe()
 
     def _observe(self) -> None:
         """Wrenches and report of the state as it stands, at rest."""
         self.work.moved[:] = self.start_rows
-        evaluate(self.link, self.wheels, self.environment, self.q, self.v, self.vdot, 0.0, 0.0, self.work, False)
+        evaluate(
+            self.link, self.wheels, self.environment, self.q, self.v, self.vdot, 0.0, 0.0, self.work, False
+        )
         self.force[:] = self.aux[:] = self.mean[:] = self.work.wrench
         self.residual[:] = self.work.R
         measure(self.link, self.wheels, self.environment, self.q, self.v, self.work, self.report)
@@ -97,10 +125,32 @@ class Model(TrackModel):
     def advance(self, t: float, h: float) -> None:
         """Integrate over the communication step."""
         failure, done, link, residual = advance(
-            self.link, self.wheels, self.environment, self.rows, h, self.max_step, self.radius, self.tolerance, self.q,
-            self.v, self.a, self.vdot, self.force, self.aux, self.power, self.work, self.mean, self.report, self.counters)
+            self.link,
+            self.wheels,
+            self.environment,
+            self.rows,
+            h,
+            self.max_step,
+            self.radius,
+            self.tolerance,
+            self.q,
+            self.v,
+            self.a,
+            self.vdot,
+            self.force,
+            self.aux,
+            self.power,
+            self.work,
+            self.mean,
+            self.report,
+            self.counters,
+        )
         if failure:
-            what = "Newton's iteration of the chain did not converge" if failure == 1 else "the chain's matrix is singular"
+            what = (
+                "Newton's iteration of the chain did not converge"
+                if failure == 1
+                else "the chain's matrix is singular"
+            )
             raise self.failed(t + done, what, link, residual)
         self.residual[:] = self.work.R
         self._publish()
@@ -110,8 +160,10 @@ class Model(TrackModel):
         off = np.degrees(np.arccos(np.clip(abs(self.rows[:, 10]), 0.0, 1.0)))
         if off.size and off.max() > 0.2 and not self.warned:
             self.warned = True
-            self._warnings.append(f"a wheel's axis is {off.max():.2f} degrees off the pin axis at t = {t:.4g} s: cable chains "
-                                  "drive in their own plane only, take rigid links for turns and side slopes")
+            self._warnings.append(
+                f"a wheel's axis is {off.max():.2f} degrees off the pin axis at t = {t:.4g} s: cable chains "
+                "drive in their own plane only, take rigid links for turns and side slopes"
+            )
 
     warned = False
 

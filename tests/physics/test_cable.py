@@ -78,7 +78,8 @@ def test_rigid_motion_strains_and_damps_nothing():
     assert abs(internal(LINK, e, v)).max() < 1e-11 * LINK.EA
     deformed = bent(LINK, 0.02)
     assert cable.energy(LINK, deformed, *scratch()) == pytest.approx(
-        cable.energy(LINK, deformed @ R.T, *scratch()), rel=1e-11)
+        cable.energy(LINK, deformed @ R.T, *scratch()), rel=1e-11
+    )
 
 
 def test_internal_forces_balance():
@@ -110,13 +111,18 @@ def test_mass_and_first_moment():
     one = np.array([1.0, 0, 1, 0])
     assert one @ M @ one == pytest.approx(LINK.rhoA * LINK.l, rel=1e-14)
     np.testing.assert_allclose(one @ M @ e, [LINK.rhoA * LINK.l**2 / 2, 0, 0], rtol=1e-14)
-    spin = np.array([[0, 0, 0], [0, 0, 1], [0, 0, LINK.l], [0, 0, 1.0]])  # rotation about y through the first pin
+    spin = np.array(
+        [[0, 0, 0], [0, 0, 1], [0, 0, LINK.l], [0, 0, 1.0]]
+    )  # rotation about y through the first pin
     assert np.einsum("ai,ab,bi", spin, M, spin) == pytest.approx(LINK.rhoA * LINK.l**3 / 3, rel=1e-14)
 
 
 def test_matrices_match_their_products():
     e = rng.standard_normal((4, 3))
-    for matrix, product in ((cable.gradients, cable.times_gradients), (cable.curvatures, cable.times_curvatures)):
+    for matrix, product in (
+        (cable.gradients, cable.times_gradients),
+        (cable.curvatures, cable.times_curvatures),
+    ):
         K, P = np.zeros((4, 4)), np.zeros((4, 3))
         matrix(LINK, K)
         product(LINK, e, P)

@@ -18,7 +18,6 @@ import numpy as np
 from fmus.jit import kernel
 
 
-
 class Cable(NamedTuple):
     """One link."""
 
@@ -53,8 +52,12 @@ def shape_slope(c, xi, S):
 def mass(c, M):
     """The constant mass matrix as (4, 4) factors of the identity of space, kg."""
     m, l = c.rhoA * c.l / 420.0, c.l
-    rows = ((156.0, 22.0 * l, 54.0, -13.0 * l), (22.0 * l, 4.0 * l * l, 13.0 * l, -3.0 * l * l),
-            (54.0, 13.0 * l, 156.0, -22.0 * l), (-13.0 * l, -3.0 * l * l, -22.0 * l, 4.0 * l * l))
+    rows = (
+        (156.0, 22.0 * l, 54.0, -13.0 * l),
+        (22.0 * l, 4.0 * l * l, 13.0 * l, -3.0 * l * l),
+        (54.0, 13.0 * l, 156.0, -22.0 * l),
+        (-13.0 * l, -3.0 * l * l, -22.0 * l, 4.0 * l * l),
+    )
     for a in range(4):
         for b in range(4):
             M[a, b] = m * rows[a][b]
@@ -64,8 +67,12 @@ def mass(c, M):
 def gradients(c, K):
     """int S_x^T S_x dx as (4, 4) factors, of (12)."""
     l = c.l
-    rows = ((36.0, 3.0 * l, -36.0, 3.0 * l), (3.0 * l, 4.0 * l * l, -3.0 * l, -l * l),
-            (-36.0, -3.0 * l, 36.0, -3.0 * l), (3.0 * l, -l * l, -3.0 * l, 4.0 * l * l))
+    rows = (
+        (36.0, 3.0 * l, -36.0, 3.0 * l),
+        (3.0 * l, 4.0 * l * l, -3.0 * l, -l * l),
+        (-36.0, -3.0 * l, 36.0, -3.0 * l),
+        (3.0 * l, -l * l, -3.0 * l, 4.0 * l * l),
+    )
     for a in range(4):
         for b in range(4):
             K[a, b] = rows[a][b] / (30.0 * l)
@@ -75,8 +82,12 @@ def gradients(c, K):
 def curvatures(c, K):
     """int S_xx^T S_xx dx as (4, 4) factors, of (14)."""
     l = c.l
-    rows = ((12.0, 6.0 * l, -12.0, 6.0 * l), (6.0 * l, 4.0 * l * l, -6.0 * l, 2.0 * l * l),
-            (-12.0, -6.0 * l, 12.0, -6.0 * l), (6.0 * l, 2.0 * l * l, -6.0 * l, 4.0 * l * l))
+    rows = (
+        (12.0, 6.0 * l, -12.0, 6.0 * l),
+        (6.0 * l, 4.0 * l * l, -6.0 * l, 2.0 * l * l),
+        (-12.0, -6.0 * l, 12.0, -6.0 * l),
+        (6.0 * l, 2.0 * l * l, -6.0 * l, 4.0 * l * l),
+    )
     for a in range(4):
         for b in range(4):
             K[a, b] = rows[a][b] / (l * l * l)
@@ -159,10 +170,16 @@ def bending_damping(c, e, v, Q, B):
     o0, o1, o2 = (d1 * u2 - d2 * u1) / length2, (d2 * u0 - d0 * u2) / length2, (d0 * u1 - d1 * u0) / length2
     # rates seen from the chord: position difference and the two slopes
     p = (u0 - (o1 * d2 - o2 * d1), u1 - (o2 * d0 - o0 * d2), u2 - (o0 * d1 - o1 * d0))
-    g = (v[1, 0] - (o1 * e[1, 2] - o2 * e[1, 1]), v[1, 1] - (o2 * e[1, 0] - o0 * e[1, 2]),
-         v[1, 2] - (o0 * e[1, 1] - o1 * e[1, 0]))
-    k = (v[3, 0] - (o1 * e[3, 2] - o2 * e[3, 1]), v[3, 1] - (o2 * e[3, 0] - o0 * e[3, 2]),
-         v[3, 2] - (o0 * e[3, 1] - o1 * e[3, 0]))
+    g = (
+        v[1, 0] - (o1 * e[1, 2] - o2 * e[1, 1]),
+        v[1, 1] - (o2 * e[1, 0] - o0 * e[1, 2]),
+        v[1, 2] - (o0 * e[1, 1] - o1 * e[1, 0]),
+    )
+    k = (
+        v[3, 0] - (o1 * e[3, 2] - o2 * e[3, 1]),
+        v[3, 1] - (o2 * e[3, 0] - o0 * e[3, 2]),
+        v[3, 2] - (o0 * e[3, 1] - o1 * e[3, 0]),
+    )
     power = 0.0
     for i in range(3):
         d = p[i] / c.l
@@ -172,9 +189,30 @@ def bending_damping(c, e, v, Q, B):
         B[3, i] = c.nuI * (-6.0 * d + 2.0 * g[i] + 4.0 * k[i]) / c.l
         power += B[2, i] * p[i] + B[1, i] * g[i] + B[3, i] * k[i]
     # the moment that P^T takes back as a couple on the ends of the chord
-    m0 = d1 * B[2, 2] - d2 * B[2, 1] + e[1, 1] * B[1, 2] - e[1, 2] * B[1, 1] + e[3, 1] * B[3, 2] - e[3, 2] * B[3, 1]
-    m1 = d2 * B[2, 0] - d0 * B[2, 2] + e[1, 2] * B[1, 0] - e[1, 0] * B[1, 2] + e[3, 2] * B[3, 0] - e[3, 0] * B[3, 2]
-    m2 = d0 * B[2, 1] - d1 * B[2, 0] + e[1, 0] * B[1, 1] - e[1, 1] * B[1, 0] + e[3, 0] * B[3, 1] - e[3, 1] * B[3, 0]
+    m0 = (
+        d1 * B[2, 2]
+        - d2 * B[2, 1]
+        + e[1, 1] * B[1, 2]
+        - e[1, 2] * B[1, 1]
+        + e[3, 1] * B[3, 2]
+        - e[3, 2] * B[3, 1]
+    )
+    m1 = (
+        d2 * B[2, 0]
+        - d0 * B[2, 2]
+        + e[1, 2] * B[1, 0]
+        - e[1, 0] * B[1, 2]
+        + e[3, 2] * B[3, 0]
+        - e[3, 0] * B[3, 2]
+    )
+    m2 = (
+        d0 * B[2, 1]
+        - d1 * B[2, 0]
+        + e[1, 0] * B[1, 1]
+        - e[1, 1] * B[1, 0]
+        + e[3, 0] * B[3, 1]
+        - e[3, 1] * B[3, 0]
+    )
     c0, c1, c2 = (m1 * d2 - m2 * d1) / length2, (m2 * d0 - m0 * d2) / length2, (m0 * d1 - m1 * d0) / length2
     couple = (c0, c1, c2)
     for i in range(3):
@@ -204,16 +242,22 @@ def stiffness(c, e, v, by_rate, by_acceleration, K, W, V):
             for i in range(3):
                 for j in range(3):
                     K[3 * a + i, 3 * b + j] = W[a, i] * (ww * W[b, j] + wv * V[b, j])
-    axial, bend, m, l = (c.EA * eps + drag) / (30.0 * c.l), (c.EI + by_rate * c.nuI) / c.l**3, (
-        by_acceleration * c.rhoA * c.l / 420.0), c.l
+    axial, bend, m, l = (
+        (c.EA * eps + drag) / (30.0 * c.l),
+        (c.EI + by_rate * c.nuI) / c.l**3,
+        (by_acceleration * c.rhoA * c.l / 420.0),
+        c.l,
+    )
     ends = 36.0 * axial + 12.0 * bend
     mixed = (3.0 * axial + 6.0 * bend) * l
     own = (4.0 * axial + 4.0 * bend) * l * l
     other = (-axial + 2.0 * bend) * l * l
-    rows = ((ends + 156.0 * m, mixed + 22.0 * l * m, -ends + 54.0 * m, mixed - 13.0 * l * m),
-            (mixed + 22.0 * l * m, own + 4.0 * l * l * m, -mixed + 13.0 * l * m, other - 3.0 * l * l * m),
-            (-ends + 54.0 * m, -mixed + 13.0 * l * m, ends + 156.0 * m, -mixed - 22.0 * l * m),
-            (mixed - 13.0 * l * m, other - 3.0 * l * l * m, -mixed - 22.0 * l * m, own + 4.0 * l * l * m))
+    rows = (
+        (ends + 156.0 * m, mixed + 22.0 * l * m, -ends + 54.0 * m, mixed - 13.0 * l * m),
+        (mixed + 22.0 * l * m, own + 4.0 * l * l * m, -mixed + 13.0 * l * m, other - 3.0 * l * l * m),
+        (-ends + 54.0 * m, -mixed + 13.0 * l * m, ends + 156.0 * m, -mixed - 22.0 * l * m),
+        (mixed - 13.0 * l * m, other - 3.0 * l * l * m, -mixed - 22.0 * l * m, own + 4.0 * l * l * m),
+    )
     for a in range(4):
         for b in range(4):
             s = rows[a][b]
