@@ -112,6 +112,13 @@ class Evidence:
         offset = position - origin[:, None, :]
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
 
+    def in_plane(self, track: str, wheel: str, t: float) -> tuple[float, float]:
+        """Centre of a wheel (forward, up) from the sprocket axle at time t, m."""
+        origin, ahead = self._axle(track, np.array([t]))
+        times, position = self.vectors(track, "in", f"{wheel}.position")
+        offset = position[max(int(np.searchsorted(times, t + 1e-9)) - 1, 0)] - origin[0]
+        return float(offset @ ahead[0]), float(offset[2])
+
     def _axle(self, track: str, t: Floats) -> tuple[Floats, Floats]:
         """Position of the sprocket axle and the horizontal unit vector ahead of it, (m, 3) each."""
         try:
