@@ -9,7 +9,7 @@ from typing import Any
 
 from orchestrator import gallery
 from orchestrator.scene import Scene, load
-from orchestrator.system import TRACKS, assemble, build_all
+from orchestrator.system import TRACKS, assemble, build_all, placed
 
 STANDARD = "straight"  # its components carry the plain names
 
@@ -28,7 +28,7 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
     names: set[str] = set()
     products = []
     for scene in scenes:
-        for part in assemble(scene).parts:
+        for part in assemble(placed(scene)).parts:
             key = json.dumps([part.kind, part.config], sort_keys=True)
             if key in seen:
                 continue

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from fmus.build import build
 from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
+from fmus.tensioning import tension_wheel
 from orchestrator.graph import Connection, Instance, System
 from orchestrator.scene import BenchScene, ChainScene, Drive, RigScene, Scene, VehicleScene
 
@@ -39,8 +40,27 @@ class Assembly(NamedTuple):
     connections: tuple[Connection, ...]
 
 
+def placed(scene: Scene) -> Scene:
+    """The scene with the idler where the track carries its static tension, and the push that balances it there.
+
+    Raises BadInput when the track cannot be laid round its wheels or cannot carry the tension.
+    """
+    match scene:
+        case RigScene():
+            x, _ = tension_wheel(_rig_track(scene), "idler", scene.rig.tension)
+            return scene.model_copy(update={"rig": scene.rig.model_copy(update={"axle_distance": -x})})
+        case VehicleScene():
+            vehicle = scene.vehicle
+            x, push = tension_wheel(_vehicle_track(scene), "idler", vehicle.track.tension)
+            idler = vehicle.idler.model_copy(update={"x": x})
+            tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
+            update = {"idler": idler, "tensioner": tensioner}
+            return scene.model_copy(update={"vehicle": vehicle.model_copy(update=update)})
+    return scene
+
+
 def assemble(scene: Scene) -> Assembly:
-    """The parts and connections of a scene, nothing that it does not declare."""
+    """The parts and connections of a scene as placed, nothing that it does not declare."""
     match scene:
         case ChainScene():
             return _chain(scene)
