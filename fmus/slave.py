@@ -283,7 +283,8 @@ class Slave(Fmi2Slave):
     @_guarded
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
         """There are no Boolean variables."""
-        self.get_boolean(vrs)
+        if vrs:
+            raise Refused(f"no Boolean variable has the value reference {vrs[0]}")
 
     # ---------------------------------------------------------------- life
 
@@ -448,14 +449,14 @@ class Slave(Fmi2Slave):
         return f"{type(error).__name__}: {error}{where}"
 
     def _report(self, error: BaseException) -> str:
-        """Log what went wrong, with its traceback in a category of its own; but for a refusal it lasts."""
+        """Log what went wrong; unless it is a refusal it lasts, and its traceback follows in its own category."""
         sentence = self._sentence(error)
         self._status = ERROR
+        self.log(sentence, Fmi2Status.error)
         if not isinstance(error, Refused):
             self._failure = sentence
-        self.log(sentence, Fmi2Status.error)
-        trace = "".join(traceback.format_exception(error))
-        self.log(trace[-1500:], Fmi2Status.error, "traceback")  # importers cut messages at 2 kB
+            trace = "".join(traceback.format_exception(error))
+            self.log(trace[-1500:], Fmi2Status.error, "traceback")  # importers cut messages at 2 kB
         return sentence
 
     log_categories = {**Fmi2Slave.log_categories, "traceback": "Where in the code an error arose."}  # noqa: RUF012

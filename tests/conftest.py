@@ -1,0 +1,51 @@
+"""Fixtures of all tests.
+
+Built FMUs and compiled kernels go into the ordinary cache, which is addressed by content: workers share it,
+and a kernel is compiled once, not once a run.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from fmus.build import build_shell
+
+HERE = Path(__file__).resolve().parent
+TOY = HERE / "toy"
+ROOT = HERE.parent
+
+
+def build_toy(folder=None, name=None, **config):
+    """The FMU of a mass on a spring, with so many spare inputs and outputs."""
+    return build_shell(TOY / "toy_fmu.py", {"spare": 3, "start": 0.1, **config}, folder, name, packages=[TOY])
+
+
+@pytest.fixture(scope="session")
+def toy():
+    return build_toy()
+
+
+@pytest.fixture(scope="session")
+def environment():
+    """Environment of a child process that sees the packages under test and the toy."""
+    path = os.pathsep.join([str(ROOT), str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return {**os.environ, "PYTHONPATH": path, "NUMBA_DISABLE_JIT": "0"}
+
+
+@pytest.fixture
+def fresh_cache(tmp_path, monkeypatch):
+    """An empty cache folder for this test alone."""
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def clean_imports():
+    """The interpreter's search path and modules are afterwards as they were."""
+    path, modules = list(sys.path), set(sys.modules)
+    yield
+    sys.path[:] = path
+    for name in set(sys.modules) - modules:
+        del sys.modules[name]

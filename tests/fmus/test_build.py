@@ -1,0 +1,93 @@
+"""An FMU is a function of sources and configuration, built once and by one process."""
+
+import sys
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from conftest import TOY, build_toy
+
+from fmus.build import KINDS, BuildFailed, build, build_shell
+from fmus.jit import ROOT, source_hash, sources
+
+
+def test_fmu_holds_the_whole_tree_and_sources_only(toy):
+    with zipfile.ZipFile(toy) as archive:
+        names = archive.namelist()
+        packed = {
+            name.removeprefix("resources/fmus/") for name in names if name.startswith("resources/fmus/")
+        }
+        assert packed == {source.relative_to(ROOT).as_posix() for source in sources()}
+        assert archive.read("resources/build.txt").decode() == source_hash()
+        assert {"resources/config.json", "resources/toy_fmu.py", "resources/toy/kernels.py"} <= set(names)
+        assert "binaries/linux64/Toy.so" in names
+    assert not [name for name in names if "__pycache__" in name or "/tests/" in name]
+
+
+def test_same_question_same_file(toy, tmp_path):
+    before = toy.stat()
+    assert build_toy() == toy
+    assert toy.stat().st_mtime_ns == before.st_mtime_ns
+    assert build_toy(start=0.2) != toy
+    copy = build_toy(tmp_path, "other")
+    assert copy == tmp_path / "other.fmu"
+    assert build_toy(name="other").name == "other.fmu"
+    assert [path.name for path in tmp_path.iterdir()] == ["other.fmu"]
+
+
+def test_equal_sources_give_equal_bytes(tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    contents = []
+    for name in ("one", "two"):
+        monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / name))
+        contents.append(build_toy().read_bytes())
+    assert contents[0] == contents[1]
+
+
+def test_two_builds_at_once_leave_one_file(fresh_cache):
+    with ThreadPoolExecutor(2) as pool:
+        paths = list(pool.map(lambda _: build_toy(), range(2)))
+    assert paths[0] == paths[1]
+    assert [path.name for path in paths[0].parent.iterdir()] == ["toy_fmu.fmu"]
+    assert zipfile.ZipFile(paths[0]).testzip() is None
+
+
+def test_building_leaves_this_process_alone(fresh_cache):
+    path, modules = list(sys.path), set(sys.modules)
+    build_toy()
+    assert sys.path == path
+    assert not [name for name in set(sys.modules) - modules if "toy" in name or "pythonfmu" in name]
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda: build("Submarine", {}),
+            "no kind of component is called 'Submarine': there are TrackFlexible",
+        ),
+        (lambda: build_toy(start=float("nan")), "the configuration of toy_fmu is not JSON: "),
+        (lambda: build_toy(spare="many"), "cannot build toy_fmu: TypeError: "),
+        (lambda: build_shell(TOY / "toy_fmu.py", {}, packages=[TOY]), "cannot build toy_fmu: KeyError: "),
+        (lambda: build_shell(TOY / "none_fmu.py", {}), "no FMU shell at "),
+    ],
+)
+def test_what_cannot_be_built_is_refused_in_one_sentence(call, sentence):
+    with pytest.raises(BuildFailed) as caught:
+        call()
+    assert str(caught.value).startswith(sentence)
+    assert "\n" not in str(caught.value)
+
+
+def test_full_or_forbidden_cache_is_refused_in_one_sentence(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "file"))
+    with pytest.raises(BuildFailed, match=r"^cannot build toy_fmu.fmu: "):
+        build_toy()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_shells_have_stems_of_their_own(kind):
+    stems = [path.rpartition("/")[2] for path in KINDS.values()]
+    assert len(set(stems)) == len(stems)
+    assert stems.count(KINDS[kind].rpartition("/")[2]) == 1

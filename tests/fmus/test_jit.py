@@ -1,0 +1,152 @@
+"""Kernels are found by content: at any path, and never after an edit of what they call."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fmus import jit
+
+MODULES = {
+    "__init__.py": "",
+    "caller.py": """
+from fmus.jit import kernel
+from parts.deep.callee import factor
+@kernel
+def scaled(x):
+    return factor(x) * x
+""",
+    "deep/__init__.py": "",
+    "deep/callee.py": """
+from fmus.jit import kernel
+@kernel
+def factor(x):
+    return 2.0 + 0.0 * x
+""",
+    "bystander.py": "LIMIT = 1\n",
+}
+RUN = """
+from parts.caller import scaled
+value = scaled(3.0)
+stats = scaled.stats
+print(value, sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
+"""
+
+
+@pytest.fixture
+def parts(tmp_path):
+    for name, text in MODULES.items():
+        path = tmp_path / "here" / "parts" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return tmp_path / "here"
+
+
+@pytest.fixture
+def run(environment, tmp_path):
+    def run(where, **more):
+        env = {**environment, "COTRACK_CACHE": str(tmp_path / "cache"), **more}
+        env["PYTHONPATH"] = f"{where}:{env['PYTHONPATH']}"
+        done = subprocess.run([sys.executable, "-c", RUN], env=env, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        value, hits, misses = done.stdout.split()
+        return float(value), int(hits), int(misses)
+
+    return run
+
+
+def test_kernel_is_found_at_another_path_and_not_after_an_edit_of_its_callee(parts, run, tmp_path):
+    assert run(parts) == (6.0, 0, 1)
+    assert run(parts) == (6.0, 1, 0)
+
+    elsewhere = shutil.copytree(parts, tmp_path / "elsewhere")
+    (elsewhere / "parts" / "bystander.py").write_text("LIMIT = 2\n")  # not reached: no matter
+    assert run(elsewhere) == (6.0, 1, 0)
+
+    callee = elsewhere / "parts" / "deep" / "callee.py"
+    callee.write_text(callee.read_text().replace("2.0 +", "5.0 +"))
+    assert run(elsewhere) == (15.0, 0, 1)
+    assert run(parts) == (6.0, 1, 0)  # the old physics, where it still is the physics
+
+
+def test_damaged_or_forbidden_cache_only_costs_time(parts, run, tmp_path):
+    assert run(parts) == (6.0, 0, 1)
+    kept = list((tmp_path / "cache" / "kernels").rglob("*.kernel"))
+    assert kept
+    for path in kept:
+        path.write_bytes(path.read_bytes()[:100])
+    assert run(parts) == (6.0, 0, 1)
+    (tmp_path / "file").write_text("")
+    assert run(parts, COTRACK_CACHE=str(tmp_path / "file" / "cache")) == (6.0, 0, 1)
+
+
+def test_without_compilation_the_function_itself_comes_back(environment):
+    code = "from toy.kernels import acceleration as f; assert type(f).__name__ == 'function'; f(1,2,3,4,5)"
+    env = {**environment, "NUMBA_DISABLE_JIT": "1"}
+    assert subprocess.run([sys.executable, "-c", code], env=env).returncode == 0
+
+
+def test_reachable_sources_follow_every_kind_of_import(tmp_path, monkeypatch, clean_imports):
+    package = tmp_path / "reach"
+    (package / "sub").mkdir(parents=True)
+    for name in (
+        "__init__",
+        "plain",
+        "named",
+        "inside",
+        "guarded",
+        "sub/__init__",
+        "sub/near",
+        "sub/up",
+        "far",
+    ):
+        (package / f"{name}.py").write_text("")
+    (package / "start.py").write_text(
+        "import reach.plain as p\nfrom reach import named\nfrom .sub import near\n"
+        "def f():\n    import reach.inside\n"
+        "try:\n    pass\nexcept ValueError:\n    import reach.guarded\n"
+    )
+    (package / "sub" / "near.py").write_text("from .. import sub\nfrom ..sub.up import *\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    import reach
+
+    assert reach
+
+    def fingerprint():
+        jit.reachable_hash.cache_clear()
+        jit._imports.cache_clear()
+        return jit.reachable_hash("reach.start", package / "start.py")
+
+    first = fingerprint()
+    for name in ("__init__", "plain", "named", "inside", "guarded", "sub/__init__", "sub/near", "sub/up"):
+        path = package / f"{name}.py"
+        text = path.read_text()
+        path.write_text(text + "# edited\n")
+        assert fingerprint() != first, name
+        path.write_text(text)
+    (package / "far.py").write_text("# edited\n")
+    assert fingerprint() == first
+
+
+def test_source_hash_sees_names_and_contents_of_sources_only(tmp_path):
+    (tmp_path / "a.py").write_text("x = 1\n")
+    first = jit.source_hash(tmp_path)
+    (tmp_path / "__pycache__").mkdir()
+    (tmp_path / "__pycache__" / "a.pyc").write_bytes(b"x")
+    (tmp_path / "notes.md").write_text("x")
+    assert jit.source_hash(tmp_path) == first
+    (tmp_path / "a.py").rename(tmp_path / "b.py")
+    assert jit.source_hash(tmp_path) != first
+    (tmp_path / "b.py").rename(tmp_path / "a.py")
+    assert jit.source_hash(tmp_path) == first
+    (tmp_path / "a.py").write_text("x = 2\n")
+    assert jit.source_hash(tmp_path) != first
+
+
+def test_cache_folder_is_the_chosen_one_or_the_users(monkeypatch):
+    monkeypatch.setenv("COTRACK_CACHE", "/somewhere/else")
+    assert jit.cache_folder() == Path("/somewhere/else")
+    monkeypatch.delenv("COTRACK_CACHE")
+    assert jit.cache_folder().name == "cotrack"

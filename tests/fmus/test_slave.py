@@ -1,0 +1,456 @@
+"""What any FMI tool sees of our FMUs, seen through fmpy's own calls."""
+
+import re
+import subprocess
+import sys
+import zipfile
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from conftest import build_toy
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from fmpy.validation import validate_fmu
+
+from orchestrator.component import Component, ComponentFailed, unpack
+
+H = 1e-3
+
+
+@pytest.fixture(scope="session")
+def xml(toy):
+    with zipfile.ZipFile(toy) as archive:
+        return archive.read("modelDescription.xml").decode()
+
+
+@pytest.fixture
+def component(toy):
+    with Component(toy, "toy") as component:
+        yield component
+
+
+@pytest.fixture
+def raw(toy, xml):
+    """The same FMU through fmpy alone, and its value references."""
+    slave = FMU2Slave(guid="", modelIdentifier="Toy", unzipDirectory=str(unpack(toy)), instanceName="raw")
+    slave.instantiate(loggingOn=True)
+    references = {
+        v.get("name"): int(v.get("valueReference"))
+        for v in ElementTree.fromstring(xml).iter("ScalarVariable")
+    }
+    return slave, references
+
+
+def advance(component, first, count):
+    """Outputs, counters and link outputs after each of some steps with a changing force."""
+    trace = []
+    for i in range(first, first + count):
+        component.u[0] = np.sin(0.7 * i)
+        component.write()
+        component.step(i * H, H)
+        component.read()
+        component.read_links()
+        component.read_counters()
+        trace.append((*component.y, *component.y_links, *component.counters))
+    return np.array(trace)
+
+
+# ------------------------------------------------------------------ description
+
+
+def test_validator_finds_no_problems(toy, tmp_path):
+    assert validate_fmu(str(toy)) == []
+    flawed = tmp_path / "flawed.fmu"
+    with zipfile.ZipFile(toy) as source, zipfile.ZipFile(flawed, "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            if name == "modelDescription.xml":
+                content = content.replace(b'unit="N/m"', b'unit="N/mm"')
+            target.writestr(name, content)
+    assert any("N/mm" in problem for problem in validate_fmu(str(flawed)))
+
+
+def test_description_says_all_that_tools_ask_for(xml):
+    root = ElementTree.fromstring(xml)
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", root.get("generationDateAndTime"))
+    variables = list(root.iter("ScalarVariable"))
+    assert all(variable.get("description") and variable.get("causality") for variable in variables)
+    units = {unit.get("name"): dict(unit.find("BaseUnit").attrib) for unit in root.iter("Unit")}
+    assert units["N/m"] == {"kg": "1", "s": "-2"}
+    assert all(variable[0].get("unit") in units for variable in variables if variable[0].tag == "Real")
+    for variable in variables:
+        parameter = variable.get("causality") == "parameter"
+        assert (variable[0].get("start") is None) == (variable.get("causality") == "output")
+        assert (variable.get("variability") == "fixed") == parameter
+    flags = root.find("CoSimulation").attrib
+    assert flags["canGetAndSetFMUstate"] == flags["canSerializeFMUstate"] == "true"
+    assert flags["needsExecutionTool"] == flags["canBeInstantiatedOnlyOncePerProcess"] == "false"
+
+    outputs = {str(i) for i, v in enumerate(variables, 1) if v.get("causality") == "output"}
+    parameters = " ".join(str(i) for i, v in enumerate(variables, 1) if v.get("causality") == "parameter")
+    for group, dependencies in (("Outputs", ""), ("InitialUnknowns", parameters)):
+        unknowns = root.find(f"ModelStructure/{group}")
+        assert {unknown.get("index") for unknown in unknowns} == outputs
+        assert {unknown.get("dependencies") for unknown in unknowns} == {dependencies}
+    assert "none, raise, nan, zero, warn" in xml  # the choices of a String parameter
+
+
+def test_start_values_keep_all_their_digits():
+    start = 0.1 + 0.2  # 0.30000000000000004: 17 digits
+    with Component(build_toy(start=start), "toy") as component:
+        component.initialise({})
+        assert component.y[0] == start
+        assert next(v for v in component.description.modelVariables if v.name == "start.x").start == repr(
+            start
+        )
+
+
+def test_guid_follows_from_sources_and_configuration(toy, fresh_cache):
+    def guid(path):
+        with zipfile.ZipFile(path) as archive:
+            return ElementTree.fromstring(archive.read("modelDescription.xml")).get("guid")
+
+    assert guid(build_toy()) == guid(toy)
+    assert guid(build_toy(start=0.11)) != guid(toy)
+
+
+# ------------------------------------------------------------------ state
+
+
+def test_save_step_restore_step_is_bit_equal(component):
+    component.initialise({"damping": 3.0})
+    advance(component, 0, 5)
+    saved = component.save()
+    first = advance(component, 5, 10)
+    component.restore(saved)
+    assert np.array_equal(advance(component, 5, 10), first)
+    assert not np.array_equal(advance(component, 5, 10), first)  # without restoring
+    component.restore(saved)  # it is good for more than one time
+    assert np.array_equal(advance(component, 5, 10), first)
+    component.free(saved)
+
+
+def test_restore_brings_back_inputs_outputs_and_link_outputs(component):
+    component.initialise({})
+    trace = advance(component, 0, 3)
+    saved = component.save()
+    force = component.u[0]
+    advance(component, 3, 3)
+    component.restore(saved)
+    component.read()
+    component.read_links()
+    component.read_counters()
+    assert np.array_equal((*component.y, *component.y_links, *component.counters), trace[-1])
+    component.u[0] = 0.0
+    component._get(component._fmu.fmi2GetReal, component._u)  # the FMU's own memory of its input
+    assert component.u[0] == force
+
+
+def test_state_as_bytes_revives_in_a_new_instance_with_its_parameters(toy):
+    with Component(toy, "first") as first:
+        first.initialise({"damping": 3.0, "substeps": 7, "start.x": 0.3})
+        advance(first, 0, 5)
+        content = first.dump(first.save())
+        assert content == first.dump(first.save())
+        trace = advance(first, 5, 10)
+    with Component(toy, "second") as second:  # neither initialised nor told the parameters
+        second.load(content)
+        assert np.array_equal(advance(second, 5, 10), trace)
+    with Component(toy, "third") as third:
+        third.initialise({})
+        assert not np.array_equal(advance(third, 5, 10), trace)
+
+
+def test_bytes_that_are_no_state_are_refused(toy, component):
+    component.initialise({})
+    content = component.dump(component.save())
+    for bad in (b"", b"not a state", content[:-8]):
+        with Component(toy, "bad") as other, pytest.raises(ComponentFailed, match="not a saved state"):
+            other.load(bad)
+    with (
+        Component(build_toy(start=0.2), "other") as other,
+        pytest.raises(ComponentFailed, match="belongs to another FMU"),
+    ):
+        other.load(content)
+
+
+def test_reset_starts_again(component):
+    component.initialise({"damping": 3.0})
+    first = advance(component, 0, 5)
+    component.initialise({"damping": 3.0})
+    assert np.array_equal(advance(component, 0, 5), first)
+
+
+def test_two_instances_at_once_keep_apart(toy):
+    with Component(toy, "left") as left, Component(toy, "right") as right:
+        left.initialise({"start.x": 0.2})
+        right.initialise({"start.x": 0.4})
+        both = [(advance(left, i, 1), advance(right, i, 1)) for i in range(5)]
+    with Component(toy, "alone") as alone:
+        alone.initialise({"start.x": 0.2})
+        assert np.array_equal(np.vstack([pair[0] for pair in both]), advance(alone, 0, 5))
+    assert not np.array_equal(both[-1][0], both[-1][1])
+
+
+# ------------------------------------------------------------------ failures
+
+
+@pytest.mark.parametrize(
+    ("trouble", "sentence"),
+    [
+        ("raise", "the spring broke at t = 0.005 s"),
+        ("zero", "ZeroDivisionError: division by zero (model.py, line "),
+        ("nan", "output 'v' is nan at t = 0.006"),
+    ],
+)
+def test_failed_step_tells_why_keeps_what_was_and_stays_failed(toy, trouble, sentence):
+    heard = []
+    with Component(toy, "toy", lambda *message: heard.append(message)) as component:
+        component.initialise({"trouble": trouble})
+        before = advance(component, 0, 5)[-1]
+        with pytest.raises(ComponentFailed, match=re.escape(f"toy: {sentence}")):
+            component.step(5 * H, H)
+        assert [status for _, status, message in heard if message.startswith(sentence)] == [3]
+        assert any("Traceback" in message for _, _, message in heard)
+        component.read()
+        component.read_links()
+        component.read_counters()
+        assert np.array_equal((*component.y, *component.y_links), before[:-2])
+        assert component.counters[component.integers.index("status")] == 3
+        assert component.counters[component.integers.index("solver.steps")] == before[-2]
+        with pytest.raises(ComponentFailed, match=f"an earlier call failed .{re.escape(sentence[:20])}"):
+            component.step(5 * H, H)
+
+
+def test_restoring_a_state_heals_a_failed_component(component):
+    component.initialise({"trouble": "raise"})
+    advance(component, 0, 4)
+    saved = component.save()
+    advance(component, 4, 1)
+    for _ in range(2):
+        with pytest.raises(ComponentFailed):
+            component.step(5 * H, H)
+    component.restore(saved)
+    advance(component, 4, 1)
+
+
+def test_input_that_is_not_finite_is_refused_by_name(component):
+    component.initialise({})
+    component.u[1] = np.inf
+    component.write()
+    with pytest.raises(ComponentFailed, match=r"input 'spare\[1\]' is inf at t = 0.0"):
+        component.step(0.0, H)
+
+
+@pytest.mark.parametrize("h", [0.0, -H, np.nan])
+def test_step_needs_a_length(component, h):
+    component.initialise({})
+    with pytest.raises(ComponentFailed, match="a step needs a finite time and a positive length"):
+        component.step(0.0, h)
+    component.step(0.0, H)  # nothing has happened
+
+
+@pytest.mark.parametrize(
+    ("parameters", "sentence"),
+    [
+        ({"trouble": "explode"}, "trouble = 'explode': must be one of none, raise, nan, zero, warn"),
+        ({"stiffness": -1.0}, "stiffness = -1.0: 100 % of springs push back"),
+        ({"damping": np.nan}, "damping = nan: must be a finite number"),
+    ],
+)
+def test_wrong_parameter_is_refused_at_the_end_of_initialisation(toy, raw, parameters, sentence, capfd):
+    with (
+        Component(toy, "toy") as component,
+        pytest.raises(ComponentFailed, match=re.escape(f"toy: {sentence}")),
+    ):
+        component.initialise(parameters)
+
+    slave, references = raw
+    name, value = next(iter(parameters.items()))
+    (slave.setString if isinstance(value, str) else slave.setReal)([references[name]], [value])
+    slave.setupExperiment()
+    slave.enterInitializationMode()  # up to here all is well
+    for _ in range(2):
+        with pytest.raises(FMICallException, match="fmi2ExitInitializationMode failed"):
+            slave.exitInitializationMode()
+    slave.freeInstance()
+
+
+def test_parameters_are_fixed_outputs_are_outputs_and_references_exist(raw):
+    slave, references = raw
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    for call, name, value in (
+        (slave.setReal, "stiffness", 1.0),
+        (slave.setInteger, "substeps", 2),
+        (slave.setString, "trouble", "none"),
+        (slave.setReal, "x", 1.0),
+        (slave.setInteger, "status", 1),
+    ):
+        with pytest.raises(FMICallException):
+            call([references[name]], [value])
+    for call in (slave.getReal, slave.getInteger, slave.getString, slave.getBoolean):
+        with pytest.raises(FMICallException):
+            call([12345])
+    assert slave.getReal([references["stiffness"], references["x"]]) == [100.0, 0.1]
+    assert slave.getString([references["trouble"]]) == [b"none"]
+    assert slave.getInteger([references["substeps"]]) == [4]
+    slave.doStep(0.0, H)  # and the component still works
+    slave.freeInstance()
+
+
+def test_outputs_can_be_read_during_initialisation_and_follow_parameters(raw):
+    slave, references = raw
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    assert slave.getReal([references["x"]]) == [0.1]
+    slave.setReal([references["start.x"]], [0.4])
+    assert slave.getReal([references["x"], references["link[2].tension"]]) == [0.4, 80.0]
+    slave.exitInitializationMode()
+    assert slave.getReal([references["x"]]) == [0.4]
+    slave.freeInstance()
+
+
+def test_warning_is_told_with_its_percent_sign(toy):
+    heard = []
+    with Component(toy, "toy", lambda *message: heard.append(message)) as component:
+        component.initialise({"trouble": "warn"})
+        component.step(0.0, H)
+        component.read_counters()
+    assert ("toy", 1, "the spring creaks at 5 % of its load") in heard
+    assert component.counters[component.integers.index("status")] == 1
+
+
+# ------------------------------------------------------------------ the process
+
+RAISES = """
+import sys
+from fmpy.fmi2 import FMU2Slave
+from orchestrator.component import unpack
+from pathlib import Path
+folder = unpack(Path(sys.argv[1]))
+trouble = int(sys.argv[2])
+for round in range(3):
+    slave = FMU2Slave(guid="", modelIdentifier="Toy", unzipDirectory=str(folder), instanceName="raw")
+    slave.instantiate()
+    def failing(call, *arguments):
+        try:
+            call(*arguments)
+        except Exception:
+            return
+        raise SystemExit("did not fail")
+    failing(slave.getReal, [99999])
+    failing(slave.getReal, [99999])
+    slave.setString([trouble], ["explode"])
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    failing(slave.exitInitializationMode)
+    failing(slave.exitInitializationMode)
+    slave.setString([trouble], ["raise"])
+    slave.exitInitializationMode()
+    for i in range(5):
+        slave.doStep(i * 1e-3, 1e-3)
+    failing(slave.doStep, 5e-3, 1e-3)
+    failing(slave.doStep, 5e-3, 1e-3)
+    slave.fmi2FreeInstance(slave.component)
+print("survived")
+"""
+
+
+def test_process_survives_raises_and_free(toy, xml, environment):
+    reference = re.search(r'name="trouble" valueReference="(\d+)"', xml)[1]
+    done = subprocess.run(
+        [sys.executable, "-X", "faulthandler", "-c", RAISES, toy, reference],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout.splitlines()[-1:]) == (0, ["survived"]), done.stderr
+
+
+RUNS = {
+    "component": """
+import sys
+from pathlib import Path
+from orchestrator.component import Component
+with Component(Path(sys.argv[1]), "toy") as component:
+    component.initialise({})
+    component.step(0.0, 1e-3)
+""",
+    "left open": """
+import sys
+from pathlib import Path
+from orchestrator.component import Component
+component = Component(Path(sys.argv[1]), "toy")
+component.initialise({})
+""",
+    "fmpy alone": """
+import sys, fmpy
+fmpy.simulate_fmu(sys.argv[1], stop_time=0.003, step_size=1e-3)
+""",
+}
+
+
+def test_twenty_processes_in_a_row_end_well(toy, environment):
+    scripts = list(RUNS.values())
+    codes = [
+        subprocess.run(
+            [sys.executable, "-c", scripts[i % 3], toy], env=environment, capture_output=True
+        ).returncode
+        for i in range(20)
+    ]
+    assert codes == [0] * 20
+
+
+FOREIGN = """
+import sys
+from pathlib import Path
+from orchestrator.component import Component, ComponentFailed
+try:
+    Component(Path(sys.argv[1]), "toy")
+except ComponentFailed as error:
+    print(error)
+for path in sys.argv[2:]:
+    with Component(Path(path), "toy") as component:  # and the process goes on
+        component.initialise({})
+        component.step(0.0, 1e-3)
+print("survived")
+"""
+
+
+def test_fmu_of_another_build_is_refused_in_one_sentence(toy, tmp_path, environment):
+    foreign = tmp_path / "foreign.fmu"
+    with zipfile.ZipFile(toy) as source, zipfile.ZipFile(foreign, "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            target.writestr(name, b"0" * 64 if name == "resources/build.txt" else content)
+    done = subprocess.run(
+        [sys.executable, "-c", FOREIGN, foreign, toy, toy], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    sentence, end = done.stdout.splitlines()
+    assert sentence.startswith("toy: Toy was built from other sources (000000000000) than the fmus package")
+    assert end == "survived"
+
+
+ELSEWHERE = """
+import fmpy, sys
+result = fmpy.simulate_fmu(sys.argv[1], stop_time=0.003, step_size=1e-3, output=["x"])
+import fmus.slave, toy.kernels
+assert "resources" in fmus.slave.__file__, fmus.slave.__file__
+hits = toy.kernels.advance.stats.cache_hits
+assert sum(hits.values()) == 1, hits
+print(result["x"][-1])
+"""
+
+
+def test_fmu_runs_where_cotrack_is_not_installed_and_finds_its_kernels(toy, environment, tmp_path):
+    env = {key: value for key, value in environment.items() if key != "PYTHONPATH"}
+    subprocess.run([sys.executable, "-c", RUNS["component"], toy], env=environment, check=True)  # compiles
+    done = subprocess.run(
+        [sys.executable, "-c", ELSEWHERE, toy], env=env, cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) < 0.1

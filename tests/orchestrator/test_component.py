@@ -1,0 +1,205 @@
+"""A component is any FMI 2.0 co-simulation FMU, its arrays and its sentences."""
+
+import re
+import threading
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from conftest import build_toy
+
+from orchestrator.component import Component, ComponentFailed, unpack
+
+H = 1e-3
+
+
+def changed(fmu, target, change):
+    """A copy of an FMU with another modelDescription.xml (or file list)."""
+    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(target, "w") as copy:
+        for name in source.namelist():
+            content = change(name, source.read(name))
+            if content is not None:
+                copy.writestr(name, content)
+    return target
+
+
+def test_arrays_follow_the_description(toy):
+    with Component(toy, "toy") as component:
+        assert component.inputs == ("force", "spare[1]", "spare[2]", "spare[3]")
+        assert component.outputs == ("x", "v", "copy[1]", "copy[2]", "copy[3]")
+        assert component.links == ("link[1].tension", "link[2].tension", "link[3].tension")
+        assert component.integers == ("solver.steps", "status")
+        assert component.parameters == ("start.x", "stiffness", "damping", "substeps", "trouble")
+        assert (component.unit("stiffness"), component.unit("v"), component.unit("status")) == (
+            "N/m",
+            "m/s",
+            "1",
+        )
+        arrays = component.u, component.y, component.y_links, component.counters
+        component.initialise({"start.x": 0.25, "substeps": 5})
+        component.u[:] = 1.0, 2.0, 3.0, 4.0
+        component.write()
+        component.step(0.0, H)
+        component.read()
+        component.read_counters()
+        after = component.u, component.y, component.y_links, component.counters
+        assert all(a is b for a, b in zip(arrays, after, strict=True))
+        assert component.y[1] == pytest.approx(H * (1.0 - 25.0), rel=1e-3)
+        assert component.counters.tolist() == [5, 0]
+        assert 0.0 < component.wall_time < 60.0
+
+
+def test_links_are_read_when_asked(toy):
+    with Component(toy, "toy") as component:
+        component.initialise({"start.x": 0.25})
+        assert component.y_links.tolist() == [25.0, 50.0, 75.0]
+        component.step(0.0, H)
+        component.read()
+        assert component.y_links.tolist() == [25.0, 50.0, 75.0]
+        component.read_links()
+        assert component.y_links[0] == 100.0 * component.y[0]
+
+
+def test_inputs_count_during_initialisation(toy):
+    with Component(toy, "toy") as component:
+        component.u[0] = 5.0
+        component.initialise({"start.x": 0.0})
+        component.step(0.0, H)
+        component.read()
+        assert component.y[1] == pytest.approx(5.0 * H, rel=1e-3)
+
+
+def test_components_step_side_by_side_in_threads(toy):
+    def run(component):
+        component.initialise({})
+        for i in range(200):
+            component.u[0] = np.cos(i)
+            component.write()
+            component.step(i * H, H)
+            component.read()
+        return component.y.copy()
+
+    with Component(toy, "one") as one, Component(toy, "two") as two, Component(toy, "three") as three:
+        alone = run(three)
+        with ThreadPoolExecutor(2) as pool:
+            both = list(pool.map(run, (one, two)))
+    assert np.array_equal(both[0], alone)
+    assert np.array_equal(both[1], alone)
+
+
+def test_failures_in_threads_find_their_component(toy):
+    heard = []
+    lock = threading.Lock()
+
+    def logger(name, status, message):
+        with lock:
+            heard.append((name, status))
+
+    def run(component):
+        component.initialise({"trouble": "raise"})
+        for i in range(5):
+            component.step(i * H, H)
+        with pytest.raises(ComponentFailed, match=f"{component.name}: the spring broke"):
+            component.step(5 * H, H)
+        return component.name
+
+    with (
+        Component(toy, "one", logger) as one,
+        Component(toy, "two", logger) as two,
+        ThreadPoolExecutor(2) as pool,
+    ):
+        assert list(pool.map(run, (one, two))) == ["one", "two"]
+    assert sorted(heard) == [("one", 3)] * 2 + [("two", 3)] * 2  # the sentence and the traceback
+
+
+@pytest.mark.parametrize(
+    ("parameters", "sentence"),
+    [
+        ({"stifness": 1.0}, "toy: there is no parameter 'stifness' (did you mean 'stiffness'?)"),
+        ({"x": 1.0}, "toy: there is no parameter 'x'"),
+        ({"stiffness": "high"}, "toy: parameter 'stiffness' = 'high': must be of type Real"),
+        ({"stiffness": True}, "toy: parameter 'stiffness' = True: must be of type Real"),
+        ({"substeps": 2.5}, "toy: parameter 'substeps' = 2.5: must be of type Integer"),
+        ({"trouble": 3}, "toy: parameter 'trouble' = 3: must be of type String"),
+    ],
+)
+def test_wrong_parameters_are_refused_by_name(toy, parameters, sentence):
+    with Component(toy, "toy") as component, pytest.raises(ComponentFailed) as caught:
+        component.initialise(parameters)
+    assert str(caught.value) == sentence
+
+
+def test_what_is_not_an_fmu_is_refused_in_one_sentence(toy, tmp_path):
+    text = tmp_path / "text.fmu"
+    text.write_text("no zip")
+    empty = tmp_path / "empty.fmu"
+    with zipfile.ZipFile(empty, "w") as archive:
+        archive.writestr("readme", "")
+
+    def edit(old, new):
+        return lambda name, content: (
+            re.sub(old, new, content, flags=re.S) if name == "modelDescription.xml" else content
+        )
+
+    cases = {
+        tmp_path / "none.fmu": "there is no FMU ",
+        tmp_path: "cannot read the FMU ",
+        text: "'{}' is not an FMU: it is not a zip archive",
+        empty: "'{}' is not an FMU: it has no modelDescription.xml",
+        changed(toy, tmp_path / "3.fmu", edit(rb'fmiVersion="2.0"', rb'fmiVersion="3.0"')): (
+            "'{}' is an FMU of FMI 3.0: only FMI 2.0 for co-simulation is run"
+        ),
+        changed(toy, tmp_path / "1.fmu", edit(rb'fmiVersion="2.0"', rb'fmiVersion="1.0"')): (
+            "'{}' is an FMU of FMI 1.0: only FMI 2.0 for co-simulation is run"
+        ),
+        changed(
+            toy,
+            tmp_path / "me.fmu",
+            edit(rb"<CoSimulation .*?/>", rb'<ModelExchange modelIdentifier="Toy"/>'),
+        ): "'{}' is an FMU for model exchange: only FMI 2.0 for co-simulation is run",
+        changed(toy, tmp_path / "xml.fmu", edit(rb"<ModelVariables>.*", b"")): (
+            "'{}' is not an FMU: bad modelDescription.xml: "
+        ),
+        changed(toy, tmp_path / "bin.fmu", lambda name, content: None if name.endswith(".so") else content): (
+            "'{}' has no binary for "
+        ),
+    }
+    for path, sentence in cases.items():
+        with pytest.raises(ComponentFailed) as caught:
+            Component(path, "toy")
+        assert str(caught.value).startswith(sentence.format(path))
+        assert "\n" not in str(caught.value)
+
+
+def test_fmu_is_unpacked_once_by_content(toy, fresh_cache, tmp_path):
+    with ThreadPoolExecutor(2) as pool:
+        folders = set(pool.map(unpack, (toy, toy)))
+    copy = tmp_path / "copy.fmu"
+    copy.write_bytes(toy.read_bytes())
+    assert {unpack(copy)} == folders
+    assert [path.name for path in (fresh_cache / "unpacked").iterdir()] == [folder.name for folder in folders]
+
+
+def test_cache_may_lie_anywhere(tmp_path, monkeypatch):
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "a b" / "größe [1] 50%"))
+    with Component(build_toy(), "toy") as component:
+        component.initialise({})
+
+
+def test_closed_component_says_so(toy):
+    with Component(toy, "toy") as component:
+        component.initialise({})
+    component.close()
+    with pytest.raises(ComponentFailed, match="toy: the component is closed"):
+        component.step(0.0, H)
+
+
+def test_fmu_that_cannot_save_says_so(toy, tmp_path):
+    poor = changed(
+        toy, tmp_path / "poor.fmu", lambda name, content: content.replace(b'canGetAndSetFMUstate="true"', b"")
+    )
+    with Component(poor, "toy") as component:
+        component.initialise({})
+        with pytest.raises(ComponentFailed, match="toy: the FMU cannot save its state"):
+            component.save()
