@@ -449,7 +449,7 @@ class Slave(Fmi2Slave):
         return f"{type(error).__name__}: {error}{where}"
 
     def _report(self, error: BaseException) -> str:
-        """Log what went wrong; unless it is a refusal it lasts, and its traceback follows in its own category."""
+        """Log what went wrong; unless it is a refusal, it lasts, and its traceback follows."""
         sentence = self._sentence(error)
         self._status = ERROR
         self.log(sentence, Fmi2Status.error)
