@@ -19,6 +19,7 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.contact.friction import Scratch, scratch
 from fmus.physics.contact.ground import ground_contact
+from fmus.physics.contact.guide import guide_contact
 from fmus.physics.contact.partner import WIDTH, collect, move
 from fmus.physics.contact.teeth import teeth_contact
 from fmus.physics.contact.wheel import GAUSS, reach, wheel_contact
@@ -27,11 +28,12 @@ from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import System
 
 GAP = 1e-12  # largest misfit of a pin, m and rad
-FORCE = 1e-9  # largest residual of a link, relative to weight and pull
+FORCE = 1e-8  # largest residual of a link, relative to weight and pull
 ITERATIONS = 15  # of Newton, before a step is given up
 REUSE = 0.05  # keep the tangent while an iteration leaves less than this of the residual
 BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # of the pseudo-transient: backward Euler
 LONG = 50.0  # longest pseudo step towards equilibrium, s
+HORN = 0.05  # how far a guide horn reaches into a wheel from the inner face, m
 STILL = 1e-11  # largest movement over it at equilibrium, m and rad
 
 # tally: sums over the run, then figures of the last evaluation
@@ -168,119 +170,162 @@ def _push(A, lever, share, c, by_v, tangent, N, r, K):
 
 
 @kernel
-def _count(s, depth, energy, power):
-    s.tally[CONTACT] += energy
-    s.tally[POWER] += power
-    s.tally[DEPTH] = max(s.tally[DEPTH], depth)
+def _count(tally, depth, energy, power):
+    tally[CONTACT] += energy
+    tally[POWER] += power
+    tally[DEPTH] = max(tally[DEPTH], depth)
+
+
+# The contact loops below run over the whole chain and take arrays out of the tuples first: handing a tuple of thirty
+# arrays to a kernel a link costs more than the contact itself.
 
 
 @kernel
-def _rims(link, env, wheels, i, s, w, by_v, tangent):
-    """Rolling contact of link ``i``'s inner face on all smooth wheels."""
-    A, q, v, p, c = w.system.A[i], s.q[i], s.v[i], w.point, w.contact
-    for k in range(w.rows.shape[0]):
-        row = w.rows[k]
-        d0, d1, d2 = q[0] - row[0], q[1] - row[1], q[2] - row[2]
-        near = wheels.radius[k] + link.face + link.half
-        if wheels.teeth[k] != 0 or d0 * d0 + d1 * d1 + d2 * d2 > near * near + 4.0 * link.lateral**2:
+def _rims(link, law, wheels, s, w, by_v, tangent):
+    """Rolling contact of the links' inner faces on all smooth wheels."""
+    A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
+    q, v, F, tally = s.q, s.v, s.F, s.tally
+    for k in range(rows.shape[0]):
+        if wheels.teeth[k] != 0:
             continue
-        for j in range(3):
-            p[0, j] = q[j] - link.half * A[j, 0]
-            p[1, j] = q[j] + link.half * A[j, 0]
-        low, high = reach(row, wheels.radius[k], p[0], p[1], link.face)
-        if high <= low:
-            continue
-        for g in range(4):
-            along = low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)
-            lateral = (2 * (g % 2) - 1) * link.lateral
-            _lever(A, v, q, (2.0 * along - 1.0) * link.half, lateral, -link.face, p)
+        row, radius = rows[k], wheels.radius[k]
+        near = (radius + link.face + link.half) ** 2 + 4.0 * link.lateral**2
+        for i in range(q.shape[0]):
+            if (q[i, 0] - row[0]) ** 2 + (q[i, 1] - row[1]) ** 2 + (q[i, 2] - row[2]) ** 2 > near:
+                continue
+            for j in range(3):
+                p[0, j] = q[i, j] - link.half * A[i, j, 0]
+                p[1, j] = q[i, j] + link.half * A[i, j, 0]
+            low, high = reach(row, radius, p[0], p[1], link.face)
+            if high <= low:
+                continue
             share = 0.25 * (high - low)
-            depth, _, energy, power, _ = wheel_contact(env.wheel, share, wheels.radius[k], row, p[0], p[1], c)
-            if depth > 0.0:
-                _count(s, depth, energy, power)
-                collect(row, p[0], c.f, s.F[k])
-                _push(A, p[2], 1.0, c, by_v, tangent, w.N, w.system.r[i], w.system.K[i])
+            for g in range(4):
+                along = 2.0 * (low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)) - 1.0
+                _lever(A[i], v[i], q[i], along * link.half, (2 * (g % 2) - 1) * link.lateral, -link.face, p)
+                depth, _, energy, power, _ = wheel_contact(law, share, radius, row, p[0], p[1], c)
+                if depth > 0.0:
+                    _count(tally, depth, energy, power)
+                    collect(row, p[0], c.f, F[k])
+                    _push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
 
 
 @kernel
-def _teeth(link, ends, env, wheels, j, s, w, by_v, tangent):
-    """Pin ``j`` in the teeth, at two places across; half of the force goes to each of its links."""
-    p, c, n = w.point, w.contact, s.q.shape[0]
-    before = j - 1 if j > 0 or not ends.closed else n - 1
-    after = j if j < n else -1
-    i = after if after >= 0 else before
-    end = -link.half if after >= 0 else link.half
-    share = 1.0 if before < 0 or after < 0 else 0.5
-    for k in range(w.rows.shape[0]):
+def _teeth(link, closed, law, wheels, s, w, by_v, tangent):
+    """Pins in the teeth, at two places across; half of the force goes to each of a pin's links."""
+    A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
+    q, v, F, tally, n = s.q, s.v, s.F, s.tally, s.q.shape[0]
+    for k in range(rows.shape[0]):
         if wheels.teeth[k] == 0:
             continue
-        row = w.rows[k]
-        square = 0.0
-        for a in range(3):
-            square += (s.q[i, a] + end * w.system.A[i, a, 0] - row[a]) ** 2
-        if square > wheels.radius[k] ** 2 + 4.0 * link.lateral**2:
-            continue
-        for g in range(2):
-            lateral = (2 * g - 1) * link.lateral
-            _lever(w.system.A[i], s.v[i], s.q[i], end, lateral, 0.0, p)
-            depth, _, energy, power, _ = teeth_contact(env.sprocket, 0.5, wheels.profile, row, p[0], p[1], c)
-            if depth > 0.0:
-                _count(s, depth, energy, power)
-                collect(row, p[0], c.f, s.F[k])
-                _push(w.system.A[i], p[2], share, c, by_v, tangent, w.N, w.system.r[i], w.system.K[i])
-                if share < 1.0:
-                    A = w.system.A[before]
-                    for a in range(3):  # the same point seen from the other link
-                        p[2, a] = link.half * A[a, 0] + lateral * A[a, 1]
-                    _push(A, p[2], share, c, by_v, tangent, w.N, w.system.r[before], w.system.K[before])
-
-
-@kernel
-def _soil(link, env, i, s, w, by_v, tangent):
-    """Four points of link ``i``'s outer face on the ground."""
-    A, p, c, F = w.system.A[i], w.point, w.contact, s.F[w.rows.shape[0]]
-    if s.q[i, 2] - link.face - link.half > env.height:
-        return
-    for g in range(4):
-        along, lateral = 2.0 * (2 * (g // 2) - 1) * GAUSS * link.half, (2 * (g % 2) - 1) * link.lateral
-        _lever(A, s.v[i], s.q[i], along, lateral, link.face, p)
-        depth, force, energy, power, _ = ground_contact(env.soil, 0.25, env.height, p[0], p[1], c)
-        if depth > 0.0:
-            _count(s, depth, energy, power)
-            s.tally[LOAD] += force
-            s.tally[SLIP] -= force * p[1, 0]
+        row = rows[k]
+        near = wheels.radius[k] ** 2 + 4.0 * link.lateral**2
+        for j in range(s.lam.shape[0]):
+            before, after = (j - 1 if j > 0 or not closed else n - 1), (j if j < n else -1)
+            i = after if after >= 0 else before
+            end = -link.half if after >= 0 else link.half
+            square = 0.0
             for a in range(3):
-                F[a] += c.f[a]
-            _push(A, p[2], 1.0, c, by_v, tangent, w.N, w.system.r[i], w.system.K[i])
+                square += (q[i, a] + end * A[i, a, 0] - row[a]) ** 2
+            if square > near:
+                continue
+            share = 1.0 if before < 0 or after < 0 else 0.5
+            for g in range(2):
+                lateral = (2 * g - 1) * link.lateral
+                _lever(A[i], v[i], q[i], end, lateral, 0.0, p)
+                depth, _, energy, power, _ = teeth_contact(law, 0.5, wheels.profile, row, p[0], p[1], c)
+                if depth <= 0.0:
+                    continue
+                _count(tally, depth, energy, power)
+                collect(row, p[0], c.f, F[k])
+                _push(A[i], p[2], share, c, by_v, tangent, N, r[i], K[i])
+                if share < 1.0:
+                    for a in range(3):  # the same point seen from the other link
+                        p[2, a] = link.half * A[before, a, 0] + lateral * A[before, a, 1]
+                    _push(A[before], p[2], share, c, by_v, tangent, N, r[before], K[before])
 
 
 @kernel
-def _across(link, env, j, s, w, by_v, tangent, closed):
-    """Damping of pin ``j``'s velocity across the chain, half on each of its links."""
-    n, p, c = s.q.shape[0], w.point, w.contact
-    before = j - 1 if j > 0 or not closed else n - 1
-    after = j if j < n else -1
-    t = c.n
-    for a in range(3):
-        t[a] = (w.system.A[before, a, 0] if before >= 0 else 0.0) + (
-            w.system.A[after, a, 0] if after >= 0 else 0.0
-        )
-    norm = np.sqrt(t[0] ** 2 + t[1] ** 2 + t[2] ** 2)
-    share = 1.0 if before < 0 or after < 0 else 0.5
-    for g in range(2):
-        i = before if g == 0 else after
-        if i < 0:
+def _guides(link, law, wheels, s, w, by_v, tangent):
+    """Guide horns against the wheels' discs, at two places of the part of a link that is inside the disc."""
+    A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
+    q, v, F, tally = s.q, s.v, s.F, s.tally
+    for k in range(rows.shape[0]):
+        row, radius = rows[k], wheels.radius[k] + (0.0 if wheels.teeth[k] != 0 else HORN)
+        for i in range(q.shape[0]):
+            off, lean, square = 0.0, 0.0, 0.0
+            for j in range(3):
+                d = q[i, j] - row[j]
+                off += d * row[9 + j]
+                lean += A[i, j, 0] * row[9 + j]
+                square += d * d
+            if abs(off) + abs(lean) * link.half <= wheels.clearance:
+                continue
+            if square - off * off > (radius + link.face + link.half) ** 2:
+                continue
+            for j in range(3):
+                p[0, j] = q[i, j] - link.half * A[i, j, 0]
+                p[1, j] = q[i, j] + link.half * A[i, j, 0]
+            low, high = reach(row, radius, p[0], p[1], link.face)
+            if high <= low:
+                continue
+            for g in range(2):
+                along = 2.0 * (low + (high - low) * (0.5 + (2 * g - 1) * GAUSS)) - 1.0
+                _lever(A[i], v[i], q[i], along * link.half, 0.0, -link.face, p)
+                depth, _, energy, power, _ = guide_contact(
+                    law, 0.5 * (high - low), wheels.clearance, row, p[0], p[1], c
+                )
+                if depth > 0.0:
+                    _count(tally, depth, energy, power)
+                    collect(row, p[0], c.f, F[k])
+                    _push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
+
+
+@kernel
+def _soil(link, law, height, s, w, by_v, tangent):
+    """Four points of each outer face on the ground."""
+    A, r, K, p, N, c = w.system.A, w.system.r, w.system.K, w.point, w.N, w.contact
+    q, v, F, tally = s.q, s.v, s.F[w.rows.shape[0]], s.tally
+    for i in range(q.shape[0]):
+        if q[i, 2] - link.face - link.half > height:
             continue
-        A = w.system.A[i]
-        _lever(A, s.v[i], s.q[i], link.half if g == 0 else -link.half, 0.0, 0.0, p)
-        along = (p[1, 0] * t[0] + p[1, 1] * t[1] + p[1, 2] * t[2]) / (norm * norm)
+        for g in range(4):
+            along, lateral = 2.0 * (2 * (g // 2) - 1) * GAUSS * link.half, (2 * (g % 2) - 1) * link.lateral
+            _lever(A[i], v[i], q[i], along, lateral, link.face, p)
+            depth, force, energy, power, _ = ground_contact(law, 0.25, height, p[0], p[1], c)
+            if depth > 0.0:
+                _count(tally, depth, energy, power)
+                tally[LOAD] += force
+                tally[SLIP] -= force * p[1, 0]
+                for a in range(3):
+                    F[a] += c.f[a]
+                _push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
+
+
+@kernel
+def _across(link, closed, damping, s, w, by_v, tangent):
+    """Damping of the pins' velocity across the chain, half on each of a pin's links."""
+    A, r, K, p, N, c = w.system.A, w.system.r, w.system.K, w.point, w.N, w.contact
+    n, t = s.q.shape[0], w.contact.n
+    for j in range(s.lam.shape[0]):
+        before, after = (j - 1 if j > 0 or not closed else n - 1), (j if j < n else -1)
+        share = 1.0 if before < 0 or after < 0 else 0.5
         for a in range(3):
-            c.f[a] = -env.transverse * (p[1, a] - along * t[a])
-            s.tally[POWER] -= share * c.f[a] * p[1, a]
-            for b in range(3):
-                c.f_x[a, b] = 0.0
-                c.f_v[a, b] = -env.transverse * ((1.0 if a == b else 0.0) - t[a] * t[b] / (norm * norm))
-        _push(A, p[2], share, c, by_v, tangent, w.N, w.system.r[i], w.system.K[i])
+            t[a] = (A[before, a, 0] if before >= 0 else 0.0) + (A[after, a, 0] if after >= 0 else 0.0)
+        norm2 = t[0] ** 2 + t[1] ** 2 + t[2] ** 2
+        for g in range(2):
+            i = before if g == 0 else after
+            if i < 0:
+                continue
+            _lever(A[i], s.v[i], s.q[i], (1 - 2 * g) * link.half, 0.0, 0.0, p)
+            along = (p[1, 0] * t[0] + p[1, 1] * t[1] + p[1, 2] * t[2]) / norm2
+            for a in range(3):
+                c.f[a] = -damping * (p[1, a] - along * t[a])
+                s.tally[POWER] -= share * c.f[a] * p[1, a]
+                for b in range(3):
+                    c.f_x[a, b] = 0.0
+                    c.f_v[a, b] = -damping * ((1.0 if a == b else 0.0) - t[a] * t[b] / norm2)
+            _push(A[i], p[2], share, c, by_v, tangent, N, r[i], K[i])
 
 
 @kernel
@@ -288,7 +333,7 @@ def _pull(link, ends, env, s, w):
     """Constant forces on the free ends of an open chain."""
     n, p, c = s.q.shape[0], w.point, w.contact
     for end in range(2):
-        if ends.closed or (ends.first if end == 0 else ends.last):
+        if ends.first if end == 0 else ends.last:
             continue
         i = end * (n - 1)
         A = w.system.A[i]
@@ -320,61 +365,64 @@ def _pins(link, ends, s, w):
 
 
 @kernel
-def _inertia(link, env, s, w, i, by, tangent):
-    """Link ``i``: inertia less weight less pins into the residual, and their tangent."""
-    y = w.system
-    r, K, J, o, x = y.r[i], y.K[i], link.inertia, s.v[i, 3:], w.x[i, 3:]
-    j = (i + 1) % s.lam.shape[0]
-    for a in range(6):
-        r[a] = 0.0
-    pin.reaction(link.half, y.A[i], s.lam[i], s.lam[j], y.WQ[i], y.WP[j], r)
+def _inertia(link, gravity, s, w, by, tangent):
+    """Inertia less weight less pins into the residual of the links, and their tangent."""
+    J, m, p = link.inertia, link.mass, s.lam.shape[0]
+    A, R, KK, WP, WQ = w.system.A, w.system.r, w.system.K, w.system.WP, w.system.WQ
+    vdot, v, lam, xx = s.vdot, s.v, s.lam, w.x
     g0, g1, g2 = (J[2] - J[1]), (J[0] - J[2]), (J[1] - J[0])
-    for a in range(3):
-        r[a] = link.mass * s.vdot[i, a] - r[a]
-        r[3 + a] = J[a] * s.vdot[i, 3 + a] - r[3 + a]
-    r[2] += link.mass * env.gravity
-    r[3] += g0 * o[1] * o[2]
-    r[4] += g1 * o[2] * o[0]
-    r[5] += g2 * o[0] * o[1]
-    if not tangent:
-        return
-    for a in range(6):
-        for b in range(6):
-            K[a, b] = 0.0
-    for a in range(3):
-        K[a, a] = link.mass * by.vdot
-        K[3 + a, 3 + a] = J[a] * by.vdot
-    # gyroscopic part, then J T^-1(x) to first order: the increment turns the end of the step
     h = 0.5 * by.vdot
-    K[3, 4] = g0 * o[2] * by.v - h * J[0] * x[2]
-    K[3, 5] = g0 * o[1] * by.v + h * J[0] * x[1]
-    K[4, 3] = g1 * o[2] * by.v + h * J[1] * x[2]
-    K[4, 5] = g1 * o[0] * by.v - h * J[1] * x[0]
-    K[5, 3] = g2 * o[1] * by.v - h * J[2] * x[1]
-    K[5, 4] = g2 * o[0] * by.v + h * J[2] * x[0]
-    pin.stiffness(link.half, y.A[i], s.lam[i], s.lam[j], K[3:, 3:])
+    for i in range(s.q.shape[0]):
+        r, j = R[i], (i + 1) % p
+        o0, o1, o2 = v[i, 3], v[i, 4], v[i, 5]
+        for a in range(6):
+            r[a] = 0.0
+        pin.reaction(link.half, A[i], lam[i], lam[j], WQ[i], WP[j], r)
+        for a in range(3):
+            r[a] = m * vdot[i, a] - r[a]
+            r[3 + a] = J[a] * vdot[i, 3 + a] - r[3 + a]
+        r[2] += m * gravity
+        r[3] += g0 * o1 * o2
+        r[4] += g1 * o2 * o0
+        r[5] += g2 * o0 * o1
+        if not tangent:
+            continue
+        K = KK[i]
+        x0, x1, x2 = xx[i, 3], xx[i, 4], xx[i, 5]
+        for a in range(6):
+            for b in range(6):
+                K[a, b] = 0.0
+        for a in range(3):
+            K[a, a] = m * by.vdot
+            K[3 + a, 3 + a] = J[a] * by.vdot
+        # gyroscopic part, then J T^-1(x) to first order: the increment turns the end of the step
+        K[3, 4] = g0 * o2 * by.v - h * J[0] * x2
+        K[3, 5] = g0 * o1 * by.v + h * J[0] * x1
+        K[4, 3] = g1 * o2 * by.v + h * J[1] * x2
+        K[4, 5] = g1 * o0 * by.v - h * J[1] * x0
+        K[5, 3] = g2 * o1 * by.v - h * J[2] * x1
+        K[5, 4] = g2 * o0 * by.v + h * J[2] * x0
+        pin.stiffness(link.half, A[i], lam[i], lam[j], K[3:, 3:])
 
 
 @kernel
 def residual(link, ends, env, wheels, s, w, by, tangent):
-    """Residuals of links and pins into the system, with ``tangent`` also its K; wheel wrenches and the tally."""
-    n, p = s.q.shape[0], s.lam.shape[0]
+    """Residuals of links and pins into the system, with ``tangent`` also its K; wrenches and the tally."""
     for k in range(POWER, TALLY):
         s.tally[k] = 0.0
     s.F[:] = 0.0
     _pins(link, ends, s, w)
-    for i in range(n):
-        _inertia(link, env, s, w, i, by, tangent)
-        if w.rows.shape[0] > 0:
-            _rims(link, env, wheels, i, s, w, by.v, tangent)
-        if env.ground != 0:
-            _soil(link, env, i, s, w, by.v, tangent)
-    for j in range(p):
-        if w.rows.shape[0] > 0:
-            _teeth(link, ends, env, wheels, j, s, w, by.v, tangent)
-        if env.transverse > 0.0:
-            _across(link, env, j, s, w, by.v, tangent, ends.closed)
-    _pull(link, ends, env, s, w)
+    _inertia(link, env.gravity, s, w, by, tangent)
+    if w.rows.shape[0] > 0:
+        _rims(link, env.wheel, wheels, s, w, by.v, tangent)
+        _teeth(link, ends.closed, env.sprocket, wheels, s, w, by.v, tangent)
+        _guides(link, env.wheel, wheels, s, w, by.v, tangent)
+    if env.ground != 0:
+        _soil(link, env.soil, env.height, s, w, by.v, tangent)
+    if env.transverse > 0.0:
+        _across(link, ends.closed, env.transverse, s, w, by.v, tangent)
+    if not ends.closed:
+        _pull(link, ends, env, s, w)
 
 
 @kernel

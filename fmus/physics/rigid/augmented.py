@@ -25,6 +25,7 @@ from fmus.physics.rigid import pin
 
 STIFFNESS = 1e9  # of the closing pin, N/m along its axis
 TILTING = 1e7  # and N m/rad
+SIX = (0,) * 6  # the size of a link's block, for the inversion
 
 
 class System(NamedTuple):
@@ -39,7 +40,7 @@ class System(NamedTuple):
     dx: np.ndarray  # (n, 6) increments of the links, m and rad
     dl: np.ndarray  # (p, 5) increments of the multipliers, N and N m
     S: np.ndarray  # (3, p, 5, 5) Schur complement: diagonal, upper, lower
-    factors: np.ndarray  # of the block solver
+    factors: block_cyclic.Factors
     P: np.ndarray  # (10, 6) scratch, also of the inversion
 
 
@@ -105,7 +106,7 @@ def factor(half, ends, s):
     SA, SU, SL = s.S[0], s.S[1], s.S[2]
     SA[:] = 0.0
     for i in range(n):
-        if not block_cyclic.invert(s.K[i], s.P[0]):
+        if not block_cyclic.invert(s.K[i], s.P[0], SIX):
             return i
         j = (i + 1) % p
         _complement(half, s.A[i], s.K[i], s.WQ[i], s.WP[j], s.P, SA[i], SU[i], SL[j], SA[j])

@@ -42,9 +42,9 @@ def axis_rows(AP, AQ, WP, WQ):
     WP[1, 0], WP[1, 1], WP[1, 2] = -b, a, 0.0  # z cross y_Q
     for k in range(2):
         e0, e1, e2 = AP[0, 2 * k], AP[1, 2 * k], AP[2, 2 * k]
-        WQ[k, 0] = -(AQ[0, 2] * e0 + AQ[1, 2] * e1 + AQ[2, 2] * e2)  # y_Q cross e, along x_Q
+        WQ[k, 0] = AQ[0, 2] * e0 + AQ[1, 2] * e1 + AQ[2, 2] * e2  # y_Q cross e
         WQ[k, 1] = 0.0
-        WQ[k, 2] = AQ[0, 0] * e0 + AQ[1, 0] * e1 + AQ[2, 0] * e2
+        WQ[k, 2] = -(AQ[0, 0] * e0 + AQ[1, 0] * e1 + AQ[2, 0] * e2)
 
 
 @kernel
