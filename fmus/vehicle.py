@@ -1,19 +1,20 @@
-"""A vehicle file (TOML) becomes a frozen Vehicle in SI units; what is wrong with it is named in one sentence."""
+"""A vehicle file (TOML) becomes a frozen table in SI units; what is wrong is named in one sentence."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
+from annotated_types import GroupedMetadata
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 
 class BadInput(ValueError):
-    """The user gave something unusable; the message names the file, the key, the value and what is allowed."""
+    """The user gave something unusable; the message names file, key, value and what is allowed."""
 
 
 @cache
@@ -39,24 +40,30 @@ def to_si(unit: str) -> Callable[[object], float]:
             return float(value)
         except pint.errors.PintError as error:
             raise ValueError(f"must be a quantity in {unit}: {error}") from None
-        except Exception:  # noqa: BLE001 - pint's parser raises whatever the tokenizer does
+        except Exception:
             raise ValueError(f"must be a number or a quantity in {unit}") from None
 
     return convert
 
 
-def quantity(unit: str, **bounds: float) -> Any:
-    """An annotated float in SI that is read from a number or a string with a unit, and bounded."""
-    return Annotated[float, BeforeValidator(to_si(unit)), Field(allow_inf_nan=False, **bounds)]
+class In(GroupedMetadata):
+    """Annotates a float that is read, in SI, from a number or a string with a unit, and bounded."""
+
+    def __init__(self, unit: str, **bounds: float) -> None:
+        self.unit, self.bounds = unit, bounds
+
+    def __iter__(self) -> Iterator[object]:
+        yield BeforeValidator(to_si(self.unit))
+        yield Field(allow_inf_nan=False, **self.bounds)  # type: ignore[call-overload]
 
 
-Mass = quantity("kg", gt=0)
-Inertia = quantity("kg m^2", gt=0)
-Length = quantity("m")
-Distance = quantity("m", gt=0)
-Force = quantity("N")
-Stiffness = quantity("N/m", ge=0)
-Damping = quantity("N s/m", ge=0)
+Mass = Annotated[float, In("kg", gt=0)]
+Inertia = Annotated[float, In("kg m^2", gt=0)]
+Length = Annotated[float, In("m")]
+Distance = Annotated[float, In("m", gt=0)]
+Force = Annotated[float, In("N")]
+Stiffness = Annotated[float, In("N/m", ge=0)]
+Damping = Annotated[float, In("N s/m", ge=0)]
 
 
 class Part(BaseModel):
@@ -80,7 +87,7 @@ class Sprocket(Part):  # noqa: D101
     outer_radius: Distance
     pin_radius: Distance
     seat_clearance: Distance
-    flank_angle: quantity("rad", gt=0.0, lt=1.2)  # type: ignore[valid-type]
+    flank_angle: Annotated[float, In("rad", gt=0.0, lt=1.2)]
     tip_radius: Distance
 
 
@@ -131,32 +138,32 @@ class Track(Part):  # noqa: D101
     pitch: Distance
     mass: Mass
     inertia: tuple[Inertia, Inertia, Inertia]  # about the link's own x (along), y (pin), z (normal)
-    face: quantity("m", ge=0)  # type: ignore[valid-type]
+    face: Annotated[float, In("m", ge=0)]
     width: Distance
     tension: Force
 
 
 class Section(Part):  # noqa: D101
-    area: quantity("m^2", gt=0)  # type: ignore[valid-type]
-    bending: quantity("m^4", gt=0)  # type: ignore[valid-type]
-    lateral_bending: quantity("m^4", gt=0)  # type: ignore[valid-type]
+    area: Annotated[float, In("m^2", gt=0)]
+    bending: Annotated[float, In("m^4", gt=0)]
+    lateral_bending: Annotated[float, In("m^4", gt=0)]
     outer_fibre: Distance
 
 
 class Material(Part):  # noqa: D101
-    youngs_modulus: quantity("Pa", gt=0)  # type: ignore[valid-type]
-    shear_modulus: quantity("Pa", gt=0)  # type: ignore[valid-type]
-    density: quantity("kg/m^3", gt=0)  # type: ignore[valid-type]
-    relaxation_time: quantity("s", ge=0)  # type: ignore[valid-type]
+    youngs_modulus: Annotated[float, In("Pa", gt=0)]
+    shear_modulus: Annotated[float, In("Pa", gt=0)]
+    density: Annotated[float, In("kg/m^3", gt=0)]
+    relaxation_time: Annotated[float, In("s", ge=0)]
 
 
 class Law(Part):
-    """Constants of one contact: normal spring and damper, Coulomb friction with its regularisation velocity."""
+    """Constants of one contact: normal spring and damper, regularised Coulomb friction."""
 
     stiffness: Stiffness
     damping: Damping
     friction: Annotated[float, Field(ge=0, allow_inf_nan=False)]
-    friction_velocity: quantity("m/s", gt=0)  # type: ignore[valid-type]
+    friction_velocity: Annotated[float, In("m/s", gt=0)]
 
 
 class Contact(Part):  # noqa: D101
@@ -166,14 +173,15 @@ class Contact(Part):  # noqa: D101
 
 
 class Guide(Part):  # noqa: D101
-    clearance: quantity("m", ge=0)  # type: ignore[valid-type]
+    clearance: Annotated[float, In("m", ge=0)]
 
 
 def _fits(vehicle: Vehicle) -> Vehicle:
     pitch_radius = vehicle.pitch_radius
     if vehicle.sprocket.outer_radius <= pitch_radius:
         raise ValueError(
-            f"sprocket.outer_radius = {vehicle.sprocket.outer_radius} m must exceed the pitch radius {pitch_radius:.4f} m"
+            f"sprocket.outer_radius = {vehicle.sprocket.outer_radius} m"
+            f" must exceed the pitch radius {pitch_radius:.4f} m"
         )
     return vehicle
 
@@ -182,7 +190,7 @@ class VehicleTable(Part):
     """Everything that is known of a vehicle, SI, in its start position."""
 
     name: str
-    gravity: quantity("m/s^2", ge=0)  # type: ignore[valid-type]
+    gravity: Annotated[float, In("m/s^2", ge=0)]
     chassis: Chassis
     sprocket: Sprocket
     idler: Idler

@@ -1,0 +1,1 @@
+"""Scenes, systems of FMUs, their run, their logs."""

@@ -57,9 +57,7 @@ def end_tension(run: Evidence, of: str, window: Window) -> float:
     series = run.log.read(f"/{track}/links")
     inside = (series.t >= window.start - 1e-9) & (series.t <= window.end + 1e-9)
     forces = [
-        series.values[
-            np.ix_(inside, [i for i, name in enumerate(series.names) if name.endswith(f"].force.{axis}")])
-        ]
+        series.values[inside][:, [name.endswith(f"].force.{axis}") for name in series.names]]
         for axis in "xyz"
     ]
     return float(np.sqrt(sum(force**2 for force in forces)).max(axis=1).mean())

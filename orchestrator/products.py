@@ -26,7 +26,7 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
     """Every distinct FMU of some scenes; variants carry the scene's name, and the component's if need be."""
     seen: set[str] = set()
     names: set[str] = set()
-    products = []
+    products: list[Product] = []
     for scene in scenes:
         for part in assemble(placed(scene)).parts:
             key = json.dumps([part.kind, part.config], sort_keys=True)

@@ -14,7 +14,7 @@ from orchestrator.component import Component
 from orchestrator.reader import Log
 from orchestrator.scene import Scene, from_table
 from orchestrator.simulate import sha256
-from orchestrator.system import TRACKS, Part, assemble, build_all
+from orchestrator.system import TRACKS, Part, assemble, build_all, placed
 
 Logger = Callable[[str, int, str], None]
 
@@ -89,4 +89,4 @@ def _fmu(table: dict[str, Any], entry: dict[str, Any], other: str | None) -> tup
 
 
 def _part(scene: Scene, name: str) -> Part:
-    return next(part for part in assemble(scene).parts if part.name == name)
+    return next(part for part in assemble(placed(scene)).parts if part.name == name)

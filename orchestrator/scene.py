@@ -13,11 +13,11 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.vehicle import BadInput, Distance, Force, Length, Part, Vehicle, quantity, read_table, sentence
+from fmus.vehicle import BadInput, Distance, Force, In, Length, Part, Vehicle, read_table, sentence
 from orchestrator import gallery, measures
 
-Duration = quantity("s", gt=0)
-Time = quantity("s", ge=0)
+Duration = Annotated[float, In("s", gt=0)]
+Time = Annotated[float, In("s", ge=0)]
 Every = Annotated[int, Field(ge=1)]
 
 
@@ -45,7 +45,7 @@ class Start(Part):
     """Where the vehicle stands at the start, world frame."""
 
     position: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
-    heading: quantity("rad") = 0.0  # type: ignore[valid-type]
+    heading: Annotated[float, In("rad")] = 0.0
 
 
 class Track(Part):
@@ -61,17 +61,17 @@ class Track(Part):
 class Drive(Part):
     """What turns a sprocket (or a braked idler).
 
-    ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time``, and is then
-    held; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
+    ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time``, and is
+    then held; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
     """
 
     mode: Literal["speed", "torque", "controller"]
-    speed: quantity("rad/s") = 0.0  # type: ignore[valid-type]
+    speed: Annotated[float, In("rad/s")] = 0.0
     ramp_start: Time = 0.0
     ramp_time: Time = 1.0
-    torque: quantity("N m") = 0.0  # type: ignore[valid-type]
-    torque_limit: quantity("N m", gt=0) | None = None  # type: ignore[valid-type]
-    brake: quantity("N m", ge=0) = 0.0  # type: ignore[valid-type]
+    torque: Annotated[float, In("N m")] = 0.0
+    torque_limit: Annotated[float, In("N m", gt=0)] | None = None
+    brake: Annotated[float, In("N m", ge=0)] = 0.0
 
 
 class Check(Part):
@@ -112,6 +112,7 @@ class Scene(Part):
     run: Run
     start: Start = Start()
     expect: dict[str, Check] = Field(default_factory=dict)
+    placed: bool = False  # whether the idler stands already where the chain carries its static tension
 
     drives: ClassVar[tuple[str, ...]] = ()  # the fields that describe drives
 
@@ -141,7 +142,7 @@ class Bench(Part):
     links: Annotated[int, Field(ge=8, le=4096)]
     upper: Force  # pull at the end of the upper (incoming) span, towards -x
     lower: Force  # pull at the end of the lower (outgoing) span, towards -x
-    transverse_damping: quantity("N s/m", ge=0) = 0.0  # type: ignore[valid-type]
+    transverse_damping: Annotated[float, In("N s/m", ge=0)] = 0.0
 
 
 class Rig(Part):

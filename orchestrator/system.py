@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 from fmus.build import build
 from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
-from fmus.tensioning import tension_wheel
 from orchestrator.graph import Connection, Instance, System
 from orchestrator.scene import BenchScene, ChainScene, Drive, RigScene, Scene, VehicleScene
 
@@ -41,26 +40,29 @@ class Assembly(NamedTuple):
 
 
 def placed(scene: Scene) -> Scene:
-    """The scene with the idler where the track carries its static tension, and the push that balances it there.
+    """The scene with the idler where the chain carries its static tension, and the push that holds it there.
 
-    Raises BadInput when the track cannot be laid round its wheels or cannot carry the tension.
+    A placed scene (from a log) stays as it is. Raises BadInput when the track cannot be laid round its wheels
+    or cannot carry the tension.
     """
+    if scene.placed:
+        return scene
+    update: dict[str, Any] = {"placed": True}
     match scene:
         case RigScene():
             x, _ = tension_wheel(_rig_track(scene), "idler", scene.rig.tension)
-            return scene.model_copy(update={"rig": scene.rig.model_copy(update={"axle_distance": -x})})
+            update["rig"] = scene.rig.model_copy(update={"axle_distance": -x})
         case VehicleScene():
             vehicle = scene.vehicle
             x, push = tension_wheel(_vehicle_track(scene), "idler", vehicle.track.tension)
             idler = vehicle.idler.model_copy(update={"x": x})
             tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
-            update = {"idler": idler, "tensioner": tensioner}
-            return scene.model_copy(update={"vehicle": vehicle.model_copy(update=update)})
-    return scene
+            update["vehicle"] = vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})
+    return scene.model_copy(update=update)
 
 
 def assemble(scene: Scene) -> Assembly:
-    """The parts and connections of a scene as placed, nothing that it does not declare."""
+    """The parts and connections of a scene, wheels where it has them, nothing that it does not declare."""
     match scene:
         case ChainScene():
             return _chain(scene)
@@ -128,18 +130,16 @@ def _bench(scene: BenchScene) -> Assembly:
 
 def _rig(scene: RigScene) -> Assembly:
     rig, vehicle = scene.rig, scene.vehicle
-
-    def config(x: float) -> dict[str, Any]:
-        wheels = [_sprocket(), _rim("idler", vehicle.idler.radius, x, 0.0)]
-        return _track_config(
-            scene, links=rig.links, closed=True, wheels=wheels, gravity=0.0, tension=rig.tension
-        )
-
-    x, _ = tension_wheel(config(-rig.axle_distance), "idler", rig.tension)
     parts = (
-        _track(scene, "track", config(x)),
+        _track(scene, "track", _rig_track(scene)),
         _drive(scene, "drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0)),
-        _drive(scene, "idler_drive", scene.idler_drive, vehicle.idler.spin_inertia, (x, 0.0, 0.0)),
+        _drive(
+            scene,
+            "idler_drive",
+            scene.idler_drive,
+            vehicle.idler.spin_inertia,
+            (-rig.axle_distance, 0.0, 0.0),
+        ),
     )
     wiring = (
         *_wheel("track", "sprocket", "drive", "sprocket"),
@@ -148,17 +148,14 @@ def _rig(scene: RigScene) -> Assembly:
     return Assembly(parts, wiring)
 
 
+def _rig_track(scene: RigScene) -> dict[str, Any]:
+    rig = scene.rig
+    wheels = [_sprocket(), _rim("idler", scene.vehicle.idler.radius, -rig.axle_distance, 0.0)]
+    return _track_config(scene, links=rig.links, closed=True, wheels=wheels, gravity=0.0, tension=rig.tension)
+
+
 def _vehicle(scene: VehicleScene) -> Assembly:
-    config = _vehicle_track(scene)
-    x, push = tension_wheel(config, "idler", scene.vehicle.track.tension)
-    vehicle = scene.vehicle.model_copy(
-        update={
-            "idler": scene.vehicle.idler.model_copy(update={"x": x}),
-            "tensioner": scene.vehicle.tensioner.model_copy(update={"preload": push}),
-        }
-    )
-    scene = scene.model_copy(update={"vehicle": vehicle})
-    config = _vehicle_track(scene)
+    vehicle, config = scene.vehicle, _vehicle_track(scene)
     rollers = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
     parts: list[Part] = []
     wiring: list[Connection] = []
