@@ -1,0 +1,172 @@
+"""The walls of the house: who may import whom, and the folder's shape."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FMUS = ROOT / "fmus"
+ORCHESTRATOR = ROOT / "orchestrator"
+COMPONENTS = ("track_flexible", "track_rigid", "chassis", "sprocket_drive")
+
+# Modules that run any FMI 2.0 co-simulation FMU: nothing of ours is behind them.
+GENERIC = (
+    "component.py",
+    "graph.py",
+    "master.py",
+    "coupling/tracks_first.py",
+    "recorder.py",
+    "reader.py",
+    "compare.py",
+    "replay.py",
+)
+DOORS = {"fmus.build", "fmus.vehicle", "fmus.ports", "fmus.tensioning"}
+AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
+
+
+def imports(source: str) -> set[str]:
+    """Every module that a source imports, wherever it does so."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            found.add(node.module)
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def ours(modules: set[str], package: str) -> set[str]:
+    """Those of ``package``, as modules (names of things inside a module left out)."""
+    found = set()
+    for module in modules:
+        path = ROOT.joinpath(*module.split("."))
+        if module.split(".")[0] == package and (path.with_suffix(".py").exists() or path.is_dir()):
+            found.add(module)
+    return found
+
+
+def sources(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.py"))
+
+
+def reachable(module: str, seen: set[str] | None = None) -> set[str]:
+    """Top-level packages that importing a module of fmus brings along, statically."""
+    seen = set() if seen is None else seen
+    packages: set[str] = set()
+    path = ROOT.joinpath(*module.split("."))
+    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    if module in seen or not file.exists():
+        return packages
+    seen.add(module)
+    found = imports(file.read_text(encoding="utf-8"))
+    for inner in ours(found, "fmus"):
+        packages |= reachable(inner, seen)
+    return packages | {name.split(".")[0] for name in found}
+
+
+def test_fmus_never_look_back():
+    for file in sources(FMUS):
+        assert not any(name.split(".")[0] == "orchestrator" for name in imports(file.read_text())), file
+
+
+@pytest.mark.parametrize("folder", COMPONENTS)
+def test_components_do_not_know_each_other(folder):
+    for file in sources(FMUS / folder):
+        for other in COMPONENTS:
+            if other != folder:
+                assert not any(n.startswith(f"fmus.{other}") for n in imports(file.read_text())), file
+
+
+def test_physics_knows_arrays_and_kernels_only():
+    allowed = {"numpy", "scipy", "numba"} | set(sys.stdlib_module_names)
+    for file in sources(FMUS / "physics"):
+        for name in imports(file.read_text()):
+            inside = name.startswith(("fmus.physics", "fmus.jit"))
+            assert inside or name == "fmus" or name.split(".")[0] in allowed, (file, name)
+
+
+@pytest.mark.parametrize("folder", COMPONENTS)
+def test_an_fmu_needs_few_packages_at_run_time(folder):
+    packages = reachable(f"fmus.{folder}.{folder}_fmu")
+    assert packages - set(sys.stdlib_module_names) <= AT_RUN_TIME
+    assert {"numpy", "fmus"} <= packages, "the shell was not found"
+
+
+def test_rigid_links_import_no_elements():
+    seen: set[str] = set()
+    reachable("fmus.track_rigid.track_rigid_fmu", seen)
+    assert "fmus.track_rigid.model" in seen
+    assert not [module for module in seen if module.startswith("fmus.physics.ancf")]
+    flexible: set[str] = set()
+    reachable("fmus.track_flexible.track_flexible_fmu", flexible)
+    assert [module for module in flexible if module.startswith("fmus.physics.ancf")], "the check sees nothing"
+
+
+@pytest.mark.parametrize("name", GENERIC)
+def test_generic_modules_import_nothing_of_fmus(name):
+    source = (ORCHESTRATOR / name).read_text(encoding="utf-8")
+    found = imports(source)
+    assert not any(module.split(".")[0] == "fmus" for module in found)
+    inner = {module.removeprefix("orchestrator.").replace(".", "/") + ".py" for module in ours(found, "orchestrator")}
+    known = {*GENERIC, "schema.py", "coupling.py"}
+    assert inner - {"orchestrator.py"} <= known, "a generic module leans on one that is not"
+
+
+def test_orchestrator_reaches_into_fmus_through_few_doors():
+    for file in sources(ORCHESTRATOR):
+        assert ours(imports(file.read_text(encoding="utf-8")), "fmus") <= DOORS | {"fmus"}, file
+
+
+def test_the_checks_see_forbidden_imports():
+    assert imports("def f():\n    from orchestrator import scene\n") >= {"orchestrator.scene"}
+    assert ours({"fmus.chassis.model", "fmus.vehicle.BadInput"}, "fmus") == {"fmus.chassis.model"}
+
+
+def test_physics_and_libraries_do_not_print():
+    allowed = {ORCHESTRATOR / "cli.py"}
+    for file in [*sources(FMUS), *sources(ORCHESTRATOR)]:
+        if file in allowed:
+            continue
+        calls = [n for n in ast.walk(ast.parse(file.read_text())) if isinstance(n, ast.Call)]
+        assert not [c for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"], file
+
+
+def test_shells_hold_no_physics():
+    for folder in COMPONENTS:
+        shell = FMUS / folder / f"{folder}_fmu.py"
+        lines = [line for line in shell.read_text(encoding="utf-8").splitlines() if line.strip()]
+        assert len(lines) <= 20, shell
+        assert not [n for n in ast.walk(ast.parse(shell.read_text())) if isinstance(n, ast.FunctionDef)], shell
+
+
+def test_every_component_has_its_page():
+    for folder in COMPONENTS:
+        page = (FMUS / folder / "README.md").read_text(encoding="utf-8").lower()
+        for word in ("equations", "ports", "state"):
+            assert word in page, (folder, word)
+
+
+def test_top_level():
+    try:
+        listed = subprocess.run(
+            ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout.split()
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("not a git checkout")
+    top = {name.split("/")[0] for name in listed}
+    assert top <= {
+        "pyproject.toml", "fmus", "orchestrator", "tests", "logs", "README.md",
+        "LICENSE", ".gitignore", ".ci", "constraints.txt",
+    }  # fmt: skip
+
+
+def test_constraints_are_plain_pins():
+    for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines():
+        name, equals, number = line.partition("==")
+        assert name and equals and number, line
+        assert not set(line) & set(" ;@/<>~!"), line
