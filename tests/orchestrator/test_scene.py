@@ -1,0 +1,142 @@
+import json
+
+import pytest
+
+from fmus.vehicle import BadInput
+from orchestrator import gallery
+from orchestrator.scene import Scene, from_table, keys, load
+
+BARE = """
+title = "a chain"
+assembly = "chain"
+{vehicle}
+track = "rigid"
+[chain]
+links = 8
+span = 0.5
+[run]
+stop = "1 s"
+step = "10 ms"
+"""
+
+
+def scene_file(folder, vehicle='vehicle = "m113"', more=""):
+    file = folder / "own.toml"
+    file.write_text(BARE.format(vehicle=vehicle) + more)
+    return str(file)
+
+
+@pytest.mark.parametrize("name", gallery.names())
+@pytest.mark.parametrize("track", ["flexible", "rigid"])
+def test_gallery_resolves_and_reads_back(name, track):
+    scene = load(name, track)
+    assert scene.track.model == track
+    assert scene.title
+    assert scene.expect
+    again = from_table(json.loads(json.dumps(scene.resolved())), name)
+    assert again == scene
+
+
+def test_gallery_has_the_five_scenes():
+    assert gallery.names()[:5] == ["hanging_chain", "sprocket_bench", "rig", "settle", "straight"]
+
+
+def test_settings_reach_scene_vehicle_and_track():
+    scene = load(
+        "straight",
+        None,
+        [
+            "run.step=2 ms",
+            "vehicle.contact.ground.friction=0.5",
+            "track.integrator=explicit",
+            "track=rigid",
+            "drive.speed=600 deg/s",
+            "vehicle.road_wheel.x.0=-0.7",
+        ],
+    )
+    assert scene.run.step == pytest.approx(2e-3, rel=1e-15)
+    assert scene.run.steps == 4000
+    assert scene.vehicle.contact.ground.friction == 0.5
+    assert scene.track.integrator == "explicit"
+    assert scene.track.model == "rigid"
+    assert scene.drive.speed == pytest.approx(10.471975512)
+    assert scene.vehicle.road_wheel.x[0] == -0.7
+    assert load("straight").vehicle.contact.ground.friction == 0.3, "the twin is as the file has it"
+
+
+def test_vehicle_over_a_base(tmp_path):
+    over = '[vehicle]\nbase = "m113"\nchassis = { mass = "6 t" }\n'
+    file = tmp_path / "own.toml"
+    file.write_text(BARE.format(vehicle="") + over)
+    scene = load(str(file))
+    assert scene.vehicle.chassis.mass == pytest.approx(6000.0)
+    assert scene.vehicle.chassis.inertia == load("straight").vehicle.chassis.inertia
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("run.stp=1", "unknown key 'run.stp': did you mean 'run.stop'?"),
+        ("vehicle.contact.ground.frction=1", "did you mean 'vehicle.contact.ground.friction'?"),
+        ("run.step=2 kg", "run.step = '2 kg': must be a quantity in s"),
+        ("run.step=soon", "run.step = 'soon'"),
+        ("run.step=3 ms", "must be a multiple of step"),
+        ("run.stop=-1", "greater than 0"),
+        ("vehicle.chassis.mass=-3 kg", "vehicle.chassis.mass = '-3 kg': input should be greater than 0"),
+        ("vehicle.chassis.mass=nan", "vehicle.chassis.mass = nan"),
+        ("vehicle.gravity=inf", "finite"),
+        ("vehicle=leopard", "no vehicle 'leopard'"),
+        ("track=soft", "'flexible' or 'rigid'"),
+        ("vehicle.sprocket.outer_radius=0.2", "must exceed the pitch radius"),
+        ("expect.sag.measure=sagg", "no measure 'sagg'"),
+        ("chain.links.first=1", "'links' is a value, not a table"),
+        ("vehicle.road_wheel.x.9=0", "must be an index below 5"),
+        ("nonsense", "must be KEY=VALUE"),
+        ("assembly=boat", "must be one of chain, bench, rig, vehicle"),
+    ],
+)
+def test_bad_settings_are_one_sentence(setting, said):
+    with pytest.raises(BadInput) as error:
+        load("hanging_chain", None, [setting])
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_unknown_scene_names_the_nearest(tmp_path):
+    with pytest.raises(BadInput, match="did you mean 'straight'"):
+        load("straigt")
+    with pytest.raises(BadInput, match="the gallery has"):
+        load("xyz")
+    with pytest.raises(BadInput, match="no scene file"):
+        load(str(tmp_path / "none.toml"))
+    broken = tmp_path / "broken.toml"
+    broken.write_text("title = ")
+    with pytest.raises(BadInput, match="not a readable TOML"):
+        load(str(broken))
+
+
+@pytest.mark.parametrize(
+    ("check", "said"),
+    [
+        ("x = { expected = 1, tolerance = 1 }", "needs either signal or measure"),
+        ('x = { signal = "a.b", measure = "sag", expected = 1, tolerance = 1 }', "needs either"),
+        ('x = { signal = "a.b", expected = 1, tolerance = -1 }', "greater than or equal to 0"),
+        ('x = { signal = "a.b", reduce = "median", expected = 1, tolerance = 1 }', "reduce"),
+        ('x = { signal = "a.b", expect = 1, tolerance = 1 }', "expect"),
+    ],
+)
+def test_bad_checks(tmp_path, check, said):
+    with pytest.raises(BadInput) as error:
+        load(scene_file(tmp_path, more=f"[expect]\n{check}\n"))
+    assert said in str(error.value)
+
+
+def test_keys_reach_the_vehicle():
+    found = set(keys(type(load("straight"))))
+    assert {"run.step", "vehicle.contact.ground.friction", "drive.speed", "track.model"} <= found
+
+
+def test_scenes_are_frozen():
+    scene: Scene = load("straight")
+    with pytest.raises(ValueError, match="frozen"):
+        scene.run.stop = 1.0
