@@ -21,7 +21,7 @@ from fmus.ports import WRENCH, Port, start_pose, wheel_state, wrench
 # Outputs of a chain after the wrenches, in the order of its report: name, unit, text.
 REPORT = (
     ("travel", "m", "length of chain that has passed, along its own index"),
-    ("speed", "m/s", "speed of the chain along itself, mean over the links"),
+    ("speed", "m/s", "speed of the chain along itself: pins that pass, times the pitch"),
     ("tension.min", "N", "smallest link tension"),
     ("tension.mean", "N", "mean link tension"),
     ("tension.max", "N", "largest link tension"),

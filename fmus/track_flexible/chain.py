@@ -14,12 +14,13 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import Cable, end_moments, energy, force, mass, shape, shape_slope, stiffness
+from fmus.physics.chain_speed import chain_speed
 from fmus.physics.block_cyclic import factor, invert, solve, workspace
 from fmus.physics.contact.friction import Scratch, scratch
 from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.partner import collect, move
 from fmus.physics.contact.teeth import teeth_contact
-from fmus.physics.contact.wheel import GAUSS, reach, wheel_contact
+from fmus.physics.contact.wheel import GAUSS, bulge, reach, wheel_contact
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
 
 NODE = 8  # coordinates of a pin
@@ -228,6 +229,7 @@ def link_contacts(links, wheels, env, w, R, by_rate, tangent):
                 push(s.f, S, C, t0, t2, R)
                 if tangent:
                     stiffen(s.f_x, s.f_v, by_rate, S, C, t0, t2, K)
+        sums[CONTACT] += bulge(env.wheel, wheels.radius[k], cable.l, low, high)
     if env.ground and min(e[0, 2], e[2, 2]) - 1.1 * links.face - 0.1 * cable.l < env.height:
         last = wheels.radius.size
         for side in (-1.0, 1.0):
@@ -502,7 +504,7 @@ def relax(links, wheels, env, rows, q, tolerance, w):
 def measure(links, wheels, env, q, v, w, report):
     """Fill the report (see fmus.track) with what the state and the sums of the last evaluation say."""
     n, nodes, c = links.count, q.shape[0], links.cable
-    kinetic = strain_energy = gravity = along = 0.0
+    kinetic = strain_energy = gravity = 0.0
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
         j = (i + 1) % nodes
@@ -524,14 +526,7 @@ def measure(links, wheels, env, q, v, w, report):
         tension, fibre = axial(links, w)
         low, high, mean = min(low, tension), max(high, tension), mean + tension / n
         stress = max(stress, fibre)
-        d0, d1, d2 = w.e[2, 0] - w.e[0, 0], w.e[2, 1] - w.e[0, 1], w.e[2, 2] - w.e[0, 2]
-        length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-        along += (
-            0.5
-            * ((w.v[0, 0] + w.v[2, 0]) * d0 + (w.v[0, 1] + w.v[2, 1]) * d1 + (w.v[0, 2] + w.v[2, 2]) * d2)
-            / length
-            / n
-        )
+    along = chain_speed(q[:, :3], v[:, :3], links.closed == 1)
     report[1], report[2], report[3], report[4], report[5] = along, low, mean, high, stress
     report[6], report[7], report[8], report[9] = kinetic, strain_energy, gravity, w.sums[CONTACT]
     report[12] = w.sums[DEPTH]
