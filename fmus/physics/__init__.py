@@ -1,0 +1,1 @@
+"""Pure kernels: mechanics without FMI, files or vehicles."""

@@ -1,9 +1,9 @@
 """A chain of cable elements joined by pins: assembly, static equilibrium, integration over a communication step.
 
-A node (pin) has 8 coordinates: position x, y, z; slope of the link that ends there along x and z; slope of the link that
-begins there along x and z; the shared slope along the joint axis y. That is the pin of paper (2), eliminated.
-The four slopes along x and z of a link belong to it alone, so each Newton step condenses them link by link and leaves a
-cyclic block tridiagonal system of 4 x 4 blocks (x, y, z and the shared slope of each pin).
+A node (pin) has 8 coordinates: position x, y, z; slope of the link that ends there along x and z; slope of the link
+that begins there along x and z; the shared slope along the joint axis y. That is the pin of paper (2), eliminated.
+The four slopes along x and z of a link belong to it alone, so each Newton step condenses them link by link and leaves
+a cyclic block tridiagonal system of 4 x 4 blocks (x, y, z and the shared slope of each pin).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import Cable, end_moments, energy, force, mass, shape, shape_slope, stiffness
-from fmus.physics.chain_speed import chain_speed
 from fmus.physics.block_cyclic import factor, invert, solve, workspace
+from fmus.physics.chain_speed import chain_speed
 from fmus.physics.contact.friction import Scratch, scratch
 from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.partner import collect, move
@@ -393,9 +393,10 @@ def meets(links, wheels, env, moved, e):
 
 @kernel
 def condense(K, A, U, L, inner, right, left, swap, i, j):
-    """Eliminate the own slopes of a link from its matrix ``K`` (12, 12) and scatter the rest to its pins ``i`` and ``j``.
+    """Eliminate the own slopes of a link from its matrix ``K`` (12, 12), scatter the rest to its pins ``i`` and ``j``.
 
-    Leaves the inverse of its own part in ``inner`` (4, 4), that times the coupling in ``right`` (4, 8), and ``left`` (8, 4).
+    Leaves the inverse of its own part in ``inner`` (4, 4), that times the coupling in ``right`` (4, 8), and the
+    coupling in ``left`` (8, 4).
     """
     for a in range(4):
         for b in range(4):
@@ -430,7 +431,7 @@ def condense(K, A, U, L, inner, right, left, swap, i, j):
 
 @kernel
 def correct(links, w, q, v, vdot, by_rate, by_acceleration, longest):
-    """Take the Newton step from the solution in ``w.b``; at most ``longest`` m. Returns the largest change of a pin, m."""
+    """Take the Newton step from the solution in ``w.b``, at most ``longest`` m; returns the largest change of a pin."""
     nodes = q.shape[0]
     size = 0.0
     for i in range(nodes):
@@ -574,8 +575,9 @@ def advance(
 ):
     """Integrate by generalised-alpha over a communication step of ``h`` s, internal steps of at most ``longest`` s.
 
-    q, v, a, vdot (nodes, 8) and wrench0, aux (wheels + 1, 6), power (1) are the state. ``mean`` (wheels + 1, 6) receives
-    the mean wrenches, through the same recursion as the momentum of the chain. A step that Newton cannot do is halved.
+    q, v, a, vdot (nodes, 8) and wrench0, aux (wheels + 1, 6), power (1) are the state. ``mean`` (wheels + 1, 6)
+    receives the mean wrenches, through the same recursion as the momentum of the chain. A step that Newton cannot do
+    is halved.
     Returns 0, or 1 (Newton failed) or 2 (singular), with the time reached, the link and the residual.
     """
     coef = coefficients(radius)

@@ -12,12 +12,15 @@ from fmus.physics.ancf.cable import Cable
 from fmus.ports import WRENCH, Port
 from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
 from fmus.track_flexible.chain import NODE, Links, advance, axial, evaluate, gather, measure, relax, work
+from fmus.track_flexible.explicit import LIMIT, factor_mass, highest_frequency, march, scratch
 
 REST = 1e-3  # residual of static equilibrium, N
 
 
 class Model(TrackModel):
-    """Cable elements with pins eliminated, integrated implicitly."""
+    """Cable elements with pins eliminated, integrated implicitly or explicitly."""
+
+    integrators = ("generalized_alpha", "runge_kutta")
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Material and integration of the links."""
@@ -80,6 +83,7 @@ class Model(TrackModel):
         self.power, self.residual = parts[6], parts[7].reshape(self.links_count, 4, 3)
         self.mean = np.zeros((m, WRENCH))
         self.work = work(self.links_count, self.nodes, m - 1)
+        self.stable, self.space, self.factored = LIMIT / highest_frequency(cable), scratch(self.nodes), False
 
     def settle(self, pins: Floats, rest: bool) -> None:
         """Straight links between the pins, then static equilibrium if wanted."""
@@ -124,6 +128,43 @@ class Model(TrackModel):
 
     def advance(self, t: float, h: float) -> None:
         """Integrate over the communication step."""
+        if self.integrator == "runge_kutta":
+            self._march(t, h)
+        else:
+            self._advance(t, h)
+        self.residual[:] = self.work.R
+        self._publish()
+
+    def _march(self, t: float, h: float) -> None:
+        still, space, k = self.space
+        if not self.factored and not factor_mass(
+            self.link, self.wheels, self.environment, self.q, still, self.work
+        ):
+            raise StepFailed(f"the chain's mass matrix is singular at t = {t:.6g} s")
+        self.factored = True
+        failure, done = march(
+            self.link,
+            self.wheels,
+            self.environment,
+            self.rows,
+            h,
+            min(self.max_step, self.stable),
+            self.chain[: 2 * self.q.size],
+            still,
+            space,
+            k,
+            self.work,
+            self.mean,
+            self.report,
+            self.counters,
+        )
+        if failure:
+            raise StepFailed(
+                f"the explicit integration of the chain blew up at t = {t + done:.6g} s: take a smaller step than "
+                f"{min(self.max_step, self.stable):.3g} s"
+            )
+
+    def _advance(self, t: float, h: float) -> None:
         failure, done, link, residual = advance(
             self.link,
             self.wheels,
@@ -152,8 +193,6 @@ class Model(TrackModel):
                 else "the chain's matrix is singular"
             )
             raise self.failed(t + done, what, link, residual)
-        self.residual[:] = self.work.R
-        self._publish()
 
     def _watch(self, t: float) -> None:
         """Cable links cannot leave their plane: say so once when a wheel's axis does."""

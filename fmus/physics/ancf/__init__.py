@@ -1,0 +1,1 @@
+"""Elements of the absolute nodal coordinate formulation."""

@@ -1,0 +1,1 @@
+"""Rigid bodies on pins: kinematics, joints, the linear system of a chain."""

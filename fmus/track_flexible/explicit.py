@@ -1,0 +1,89 @@
+"""The same chain integrated explicitly: classical Runge-Kutta of order 4 with the constant mass matrix factored once.
+
+For short runs and soft links: a steel link's highest mode (3e5 rad/s) asks for steps of 8 us.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import eigh
+
+from fmus.jit import kernel
+from fmus.model import Floats
+from fmus.physics.ancf.cable import Cable, mass, stiffness
+from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.contact.partner import move
+from fmus.physics.integrate.runge_kutta import RK4, finish, stage
+from fmus.track import Environment, Wheels
+from fmus.track_flexible.chain import POWER, Links, Work, correct, evaluate, measure
+
+LIMIT = (
+    2.4  # step times highest frequency, within the stability region of the method for lightly damped modes
+)
+
+
+def highest_frequency(cable: Cable) -> float:
+    """Of one straight free link, rad/s; by Rayleigh's bound no mode of the chain is higher (contacts apart)."""
+    e = np.array([[0.0, 0, 0], [1, 0, 0], [cable.l, 0, 0], [1, 0, 0]])
+    K, M = np.zeros((12, 12)), np.zeros((4, 4))
+    stiffness(cable, e, np.zeros((4, 3)), 0.0, 0.0, K, np.zeros((4, 3)), np.zeros((4, 3)))
+    mass(cable, M)
+    return float(np.sqrt(eigh(K, np.kron(M, np.eye(3)), eigvals_only=True)[-1]))
+
+
+def factor_mass(links: Links, wheels: Wheels, env: Environment, q: Floats, still: Floats, w: Work) -> bool:
+    """Factor the chain's mass into ``w``: the iteration matrix of links without stiffness. False: singular."""
+    bare = links._replace(cable=links.cable._replace(EA=0.0, EI=0.0, nuA=0.0, nuI=0.0))
+    w.moved[:] = 1e9  # no wheel touches
+    evaluate(bare, wheels, env._replace(ground=0, transverse=0.0), q, still, still, 0.0, 1.0, w, True)
+    return bool(factor(w.A, w.U, w.L, w.factors, links.closed == 1) < 0)
+
+
+@kernel
+def march(links, wheels, env, rows, h, longest, x, still, scratch, k, w, mean, report, counters):
+    """Integrate over a communication step of ``h`` s in equal steps of at most ``longest`` s.
+
+    ``x`` (2 n): coordinates, then rates, of all pins; ``k`` (4, 2 n), ``scratch`` (2, nodes, 8) are scratch; ``w``
+    holds the factored mass. ``mean`` (wheels + 1, 6) receives the mean wrenches, weighted as the momentum is.
+    Returns 0, or 1 when the motion is no longer finite, and the time done.
+    """
+    n = x.size // 2
+    nodes = n // 8
+    steps = max(int(np.ceil(h / longest - 1e-9)), 1)
+    dt = h / steps
+    y = np.empty_like(x)
+    acceleration, dummy = scratch[0], scratch[1]
+    mean[:] = 0.0
+    for step in range(steps):
+        before = report[1]
+        first, last = x[:3].copy(), x[n - 8 : n - 5].copy()
+        for i in range(RK4.b.size):
+            stage(RK4, i, dt, x, k, y)
+            q, v = y[:n].reshape(nodes, 8), y[n:].reshape(nodes, 8)
+            move(rows, (step + RK4.c[i]) * dt, w.moved)
+            evaluate(links, wheels, env, q, v, still, 0.0, 0.0, w, False)
+            solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+            acceleration[:] = 0.0
+            correct(links, w, acceleration, dummy, dummy, 0.0, 0.0, np.inf)
+            k[i, :n] = y[n:]
+            k[i, n:] = acceleration.ravel()
+            mean += RK4.b[i] / steps * w.wrench
+            report[10] += dt * RK4.b[i] * w.sums[POWER]
+        finish(RK4, dt, x, k)
+        counters[0] += 1
+        counters[1] += RK4.b.size
+        if env.ends == 2:
+            for i in range(3):
+                report[11] += env.pull[0, i] * (x[i] - first[i]) + env.pull[1, i] * (x[n - 8 + i] - last[i])
+        for i in range(2 * n):
+            if not abs(x[i]) < 1e9:
+                return 1, (step + 1) * dt
+        q, v = x[:n].reshape(nodes, 8), x[n:].reshape(nodes, 8)
+        measure(links, wheels, env, q, v, w, report)
+        report[0] += 0.5 * dt * (before + report[1])
+    return 0, h
+
+
+def scratch(nodes: int) -> tuple[Floats, Floats, Floats]:
+    """Zeroed ``still`` (nodes, 8), ``scratch`` (2, nodes, 8) and ``k`` (4, 16 nodes) for ``march``."""
+    return np.zeros((nodes, 8)), np.zeros((2, nodes, 8)), np.zeros((4, 16 * nodes))
