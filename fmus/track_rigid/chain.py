@@ -5,9 +5,9 @@ equations hold at the end of every step, to the tolerances below.
 
     M vdot + w cross J w - f(t, q, v) - B(q)^T lambda = 0,    C(q) + D lambda = 0
 
-Unknowns of Newton are the links' increments over the step and the multipliers (rigid/augmented.py). What a wheel gets
-is the reaction to what its contacts give to the links, passed through the recursion of the velocities.
-All in the track's frame.
+Unknowns of Newton are the links' increments over the step and the multipliers (rigid/augmented.py). What a
+wheel gets is the reaction to what its contacts give to the links, passed through the recursion of the
+velocities. All in the track's frame.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import System
 
 GAP = 1e-12  # largest misfit of a pin, m and rad
-FORCE = 1e-8  # largest residual of a link, relative to weight and pull
+FORCE = 1e-7  # largest residual of a link, relative to weight and pull
 ITERATIONS = 15  # of Newton, before a step is given up
-REUSE = 0.05  # keep the tangent while an iteration leaves less than this of the residual
+REUSE = 0.1  # keep the tangent while an iteration leaves less than this of the residual
 BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # of the pseudo-transient: backward Euler
 LONG = 50.0  # longest pseudo step towards equilibrium, s
 HORN = 0.05  # how far a guide horn reaches into a wheel from the inner face, m
@@ -426,12 +426,12 @@ def residual(link, ends, env, wheels, s, w, by, tangent):
 
 
 @kernel
-def _misfit(link, env, s, w):
+def _misfit(link, tolerance, s, w):
     """Largest residual over its tolerance, and the link (or pin) that has it."""
     pull = 0.0
     for j in range(s.lam.shape[0]):
         pull = max(pull, abs(s.lam[j, 0]), abs(s.lam[j, 2]))
-    scale = FORCE * (link.mass * 9.81 + pull)
+    scale = tolerance * (link.mass * 9.81 + pull)
     worst, where = 0.0, -1
     y = w.system
     for i in range(s.q.shape[0]):
@@ -444,11 +444,11 @@ def _misfit(link, env, s, w):
             e = abs(y.C[j, a]) / GAP
             if not e <= worst:
                 worst, where = e, j
-    return worst, where, scale
+    return worst, where
 
 
 @kernel
-def newton(link, ends, env, wheels, method, h, s, w, counters):
+def newton(link, ends, env, wheels, method, h, tolerance, s, w, counters):
     """One implicit step of ``h`` to the wheels in ``w.rows``. Returns -1, or the link that did not converge."""
     n = s.q.shape[0]
     by = slopes(method, h)
@@ -470,7 +470,7 @@ def newton(link, ends, env, wheels, method, h, s, w, counters):
     for _ in range(ITERATIONS):
         residual(link, ends, env, wheels, s, w, by, fresh)
         counters[1] += 1
-        error, where, _ = _misfit(link, env, s, w)
+        error, where = _misfit(link, tolerance, s, w)
         if error <= 1.0:
             _settle_rates(link, s, w, by)
             return -1
@@ -566,8 +566,9 @@ def accelerations(link, ends, env, wheels, s, w):
 def settle(link, ends, env, wheels, rows, s, w, counters):
     """Static equilibrium on standing wheels ``rows``: implicit steps from rest, ever longer. Returns as ``newton``.
 
-    Long steps are Newton's method on the static equations; the inertia over the step squared keeps what has no
-    stiffness (an unloaded link's roll, a loop that could slide) in place. Friction is viscous at rest and fades.
+    Long steps are Newton's method on the static equations; the inertia over the step squared keeps what has
+    no stiffness (an unloaded link's roll, a loop that could slide) in place. Friction is viscous at rest
+    and fades.
     """
     w.rows[:] = rows
     w.rows[:, 3:9] = 0.0
@@ -577,7 +578,7 @@ def settle(link, ends, env, wheels, rows, s, w, counters):
         s.v[:] = 0.0
         s.a[:] = 0.0
         s.vdot[:] = 0.0
-        failed = newton(link, ends, env, wheels, BACKWARD, h, s, w, counters)
+        failed = newton(link, ends, env, wheels, BACKWARD, h, 0.01 * FORCE, s, w, counters)
         if failed >= 0:
             _restore(s, w)
             counters[3] += 1
@@ -597,6 +598,9 @@ def settle(link, ends, env, wheels, rows, s, w, counters):
     s.a[:] = 0.0
     s.vdot[:] = 0.0
     residual(link, ends, env, wheels, s, w, slopes(BACKWARD, h), False)
+    _settle_rates(link, s, w, slopes(BACKWARD, h))
+    s.v[:] = 0.0
+    s.a[:] = s.vdot
     s.W[:] = s.F
     return -1
 
@@ -616,7 +620,7 @@ def advance(link, ends, env, wheels, method, rows, h, step, s, w, counters):
         w.tally0[:] = s.tally
         speed0 = chain_speed(s, w.system.A)
         move(rows, done + dt, w.rows)
-        failed = newton(link, ends, env, wheels, method, dt, s, w, counters)
+        failed = newton(link, ends, env, wheels, method, dt, FORCE, s, w, counters)
         if failed >= 0:
             _restore(s, w)
             s.F[:] = w.F0

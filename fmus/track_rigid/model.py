@@ -85,6 +85,8 @@ class Model(TrackModel):
 
     def advance(self, t: float, h: float) -> None:
         """Integrate over the communication step."""
+        if not np.isfinite(self.rows).all():
+            raise StepFailed(f"a wheel's motion is not a number at t = {t:.6g} s")
         s, w = self.views, self.work
         failed = chain.advance(*self._system(), self.method, self.rows, h, self.max_step, s, w, self.counters)
         if failed >= 0:

@@ -3,14 +3,15 @@
     [ K  -B^T ] [ dx ]     [ r ]
     [ B   D   ] [ dl ] = - [ C ]
 
-K is block diagonal (6 x 6 a link), B the Jacobian of the pins (rigid/pin.py), D the compliance of the closing pin.
-Eliminating dx leaves B K^-1 B^T + D, block tridiagonal with one 5 x 5 block a pin and cyclic in a closed chain.
+K is block diagonal (6 x 6 a link), B the Jacobian of the pins (rigid/pin.py), D the compliance of the
+closing pin. Eliminating dx leaves B K^-1 B^T + D, block tridiagonal with one 5 x 5 block a pin and cyclic
+in a closed chain.
 
-Pin j joins link j - 1 with link j; a closed chain of n links has n pins, an open one n + 1 of which the first and the
-last hold it to the ground, or are absent (their blocks then hold ones). Pins all parallel close a chain by three
-equations too many (320 of rank 317 for 64 links): the closing pin, 0 of a closed chain and the last of an open one
-held at both ends, is compliant along its axis and in tilting. The others close the chain in these directions too,
-so that this spring stays unloaded.
+Pin j joins link j - 1 with link j; a closed chain of n links has n pins, an open one n + 1 of which the
+first and the last hold it to the ground, or are absent (their blocks then hold ones). Pins all parallel
+close a chain by three equations too many (320 of rank 317 for 64 links): the closing pin, 0 of a closed
+chain and the last of an open one held at both ends, is compliant along its axis and in tilting. The others
+close the chain in these directions too, so that this spring stays unloaded.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
 
 @kernel
 def factor(half, ends, s):
-    """Factor the system whose A, WP, WQ and K are set. Returns -1, or the index of the singular link or pin."""
+    """Factor the system whose A, WP, WQ and K are set. Returns -1, or the index of what is singular."""
     n, p = s.K.shape[0], s.C.shape[0]
     SA, SU, SL = s.S[0], s.S[1], s.S[2]
     SA[:] = 0.0

@@ -14,7 +14,7 @@ from fmus.jit import kernel
 
 @kernel
 def rotation(q, A):
-    """Rotation matrix of the pose ``q`` (7) into ``A`` (3, 3); its columns are the body axes in world components."""
+    """Rotation matrix of the pose ``q`` (7) into ``A`` (3, 3); its columns are the body axes, world."""
     w, x, y, z = q[3], q[4], q[5], q[6]
     A[0, 0], A[0, 1], A[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     A[1, 0], A[1, 1], A[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
@@ -46,7 +46,7 @@ def advance(q0, x, q1):
 
 @kernel
 def turn_rate(x, d, out):
-    """``out`` (3) = T^-1(x) d: the change of the rotation vector ``x`` that turns its end by ``d``, both body axes.
+    """``out`` (3) = T^-1(x) d: the change of the rotation vector ``x`` that turns its end by ``d``.
 
     T is the right tangent of the exponential, T^-1 d = d + x cross d / 2 + x cross (x cross d) / 12 + ...; the next
     term is of order 4 (|x|^4/720), and an integrator's Newton converges to the same place without it.

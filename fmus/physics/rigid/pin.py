@@ -6,11 +6,11 @@ link P with the beginning of the next one, Q:
     C[0:3] = (r_P + half x_P) - (r_Q - half x_Q)        the pins meet, world axes, m
     C[3] = x_P . y_Q,   C[4] = z_P . y_Q                 the pins are parallel
 
-The multipliers are forces: lambda[0:3] N is the force on P from Q (a pull is positive along x), lambda[3:5] N m.
-The Jacobian by the increments of the two bodies (rigid/body.py) is, row by row,
+The multipliers are forces: lambda[0:3] N is the force on P from Q (a pull is positive along x), lambda[3:5]
+N m. The Jacobian by the increments of the two bodies (rigid/body.py) is, row by row,
 
-    C[0:3]:  P [ I | half (0, -z_P, y_P)],   Q [-I | half (0, -z_Q, y_Q)]        columns: turning about x, y, z
-    C[3:5]:  P [ 0 | W_P ],                  Q [ 0 | W_Q ]                        W (2, 3), from ``axis_rows``
+    C[0:3]:  P [ I | half (0, -z_P, y_P)],   Q [-I | half (0, -z_Q, y_Q)]     columns: turning
+    C[3:5]:  P [ 0 | W_P ],                  Q [ 0 | W_Q ]     W (2, 3): ``axis_rows``
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def equations(half, qP, AP, qQ, AQ, C):
 
 @kernel
 def axis_rows(AP, AQ, WP, WQ):
-    """Derivatives of the last two equations by the turning of P and of Q, body axes, into ``WP``, ``WQ`` (2, 3)."""
+    """Derivatives of the last two equations by the turning of P and of Q, into ``WP``, ``WQ`` (2, 3)."""
     y0, y1, y2 = AQ[0, 1], AQ[1, 1], AQ[2, 1]
     a = AP[0, 0] * y0 + AP[1, 0] * y1 + AP[2, 0] * y2  # the axis of Q in body axes of P
     b = AP[0, 1] * y0 + AP[1, 1] * y1 + AP[2, 1] * y2
@@ -61,7 +61,7 @@ def jacobian(half, AP, AQ, BP, BQ):
 
 @kernel
 def velocity_terms(half, AP, wP, AQ, wQ, g):
-    """The part ``g`` (5) of the equations' second time derivative that is quadratic in the angular velocities."""
+    """The part ``g`` (5) of the equations' second derivative that is quadratic in the velocities."""
     p = _turning(AP, wP)
     q = _turning(AQ, wQ)
     g[3] = 0.0
@@ -93,9 +93,10 @@ def _turning(A, w):
 
 @kernel
 def reaction(half, A, before, after, WQ, WP, f):
-    """Add to ``f`` (6) the constraint force on a link from its pin ``before`` (5, it is Q) and ``after`` (5, it is P).
+    """Add to ``f`` (6) the force on a link from its pins ``before`` (5, there it is Q) and ``after`` (5, P).
 
-    World force, body torque: the transposed Jacobian times the multipliers. ``WQ``, ``WP`` (2, 3) are its axis rows.
+    World force, body torque: the transposed Jacobian times the multipliers. ``WQ``, ``WP`` (2, 3) are its
+    axis rows.
     """
     s = (before[0] + after[0], before[1] + after[1], before[2] + after[2])
     for i in range(3):
