@@ -20,7 +20,7 @@ SLACK, TIGHT = 0.06, 0.06  # how far the wheel is moved from its drawn place, m
 
 
 def tension_wheel(config: Mapping[str, Any], name: str, tension: float) -> tuple[float, float]:
-    """Place along x, m, of the wheel ``name`` for the mean static ``tension``, N, and the push along -x that holds it, N.
+    """Place of the wheel ``name`` along x, m, for the mean static ``tension``, N, and the push along -x on it, N.
 
     ``config`` is that of a track. Raises BadInput when the chain cannot carry that tension with the wheel within 60 mm
     of its drawn place.

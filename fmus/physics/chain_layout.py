@@ -124,8 +124,7 @@ def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
 
 
 def over_sprocket(centre: Floats, pitch: float, teeth: int, links: int) -> Floats:
-    """Pins (links + 1, 2) of an open chain that comes in along x on the upper side, wraps half of a sprocket with a
-    seat foremost, and leaves on the lower side."""
+    """Pins (links + 1, 2) of an open chain over half of a sprocket: in along x above, a seat foremost, out below."""
     radius = pitch / (2.0 * np.sin(np.pi / teeth))
     foremost = (5 * links) // 8
     step = 2.0 * np.pi / teeth

@@ -3,8 +3,8 @@
 Element coordinates ``e`` (4, 3): position, slope at the first node, position, slope at the second; the slopes are
 derivatives by the length x along the straight link. Sources: equations (11)-(21) of Shabana et al., Ideal compliant
 joints and integration of computer aided design and analysis; Berzeri, Campanelli, Shabana 2001.
-Deviations: the average strain of (12) is Green's, (1/l int r_x.r_x dx - 1)/2, so that the force is the exact gradient of
-EA l eps^2 / 2 (the chord strain (d - l)/l has no potential); the curvature damping (20), 0/0 on a straight link, is
+Deviations: the average strain of (12) is Green's, (1/l int r_x.r_x dx - 1)/2, so that the force is the exact gradient
+of EA l eps^2 / 2 (the chord strain (d - l)/l has no potential); the curvature damping (20), 0/0 on a straight link, is
 (nu2/E) P^T K_t P e' with P removing the rotation of the chord.
 All internal forces act as -Q on the right-hand side.
 """
@@ -65,7 +65,7 @@ def mass(c, M):
 
 @kernel
 def gradients(c, K):
-    """int S_x^T S_x dx as (4, 4) factors, of (12)."""
+    """Integral of S_x^T S_x dx as (4, 4) factors, of (12)."""
     l = c.l
     rows = (
         (36.0, 3.0 * l, -36.0, 3.0 * l),
@@ -80,7 +80,7 @@ def gradients(c, K):
 
 @kernel
 def curvatures(c, K):
-    """int S_xx^T S_xx dx as (4, 4) factors, of (14)."""
+    """Integral of S_xx^T S_xx dx as (4, 4) factors, of (14)."""
     l = c.l
     rows = (
         (12.0, 6.0 * l, -12.0, 6.0 * l),

@@ -7,7 +7,6 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.contact.friction import touch
 
-
 STILL = np.zeros(3)
 
 

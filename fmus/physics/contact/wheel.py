@@ -71,8 +71,8 @@ def wheel_contact(law, share, radius, row, x, v, s):
 def bulge(law, radius, length, low, high):
     """Energy, J, that the parabola of penetration from ``low`` to ``high`` stores beyond its two Gauss points.
 
-    With the depth m + g eta - c (eta^2 - 1/3) over eta from -1 to 1, the mean of its square is m^2 + g^2 / 3 + 4 c^2 / 45;
-    the Gauss points hold the first two terms.
+    With the depth m + g eta - c (eta^2 - 1/3) over eta from -1 to 1, the mean of its square is
+    m^2 + g^2 / 3 + 4 c^2 / 45; the Gauss points hold the first two terms.
     """
     half = 0.5 * (high - low) * length
     c = half * half / (2.0 * radius)
