@@ -17,12 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.chain_speed import chain_speed
 from fmus.physics.contact.friction import Scratch, scratch
 from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.guide import guide_contact
 from fmus.physics.contact.partner import WIDTH, collect, move
 from fmus.physics.contact.teeth import teeth_contact
-from fmus.physics.contact.wheel import GAUSS, reach, wheel_contact
+from fmus.physics.contact.wheel import GAUSS, bulge, reach, wheel_contact
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary, slopes
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import System
@@ -79,6 +80,7 @@ class Work(NamedTuple):
     rows: np.ndarray  # (m, 15) the wheels at the end of the step
     impulse: np.ndarray  # (m + 1, 6) over the communication step
     tally0: np.ndarray
+    pins: np.ndarray  # (2, nodes, 3) their positions and velocities
     point: np.ndarray  # (3, 3): a contact point's position, velocity, lever
     N: np.ndarray  # (2, 3, 3) its derivative by the link's turning
     ground: np.ndarray  # (2, 7) poses of the bodies that hold the first and the last pin
@@ -119,7 +121,16 @@ def work(n: int, closed: bool, wheels: int) -> Work:
         augmented.system(n, closed),
         scratch(),
         *(z((n, 7)), z((n, 6)), z((n, 6)), z((n, 6)), z((p, 5)), z((wheels + 1, 6)), z((n, 6))),
-        *(z((wheels, WIDTH)), z((wheels + 1, 6)), z(TALLY), z((3, 3)), z((2, 3, 3)), ground, np.eye(3)),
+        *(
+            z((wheels, WIDTH)),
+            z((wheels + 1, 6)),
+            z(TALLY),
+            z((2, p, 3)),
+            z((3, 3)),
+            z((2, 3, 3)),
+            ground,
+            np.eye(3),
+        ),
     )
 
 
@@ -208,6 +219,7 @@ def _rims(link, law, wheels, s, w, by_v, tangent):
                     _count(tally, depth, energy, power)
                     collect(row, p[0], c.f, F[k])
                     _push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
+            tally[CONTACT] += bulge(law, radius, 2.0 * link.half, low, high)
 
 
 @kernel
@@ -612,13 +624,13 @@ def advance(link, ends, env, wheels, method, rows, h, step, s, w, counters):
     Steps of ``step`` at most; one that Newton cannot do is halved. Returns as ``newton``.
     """
     w.impulse[:] = 0.0
+    speed = _speed(link, ends, s, w)
     dt = h / np.ceil(h / step - 1e-9)
     done = 0.0
     while done < h * (1.0 - 1e-12):
         dt = min(dt, h - done)
         w.F0[:] = s.F
         w.tally0[:] = s.tally
-        speed0 = chain_speed(s, w.system.A)
         move(rows, done + dt, w.rows)
         failed = newton(link, ends, env, wheels, method, dt, FORCE, s, w, counters)
         if failed >= 0:
@@ -640,7 +652,8 @@ def advance(link, ends, env, wheels, method, rows, h, step, s, w, counters):
                 s.W[k, c] = W1
         s.tally[DISSIPATED] += 0.5 * dt * (w.tally0[POWER] + s.tally[POWER])
         s.tally[WORK] += 0.5 * dt * (w.tally0[LOAD_POWER] + s.tally[LOAD_POWER])
-        s.tally[TRAVEL] += 0.5 * dt * (speed0 + chain_speed(s, w.system.A))
+        before, speed = speed, _speed(link, ends, s, w)
+        s.tally[TRAVEL] += 0.5 * dt * (before + speed)
     return -1
 
 
@@ -649,7 +662,7 @@ def measure(link, ends, env, s, w, tension, report):
     """Tensions of the links (n), and the report of fmus.track but for the ground force."""
     n, p, A = s.q.shape[0], s.lam.shape[0], w.system.A
     report[0] = s.tally[TRAVEL]
-    report[1] = chain_speed(s, A)
+    report[1] = _speed(link, ends, s, w)
     low, high, mean, kinetic, height = np.inf, -np.inf, 0.0, 0.0, 0.0
     for i in range(n):
         j = (i + 1) % p
@@ -673,10 +686,22 @@ def measure(link, ends, env, s, w, tension, report):
 
 
 @kernel
-def chain_speed(s, A):
-    """Velocity of the links along themselves, mean, m/s."""
-    n, speed = s.q.shape[0], 0.0
-    for i in range(n):
-        body.rotation(s.q[i], A[i])
-        speed += s.v[i, 0] * A[i, 0, 0] + s.v[i, 1] * A[i, 1, 0] + s.v[i, 2] * A[i, 2, 0]
-    return speed / n
+def pin_motion(link, s, w):
+    """Positions and velocities of the pins, seen from the links that begin there, into ``w.pins`` (2, nodes, 3)."""
+    n, nodes = s.q.shape[0], w.pins.shape[1]
+    for j in range(nodes):
+        i = min(j, n - 1)
+        A = w.system.A[i]
+        body.rotation(s.q[i], A)
+        end = -link.half if j < n else link.half
+        o1, o2 = s.v[i, 4], s.v[i, 5]
+        for k in range(3):
+            w.pins[0, j, k] = s.q[i, k] + end * A[k, 0]
+            w.pins[1, j, k] = s.v[i, k] + end * (A[k, 1] * o2 - A[k, 2] * o1)
+
+
+@kernel
+def _speed(link, ends, s, w):
+    """Speed of the chain along itself, m/s."""
+    pin_motion(link, s, w)
+    return chain_speed(w.pins[0], w.pins[1], ends.closed)

@@ -77,11 +77,8 @@ class Model(TrackModel):
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3)."""
-        s = self.views
-        chain.chain_speed(s, self.work.system.A)  # also the rotation matrices
-        along = self.link.half * self.work.system.A[:, :, 0]
-        first = s.q[:, :3] - along
-        return first if self.closed else np.vstack([first, s.q[-1:, :3] + along[-1:]])
+        chain.pin_motion(self.link, self.views, self.work)
+        return self.work.pins[0].copy()
 
     def advance(self, t: float, h: float) -> None:
         """Integrate over the communication step."""
