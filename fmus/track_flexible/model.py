@@ -9,9 +9,22 @@ import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.block_cyclic import solve
 from fmus.ports import WRENCH, Port
 from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
-from fmus.track_flexible.chain import NODE, Links, advance, axial, evaluate, gather, measure, relax, work
+from fmus.track_flexible.chain import (
+    NODE,
+    POWER,
+    Links,
+    advance,
+    axial,
+    correct,
+    evaluate,
+    gather,
+    measure,
+    relax,
+    work,
+)
 from fmus.track_flexible.explicit import LIMIT, factor_mass, highest_frequency, march, scratch
 
 REST = 1e-3  # residual of static equilibrium, N
@@ -87,24 +100,28 @@ class Model(TrackModel):
 
     def settle(self, pins: Floats, rest: bool) -> None:
         """Straight links between the pins, then static equilibrium if wanted."""
-        self.state[:] = 0.0
-        q, n = self.q, self.links_count
-        q[:, 0], q[:, 2] = pins[:, 0], pins[:, 1]
-        chord = (np.roll(pins, -1, axis=0) - pins)[:n] / self.pitch
-        q[:n, 5:7] = chord
-        q[(np.arange(n) + 1) % self.nodes, 3:5] = chord
+        self.settle_pins(pins)
         if rest:
             smooth = self.environment._replace(
                 sprocket=self.environment.sprocket._replace(mu=0.0),
                 wheel=self.environment.wheel._replace(mu=0.0),
                 soil=self.environment.soil._replace(mu=0.0),
             )
-            count, residual = relax(self.link, self.wheels, smooth, self.start_rows, q, REST, self.work)
+            count, residual = relax(self.link, self.wheels, smooth, self.start_rows, self.q, REST, self.work)
             if count < 0:
                 raise StepFailed(
                     f"static equilibrium of the track was not found: residual {residual:.3g} N after {-count} steps"
                 )
         self._observe()
+
+    def settle_pins(self, pins: Floats) -> None:
+        """Straight links between the pins (nodes, 2), at rest."""
+        self.state[:] = 0.0
+        q, n = self.q, self.links_count
+        q[:, 0], q[:, 2] = pins[:, 0], pins[:, 1]
+        chord = (np.roll(pins, -1, axis=0) - pins)[:n] / self.pitch
+        q[:n, 5:7] = chord
+        q[(np.arange(n) + 1) % self.nodes, 3:5] = chord
 
     def _observe(self) -> None:
         """Wrenches and report of the state as it stands, at rest."""
@@ -114,9 +131,23 @@ class Model(TrackModel):
         )
         self.force[:] = self.aux[:] = self.mean[:] = self.work.wrench
         self.residual[:] = self.work.R
+        self.power[:] = self.work.sums[POWER]
         measure(self.link, self.wheels, self.environment, self.q, self.v, self.work, self.report)
         self.report[[DISSIPATED, WORK]] = 0.0
         self._publish()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Accelerations of the start: the integrator's order rests on them."""
+        still, space, _ = self.space
+        if not factor_mass(self.link, self.wheels, self.environment, self.q, still, self.work):
+            raise StepFailed("the chain's mass matrix is singular at the start")
+        self.factored, w = True, self.work
+        w.moved[:] = self.start_rows
+        evaluate(self.link, self.wheels, self.environment, self.q, self.v, still, 0.0, 0.0, w, False)
+        solve(w.A, w.U, w.factors, self.closed, w.b)
+        correct(self.link, w, self.vdot, space[1], space[1], 0.0, 0.0, np.inf)
+        self.a[:] = self.vdot
 
     def _publish(self) -> None:
         self.wrench[:] = self.mean[:-1].reshape(-1, 3)

@@ -1,0 +1,289 @@
+"""The flexible chain: counts, statics, momentum, energy, orders, invariance, failures."""
+
+from __future__ import annotations
+
+from math import pi, sin, tan
+
+import numpy as np
+import pytest
+
+from fmus.model import InvalidParameter
+from fmus.physics.contact.partner import read_states
+from fmus.track import GROUND, KINETIC, SPEED, STRAIN, T_MAX, TRAVEL
+from fmus.track_flexible.chain import OUTER
+from fmus.track_flexible.model import Model
+from fmus.vehicle import read_table, vehicle
+
+TABLE = vehicle(*read_table("m113")).model_dump()
+PITCH, LINKS = 0.1524, 64
+
+
+def parameters(model: Model, **changes) -> dict:
+    return {p.name: p.start for p in model.ports if p.causality == "parameter"} | changes
+
+
+def make(track: dict, table: dict = TABLE, **changes) -> Model:
+    base = {"links": LINKS, "closed": True, "wheels": [], "ground": False, "gravity": 9.81, "ends": None}
+    model = Model({"vehicle": table, "track": base | track, "link_outputs": True})
+    model.initialise(parameters(model, **changes))
+    return model
+
+
+def hanging(span: float = 0.8, links: int = LINKS, **changes) -> Model:
+    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [span * links * PITCH, 0.0]}
+    return make({"links": links, "closed": False, "ends": ends}, **changes)
+
+
+def wheels(idler: float = -3.9996) -> list[dict]:
+    road = TABLE["road_wheel"]
+    return [
+        {"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]},
+        *({"name": f"road_wheel[{i}]", "kind": "rim", "radius": road["radius"], "position": [x, road["z"]]}
+          for i, x in enumerate(road["x"], 1)),
+        {"name": "idler", "kind": "rim", "radius": TABLE["idler"]["radius"], "position": [idler, TABLE["idler"]["z"]]},
+    ]  # fmt: skip
+
+
+def carrier(**changes) -> Model:
+    return make({"wheels": wheels(), "ground": True}, **changes)
+
+
+def at_rest(model: Model, lift: float = 0.0) -> np.ndarray:
+    """Inputs of wheels that stand where the track was laid out, moved up by ``lift``."""
+    u = np.zeros(13 * len(model.wheel_list))
+    for k, wheel in enumerate(model.wheel_list):
+        c, s = model.frame[3:]
+        x, z = wheel["position"]
+        u[13 * k : 13 * k + 3] = model.frame[0] + c * x, model.frame[1] + s * x, model.frame[2] + z + lift
+        u[13 * k + 3], u[13 * k + 6] = np.cos(np.arctan2(s, c) / 2), np.sin(np.arctan2(s, c) / 2)
+    return u
+
+
+def spinning(links: int = 64, omega: float = 5.0) -> Model:
+    """A free loop as a regular polygon, spinning about its centre, stretched to its steady state by hand."""
+    model = make({"links": links, "wheels": wheels(), "gravity": 0.0}, start="polygon")
+    model.wheels = model.wheels._replace(radius=np.zeros(0), teeth=np.zeros(0, dtype=np.int64))
+    model.rows = np.zeros((0, 15))
+    model.work = model.work._replace(moved=np.zeros((0, 15)))
+    angle = 2 * pi * np.arange(links) / links
+    radius = PITCH / (2 * sin(pi / links))
+    model.settle_pins(radius * np.stack([np.cos(angle), -np.sin(angle)], axis=1))
+    spin = np.array([[0, omega], [-omega, 0]])  # about +y: x -> -z
+    for place in ([0, 2], [3, 4], [5, 6]):
+        model.v[:, place] = model.q[:, place] @ spin.T
+    return model
+
+
+def test_coordinates_of_a_track():
+    """64 x 12 less 64 pins of 4 equations; an open chain keeps the slopes of its two ends."""
+    assert carrier().q.size == 512
+    open_chain = hanging()
+    assert (
+        open_chain.q.size - 2 * 2 == 516
+    )  # neither an ending link at the first pin nor a beginning one at the last
+    assert len(OUTER) == 8
+
+
+def test_hanging_chain_is_a_catenary():
+    """Against the discrete polygon of rigid links, and its end tension against the continuum."""
+    model = hanging()
+    w = TABLE["material"]["density"] * TABLE["section"]["area"] * 9.81
+    assert -model.q[:, 2].min() == pytest.approx(2.589308, abs=2e-5)
+    force = np.linalg.norm(model.residual[0, 0])
+    assert force == pytest.approx(w * np.hypot(3.298471, LINKS * PITCH / 2), rel=1e-3)
+    assert force != pytest.approx(1.03 * w * np.hypot(3.298471, LINKS * PITCH / 2), rel=1e-3)
+    before = model.q.copy()
+    for k in range(50):
+        model.step(k * 1e-3, 1e-3, np.zeros(0))
+    assert abs(model.q - before).max() < 1e-7
+    assert model.counters[2] == 50  # one factorisation a step
+
+
+def test_the_start_is_at_rest_on_its_wheels():
+    model = carrier()
+    u = at_rest(model)
+    first = model.q.copy()
+    for k in range(20):
+        model.step(k * 1e-3, 1e-3, u)
+    assert abs(model.v).max() < 1e-6
+    assert abs(model.q - first).max() < 1e-8
+    model.step(0.02, 1e-3, at_rest(model, lift=1e-4))  # the twin: a tenth of a millimetre shows
+    assert abs(model.v[:, :3]).max() > 1e-4
+
+
+def test_momentum_goes_where_the_wrenches_say():
+    """Change of momentum of the chain = weight - impulse given to wheels and ground."""
+    model = carrier()
+    u = at_rest(model)
+    for k, wheel in enumerate(model.wheel_list):
+        u[13 * k + 7 : 13 * k + 10] = 0.5, 0.0, -0.3
+        u[13 * k + 11] = 3.0 if wheel["kind"] == "teeth" else 1.0
+
+    def momentum() -> np.ndarray:
+        p = np.zeros(3)
+        for i in range(LINKS):
+            j = (i + 1) % LINKS
+            slopes = np.array([model.v[i, [5, 7, 6]], model.v[j, [3, 7, 4]]])
+            c = model.link.cable
+            ends = model.v[i, :3] + model.v[j, :3]
+            p += c.rhoA * c.l * (ends / 2 + c.l / 12 * (slopes[0] - slopes[1]))
+        return p
+
+    c = model.link.cable
+    weight = np.array([0, 0, -LINKS * c.rhoA * c.l * 9.81])
+    for k in range(5):
+        before, h = momentum(), 2e-3
+        model.step(k * h, h, u)
+        given = model.wrench[0::2].sum(axis=0) - model.report[GROUND : GROUND + 3]
+        np.testing.assert_allclose(
+            momentum() - before, h * (weight - given), atol=2e-6 * abs(given * h).max()
+        )
+    assert not np.allclose(momentum() - before, h * (weight - 1.03 * given), atol=2e-6 * abs(given * h).max())
+
+
+def test_a_spinning_loop_carries_its_centrifugal_force():
+    """T = m w^2 Rc / (2 sin(pi / N)) for rigid links; the steel loop oscillates about it by its own stretch."""
+    links, omega = 64, 5.0
+    model = spinning(links, omega)
+    mass = model.link.cable.rhoA * PITCH
+    expected = mass * omega**2 * PITCH / (2 * tan(pi / links)) / (2 * sin(pi / links))
+    tensions = []
+    for k in range(400):
+        model.advance(k * 1e-3, 1e-3)
+        tensions.append(np.linalg.norm(model.residual[:, 0, :], axis=1).mean())
+    assert np.mean(tensions[100:]) == pytest.approx(expected, rel=2e-3)
+    assert np.mean(tensions[100:]) != pytest.approx(1.03 * expected, rel=2e-3)
+
+
+def test_a_free_loop_keeps_energy_and_angular_momentum():
+    model = spinning()
+
+    def angular() -> float:
+        total, M = 0.0, model.work.M
+        for i in range(LINKS):
+            j = (i + 1) % LINKS
+            e = np.array([model.q[i, :3], model.q[i, [5, 7, 6]], model.q[j, :3], model.q[j, [3, 7, 4]]])
+            v = np.array([model.v[i, :3], model.v[i, [5, 7, 6]], model.v[j, :3], model.v[j, [3, 7, 4]]])
+            total += np.einsum("ab,ai,bi", M, np.cross(e, [0, 1.0, 0]), v)
+        return -total
+
+    model.advance(0.0, 1e-3)
+    e0, l0 = model.report[KINETIC] + model.report[STRAIN], angular()
+    for k in range(300):
+        model.advance(k * 1e-3, 1e-3)
+    assert model.report[KINETIC] + model.report[STRAIN] == pytest.approx(e0, rel=1e-3)
+    assert angular() == pytest.approx(l0, rel=1e-4)
+    assert abs(l0) > 1e4
+
+
+@pytest.mark.parametrize(("integrator", "order", "steps"), [("generalized_alpha", 2, (4e-4, 2e-4, 1e-4)),
+                                                            ("runge_kutta", 4, (1e-3, 5e-4, 2.5e-4))])  # fmt: skip
+def test_order_of_the_integrators(integrator, order, steps):
+    """A soft hanging chain let go from a displaced shape, against Runge-Kutta with a much smaller step."""
+    soft = {
+        "material.youngs_modulus": 2e6,
+        "material.relaxation_time": 0.0,
+        "start": "displaced",
+        "spectral_radius": 0.9,
+    }
+
+    def state(integrator: str, step: float) -> np.ndarray:
+        model = hanging(links=8, integrator=integrator, step=step, tolerance=1e-13, **soft)
+        assert integrator != "runge_kutta" or model.stable > step
+        path = []
+        for k in range(10):
+            model.step(k * 0.016, 0.016, np.zeros(0))
+            path.append(model.q[:, :3].copy())
+        return np.array(path)
+
+    truth = state("runge_kutta", 2e-5)
+    errors = [np.sqrt(np.mean((state(integrator, step) - truth) ** 2)) for step in steps]
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert abs(rates - order).max() < 0.3, rates
+
+
+def test_explicit_and_implicit_agree():
+    found = []
+    for integrator, step in (("generalized_alpha", 2e-5), ("runge_kutta", 1.0)):
+        model = hanging(links=16, start="displaced", integrator=integrator, step=step)
+        for k in range(20):
+            model.step(k * 1e-3, 1e-3, np.zeros(0))
+        found.append(model.q[:, :3].copy())
+    assert np.abs(found[0] - found[1]).max() < 1e-6
+
+
+def test_any_place_and_heading_is_the_same():
+    """Rates of the wheels turned along; in the track's frame nothing changes."""
+    one = carrier()
+    other = carrier(
+        **{"start.position.x": 40.0, "start.position.y": -7.0, "start.position.z": 1.0, "start.heading": 0.6}
+    )
+    u, w = at_rest(one), at_rest(other)
+    c, s = np.cos(0.6), np.sin(0.6)
+    for k in range(len(one.wheel_list)):
+        u[13 * k + 7], u[13 * k + 11] = 1.0, 4.0
+        w[13 * k + 7 : 13 * k + 9] = c, s
+        w[13 * k + 10 : 13 * k + 12] = -4.0 * s, 4.0 * c
+    rows, turned = np.zeros_like(one.rows), np.zeros_like(other.rows)
+    read_states(u, one.frame, rows)
+    read_states(w, other.frame, turned)
+    np.testing.assert_allclose(rows, turned, atol=1e-12)
+    for k in range(5):
+        one.step(k * 1e-3, 1e-3, u)
+        other.step(k * 1e-3, 1e-3, w)
+    np.testing.assert_allclose(one.q, other.q, atol=1e-10)
+    y, z = np.zeros(42 + 17), np.zeros(42 + 17)
+    one.outputs(y)
+    other.outputs(z)
+    np.testing.assert_allclose(
+        np.hypot(y[0:42:6], y[1:42:6]), np.hypot(z[0:42:6], z[1:42:6]), rtol=1e-6, atol=1e-3
+    )
+    assert abs(y[0] - z[0]) > 1.0  # the world axes do differ
+
+
+def test_a_copied_state_goes_on_bit_for_bit():
+    model = carrier()
+    u = at_rest(model, lift=0.002)
+    model.step(0.0, 1e-3, u)
+    saved = model.state.copy()
+    model.step(1e-3, 1e-3, u)
+    after = model.state.copy()
+    model.step(2e-3, 1e-3, u)
+    model.state[:] = saved
+    model.step(1e-3, 1e-3, u)
+    assert model.state.tobytes() == after.tobytes()
+
+
+def test_speed_and_travel_of_a_spinning_loop():
+    model = spinning(64, 5.0)
+    for k in range(100):
+        model.advance(k * 1e-3, 1e-3)
+    around = 64 * PITCH * 5.0 / (2 * pi)  # pins that pass, times the pitch
+    assert model.report[SPEED] == pytest.approx(around, rel=2e-3)
+    assert model.report[TRAVEL] == pytest.approx(0.1 * around, rel=2e-2)
+    assert model.report[T_MAX] > 0.0
+
+
+def test_tracks_that_cannot_be_are_refused():
+    with pytest.raises(
+        InvalidParameter, match=r"64 links of 0.1524 m make 9.7536 m, the belt round the wheels 1\d"
+    ):
+        make({"wheels": wheels(idler=-5.0), "ground": True})
+    with pytest.raises(InvalidParameter, match="cannot reach"):
+        hanging(span=1.2)
+    with pytest.raises(InvalidParameter, match="youngs_modulus"):
+        hanging(**{"material.youngs_modulus": -1.0})
+    with pytest.raises(InvalidParameter, match="step"):
+        hanging(step=0.0)
+
+
+def test_a_cable_warns_once_when_it_is_turned_out_of_its_plane():
+    model = carrier()
+    u = at_rest(model)
+    model.step(0.0, 1e-3, u)
+    assert model.warnings() == []
+    u[13 + 3], u[13 + 6] = np.cos(0.01), np.sin(0.01)
+    model.step(1e-3, 1e-3, u)
+    assert "degrees off the pin axis" in model.warnings()[0]
+    model.step(2e-3, 1e-3, u)
+    assert model.warnings() == []
