@@ -82,7 +82,7 @@ class Check(Part):
     measure: str | None = None
     of: str = ""  # the side ("left", "right") or component a measure looks at
     start: Time = Field(0.0, alias="from")
-    end: Time | None = Field(None, alias="to")  # default: the end of the scene
+    end: Time | None = Field(None, alias="to")  # default: the end of the run
     expected: float
     tolerance: Annotated[float, Field(ge=0)]
     relative: bool = False  # tolerance is a fraction of the expected value

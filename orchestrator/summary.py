@@ -62,7 +62,8 @@ def checks(run: Evidence, scene: Scene, simulated: float) -> dict[str, CheckResu
     results = {}
     for name, check in scene.expect.items():
         end = scene.run.stop if check.end is None else check.end
-        if simulated < end - 1e-9 or check.track not in (None, scene.track.model):
+        covered = check.start < end <= simulated + 1e-9
+        if not covered or check.track not in (None, scene.track.model):
             continue
         value = _value(run, check, Window(check.start, end))
         tolerance = check.tolerance * (abs(check.expected) if check.relative else 1.0)

@@ -1,0 +1,259 @@
+"""The command line: what it prints, how it exits, what it leaves behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from orchestrator import gallery
+from orchestrator.cli import main
+from orchestrator.component import Component, ComponentFailed
+from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, recover, verify
+from orchestrator.reader import Log
+
+KEYS = {
+    "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "real_time_factor",
+    "communication_steps", "log", "log_bytes", "components", "energy", "checks", "observables",
+}  # fmt: skip
+SHORT = ("run", "hanging_chain", "--stop", "0.02", "--json")
+
+
+@pytest.fixture
+def cotrack(capsys, monkeypatch, tmp_path):
+    """Call the command in an empty folder; exit status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return ended.value.code or 0, said.out, said.err
+
+    return call
+
+
+def last(out):
+    return json.loads(out.splitlines()[-1])
+
+
+def test_scenes_lists_the_gallery(cotrack):
+    status, out, _ = cotrack("scenes")
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines()] == gallery.names()
+
+
+def test_show(cotrack):
+    status, out, _ = cotrack("show", "straight", "--track", "rigid")
+    assert status == 0
+    assert "TrackRigid" in out
+    assert "left out" in out
+
+
+def test_run_ends_with_one_json_object(cotrack, tmp_path):
+    status, out, err = cotrack(*SHORT)
+    assert status == 0, err
+    result = last(out)
+    assert set(result) == KEYS
+    assert (result["status"], result["message"]) == ("ok", "")
+    assert result["communication_steps"] == 20
+    assert result["simulated_time"] == pytest.approx(0.02)
+    assert set(result["checks"]) == {"rest"}, "the other windows are not covered"
+    assert set(result["components"]["chain"]) >= {
+        "wall_time",
+        "steps",
+        "evaluations",
+        "iterations",
+        "rejected",
+    }
+    log = tmp_path / "logs" / "hanging_chain-flexible.mcap"
+    assert result["log"] == os.path.join("logs", "hanging_chain-flexible.mcap")
+    assert result["log_bytes"] == log.stat().st_size
+    assert verify(log).code == WHOLE
+
+
+def test_run_prints_a_summary(cotrack):
+    status, out, _ = cotrack("run", "hanging_chain", "--stop", "0.02", "--log", "own.mcap")
+    assert status == 0
+    assert "hanging_chain (flexible): ok" in out
+    assert "own.mcap" in out
+
+
+def test_a_failed_check_is_exit_1(cotrack):
+    wrong = ("--set", "expect.rest.expected=1")
+    status, out, _ = cotrack(*SHORT, *wrong)
+    assert status == 1
+    result = last(out)
+    assert result["status"] == "ok"
+    assert result["checks"]["rest"]["ok"] is False
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "hanging_chian"), "did you mean 'hanging_chain'?"),
+        (("run", "hanging_chain", "--set", "run.stp=1"), "unknown key 'run.stp'"),
+        (("run", "hanging_chain", "--step", "2 kg"), "must be a quantity in s"),
+        (("run", "straight", "--set", "vehicle.chassis.mass=-1"), "vehicle.chassis.mass = -1"),
+        (("run", "rig", "--set", "rig.links=40"), "cannot be laid out"),
+        (("run", "hanging_chain", "--set", "track.integrator=euler"), "integrator = 'euler': must be one of"),
+        (("run", "hanging_chain", "--set", "vehicle=none.toml"), "none.toml"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(cotrack, tmp_path, arguments, said):
+    status, out, err = cotrack(*arguments, "--json")
+    assert status == 2
+    assert said in err
+    assert len(err.splitlines()) == 1
+    assert last(out)["status"] == "failed"
+    assert last(out)["message"] in err
+    assert list(tmp_path.rglob("*.mcap")) == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("run",), ("fly", "straight"), ("run", "hanging_chain", "--track", "soft"), ("log", "info", "none.mcap"),
+     ("replay", "none.mcap", "--component", "chain"), ("build", "straight", "--all", "-o", "x")],
+)  # fmt: skip
+def test_other_bad_input_is_exit_2(cotrack, arguments):
+    status, _, err = cotrack(*arguments)
+    assert status == 2
+    assert err
+    assert "Traceback" not in err
+
+
+def test_a_full_disk_fails_the_run(cotrack):
+    if not os.path.exists("/dev/full"):
+        pytest.skip("no /dev/full here")
+    status, out, err = cotrack(*SHORT, "--log", "/dev/full")
+    assert status == 1
+    assert "no space left" in err
+    assert last(out)["status"] == "failed"
+
+
+def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, monkeypatch, tmp_path):
+    step = Component.step
+
+    def failing(self, t, h):
+        if t > 0.0105:
+            raise ComponentFailed("chain: no convergence at t = 0.011 s, link 7")
+        step(self, t, h)
+
+    monkeypatch.setattr(Component, "step", failing)
+    status, out, err = cotrack(*SHORT)
+    assert status == 1
+    assert "link 7" in err
+    result = last(out)
+    assert (result["status"], result["communication_steps"]) == ("failed", 11)
+    log = tmp_path / result["log"]
+    assert verify(log).code == WHOLE
+    with Log(log) as reading:
+        assert reading.closing["status"] == "failed"
+        assert "link 7" in reading.closing["message"]
+
+
+def test_equal_runs_have_equal_digests_and_replay_is_equal(cotrack):
+    digests = []
+    for name in ("a.mcap", "b.mcap"):
+        assert cotrack(*SHORT, "--log", name)[0] == 0
+        with Log(name) as log:
+            digests.append(log.digest())
+    assert digests[0] == digests[1]
+    status, out, _ = cotrack("replay", "a.mcap", "--component", "chain")
+    assert status == 0
+    assert out.startswith("equal: ")
+    assert cotrack(*SHORT, "--log", "c.mcap", "--set", "vehicle.gravity=9.8100001")[0] == 0
+    with Log("c.mcap") as log:
+        assert log.digest() != digests[0], "the twin differs"
+
+
+def test_replay_with_the_other_track_model(cotrack, tmp_path):
+    assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
+    status, out, _ = cotrack("replay", "a.mcap", "--component", "chain", "--with", "rigid")
+    assert status == 0
+    assert "tension.max" in out
+    with Log(tmp_path / "a-chain-rigid.mcap") as log:
+        assert len(log.read("/chain/out").t) == 21
+    status, _, err = cotrack("replay", "a.mcap", "--component", "left_track")
+    assert status == 2
+    assert "no component 'left_track'" in err
+    status, _, err = cotrack("replay", "a.mcap", "--component", "chain", "--with", "none.fmu")
+    assert status == 2
+    assert "no FMU 'none.fmu'" in err
+
+
+def test_log_commands(cotrack, tmp_path):
+    assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
+    status, out, _ = cotrack("log", "info", "a.mcap")
+    assert status == 0
+    assert "/chain/out" in out
+    assert cotrack("log", "verify", "a.mcap")[0] == 0
+    status, out, _ = cotrack("log", "export", "a.mcap", "-o", "t.csv", "--signal", "chain.tension.max")
+    assert status == 0
+    assert (tmp_path / "t.csv").read_text().splitlines()[0] == "t [s],chain.tension.max [N]"
+    content = bytearray((tmp_path / "a.mcap").read_bytes())
+    (tmp_path / "cut.mcap").write_bytes(content[: len(content) * 9 // 10])
+    assert cotrack("log", "verify", "cut.mcap")[0] == 1
+    assert cotrack("log", "recover", "cut.mcap", "-o", "saved.mcap")[0] in (1, 3)
+    assert cotrack("log", "verify", "none.mcap")[0] == 1
+
+
+def test_view_draws(cotrack, tmp_path):
+    assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
+    assert cotrack("view", "a.mcap", "-o", "a.png")[0] == 0
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+    status, _, err = cotrack("view", "a.mcap", "-o", "nowhere/a.png")
+    assert status == 2
+    assert "cannot be written" in err
+
+
+def test_build_names_variants(cotrack, tmp_path):
+    status, out, _ = cotrack("build", "hanging_chain", "--track", "rigid", "-o", "fmus")
+    assert status == 0
+    assert [file.name for file in (tmp_path / "fmus").iterdir()] == ["TrackRigid-hanging_chain.fmu"]
+    assert out.strip().endswith("TrackRigid-hanging_chain.fmu")
+
+
+def started(tmp_path, environment):
+    """A long run in a process of its own that has begun to write its log."""
+    log = tmp_path / "long.mcap"
+    command = [sys.executable, "-m", "orchestrator", "run", "hanging_chain", "--stop", "1000"]
+    process = subprocess.Popen(
+        [*command, "--log", str(log), "--json"],
+        env=environment, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    until = time.monotonic() + 120
+    while time.monotonic() < until and process.poll() is None:
+        if log.exists() and log.stat().st_size > 600_000:
+            return process, log
+        time.sleep(0.05)
+    process.kill()
+    pytest.fail(f"the run did not begin: {process.communicate()}")
+
+
+def test_ctrl_c_closes_the_log(tmp_path, environment):
+    process, log = started(tmp_path, environment)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "interrupted at t = " in err
+    result = last(out)
+    assert result["communication_steps"] > 0
+    assert verify(log).code == WHOLE
+    with Log(log) as reading:
+        assert reading.closing["status"] == "interrupted"
+        assert reading.closing["steps"] == result["communication_steps"]
+
+
+def test_a_killed_run_leaves_a_log_that_can_be_saved(tmp_path, environment):
+    process, log = started(tmp_path, environment)
+    process.kill()
+    process.communicate()
+    assert verify(log).code == BROKEN
+    saved = tmp_path / "saved.mcap"
+    assert recover(log, saved).code == RECOVERED
+    assert verify(saved).code == WHOLE

@@ -1,0 +1,169 @@
+"""Every scene of the gallery runs on both track models, in full, and everything it expects comes true."""
+
+import json
+
+import numpy as np
+import pytest
+
+from orchestrator import gallery, rerun
+from orchestrator.energy import ledger
+from orchestrator.evidence import Evidence, Window
+from orchestrator.log_tools import WHOLE, verify
+from orchestrator.measures import third_law
+from orchestrator.reader import Log
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+
+MODELS = ("flexible", "rigid")
+CASES = [
+    pytest.param(name, model, marks=pytest.mark.xdist_group(f"{name}-{model}"), id=f"{name}-{model}")
+    for name in gallery.names()
+    for model in MODELS
+]
+CLOSES = 0.02  # energy residual over the work
+
+_runs = {}
+
+
+@pytest.fixture(scope="session")
+def ran(tmp_path_factory):
+    """Run a scene once a session; its summary."""
+
+    def once(name, model, *settings):
+        key = (name, model, *settings)
+        if key not in _runs:
+            path = tmp_path_factory.mktemp("logs") / f"{name}-{model}.mcap"
+            _runs[key] = simulate(load(name, model, settings), path)
+        return _runs[key]
+
+    return once
+
+
+@pytest.mark.parametrize(("name", "model"), CASES)
+def test_scene_comes_out_as_expected(ran, name, model):
+    result = ran(name, model)
+    assert (result["status"], result["message"]) == ("ok", "")
+    scene = load(name, model)
+    made = {n for n, check in scene.expect.items() if check.track in (None, model)}
+    assert set(result["checks"]) == made
+    wrong = {n: check for n, check in result["checks"].items() if not check["ok"]}
+    assert wrong == {}
+
+
+@pytest.mark.parametrize(("name", "model"), CASES)
+def test_log_is_whole_and_energy_closes(ran, name, model):
+    result = ran(name, model)
+    assert verify(result["log"]).code == WHOLE
+    assert abs(result["energy"]["residual_relative"]) < CLOSES
+    parts = result["energy"]["port"] + sum(result["energy"]["integration"].values())
+    assert parts == pytest.approx(result["energy"]["residual"], abs=1e-6)
+
+
+BRIEF = ("run.stop=0.3 s", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run.outputs=1")
+
+
+@pytest.mark.xdist_group("straight-brief")
+@pytest.mark.parametrize("component", ["chassis", "left_track", "right_track", "left_drive", "right_drive"])
+def test_every_component_of_straight_replays_bit_by_bit(ran, component):
+    result = ran("straight", "flexible", *BRIEF)
+    with rerun.opened(result["log"], component, None) as again:
+        verdict = again.verify()
+    assert verdict.difference is None, verdict.sentence
+    assert verdict.steps == 300
+
+
+@pytest.mark.xdist_group("straight-brief")
+def test_replay_notices_another_parameter(ran):
+    result = ran("straight", "flexible", *BRIEF)
+    with rerun.opened(result["log"], "left_drive", None) as again:
+        other = again._replace(parameters={**again.parameters, "speed.end": 20.0 * (1 + 1e-12)})
+        verdict = other.verify()
+    assert verdict.difference is not None
+    assert verdict.sentence.startswith("different: left_drive.")
+
+
+@pytest.mark.xdist_group("straight-brief")
+def test_rigid_links_under_the_wheels_of_flexible_ones(ran, tmp_path):
+    result = ran("straight", "flexible", *BRIEF)
+    with rerun.opened(result["log"], "left_track", "rigid") as again:
+        lines = again.answer(tmp_path / "answer.mcap")
+    assert any(line.startswith("sprocket.force.x") for line in lines)
+    with Log(tmp_path / "answer.mcap") as log:
+        assert len(log.read("/left_track/out").t) == 301
+
+
+@pytest.mark.xdist_group("straight-brief")
+def test_impulse_across_the_ports(ran):
+    result = ran("straight", "flexible", *BRIEF)
+    with Log(result["log"]) as log:
+        run = Evidence(log)
+        assert third_law(run, "", Window(0.0, 0.3)) < 1e-12
+        series = log.read("/chassis/in")
+        column = series.names.index("left.road_wheel[3].force.z")
+        values = series.values.copy()
+        values[:, column] *= 1.001
+        log._series["/chassis/in"] = series._replace(values=values)
+        assert third_law(run, "", Window(0.0, 0.3)) > 1e-6, (
+            "a twin that loses a thousandth of a wheel's force"
+        )
+
+
+@pytest.mark.xdist_group("straight-brief")
+def test_port_energy_follows_the_communication_step(ran):
+    ports = []
+    for h in ("1 ms", "2 ms"):
+        result = ran("straight", "flexible", *BRIEF, f"run.step={h}")
+        with Log(result["log"]) as log:
+            ports.append(ledger(Evidence(log)).port)
+    assert 1.2 < ports[1] / ports[0] < 4.0
+
+
+@pytest.mark.xdist_group("settle-rigid")
+def test_models_settle_alike(ran):
+    found = [ran("settle", model)["observables"] for model in MODELS]
+    assert found[1]["settlement"] == pytest.approx(found[0]["settlement"], rel=0.02)
+    assert found[1]["ground_force"] == pytest.approx(found[0]["ground_force"], rel=1e-3)
+
+
+@pytest.mark.xdist_group("straight-rigid")
+def test_models_drive_alike(ran):
+    found = [ran("straight", model)["observables"] for model in MODELS]
+    for figure in ("distance", "speed"):
+        assert found[1][figure] == pytest.approx(found[0][figure], rel=0.01)
+
+
+TWINS = [
+    ("sprocket_bench", "polygon", "vehicle.sprocket.teeth=11"),  # 2 / 120 instead of 2 / 99
+    ("sprocket_bench", "pins_per_revolution", "vehicle.sprocket.teeth=11"),
+    ("hanging_chain", "sag", "chain.span=0.79"),
+    ("hanging_chain", "tension", "vehicle.gravity=9.83"),
+]
+
+
+@pytest.mark.parametrize(("name", "check", "setting"), TWINS)
+def test_expectations_can_fail(ran, name, check, setting):
+    assert ran(name, "flexible", setting)["checks"][check]["ok"] is False
+
+
+@pytest.mark.xdist_group("settle-flexible")
+def test_a_heavier_hull_is_noticed(ran):
+    twin = ran("settle", "flexible", "vehicle.chassis.mass=5600")
+    assert twin["checks"]["ground_force"]["ok"] is False
+    assert twin["observables"]["ground_force"] == pytest.approx(twin["observables"]["weight"], rel=1e-3)
+
+
+@pytest.mark.xdist_group("hanging_chain-flexible")
+def test_what_a_scene_does_not_declare_is_not_logged(ran):
+    with Log(ran("hanging_chain", "flexible")["log"]) as log:
+        assert set(log.topics) == {"/chain/in", "/chain/out", "/chain/links", "/stats/chain"}
+        assert [i["name"] for i in json.loads(log.attachment("system.json"))["instances"]] == ["chain"]
+        _, contact = log.signal("chain.energy.contact")
+        assert np.all(contact == 0.0)
+
+
+@pytest.mark.xdist_group("hanging_chain-flexible")
+def test_displaced_start_swings(ran):
+    result = ran("hanging_chain", "flexible", "track.start=displaced", "run.stop=0.5 s")
+    assert result["status"] == "ok"
+    with Log(result["log"]) as log:
+        assert log.signal("chain.energy.kinetic")[1].max() > 100.0
