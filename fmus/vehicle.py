@@ -224,7 +224,8 @@ def sentence(error: ValidationError, where: str) -> str:
     if first["type"] == "missing":
         return f"{where}: key '{key}' is missing"
     message = first["msg"].removeprefix("Value error, ")
-    return f"{where}: {key} = {first['input']!r}: {message[0].lower()}{message[1:]}"
+    value = "" if isinstance(first["input"], Mapping) else f" = {first['input']!r}"
+    return f"{where}: {key}{value}: {message[0].lower()}{message[1:]}"
 
 
 def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:

@@ -132,17 +132,19 @@ def test_models_drive_alike(ran):
         assert found[1][figure] == pytest.approx(found[0][figure], rel=0.01)
 
 
+# 2 / 120 instead of 2 / 99
+ELEVEN = ("vehicle.sprocket.teeth=11", "vehicle.sprocket.outer_radius=0.285 m")
 TWINS = [
-    ("sprocket_bench", "polygon", "vehicle.sprocket.teeth=11"),  # 2 / 120 instead of 2 / 99
-    ("sprocket_bench", "pins_per_revolution", "vehicle.sprocket.teeth=11"),
-    ("hanging_chain", "sag", "chain.span=0.79"),
-    ("hanging_chain", "tension", "vehicle.gravity=9.83"),
+    ("sprocket_bench", "polygon", ELEVEN),
+    ("sprocket_bench", "pins_per_revolution", ELEVEN),
+    ("hanging_chain", "sag", ("chain.span=0.79",)),
+    ("hanging_chain", "tension", ("vehicle.gravity=9.83",)),
 ]
 
 
-@pytest.mark.parametrize(("name", "check", "setting"), TWINS)
-def test_expectations_can_fail(ran, name, check, setting):
-    assert ran(name, "flexible", setting)["checks"][check]["ok"] is False
+@pytest.mark.parametrize(("name", "check", "settings"), TWINS)
+def test_expectations_can_fail(ran, name, check, settings):
+    assert ran(name, "flexible", *settings)["checks"][check]["ok"] is False
 
 
 @pytest.mark.xdist_group("settle-flexible")
@@ -166,4 +168,4 @@ def test_displaced_start_swings(ran):
     result = ran("hanging_chain", "flexible", "track.start=displaced", "run.stop=0.5 s")
     assert result["status"] == "ok"
     with Log(result["log"]) as log:
-        assert log.signal("chain.energy.kinetic")[1].max() > 100.0
+        assert log.signal("chain.energy.kinetic")[1].max() > 10.0
