@@ -166,10 +166,10 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         for roller in rollers:
             wiring += _wheel(track, roller, "chassis", f"{side}.{roller}")
         wiring += _wheel(drive, "mount", "chassis", f"{side}.sprocket")
-    for side in SIDES:
-        parts.append(
-            _drive(scene, f"{side}_drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0))
-        )
+    for side, sign in SIDES.items():
+        drive = _drive(scene, f"{side}_drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0))
+        drive.parameters["start.lateral"] = sign * vehicle.track.lateral
+        parts.append(drive)
     chassis = {"vehicle": vehicle.model_dump(), "chassis": {"sides": list(SIDES)}}
     parts.append(Part("chassis", "Chassis", chassis, _start(scene), CHASSIS))
     return Assembly(tuple(parts), tuple(wiring))

@@ -40,6 +40,7 @@ def parameter_ports() -> list[Port]:
     """What can be set before initialisation."""
     return [
         *start_pose(),
+        Port("start.lateral", "parameter", "m", "lateral position of the mount beside its place as built"),
         Port("start.angle", "parameter", "rad", "angle of the sprocket against the mount at the start"),
         Port("mode", "parameter", "1", "what turns the sprocket: a prescribed speed, a constant torque, or a "
              "controller that follows the speed profile", "speed", MODES),
@@ -105,6 +106,7 @@ class Model:
         values = {name: parameters.get(name, port.start) for name, port in self._defaults.items()}
         self._drive = self._checked(values)
         place_x, place_y, place_z = self._place
+        place_y += float(values["start.lateral"])
         heading = float(values["start.heading"])
         c, s = np.cos(heading), np.sin(heading)
         origin = [float(values[f"start.position.{axis}"]) for axis in "xyz"]
