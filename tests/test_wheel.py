@@ -1,0 +1,52 @@
+"""The wheel holds everything: unpacked elsewhere, it lists its scenes and builds an FMU from its own files."""
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def unpacked(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = folder.glob("cotrack-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder / "site")
+    return folder / "site"
+
+
+def cotrack(site, folder, *arguments):
+    environment = {**os.environ, "PYTHONPATH": str(site)}
+    command = [sys.executable, "-P", "-m", "orchestrator", *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+
+
+@pytest.mark.xdist_group("wheel")
+def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
+    assert (unpacked / "orchestrator" / "scenes" / "straight.toml").is_file()
+    assert (unpacked / "fmus" / "vehicles" / "m113.toml").is_file()
+    top = {path.name for path in unpacked.iterdir() if not path.name.endswith(".dist-info")}
+    assert top == {"fmus", "orchestrator"}
+    (entries,) = unpacked.glob("*.dist-info/entry_points.txt")
+    assert "cotrack = orchestrator.cli:main" in entries.read_text()
+
+
+@pytest.mark.xdist_group("wheel")
+def test_cotrack_runs_from_the_wheel(unpacked, tmp_path):
+    listed = cotrack(unpacked, tmp_path, "scenes")
+    assert listed.returncode == 0, listed.stderr
+    assert "straight" in listed.stdout
+    ran = cotrack(unpacked, tmp_path, "run", "hanging_chain", "--stop", "0.01", "--json")
+    assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "logs" / "hanging_chain-flexible.mcap").is_file()
+    built = cotrack(unpacked, tmp_path, "build", "hanging_chain", "-o", "out")
+    assert built.returncode == 0, built.stderr
+    assert (tmp_path / "out" / "TrackFlexible-hanging_chain.fmu").is_file()
