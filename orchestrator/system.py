@@ -17,6 +17,7 @@ from orchestrator.scene import BenchScene, ChainScene, Drive, RigScene, Scene, V
 
 TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y
+AXLE = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
 TRACK, DRIVE, CHASSIS = 0, 1, 2  # stages: force sides first
 
 Parameters = dict[str, float | int | str]
@@ -124,7 +125,7 @@ def _bench(scene: BenchScene) -> Assembly:
         ends=ends,
         transverse_damping=bench.transverse_damping,
     )
-    drive = _drive(scene, "drive", scene.drive, scene.vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0))
+    drive = _drive(scene, "drive", scene.drive, scene.vehicle.sprocket.spin_inertia, AXLE)
     return Assembly((_track(scene, "track", config), drive), _wheel("track", "sprocket", "drive", "sprocket"))
 
 
@@ -132,7 +133,7 @@ def _rig(scene: RigScene) -> Assembly:
     rig, vehicle = scene.rig, scene.vehicle
     parts = (
         _track(scene, "track", _rig_track(scene)),
-        _drive(scene, "drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0)),
+        _drive(scene, "drive", scene.drive, vehicle.sprocket.spin_inertia, AXLE),
         _drive(
             scene,
             "idler_drive",
@@ -157,22 +158,19 @@ def _rig_track(scene: RigScene) -> dict[str, Any]:
 def _vehicle(scene: VehicleScene) -> Assembly:
     vehicle, config = scene.vehicle, _vehicle_track(scene)
     rollers = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
-    parts: list[Part] = []
     wiring: list[Connection] = []
+    tracks, drives = [], []
     for side, sign in SIDES.items():
-        track, drive = f"{side}_track", f"{side}_drive"
-        parts.append(_track(scene, track, config, sign * vehicle.track.lateral))
+        track, drive, lateral = f"{side}_track", f"{side}_drive", sign * vehicle.track.lateral
+        tracks.append(_track(scene, track, config, lateral))
+        drives.append(_drive(scene, drive, scene.drive, vehicle.sprocket.spin_inertia, AXLE, lateral))
         wiring += _wheel(track, "sprocket", drive, "sprocket")
         for roller in rollers:
             wiring += _wheel(track, roller, "chassis", f"{side}.{roller}")
         wiring += _wheel(drive, "mount", "chassis", f"{side}.sprocket")
-    for side, sign in SIDES.items():
-        drive = _drive(scene, f"{side}_drive", scene.drive, vehicle.sprocket.spin_inertia, (0.0, 0.0, 0.0))
-        drive.parameters["start.lateral"] = sign * vehicle.track.lateral
-        parts.append(drive)
-    chassis = {"vehicle": vehicle.model_dump(), "chassis": {"sides": list(SIDES)}}
-    parts.append(Part("chassis", "Chassis", chassis, _start(scene), CHASSIS))
-    return Assembly(tuple(parts), tuple(wiring))
+    config = {"vehicle": vehicle.model_dump(), "chassis": {"sides": list(SIDES)}}
+    chassis = Part("chassis", "Chassis", config, _start(scene), CHASSIS)
+    return Assembly((*tracks, *drives, chassis), tuple(wiring))
 
 
 def _vehicle_track(scene: VehicleScene) -> dict[str, Any]:
@@ -236,9 +234,17 @@ def _track(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0
     return Part(name, TRACKS[track.model], config, parameters, TRACK)
 
 
-def _drive(scene: Scene, name: str, drive: Drive, inertia: float, mount: tuple[float, float, float]) -> Part:
+def _drive(
+    scene: Scene,
+    name: str,
+    drive: Drive,
+    inertia: float,
+    mount: tuple[float, float, float],
+    lateral: float = 0.0,
+) -> Part:
     config = {"vehicle": scene.vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
-    return Part(name, "SprocketDrive", config, {**_start(scene), **_drive_parameters(drive)}, DRIVE)
+    parameters = {**_start(scene), "start.lateral": lateral, **_drive_parameters(drive)}
+    return Part(name, "SprocketDrive", config, parameters, DRIVE)
 
 
 def _drive_parameters(drive: Drive) -> Parameters:

@@ -1,0 +1,92 @@
+"""The energy ledger: rotations between quaternions, ports, and books kept by the components themselves."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from orchestrator.energy import ledger, ports, turns
+from orchestrator.evidence import Evidence
+from orchestrator.reader import Log
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+
+
+def quaternions(rotations):
+    return rotations.as_quat(scalar_first=True)
+
+
+def test_turns_are_rotation_vectors_in_the_world():
+    vectors = np.array(
+        [[0.0, 0.02, 0.0], [0.01, -0.3, 0.2], [0.0, 0.0, 0.0], [1e-9, 0.0, 0.0], [0.0, 2.9, 0.0]]
+    )
+    rotation = Rotation.from_rotvec([0.3, -1.0, 2.0])
+    found = [quaternions(rotation)]
+    for vector in vectors:
+        rotation = Rotation.from_rotvec(vector) * rotation
+        found.append(quaternions(rotation))
+    q = np.array(found)
+    np.testing.assert_allclose(turns(q), vectors, atol=1e-12)
+    q[2] *= -1.0  # the same rotation
+    np.testing.assert_allclose(turns(q), vectors, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """The vehicle drives off at once, for half a second."""
+    settings = ["run.stop=0.5 s", "drive.ramp_start=0 s", "drive.ramp_time=0.5 s", "drive.speed=2 rad/s"]
+    path = tmp_path_factory.mktemp("energy") / "driven.mcap"
+    result = simulate(load("straight", "flexible", settings), path)
+    assert result["message"] == ""
+    return path
+
+
+@pytest.mark.xdist_group("driven")
+def test_every_wheel_and_mount_is_a_port(driven):
+    with Log(driven) as log:
+        found = ports(Evidence(log))
+    assert len(found) == 2 * (1 + 6 + 1)
+    assert ("left_track", "sprocket", "left_drive", "sprocket") in found
+    assert ("right_drive", "mount", "chassis", "right.sprocket") in found
+
+
+@pytest.mark.xdist_group("driven")
+def test_work_at_the_ports_is_what_the_components_received(driven):
+    """Chassis and drives integrate the work of their ports themselves."""
+    with Log(driven) as log:
+        run = Evidence(log)
+        books = ledger(run)
+
+        def change(name):
+            values = run.signal(name)[1]
+            return values[-1] - values[0]
+
+        received = change("chassis.port.work")
+        stored = sum(
+            change(f"chassis.energy.{part}") for part in ("kinetic", "gravity", "spring", "dissipated")
+        )
+        scale = abs(received) + abs(books.work)
+        assert books.integration["chassis"] == pytest.approx(received - stored, abs=1e-3 * scale)
+        for name in run.instances:
+            assert abs(books.integration[name]) < 0.02 * scale, name
+        assert abs(books.port) < 0.02 * scale
+
+
+@pytest.mark.xdist_group("driven")
+def test_a_lost_force_shows_in_the_books(driven):
+    with Log(driven) as log:
+        run = Evidence(log)
+        whole = ledger(run)
+        series = log.read("/chassis/in")
+        values = series.values.copy()
+        values[:, series.names.index("left.road_wheel[3].force.z")] *= 0.95
+        log._series["/chassis/in"] = series._replace(values=values)
+        broken = ledger(run)
+    assert abs(broken.integration["chassis"] - whole.integration["chassis"]) > 1.0
+
+
+def test_a_chain_at_rest_has_no_work(tmp_path):
+    result = simulate(load("hanging_chain", "flexible", ["run.stop=0.02 s"]), tmp_path / "rest.mcap")
+    energy = result["energy"]
+    assert energy["work"] == 0.0
+    assert abs(energy["residual_relative"]) < 1e-4
+    assert energy["port"] == 0.0

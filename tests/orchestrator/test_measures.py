@@ -1,0 +1,119 @@
+"""Measures on made-up records with known answers."""
+
+import numpy as np
+import pytest
+
+from orchestrator import measures
+from orchestrator.evidence import Links, Window
+
+TEETH, PITCH = 10, 0.1524
+RADIUS = PITCH / (2 * np.sin(np.pi / TEETH))
+RESTING = {"sprocket": {"teeth": TEETH}, "track": {"pitch": PITCH}}
+
+
+class Record:
+    """As much of a log as a measure looks at."""
+
+    def __init__(self, links=None, signals=None, **scene):
+        self.scene = {"vehicle": RESTING, **scene}
+        self.tracks = ("track",)
+        self.instances = ("track", "drive")
+        self._links, self._signals = links, signals or {}
+
+    def links(self, track):
+        return self._links
+
+    def signal(self, name, window=None):
+        t, values = self._signals[name]
+        inside = slice(None) if window is None else (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
+        return t[inside], values[inside]
+
+    def mean(self, name, window):
+        return float(self.signal(name, window)[1].mean())
+
+
+def on_the_sprocket(turned, reverse_numbers=False, pins=40):
+    """A chain that wraps half of the sprocket, its spans straight rearwards, turned by an angle at each time."""
+    t = np.linspace(0.0, 1.0, len(turned))
+    order = np.arange(pins)[::-1] if reverse_numbers else np.arange(pins)
+    forward, up = np.empty((len(t), pins)), np.empty((len(t), pins))
+    step = 2 * np.pi / TEETH
+    for k, angle in enumerate(turned):
+        place = (
+            order - angle / step * 1.0
+        ) % pins  # in pitches, 0 at the front, growing against forward motion
+        place = np.where(place > pins / 2, place - pins, place)
+        bend = np.clip(place * step, -np.pi / 2, np.pi / 2)
+        span = np.sign(place) * np.maximum(np.abs(place) - TEETH / 4, 0.0) * PITCH
+        forward[k] = RADIUS * np.cos(bend) - np.abs(span)
+        up[k] = RADIUS * np.sin(bend)
+    return Links(t, forward, up, np.full((len(t), pins), 15e3))
+
+
+@pytest.mark.parametrize("reverse_numbers", [False, True])
+@pytest.mark.parametrize("revolutions", [1.0, 3.37, -2.0])
+def test_pins_are_counted_with_fractions(revolutions, reverse_numbers):
+    turned = np.linspace(0.1, 0.1 + 2 * np.pi * revolutions, 400)
+    links = on_the_sprocket(turned, reverse_numbers)
+    run = Record(links, {"drive.angle": (links.t, turned)})
+    window = Window(0.0, 1.0)
+    assert measures.pins_passed(run, "", window) == pytest.approx(TEETH * revolutions, abs=0.02)
+    assert measures.pins_per_revolution(run, "", window) == pytest.approx(TEETH, rel=5e-3)
+    slipping = Record(links, {"drive.angle": (links.t, turned * 1.02)})
+    assert measures.pins_per_revolution(slipping, "", window) != pytest.approx(TEETH, rel=1e-2)
+
+
+@pytest.mark.parametrize("ripple", [0.0202, 0.0166])
+def test_polygon_ripple_is_the_first_tooth_harmonic_of_the_speed(ripple):
+    omega, mean = 0.5, 0.121
+    t = np.arange(0.0, 8.0, 0.01)
+    w = TEETH * omega
+    # integral of mean (1 + ripple cos(w t + 0.3) + 0.3 ripple cos(2 w t))
+    x = -3.0 + mean * (t + ripple / w * (np.sin(w * t + 0.3) + 0.15 * np.sin(2 * w * t)))
+    pins = np.stack([x, x + PITCH], axis=1)
+    links = Links(t, pins, np.array([[0.25, -0.25]] * len(t)), np.zeros((len(t), 1)))
+    run = Record(links, {"drive.speed": (t, np.full_like(t, omega))})
+    assert measures.polygon_ripple(run, "", Window(0.5, 8.0)) == pytest.approx(ripple, rel=1e-3)
+
+
+def spans(upper, lower):
+    """Two rows of links between axles 4 m apart."""
+    x = np.linspace(-3.9, -0.1, 27)
+    forward = np.concatenate([x, x[::-1]])[None]
+    up = np.concatenate([np.full(27, 0.25), np.full(27, -0.25)])[None]
+    tension = np.where(up > 0, upper, lower)
+    return Links(np.zeros(1), forward, up, tension)
+
+
+@pytest.mark.parametrize(
+    ("upper", "lower", "speed", "sense"), [(17e3, 15e3, 3.0, 1), (15e3, 17e3, -3.0, 1), (15e3, 17e3, 3.0, -1)]
+)
+def test_spans(upper, lower, speed, sense):
+    torque = (upper - lower) * TEETH * PITCH / (2 * np.pi)
+    signals = {
+        "drive.torque": (np.zeros(1), np.array([torque])),
+        "drive.speed": (np.zeros(1), np.array([speed])),
+    }
+    run = Record(spans(upper, lower), signals, rig={"axle_distance": 4.0})
+    window = Window(0.0, 0.0)
+    assert measures.span_tension(run, "upper", window) == upper
+    assert measures.span_moment_ratio(run, "", window) == pytest.approx(1.0)
+    assert measures.tight_span_enters(run, "", window) == sense
+
+
+def test_sag():
+    links = Links(np.zeros(1), np.array([[0.0, 1.0, 2.0]]), np.array([[0.5, -1.5, 0.5]]), np.zeros((1, 2)))
+    assert measures.sag(Record(links), "", Window(0.0, 0.0)) == 2.0
+
+
+@pytest.mark.parametrize(
+    ("how", "value"),
+    [("mean", 2.0), ("min", 1.0), ("max", 4.0), ("last", 1.0), ("drop", 1.0), ("ripple", 1.5), ("rms", np.sqrt(5.5))],
+)  # fmt: skip
+def test_reductions(how, value):
+    assert measures.reduce(np.array([2.0, 1.0, 4.0, 1.0]), how) == pytest.approx(value)
+
+
+def test_every_measure_has_its_own_name():
+    assert all(name == measure.__name__ for name, measure in measures.NAMES.items())
+    assert all(measure.__doc__ for measure in measures.NAMES.values())
