@@ -9,7 +9,7 @@ import signal
 import threading
 import time
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,8 +17,9 @@ from typing import Any
 
 from orchestrator import master, summary
 from orchestrator.component import Component, ComponentFailed
+from orchestrator.coupling.tracks_first import gather
 from orchestrator.evidence import Evidence
-from orchestrator.graph import System, wire
+from orchestrator.graph import Stages, System, wire
 from orchestrator.observers import STATS, Logging, ProgressBar
 from orchestrator.reader import Log
 from orchestrator.recorder import LogFailed, Recorder
@@ -46,7 +47,7 @@ def simulate(
     with ExitStack() as stack:
         components = load(graph, scene.run.stop, stack, logger)
         stages = wire(graph, components)
-        warm_up(components.values(), scene.run.step)
+        warm_up(stages, scene.run.step)
         clock = master.Clock(scene.run.step, scene.run.steps)
         outcome, startup, wall = master.Outcome("failed", "", 0), 0.0, 0.0
         try:
@@ -98,11 +99,14 @@ def load(graph: System, stop: float, stack: ExitStack, logger: Logger | None = N
     return components
 
 
-def warm_up(components: Iterable[Component], h: float) -> None:
+def warm_up(stages: Stages, h: float) -> None:
     """One step and back, bit for bit: what a first step compiles or loads belongs to the start-up."""
-    for component in components:
+    for member in (member for stage in stages for member in stage):
+        component = member.component
+        assert isinstance(component, Component)
         if not component.description.coSimulation.canGetAndSetFMUstate:
             continue
+        gather(member)
         state = component.save()
         with suppress(ComponentFailed):  # a step that really fails does so again, and is heard of then
             component.write()

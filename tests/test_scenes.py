@@ -118,6 +118,20 @@ def test_port_energy_follows_the_communication_step(ran):
     assert 1.2 < ports[1] / ports[0] < 4.0
 
 
+@pytest.mark.xdist_group("heading")
+@pytest.mark.parametrize("model", MODELS)
+def test_heading_changes_nothing(ran, model):
+    pair = []
+    for heading in (0, 37):
+        settings = ("run.stop=4 s", "run.links=200", f"start.heading={heading} deg")
+        with Log(ran("straight", model, *settings)["log"]) as log:
+            pair.append([log.signal(name) for name in ("chassis.speed", "left_track.tension.mean")])
+    for (t, straight), (_, turned) in zip(*pair, strict=True):
+        late = t >= 2.0
+        difference = np.sqrt(np.mean((turned - straight)[late] ** 2))
+        assert difference < 1e-3 * abs(straight[late].mean())
+
+
 @pytest.mark.xdist_group("settle-rigid")
 def test_models_settle_alike(ran):
     found = [ran("settle", model)["observables"] for model in MODELS]
