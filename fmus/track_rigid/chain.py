@@ -357,7 +357,7 @@ def _pull(link, ends, env, s, w):
 
 
 @kernel
-def _pins(link, ends, s, w):
+def pins(link, ends, s, w):
     """Rotation matrices of the links, equations and axis rows of the pins."""
     y, n, p = w.system, s.q.shape[0], s.lam.shape[0]
     for i in range(n):
@@ -373,7 +373,6 @@ def _pins(link, ends, s, w):
         elif j == n and ends.last:
             pin.equations(link.half, s.q[n - 1], y.A[n - 1], w.ground[1], w.still, y.C[n])
             pin.axis_rows(y.A[n - 1], w.still, y.WP[n], y.WQ[n])
-    augmented.compliance(ends, y, s.lam)
 
 
 @kernel
@@ -423,7 +422,8 @@ def residual(link, ends, env, wheels, s, w, by, tangent):
     for k in range(POWER, TALLY):
         s.tally[k] = 0.0
     s.F[:] = 0.0
-    _pins(link, ends, s, w)
+    pins(link, ends, s, w)
+    augmented.compliance(ends, w.system, s.lam)
     _inertia(link, env.gravity, s, w, by, tangent)
     if w.rows.shape[0] > 0:
         _rims(link, env.wheel, wheels, s, w, by.v, tangent)
@@ -493,7 +493,7 @@ def newton(link, ends, env, wheels, method, h, tolerance, s, w, counters):
             residual(link, ends, env, wheels, s, w, by, fresh)
             counters[1] += 1
         if fresh:
-            failed = augmented.factor(link.half, ends, y)
+            failed = augmented.factor(link.half, ends, y, 1.0)
             if failed >= 0:
                 return failed
         augmented.solve(link.half, ends, y)
@@ -563,7 +563,7 @@ def accelerations(link, ends, env, wheels, s, w):
             pin.velocity_terms(link.half, w.still, 0.0 * s.v[0, 3:], y.A[0], s.v[0, 3:], y.C[0])
         elif j == n and ends.last:
             pin.velocity_terms(link.half, y.A[n - 1], s.v[n - 1, 3:], w.still, 0.0 * s.v[0, 3:], y.C[n])
-    failed = augmented.factor(link.half, ends, y)
+    failed = augmented.factor(link.half, ends, y, augmented.REGULAR)
     if failed >= 0:
         return failed
     augmented.solve(link.half, ends, y)
@@ -624,7 +624,7 @@ def advance(link, ends, env, wheels, method, rows, h, step, s, w, counters):
     Steps of ``step`` at most; one that Newton cannot do is halved. Returns as ``newton``.
     """
     w.impulse[:] = 0.0
-    speed = _speed(link, ends, s, w)
+    speed = chain_speed_of(link, ends, s, w)
     dt = h / np.ceil(h / step - 1e-9)
     done = 0.0
     while done < h * (1.0 - 1e-12):
@@ -652,7 +652,7 @@ def advance(link, ends, env, wheels, method, rows, h, step, s, w, counters):
                 s.W[k, c] = W1
         s.tally[DISSIPATED] += 0.5 * dt * (w.tally0[POWER] + s.tally[POWER])
         s.tally[WORK] += 0.5 * dt * (w.tally0[LOAD_POWER] + s.tally[LOAD_POWER])
-        before, speed = speed, _speed(link, ends, s, w)
+        before, speed = speed, chain_speed_of(link, ends, s, w)
         s.tally[TRAVEL] += 0.5 * dt * (before + speed)
     return -1
 
@@ -662,7 +662,7 @@ def measure(link, ends, env, s, w, tension, report):
     """Tensions of the links (n), and the report of fmus.track but for the ground force."""
     n, p, A = s.q.shape[0], s.lam.shape[0], w.system.A
     report[0] = s.tally[TRAVEL]
-    report[1] = _speed(link, ends, s, w)
+    report[1] = chain_speed_of(link, ends, s, w)
     low, high, mean, kinetic, height = np.inf, -np.inf, 0.0, 0.0, 0.0
     for i in range(n):
         j = (i + 1) % p
@@ -701,7 +701,7 @@ def pin_motion(link, s, w):
 
 
 @kernel
-def _speed(link, ends, s, w):
+def chain_speed_of(link, ends, s, w):
     """Speed of the chain along itself, m/s."""
     pin_motion(link, s, w)
     return chain_speed(w.pins[0], w.pins[1], ends.closed)

@@ -12,12 +12,14 @@ from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 from fmus.ports import Port
 from fmus.track import GROUND, TrackModel
-from fmus.track_rigid import chain
+from fmus.track_rigid import chain, explicit
 from fmus.track_rigid.chain import Link
 
 
 class Model(TrackModel):
-    """Rigid links joined by exact pins, integrated implicitly."""
+    """Rigid links joined by exact pins, integrated implicitly or, for reference, explicitly."""
+
+    integrators = ("generalized_alpha", "runge_kutta")
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Integration of the links."""
@@ -47,6 +49,7 @@ class Model(TrackModel):
         self.views = chain.views(self.chain, n, self.closed, wheels)
         self.work = chain.work(n, self.closed, wheels)
         self.tensions = np.zeros(n)
+        self.slopes = explicit.slopes(n)
 
     def _system(self) -> tuple:
         return self.link, self.ends, self.environment, self.wheels
@@ -84,12 +87,34 @@ class Model(TrackModel):
         """Integrate over the communication step."""
         if not np.isfinite(self.rows).all():
             raise StepFailed(f"a wheel's motion is not a number at t = {t:.6g} s")
-        s, w = self.views, self.work
-        failed = chain.advance(*self._system(), self.method, self.rows, h, self.max_step, s, w, self.counters)
-        if failed >= 0:
-            raise self.failed(
-                t, "Newton's iteration of the chain did not converge", failed, abs(w.system.r).max()
+        if self.integrator == "runge_kutta":
+            failed = explicit.march(
+                *self._system(),
+                self.rows,
+                h,
+                min(self.max_step, explicit.LIMIT),
+                self.views,
+                self.work,
+                self.chain[: 13 * self.links_count],
+                self.slopes,
+                self.counters,
             )
+        else:
+            failed = chain.advance(
+                *self._system(),
+                self.method,
+                self.rows,
+                h,
+                self.max_step,
+                self.views,
+                self.work,
+                self.counters,
+            )
+        if failed >= 0:
+            what = "Newton's iteration of the chain did not converge"
+            if self.integrator == "runge_kutta":
+                what = "the explicit integration of the chain blew up"
+            raise self.failed(t, what, failed, abs(self.work.system.r).max())
         self._publish(h)
 
     def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:

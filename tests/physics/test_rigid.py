@@ -178,7 +178,7 @@ def test_solver_equals_dense(ends: Ends):
             C[j] = 0.0
     whole = np.block([[K, -B.T], [B, D]])
     expected = -np.linalg.solve(whole, np.concatenate([s.r.ravel(), C.ravel()]))
-    assert augmented.factor(HALF, ends, s) == -1
+    assert augmented.factor(HALF, ends, s, 1.0) == -1
     augmented.solve(HALF, ends, s)
     found = np.concatenate([s.dx.ravel(), s.dl.ravel()])
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()

@@ -26,6 +26,7 @@ from fmus.physics.rigid import pin
 
 STIFFNESS = 1e9  # of the closing pin, N/m along its axis
 TILTING = 1e7  # and N m/rad
+REGULAR = 1e7  # 1/s2: the compliance is then 0.01 1/kg, near that of a link
 SIX = (0,) * 6  # the size of a link's block, for the inversion
 
 
@@ -101,8 +102,12 @@ def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
 
 
 @kernel
-def factor(half, ends, s):
-    """Factor the system whose A, WP, WQ and K are set. Returns -1, or the index of what is singular."""
+def factor(half, ends, s, scale):
+    """Factor the system whose A, WP, WQ and K are set. Returns -1, or the index of what is singular.
+
+    ``scale`` multiplies the compliance of the closing pin: 1 where dl are forces of a spring; where K is the bare
+    mass, ``REGULAR`` makes it as large as the links' own, and the unloaded spring shows as little.
+    """
     n, p = s.K.shape[0], s.C.shape[0]
     SA, SU, SL = s.S[0], s.S[1], s.S[2]
     SA[:] = 0.0
@@ -121,9 +126,9 @@ def factor(half, ends, s):
         close = 0 if ends.closed else n
         for i in range(3):
             for k in range(3):
-                SA[close, i, k] += s.A[link, i, 1] * s.A[link, k, 1] / STIFFNESS
-        SA[close, 3, 3] += 1.0 / TILTING
-        SA[close, 4, 4] += 1.0 / TILTING
+                SA[close, i, k] += s.A[link, i, 1] * s.A[link, k, 1] * scale / STIFFNESS
+        SA[close, 3, 3] += scale / TILTING
+        SA[close, 4, 4] += scale / TILTING
     return block_cyclic.factor(SA, SU, SL, s.factors, ends.closed)
 
 
@@ -200,3 +205,20 @@ def _apply(half, A, WQ, WP, x, before, after):
     for k in range(2):
         before[3 + k] += WQ[k, 0] * x[3] + WQ[k, 1] * x[4] + WQ[k, 2] * x[5]
         after[3 + k] += WP[k, 0] * x[3] + WP[k, 1] * x[4] + WP[k, 2] * x[5]
+
+
+@kernel
+def rates(half, ends, s, v):
+    """Rates of the pins' equations for the velocities ``v`` (n, 6) of the links, into C."""
+    n, p = s.K.shape[0], s.C.shape[0]
+    for j in range(p):
+        for k in range(5):
+            s.C[j, k] = 0.0
+    for i in range(n):
+        _apply(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], v[i], s.C[i], s.C[(i + 1) % p])
+    if not ends.closed:
+        for k in range(5):
+            if not ends.first:
+                s.C[0, k] = 0.0
+            if not ends.last:
+                s.C[n, k] = 0.0

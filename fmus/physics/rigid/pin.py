@@ -15,8 +15,6 @@ N m. The Jacobian by the increments of the two bodies (rigid/body.py) is, row by
 
 from __future__ import annotations
 
-import numpy as np
-
 from fmus.jit import kernel
 
 
@@ -62,33 +60,32 @@ def jacobian(half, AP, AQ, BP, BQ):
 @kernel
 def velocity_terms(half, AP, wP, AQ, wQ, g):
     """The part ``g`` (5) of the equations' second derivative that is quadratic in the velocities."""
-    p = _turning(AP, wP)
-    q = _turning(AQ, wQ)
+    x, xx = _whirl(AP, wP, 0)
+    z, zz = _whirl(AP, wP, 2)
+    y, yy = _whirl(AQ, wQ, 1)
+    _, qq = _whirl(AQ, wQ, 0)
     g[3] = 0.0
     g[4] = 0.0
     for i in range(3):
-        xP, yQ, zP = AP[i, 0], AQ[i, 1], AP[i, 2]
-        xP1, zP1, yQ1 = p[0, i, 0], p[0, i, 2], q[0, i, 1]
-        g[i] = half * (p[1, i, 0] + q[1, i, 0])
-        g[3] += p[1, i, 0] * yQ + 2.0 * xP1 * yQ1 + xP * q[1, i, 1]
-        g[4] += p[1, i, 2] * yQ + 2.0 * zP1 * yQ1 + zP * q[1, i, 1]
+        g[i] = half * (xx[i] + qq[i])
+        g[3] += xx[i] * AQ[i, 1] + 2.0 * x[i] * y[i] + AP[i, 0] * yy[i]
+        g[4] += zz[i] * AQ[i, 1] + 2.0 * z[i] * y[i] + AP[i, 2] * yy[i]
 
 
 @kernel
-def _turning(A, w):
-    """A w~ and A w~ w~, (2, 3, 3): rates and centripetal terms of the body axes. Only used once a run."""
-    s = np.zeros((3, 3))
-    s[0, 1], s[0, 2], s[1, 0], s[1, 2], s[2, 0], s[2, 1] = -w[2], w[1], w[2], -w[0], -w[1], w[0]
-    out = np.zeros((2, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                out[0, i, j] += A[i, k] * s[k, j]
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                out[1, i, j] += out[0, i, k] * s[k, j]
-    return out
+def _whirl(A, w, k):
+    """Rate w cross e and centripetal term w cross (w cross e) of the body axis ``k``, world; ``w`` in body axes."""
+    a, b = (k + 1) % 3, (k + 2) % 3
+    u, v = w[b], -w[a]  # w cross e_k = w_b e_a - w_a e_b
+    down = w[a] * w[a] + w[b] * w[b]
+    return (
+        (A[0, a] * u + A[0, b] * v, A[1, a] * u + A[1, b] * v, A[2, a] * u + A[2, b] * v),
+        (
+            w[k] * (A[0, a] * w[a] + A[0, b] * w[b]) - A[0, k] * down,
+            w[k] * (A[1, a] * w[a] + A[1, b] * w[b]) - A[1, k] * down,
+            w[k] * (A[2, a] * w[a] + A[2, b] * w[b]) - A[2, k] * down,
+        ),
+    )
 
 
 @kernel
