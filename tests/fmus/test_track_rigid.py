@@ -374,7 +374,7 @@ def test_integrators_agree():
     one, other = found
     assert one["speed"] == pytest.approx(other["speed"], rel=5e-3)
     assert one["travel"] == pytest.approx(other["travel"], rel=1e-2)
-    assert one["tension.mean"] == pytest.approx(other["tension.mean"], rel=5e-3)
+    assert one["tension.mean"] == pytest.approx(other["tension.mean"], rel=2e-2)
     assert one["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=2e-2)
 
 
