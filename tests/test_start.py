@@ -15,7 +15,7 @@ from orchestrator.system import assemble, placed
 def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model):
     x, y, z, heading = 5.0, -2.0, 0.25, 0.6
     settings = [f"start.position=[{x}, {y}, {z}]", f"start.heading={heading}"]
-    scene = placed(load("straight", model, settings + ["run.stop=2e-3"]))
+    scene = placed(load("straight", model, [*settings, "run.stop=2e-3"]))
     path = tmp_path / "start.mcap"
     simulate(scene, path)
     log = Log(path)
