@@ -28,8 +28,8 @@ from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import System
 
-GAP = 1e-12  # largest misfit of a pin, m and rad
-FORCE = 1e-7  # largest residual of a link, relative to weight and pull
+GAP = 1e-11  # largest misfit of a pin, m and rad: 1e-12 of the length of a track
+FORCE = 1e-6  # largest residual of a link, relative to weight and pull; what is left goes into the accelerations
 ITERATIONS = 15  # of Newton, before a step is given up
 REUSE = 0.1  # keep the tangent while an iteration leaves less than this of the residual
 BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # of the pseudo-transient: backward Euler

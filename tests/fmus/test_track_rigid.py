@@ -134,7 +134,7 @@ def test_released_chain_explicitly():
     assert tips[-1] == pytest.approx(9.413161, abs=1e-6)
     assert 3.5 < np.log2((tips[0] - tips[1]) / (tips[1] - tips[2])) < 5.5
     chain.pins(rods.link, rods.ends, rods.s, rods.work)
-    assert np.abs(rods.work.system.C).max() < 1e-12
+    assert np.abs(rods.work.system.C).max() < 1e-11
 
 
 def test_energy_of_the_released_chain():
@@ -148,11 +148,11 @@ def test_pins_do_not_drift():
     loop = tumbling().run(0.5, 1e-3)
     ends = loop.pins()
     chord = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
-    assert np.abs(chord - P).max() < 2e-12
+    assert np.abs(chord - P).max() < 2e-11
     half = loop.link.half * loop.work.system.A[:, :, 0]
     gap = np.roll(loop.s.q[:, :3] + half, 1, axis=0) - (loop.s.q[:, :3] - half)
-    assert np.abs(gap).max() < 2e-12
-    assert np.abs(loop.work.system.A[:, :, 1] - loop.work.system.A[0, :, 1]).max() < 1e-11
+    assert np.abs(gap).max() < 1e-11
+    assert np.abs(loop.work.system.A[:, :, 1] - loop.work.system.A[0, :, 1]).max() < 1e-10
 
 
 def tumbling(n=12):
@@ -360,7 +360,7 @@ def test_sprocket_drives_the_chain_over_wheels_and_ground(track):
     assert model.counters[3] == 0
     assert model.counters[2] < 4 * 400
     worst = np.abs(model.work.system.C).max()
-    assert worst < 1e-12
+    assert worst < 1e-11
 
 
 def test_integrators_agree():
@@ -375,7 +375,7 @@ def test_integrators_agree():
     assert one["speed"] == pytest.approx(other["speed"], rel=5e-3)
     assert one["travel"] == pytest.approx(other["travel"], rel=1e-2)
     assert one["tension.mean"] == pytest.approx(other["tension.mean"], rel=2e-2)
-    assert one["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=2e-2)
+    assert one["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=0.05)
 
 
 def test_guides_take_the_chain_along_sideways(track):
