@@ -13,9 +13,7 @@ import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain_layout import closed_polygon, hanging_arc, over_sprocket, rescaled
-from fmus.physics.contact.law import Law
-from fmus.physics.contact.partner import WIDTH, read_states, to_world
-from fmus.physics.contact.teeth import Teeth, teeth
+from fmus.physics.wheels import WIDTH, read_states, to_world
 from fmus.ports import WRENCH, Port, start_pose, wheel_state, wrench
 
 # Outputs of a chain after the wrenches, in the order of its report: name, unit, text.
@@ -63,28 +61,13 @@ SLIP = 16
 PINNED, PULLED, LOOP = 1, 2, 0  # how the ends of a chain are held
 
 
-class Wheels(NamedTuple):
-    """The contact partners of a chain, constant through a run."""
-
-    teeth: np.ndarray  # (m) int: 1 where the wheel has teeth
-    radius: np.ndarray  # (m) radius of the rim, m (outer radius of the pins' path for teeth)
-    profile: Teeth  # the outline of the teeth
-    half_width: float  # of a rim, m
-    clearance: float  # lateral play of the guides on each side, m
-
-
 class Environment(NamedTuple):
-    """What acts on a chain besides its wheels."""
+    """What acts on a chain besides what it touches."""
 
     gravity: float  # m/s2
-    ground: int  # 1 where there is a ground
-    height: float  # of the ground in the track's frame, m
     ends: int  # LOOP, PINNED or PULLED
     pull: np.ndarray  # (2, 3) force on the first and on the last pin, N
     transverse: float  # damping of each pin across the chain, N s/m
-    sprocket: Law
-    wheel: Law
-    soil: Law
 
 
 class TrackModel:
@@ -182,7 +165,9 @@ class TrackModel:
             )
         )
         ports.append(Port("step", "parameter", "s", "largest internal step", 1e-3))
-        for pair in ("sprocket", "wheel", "ground"):
+        kinds = {wheel["kind"] for wheel in self.wheel_list}
+        there = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": bool(self.config["ground"])}
+        for pair in (pair for pair, exists in there.items() if exists):
             law = vehicle["contact"][pair]
             for key, unit, text in (
                 ("stiffness", "N/m", "normal stiffness"),
@@ -205,20 +190,8 @@ class TrackModel:
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Lay the chain out and, unless told otherwise, let it come to rest on its wheels."""
         p = parameters
-        for key in (
-            "step",
-            "contact.sprocket.friction_velocity",
-            "contact.wheel.friction_velocity",
-            "contact.ground.friction_velocity",
-        ):
-            if not float(p[key]) > 0.0:
-                raise InvalidParameter(f"{key} = {p[key]}: must be greater than 0")
-        for pair in ("sprocket", "wheel", "ground"):
-            for key in ("stiffness", "damping", "friction"):
-                if not float(p[f"contact.{pair}.{key}"]) >= 0.0:
-                    raise InvalidParameter(
-                        f"contact.{pair}.{key} = {p[f'contact.{pair}.{key}']}: must not be negative"
-                    )
+        if not float(p["step"]) > 0.0:
+            raise InvalidParameter(f"step = {p['step']}: must be greater than 0")
         heading, lateral = float(p["start.heading"]), float(p["start.lateral"])
         c, s = np.cos(heading), np.sin(heading)
         self.frame[:] = (
@@ -230,8 +203,8 @@ class TrackModel:
         )
         self.max_step = float(p["step"])
         self.integrator = str(p["integrator"])
-        self.wheels = self._wheels()
-        self.environment = self._environment(p)
+        self.contacts = self._partners(p)
+        self.environment = self._environment()
         self.start_rows[:] = 0.0
         for row, wheel in zip(self.start_rows, self.wheel_list, strict=True):
             row[0], row[2] = wheel["position"]
@@ -242,37 +215,15 @@ class TrackModel:
         self._start(str(p["start"]))
         self._warnings.clear()
 
-    def _wheels(self) -> Wheels:
-        v = self.vehicle
-        sprocket = v["sprocket"]
-        try:
-            profile = teeth(
-                sprocket["teeth"],
-                self.pitch,
-                sprocket["pin_radius"],
-                sprocket["outer_radius"],
-                sprocket["seat_clearance"],
-                sprocket["flank_angle"],
-                sprocket["tip_radius"],
-            )
-        except ValueError as error:
-            raise InvalidParameter(f"sprocket: {error}") from None
-        toothed = np.array([w["kind"] == "teeth" for w in self.wheel_list], dtype=np.int64)
-        radius = np.array(
-            [profile.top if w["kind"] == "teeth" else w["radius"] for w in self.wheel_list], dtype=float
-        )
-        return Wheels(toothed, radius, profile, 0.5 * v["road_wheel"]["width"], v["guide"]["clearance"])
+    def _partners(self, p: Mapping[str, Any]) -> Any:
+        """What the chain touches (a ``fmus.contacts.Contacts``); None, and nothing of it imported, for nothing."""
+        if not (self.wheel_list or self.config["ground"]):
+            return None
+        from fmus.contacts import contacts
 
-    def _environment(self, p: Mapping[str, Any]) -> Environment:
-        laws = [
-            Law(
-                *(
-                    float(p[f"contact.{pair}.{key}"])
-                    for key in ("stiffness", "damping", "friction", "friction_velocity")
-                )
-            )
-            for pair in ("sprocket", "wheel", "ground")
-        ]
+        return contacts(self.vehicle, self.wheel_list, bool(self.config["ground"]), p)
+
+    def _environment(self) -> Environment:
         ends = self.config.get("ends")
         pull = np.zeros((2, 3))
         kind = LOOP
@@ -281,17 +232,8 @@ class TrackModel:
             if kind == PULLED:
                 pull[:, 0] = ends["first"][0], ends["last"][0]
                 pull[:, 2] = ends["first"][1], ends["last"][1]
-        v = self.vehicle
-        # pads just touch the ground under the road wheels of the drawn position
-        height = v["road_wheel"]["z"] - v["road_wheel"]["radius"] - 2.0 * v["track"]["face"]
         return Environment(
-            float(self.config["gravity"]),
-            int(bool(self.config["ground"])),
-            height,
-            kind,
-            pull,
-            float(self.config.get("transverse_damping", 0.0)),
-            *laws,
+            float(self.config["gravity"]), kind, pull, float(self.config.get("transverse_damping", 0.0))
         )
 
     def polygon(self) -> Floats:
@@ -328,6 +270,9 @@ class TrackModel:
 
     def step(self, t: float, h: float, u: Floats) -> None:
         """Advance by ``h`` with the wheels' states ``u`` given at ``t``."""
+        if not np.isfinite(u).all():
+            bad = [port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value)]
+            raise StepFailed(f"the input {bad[0]} is not a finite number at t = {t:.6g} s")
         read_states(u, self.frame, self.rows)
         self._watch(t)
         self.advance(t, h)

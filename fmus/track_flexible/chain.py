@@ -13,26 +13,23 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.ancf.cable import Cable, end_moments, energy, force, mass, shape, shape_slope, stiffness
+from fmus.physics.ancf.cable import Cable, end_moments, energy, force, mass, stiffness
 from fmus.physics.block_cyclic import factor, invert, solve, workspace
 from fmus.physics.chain_speed import chain_speed
-from fmus.physics.contact.friction import Scratch, scratch
-from fmus.physics.contact.ground import ground_contact
-from fmus.physics.contact.partner import collect, move
-from fmus.physics.contact.teeth import teeth_contact
-from fmus.physics.contact.wheel import GAUSS, bulge, reach, wheel_contact
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
+from fmus.physics.point import Scratch, scratch
+from fmus.physics.wheels import move
+from fmus.track_flexible.nodes import NODE, gather
+from fmus.track_flexible.sums import CONTACT, DEPTH, LOAD, POWER, SLIP, SUMS
+from fmus.track_flexible.touch import touch_links, touch_pins
 
-NODE = 8  # coordinates of a pin
 OUTER = np.array([0, 1, 2, 4, 6, 7, 8, 10])  # of an element's 12: those shared with its neighbours, 4 a pin
 INNER = np.array([3, 5, 9, 11])  # those of its own
 FROM = np.array([0, 1, 2, 5, 7, 6])  # where a beginning link's (position, slope) lie in its first pin
 TO = np.array([0, 1, 2, 3, 7, 4])  # where an ending link's lie in its second pin
+FOUR = (0,) * 4  # size of a block, for the inversion
 SHARED = np.array([0, 1, 2, 7])  # of a pin: what its two links share
 
-# entries of the sums of one evaluation
-CONTACT, POWER, DEPTH, LOAD, SLIP = 0, 1, 2, 3, 4
-SUMS = 5
 CHORD = 1e-5  # m: below such a correction the iteration matrix is kept
 
 
@@ -74,6 +71,9 @@ class Work(NamedTuple):
     u: np.ndarray  # (3)
     swap: np.ndarray  # (8)
     moved: np.ndarray  # (m, 15) wheels at the time of evaluation
+    touched: np.ndarray  # (links) whether a link touches a rim or the ground
+    load: np.ndarray  # (links, 4, 3) residual of its contacts, where touched
+    stiffening: np.ndarray  # (links, 12, 12) and their iteration matrix
     wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
     sums: np.ndarray  # (SUMS)
     contact: Scratch
@@ -106,6 +106,9 @@ def work(links: int, nodes: int, wheels: int) -> Work:
         z(3),
         z(8),
         z((wheels, 15)),
+        z(links, dtype=np.bool_),
+        z((links, 4, 3)),
+        z((links, 12, 12)),
         z((wheels + 1, 6)),
         z(SUMS),
         scratch(),
@@ -113,163 +116,9 @@ def work(links: int, nodes: int, wheels: int) -> Work:
 
 
 @kernel
-def gather(q, i, j, e):
-    """Element coordinates (4, 3) of the link from pin ``i`` to pin ``j``."""
-    for k in range(3):
-        e[0, k] = q[i, k]
-        e[2, k] = q[j, k]
-    e[1, 0], e[1, 1], e[1, 2] = q[i, 5], q[i, 7], q[i, 6]
-    e[3, 0], e[3, 1], e[3, 2] = q[j, 3], q[j, 7], q[j, 4]
-
-
-@kernel
-def locate(cable, e, de, xi, offset, S, C, x, u):
-    """Point at ``xi`` on the face ``offset`` outside the centreline: position ``x`` (3) and velocity ``u`` (3).
-
-    Leaves shape functions in ``S`` (4) and offset x slopes / |r_x| in ``C`` (4). Returns tangent (in x, z).
-    The normal is r_x x e_y; its change is -tangent (normal . dr_x) / |r_x|.
-    """
-    shape(cable, xi, S)
-    shape_slope(cable, xi, C)
-    a = b = da = db = 0.0
-    for k in range(4):
-        a += C[k] * e[k, 0]
-        b += C[k] * e[k, 2]
-        da += C[k] * de[k, 0]
-        db += C[k] * de[k, 2]
-    rho = np.sqrt(a * a + b * b)
-    t0, t2 = a / rho, b / rho
-    turn = offset * (t0 * db - t2 * da) / rho
-    for i in range(3):
-        x[i] = S[0] * e[0, i] + S[1] * e[1, i] + S[2] * e[2, i] + S[3] * e[3, i]
-        u[i] = S[0] * de[0, i] + S[1] * de[1, i] + S[2] * de[2, i] + S[3] * de[3, i]
-    x[0] -= offset * t2
-    x[2] += offset * t0
-    u[0] -= turn * t0
-    u[2] -= turn * t2
-    for k in range(4):
-        C[k] *= offset / rho
-    return t0, t2
-
-
-@kernel
-def push(f, S, C, t0, t2, R):
-    """Put a contact force at the point of ``locate`` on the residual of its link: R -= B^T f with B = S - C t n^T."""
-    along = f[0] * t0 + f[2] * t2
-    for k in range(4):
-        R[k, 0] -= S[k] * f[0] + C[k] * along * t2
-        R[k, 1] -= S[k] * f[1]
-        R[k, 2] -= S[k] * f[2] - C[k] * along * t0
-
-
-@kernel
-def stiffen(f_x, f_v, by_rate, S, C, t0, t2, K):
-    """Its part of the iteration matrix: K -= B^T (f_x + by_rate f_v) B."""
-    g00, g01, g02 = (
-        f_x[0, 0] + by_rate * f_v[0, 0],
-        f_x[0, 1] + by_rate * f_v[0, 1],
-        f_x[0, 2] + by_rate * f_v[0, 2],
-    )
-    g10, g11, g12 = (
-        f_x[1, 0] + by_rate * f_v[1, 0],
-        f_x[1, 1] + by_rate * f_v[1, 1],
-        f_x[1, 2] + by_rate * f_v[1, 2],
-    )
-    g20, g21, g22 = (
-        f_x[2, 0] + by_rate * f_v[2, 0],
-        f_x[2, 1] + by_rate * f_v[2, 1],
-        f_x[2, 2] + by_rate * f_v[2, 2],
-    )
-    # G t, t G and t G t; n = (-t2, 0, t0)
-    p0, p1, p2 = g00 * t0 + g02 * t2, g10 * t0 + g12 * t2, g20 * t0 + g22 * t2
-    o0, o1, o2 = g00 * t0 + g20 * t2, g01 * t0 + g21 * t2, g02 * t0 + g22 * t2
-    r = p0 * t0 + p2 * t2
-    for a in range(4):
-        for b in range(4):
-            ss, sc, cs, cc = S[a] * S[b], S[a] * C[b], C[a] * S[b], C[a] * C[b] * r
-            K[3 * a, 3 * b] -= ss * g00 + sc * p0 * t2 + cs * t2 * o0 + cc * t2 * t2
-            K[3 * a, 3 * b + 1] -= ss * g01 + cs * t2 * o1
-            K[3 * a, 3 * b + 2] -= ss * g02 - sc * p0 * t0 + cs * t2 * o2 - cc * t2 * t0
-            K[3 * a + 1, 3 * b] -= ss * g10 + sc * p1 * t2
-            K[3 * a + 1, 3 * b + 1] -= ss * g11
-            K[3 * a + 1, 3 * b + 2] -= ss * g12 - sc * p1 * t0
-            K[3 * a + 2, 3 * b] -= ss * g20 + sc * p2 * t2 - cs * t0 * o0 - cc * t0 * t2
-            K[3 * a + 2, 3 * b + 1] -= ss * g21 - cs * t0 * o1
-            K[3 * a + 2, 3 * b + 2] -= ss * g22 - sc * p2 * t0 - cs * t0 * o2 + cc * t0 * t0
-
-
-@kernel
-def note(sums, depth, stored, power):
-    """Book a contact."""
-    sums[CONTACT] += stored
-    sums[POWER] += power
-    sums[DEPTH] = max(sums[DEPTH], depth)
-
-
-@kernel
-def link_contacts(links, wheels, env, w, R, by_rate, tangent):
-    """Contacts of the faces of the link in ``w.e`` with rims and ground."""
-    e, de, S, C, x, u, K, sums, s = w.e, w.v, w.S, w.C, w.x, w.u, w.K, w.sums, w.contact
-    moved, wrench, cable = w.moved, w.wrench, links.cable
-    for k in range(wheels.radius.size):
-        if wheels.teeth[k]:
-            continue
-        low, high = reach(moved[k], wheels.radius[k], e[0], e[2], links.face)
-        if high <= low:
-            continue
-        for side in (-1.0, 1.0):
-            xi = 0.5 * (low + high) + side * GAUSS * (high - low)
-            t0, t2 = locate(cable, e, de, xi, -links.face, S, C, x, u)
-            depth, _, stored, power, _ = wheel_contact(
-                env.wheel, 0.5 * (high - low), wheels.radius[k], moved[k], x, u, s
-            )
-            if depth > 0.0:
-                note(sums, depth, stored, power)
-                collect(moved[k], x, s.f, wrench[k])
-                push(s.f, S, C, t0, t2, R)
-                if tangent:
-                    stiffen(s.f_x, s.f_v, by_rate, S, C, t0, t2, K)
-        sums[CONTACT] += bulge(env.wheel, wheels.radius[k], cable.l, low, high)
-    if env.ground and min(e[0, 2], e[2, 2]) - 1.1 * links.face - 0.1 * cable.l < env.height:
-        last = wheels.radius.size
-        for side in (-1.0, 1.0):
-            t0, t2 = locate(cable, e, de, 0.5 + side * GAUSS, links.face, S, C, x, u)
-            depth, normal, stored, power, _ = ground_contact(env.soil, 0.5, env.height, x, u, s)
-            if depth > 0.0:
-                note(sums, depth, stored, power)
-                sums[LOAD] += normal
-                sums[SLIP] -= normal * u[0]
-                for i in range(3):
-                    wrench[last, i] -= s.f[i]
-                push(s.f, S, C, t0, t2, R)
-                if tangent:
-                    stiffen(s.f_x, s.f_v, by_rate, S, C, t0, t2, K)
-
-
-@kernel
-def pin_loads(links, wheels, env, q, v, w, by_rate, tangent):
-    """Teeth, transverse damping and end loads on the pins; the residual goes into ``w.b``, the matrix into ``w.A``."""
+def pin_loads(links, env, q, v, w, by_rate, tangent):
+    """Transverse damping and end loads on the pins; the residual goes into ``w.b``, the matrix into ``w.A``."""
     nodes = q.shape[0]
-    for k in range(wheels.radius.size):
-        if not wheels.teeth[k]:
-            continue
-        row = w.moved[k]
-        for i in range(nodes):
-            d0, d2 = q[i, 0] - row[0], q[i, 2] - row[2]
-            if d0 * d0 + d2 * d2 > wheels.radius[k] ** 2:
-                continue
-            depth, _, stored, power, _ = teeth_contact(
-                env.sprocket, 1.0, wheels.profile, row, q[i, :3], v[i, :3], w.contact
-            )
-            if depth <= 0.0:
-                continue
-            note(w.sums, depth, stored, power)
-            collect(row, q[i, :3], w.contact.f, w.wrench[k])
-            for a in range(3):
-                w.b[i, a] -= w.contact.f[a]
-                if tangent:
-                    for b in range(3):
-                        w.A[i, a, b] -= w.contact.f_x[a, b] + by_rate * w.contact.f_v[a, b]
     if env.transverse > 0.0:
         for i in range(nodes):
             before, after = max(i - 1, 0), min(i + 1, nodes - 1)
@@ -305,7 +154,7 @@ def pin_loads(links, wheels, env, q, v, w, by_rate, tangent):
 
 
 @kernel
-def evaluate(links, wheels, env, q, v, vdot, by_rate, by_acceleration, w, tangent):
+def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tangent):
     """Residual M vdot + Q - Q_ext of the whole chain, condensed to the pins, into ``w.b``; with ``tangent`` also the
     condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``. Contact sums and wrenches on the wheels at ``w.moved``.
 
@@ -324,6 +173,8 @@ def evaluate(links, wheels, env, q, v, vdot, by_rate, by_acceleration, w, tangen
     mass(c, M)
     weight = c.rhoA * c.l * env.gravity
     worst, where = 0.0, 0
+    if contacts is not None:
+        touch_links(contacts, links, q, v, w, by_rate, tangent)
     for i in range(n):
         j = i + 1 if i + 1 < nodes else 0
         gather(q, i, j, e)
@@ -342,8 +193,13 @@ def evaluate(links, wheels, env, q, v, vdot, by_rate, by_acceleration, w, tangen
         if tangent:
             stiffness(c, e, de, by_rate, by_acceleration, K, W, V)
         sums[POWER] += force(c, e, de, r, W, V)[2]
-        if meets(links, wheels, env, w.moved, e):
-            link_contacts(links, wheels, env, w, r, by_rate, tangent)
+        if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
+            if w.touched[i]:
+                for a in range(4):
+                    for k in range(3):
+                        r[a, k] += w.load[i, a, k]
+                if tangent:
+                    K += w.stiffening[i]
         for k in range(2):
             worst, where = (abs(r[1, 2 * k]), i) if abs(r[1, 2 * k]) > worst else (worst, where)
             worst, where = (abs(r[3, 2 * k]), i) if abs(r[3, 2 * k]) > worst else (worst, where)
@@ -361,7 +217,9 @@ def evaluate(links, wheels, env, q, v, vdot, by_rate, by_acceleration, w, tangen
             b[j, k] += r[2, k]
         b[i, 3] += r[1, 1]
         b[j, 3] += r[3, 1]
-    pin_loads(links, wheels, env, q, v, w, by_rate, tangent)
+    if contacts is not None:
+        touch_pins(contacts, q, v, w, by_rate, tangent)
+    pin_loads(links, env, q, v, w, by_rate, tangent)
     for i in range(nodes):
         for k in range(4):
             if abs(b[i, k]) > worst:
@@ -379,19 +237,6 @@ def evaluate(links, wheels, env, q, v, vdot, by_rate, by_acceleration, w, tangen
 
 
 @kernel
-def meets(links, wheels, env, moved, e):
-    """Whether the link with coordinates ``e`` may touch a rim or the ground."""
-    if env.ground and min(e[0, 2], e[2, 2]) - 1.1 * links.face - 0.1 * links.cable.l < env.height:
-        return True
-    for k in range(wheels.radius.size):
-        d0, d2 = 0.5 * (e[0, 0] + e[2, 0]) - moved[k, 0], 0.5 * (e[0, 2] + e[2, 2]) - moved[k, 2]
-        far = wheels.radius[k] + links.face + 0.6 * links.cable.l
-        if wheels.teeth[k] == 0 and d0 * d0 + d2 * d2 < far * far:
-            return True
-    return False
-
-
-@kernel
 def condense(K, A, U, L, inner, right, left, swap, i, j):
     """Eliminate the own slopes of a link from its matrix ``K`` (12, 12), scatter the rest to its pins ``i`` and ``j``.
 
@@ -403,7 +248,7 @@ def condense(K, A, U, L, inner, right, left, swap, i, j):
             inner[a, b] = K[INNER[a], INNER[b]]
         for b in range(8):
             left[b, a] = K[OUTER[b], INNER[a]]
-    invert(inner, swap)
+    invert(inner, swap, FOUR)
     for a in range(4):
         for b in range(8):
             s = 0.0
@@ -462,7 +307,7 @@ def correct(links, w, q, v, vdot, by_rate, by_acceleration, longest):
 
 
 @kernel
-def relax(links, wheels, env, rows, q, tolerance, w):
+def relax(links, contacts, env, rows, q, tolerance, w):
     """Static equilibrium on wheels that stand still, from ``q`` (nodes, 8), by pseudo-time steps that grow.
 
     Friction and damping are left out. Returns the number of factorisations (negative: not converged) and the residual.
@@ -476,7 +321,7 @@ def relax(links, wheels, env, rows, q, tolerance, w):
         offset[:] = 0.0
         converged = False
         for _ in range(12):
-            worst, _ = evaluate(links, wheels, env, q, still, offset, 0.0, 1.0 / pseudo**2, w, True)
+            worst, _ = evaluate(links, contacts, env, q, still, offset, 0.0, 1.0 / pseudo**2, w, True)
             evaluations += 1
             if factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
                 break
@@ -494,7 +339,7 @@ def relax(links, wheels, env, rows, q, tolerance, w):
                 return -evaluations, worst
             continue
         offset[:] = 0.0
-        worst, _ = evaluate(links, wheels, env, q, still, offset, 0.0, 0.0, w, False)
+        worst, _ = evaluate(links, contacts, env, q, still, offset, 0.0, 0.0, w, False)
         if worst < tolerance:
             return evaluations, worst
         pseudo = min(2.0 * pseudo, 1e3)
@@ -502,7 +347,7 @@ def relax(links, wheels, env, rows, q, tolerance, w):
 
 
 @kernel
-def measure(links, wheels, env, q, v, w, report):
+def measure(links, env, q, v, w, report):
     """Fill the report (see fmus.track) with what the state and the sums of the last evaluation say."""
     n, nodes, c = links.count, q.shape[0], links.cable
     kinetic = strain_energy = gravity = 0.0
@@ -554,7 +399,7 @@ def axial(links, w):
 @kernel
 def advance(
     links,
-    wheels,
+    contacts,
     env,
     rows,
     h,
@@ -600,7 +445,7 @@ def advance(
         converged, failure, size = False, 1, np.inf
         for _ in range(12):
             fresh = size > CHORD  # close to the solution the last matrix serves once more
-            worst, where = evaluate(links, wheels, env, q, v, vdot, s.v, s.vdot, w, fresh)
+            worst, where = evaluate(links, contacts, env, q, v, vdot, s.v, s.vdot, w, fresh)
             counters[1] += 1
             if fresh:
                 counters[2] += 1
@@ -637,7 +482,7 @@ def advance(
                 report[11] += env.pull[0, k] * (q[0, k] - q0[0, k])
                 report[11] += env.pull[1, k] * (q[-1, k] - q0[-1, k])
         before = report[1]
-        measure(links, wheels, env, q, v, w, report)
+        measure(links, env, q, v, w, report)
         report[0] += 0.5 * dt * (before + report[1])
         done += dt
         counters[0] += 1

@@ -5,6 +5,8 @@ For short runs and soft links: a steel link's highest mode (3e5 rad/s) asks for 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.linalg import eigh
 
@@ -12,10 +14,11 @@ from fmus.jit import kernel
 from fmus.model import Floats
 from fmus.physics.ancf.cable import Cable, mass, stiffness
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.contact.partner import move
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
-from fmus.track import Environment, Wheels
-from fmus.track_flexible.chain import POWER, Links, Work, correct, evaluate, measure
+from fmus.physics.wheels import move
+from fmus.track import Environment
+from fmus.track_flexible.chain import Links, Work, correct, evaluate, measure
+from fmus.track_flexible.sums import POWER
 
 LIMIT = (
     2.4  # step times highest frequency, within the stability region of the method for lightly damped modes
@@ -31,16 +34,17 @@ def highest_frequency(cable: Cable) -> float:
     return float(np.sqrt(eigh(K, np.kron(M, np.eye(3)), eigvals_only=True)[-1]))
 
 
-def factor_mass(links: Links, wheels: Wheels, env: Environment, q: Floats, still: Floats, w: Work) -> bool:
+def factor_mass(links: Links, contacts: Any, env: Environment, q: Floats, still: Floats, w: Work) -> bool:
     """Factor the chain's mass into ``w``: the iteration matrix of links without stiffness. False: singular."""
     bare = links._replace(cable=links.cable._replace(EA=0.0, EI=0.0, nuA=0.0, nuI=0.0))
-    w.moved[:] = 1e9  # no wheel touches
-    evaluate(bare, wheels, env._replace(ground=0, transverse=0.0), q, still, still, 0.0, 1.0, w, True)
+    w.moved[:] = 1e9  # no wheel touches, nor ground
+    partners = contacts and contacts._replace(ground=0)
+    evaluate(bare, partners, env._replace(transverse=0.0), q, still, still, 0.0, 1.0, w, True)
     return bool(factor(w.A, w.U, w.L, w.factors, links.closed == 1) < 0)
 
 
 @kernel
-def march(links, wheels, env, rows, h, longest, x, still, scratch, k, w, mean, report, counters):
+def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean, report, counters):
     """Integrate over a communication step of ``h`` s in equal steps of at most ``longest`` s.
 
     ``x`` (2 n): coordinates, then rates, of all pins; ``k`` (4, 2 n), ``scratch`` (2, nodes, 8) are scratch; ``w``
@@ -61,7 +65,7 @@ def march(links, wheels, env, rows, h, longest, x, still, scratch, k, w, mean, r
             stage(RK4, i, dt, x, k, y)
             q, v = y[:n].reshape(nodes, 8), y[n:].reshape(nodes, 8)
             move(rows, (step + RK4.c[i]) * dt, w.moved)
-            evaluate(links, wheels, env, q, v, still, 0.0, 0.0, w, False)
+            evaluate(links, contacts, env, q, v, still, 0.0, 0.0, w, False)
             solve(w.A, w.U, w.factors, links.closed == 1, w.b)
             acceleration[:] = 0.0
             correct(links, w, acceleration, dummy, dummy, 0.0, 0.0, np.inf)
@@ -79,7 +83,7 @@ def march(links, wheels, env, rows, h, longest, x, still, scratch, k, w, mean, r
             if not abs(x[i]) < 1e9:
                 return 1, (step + 1) * dt
         q, v = x[:n].reshape(nodes, 8), x[n:].reshape(nodes, 8)
-        measure(links, wheels, env, q, v, w, report)
+        measure(links, env, q, v, w, report)
         report[0] += 0.5 * dt * (before + report[1])
     return 0, h
 

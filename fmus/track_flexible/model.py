@@ -13,19 +13,18 @@ from fmus.physics.block_cyclic import solve
 from fmus.ports import WRENCH, Port
 from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
 from fmus.track_flexible.chain import (
-    NODE,
-    POWER,
     Links,
     advance,
     axial,
     correct,
     evaluate,
-    gather,
     measure,
     relax,
     work,
 )
 from fmus.track_flexible.explicit import LIMIT, factor_mass, highest_frequency, march, scratch
+from fmus.track_flexible.nodes import NODE, gather
+from fmus.track_flexible.sums import POWER
 
 REST = 1e-3  # residual of static equilibrium, N
 
@@ -102,12 +101,14 @@ class Model(TrackModel):
         """Straight links between the pins, then static equilibrium if wanted."""
         self.settle_pins(pins)
         if rest:
-            smooth = self.environment._replace(
-                sprocket=self.environment.sprocket._replace(mu=0.0),
-                wheel=self.environment.wheel._replace(mu=0.0),
-                soil=self.environment.soil._replace(mu=0.0),
+            partners = self.contacts
+            if partners is not None:
+                from fmus.contacts import smooth
+
+                partners = smooth(partners)
+            count, residual = relax(
+                self.link, partners, self.environment, self.start_rows, self.q, REST, self.work
             )
-            count, residual = relax(self.link, self.wheels, smooth, self.start_rows, self.q, REST, self.work)
             if count < 0:
                 raise StepFailed(
                     f"static equilibrium of the track was not found: residual {residual:.3g} N after {-count} steps"
@@ -127,12 +128,12 @@ class Model(TrackModel):
         """Wrenches and report of the state as it stands, at rest."""
         self.work.moved[:] = self.start_rows
         evaluate(
-            self.link, self.wheels, self.environment, self.q, self.v, self.vdot, 0.0, 0.0, self.work, False
+            self.link, self.contacts, self.environment, self.q, self.v, self.vdot, 0.0, 0.0, self.work, False
         )
         self.force[:] = self.aux[:] = self.mean[:] = self.work.wrench
         self.residual[:] = self.work.R
         self.power[:] = self.work.sums[POWER]
-        measure(self.link, self.wheels, self.environment, self.q, self.v, self.work, self.report)
+        measure(self.link, self.environment, self.q, self.v, self.work, self.report)
         self.report[[DISSIPATED, WORK]] = 0.0
         self._publish()
         self._let_go()
@@ -140,11 +141,11 @@ class Model(TrackModel):
     def _let_go(self) -> None:
         """Accelerations of the start: the integrator's order rests on them."""
         still, space, _ = self.space
-        if not factor_mass(self.link, self.wheels, self.environment, self.q, still, self.work):
+        if not factor_mass(self.link, self.contacts, self.environment, self.q, still, self.work):
             raise StepFailed("the chain's mass matrix is singular at the start")
         self.factored, w = True, self.work
         w.moved[:] = self.start_rows
-        evaluate(self.link, self.wheels, self.environment, self.q, self.v, still, 0.0, 0.0, w, False)
+        evaluate(self.link, self.contacts, self.environment, self.q, self.v, still, 0.0, 0.0, w, False)
         solve(w.A, w.U, w.factors, self.closed, w.b)
         correct(self.link, w, self.vdot, space[1], space[1], 0.0, 0.0, np.inf)
         self.a[:] = self.vdot
@@ -169,13 +170,13 @@ class Model(TrackModel):
     def _march(self, t: float, h: float) -> None:
         still, space, k = self.space
         if not self.factored and not factor_mass(
-            self.link, self.wheels, self.environment, self.q, still, self.work
+            self.link, self.contacts, self.environment, self.q, still, self.work
         ):
             raise StepFailed(f"the chain's mass matrix is singular at t = {t:.6g} s")
         self.factored = True
         failure, done = march(
             self.link,
-            self.wheels,
+            self.contacts,
             self.environment,
             self.rows,
             h,
@@ -198,7 +199,7 @@ class Model(TrackModel):
     def _advance(self, t: float, h: float) -> None:
         failure, done, link, residual = advance(
             self.link,
-            self.wheels,
+            self.contacts,
             self.environment,
             self.rows,
             h,

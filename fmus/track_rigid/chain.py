@@ -18,28 +18,36 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.chain_speed import chain_speed
-from fmus.physics.contact.friction import Scratch, scratch
-from fmus.physics.contact.ground import ground_contact
-from fmus.physics.contact.guide import guide_contact
-from fmus.physics.contact.partner import WIDTH, collect, move
-from fmus.physics.contact.teeth import teeth_contact
-from fmus.physics.contact.wheel import GAUSS, bulge, reach, wheel_contact
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary, slopes
+from fmus.physics.point import Scratch, scratch
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import System
+from fmus.physics.wheels import WIDTH, move
+from fmus.track_rigid.loads import (
+    CONTACT,
+    DEPTH,
+    DISSIPATED,
+    LOAD,
+    LOAD_POWER,
+    POWER,
+    SLIP,
+    TALLY,
+    TRAVEL,
+    WORK,
+    lever,
+    push,
+)
+from fmus.track_rigid.touch import touch
 
 GAP = 1e-11  # largest misfit of a pin, m and rad: 1e-12 of the length of a track
-FORCE = 1e-6  # largest residual of a link, relative to weight and pull; what is left goes into the accelerations
+FORCE = (
+    1e-6  # largest residual of a link, relative to weight and pull; what is left goes into the accelerations
+)
 ITERATIONS = 15  # of Newton, before a step is given up
 REUSE = 0.1  # keep the tangent while an iteration leaves less than this of the residual
 BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # of the pseudo-transient: backward Euler
 LONG = 50.0  # longest pseudo step towards equilibrium, s
-HORN = 0.05  # how far a guide horn reaches into a wheel from the inner face, m
 STILL = 1e-11  # largest movement over it at equilibrium, m and rad
-
-# tally: sums over the run, then figures of the last evaluation
-TRAVEL, DISSIPATED, WORK, POWER, LOAD_POWER, CONTACT, DEPTH, SLIP, LOAD = range(9)
-TALLY = 9
 
 
 class Link(NamedTuple):
@@ -135,186 +143,6 @@ def work(n: int, closed: bool, wheels: int) -> Work:
 
 
 @kernel
-def _lever(A, v, r, lx, ly, lz, point):
-    """A point of a link at (lx, ly, lz) in body axes: position, velocity, lever into rows 0 to 2 of ``point``."""
-    # body velocity of the point: w cross l
-    u0, u1, u2 = v[4] * lz - v[5] * ly, v[5] * lx - v[3] * lz, v[3] * ly - v[4] * lx
-    for i in range(3):
-        lever = A[i, 0] * lx + A[i, 1] * ly + A[i, 2] * lz
-        point[2, i] = lever
-        point[0, i] = r[i] + lever
-        point[1, i] = v[i] + A[i, 0] * u0 + A[i, 1] * u1 + A[i, 2] * u2
-
-
-@kernel
-def _push(A, lever, share, c, by_v, tangent, N, r, K):
-    """Put ``share`` of the contact force in the scratch ``c`` on a link at ``lever`` (3): residual r, tangent K."""
-    f = c.f
-    for k in range(3):
-        # N = d(point)/d(turning about body axis k) = axis cross lever; N^T f is the body torque
-        n0 = A[1, k] * lever[2] - A[2, k] * lever[1]
-        n1 = A[2, k] * lever[0] - A[0, k] * lever[2]
-        n2 = A[0, k] * lever[1] - A[1, k] * lever[0]
-        N[0, 0, k], N[0, 1, k], N[0, 2, k] = n0, n1, n2
-        r[k] -= share * f[k]
-        r[3 + k] -= share * (n0 * f[0] + n1 * f[1] + n2 * f[2])
-    if not tangent:
-        return
-    for i in range(3):
-        for j in range(3):
-            K[i, j] -= share * (c.f_x[i, j] + by_v * c.f_v[i, j])
-        for k in range(3):
-            s = 0.0
-            for j in range(3):
-                s -= share * (c.f_x[i, j] + by_v * c.f_v[i, j]) * N[0, j, k]
-            N[1, i, k] = s
-            K[i, 3 + k] += s
-    for k in range(3):
-        for j in range(3):
-            s = 0.0
-            t = 0.0
-            for i in range(3):
-                s -= N[0, i, k] * share * (c.f_x[i, j] + by_v * c.f_v[i, j])
-                t += N[0, i, k] * N[1, i, j]
-            K[3 + k, j] += s
-            K[3 + k, 3 + j] += t
-
-
-@kernel
-def _count(tally, depth, energy, power):
-    tally[CONTACT] += energy
-    tally[POWER] += power
-    tally[DEPTH] = max(tally[DEPTH], depth)
-
-
-# The contact loops below run over the whole chain and take arrays out of the tuples first: handing a tuple of thirty
-# arrays to a kernel a link costs more than the contact itself.
-
-
-@kernel
-def _rims(link, law, wheels, s, w, by_v, tangent):
-    """Rolling contact of the links' inner faces on all smooth wheels."""
-    A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
-    q, v, F, tally = s.q, s.v, s.F, s.tally
-    for k in range(rows.shape[0]):
-        if wheels.teeth[k] != 0:
-            continue
-        row, radius = rows[k], wheels.radius[k]
-        near = (radius + link.face + link.half) ** 2 + 4.0 * link.lateral**2
-        for i in range(q.shape[0]):
-            if (q[i, 0] - row[0]) ** 2 + (q[i, 1] - row[1]) ** 2 + (q[i, 2] - row[2]) ** 2 > near:
-                continue
-            for j in range(3):
-                p[0, j] = q[i, j] - link.half * A[i, j, 0]
-                p[1, j] = q[i, j] + link.half * A[i, j, 0]
-            low, high = reach(row, radius, p[0], p[1], link.face)
-            if high <= low:
-                continue
-            share = 0.25 * (high - low)
-            for g in range(4):
-                along = 2.0 * (low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)) - 1.0
-                _lever(A[i], v[i], q[i], along * link.half, (2 * (g % 2) - 1) * link.lateral, -link.face, p)
-                depth, _, energy, power, _ = wheel_contact(law, share, radius, row, p[0], p[1], c)
-                if depth > 0.0:
-                    _count(tally, depth, energy, power)
-                    collect(row, p[0], c.f, F[k])
-                    _push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
-            tally[CONTACT] += bulge(law, radius, 2.0 * link.half, low, high)
-
-
-@kernel
-def _teeth(link, closed, law, wheels, s, w, by_v, tangent):
-    """Pins in the teeth, at two places across; half of the force goes to each of a pin's links."""
-    A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
-    q, v, F, tally, n = s.q, s.v, s.F, s.tally, s.q.shape[0]
-    for k in range(rows.shape[0]):
-        if wheels.teeth[k] == 0:
-            continue
-        row = rows[k]
-        near = wheels.radius[k] ** 2 + 4.0 * link.lateral**2
-        for j in range(s.lam.shape[0]):
-            before, after = (j - 1 if j > 0 or not closed else n - 1), (j if j < n else -1)
-            i = after if after >= 0 else before
-            end = -link.half if after >= 0 else link.half
-            square = 0.0
-            for a in range(3):
-                square += (q[i, a] + end * A[i, a, 0] - row[a]) ** 2
-            if square > near:
-                continue
-            share = 1.0 if before < 0 or after < 0 else 0.5
-            for g in range(2):
-                lateral = (2 * g - 1) * link.lateral
-                _lever(A[i], v[i], q[i], end, lateral, 0.0, p)
-                depth, _, energy, power, _ = teeth_contact(law, 0.5, wheels.profile, row, p[0], p[1], c)
-                if depth <= 0.0:
-                    continue
-                _count(tally, depth, energy, power)
-                collect(row, p[0], c.f, F[k])
-                _push(A[i], p[2], share, c, by_v, tangent, N, r[i], K[i])
-                if share < 1.0:
-                    for a in range(3):  # the same point seen from the other link
-                        p[2, a] = link.half * A[before, a, 0] + lateral * A[before, a, 1]
-                    _push(A[before], p[2], share, c, by_v, tangent, N, r[before], K[before])
-
-
-@kernel
-def _guides(link, law, wheels, s, w, by_v, tangent):
-    """Guide horns against the wheels' discs, at two places of the part of a link that is inside the disc."""
-    A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
-    q, v, F, tally = s.q, s.v, s.F, s.tally
-    for k in range(rows.shape[0]):
-        row, radius = rows[k], wheels.radius[k] + (0.0 if wheels.teeth[k] != 0 else HORN)
-        for i in range(q.shape[0]):
-            off, lean, square = 0.0, 0.0, 0.0
-            for j in range(3):
-                d = q[i, j] - row[j]
-                off += d * row[9 + j]
-                lean += A[i, j, 0] * row[9 + j]
-                square += d * d
-            if abs(off) + abs(lean) * link.half <= wheels.clearance:
-                continue
-            if square - off * off > (radius + link.face + link.half) ** 2:
-                continue
-            for j in range(3):
-                p[0, j] = q[i, j] - link.half * A[i, j, 0]
-                p[1, j] = q[i, j] + link.half * A[i, j, 0]
-            low, high = reach(row, radius, p[0], p[1], link.face)
-            if high <= low:
-                continue
-            for g in range(2):
-                along = 2.0 * (low + (high - low) * (0.5 + (2 * g - 1) * GAUSS)) - 1.0
-                _lever(A[i], v[i], q[i], along * link.half, 0.0, -link.face, p)
-                depth, _, energy, power, _ = guide_contact(
-                    law, 0.5 * (high - low), wheels.clearance, row, p[0], p[1], c
-                )
-                if depth > 0.0:
-                    _count(tally, depth, energy, power)
-                    collect(row, p[0], c.f, F[k])
-                    _push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
-
-
-@kernel
-def _soil(link, law, height, s, w, by_v, tangent):
-    """Four points of each outer face on the ground."""
-    A, r, K, p, N, c = w.system.A, w.system.r, w.system.K, w.point, w.N, w.contact
-    q, v, F, tally = s.q, s.v, s.F[w.rows.shape[0]], s.tally
-    for i in range(q.shape[0]):
-        if q[i, 2] - link.face - link.half > height:
-            continue
-        for g in range(4):
-            along, lateral = 2.0 * (2 * (g // 2) - 1) * GAUSS * link.half, (2 * (g % 2) - 1) * link.lateral
-            _lever(A[i], v[i], q[i], along, lateral, link.face, p)
-            depth, force, energy, power, _ = ground_contact(law, 0.25, height, p[0], p[1], c)
-            if depth > 0.0:
-                _count(tally, depth, energy, power)
-                tally[LOAD] += force
-                tally[SLIP] -= force * p[1, 0]
-                for a in range(3):
-                    F[a] += c.f[a]
-                _push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
-
-
-@kernel
 def _across(link, closed, damping, s, w, by_v, tangent):
     """Damping of the pins' velocity across the chain, half on each of a pin's links."""
     A, r, K, p, N, c = w.system.A, w.system.r, w.system.K, w.point, w.N, w.contact
@@ -329,7 +157,7 @@ def _across(link, closed, damping, s, w, by_v, tangent):
             i = before if g == 0 else after
             if i < 0:
                 continue
-            _lever(A[i], s.v[i], s.q[i], (1 - 2 * g) * link.half, 0.0, 0.0, p)
+            lever(A[i], s.v[i], s.q[i], (1 - 2 * g) * link.half, 0.0, 0.0, p)
             along = (p[1, 0] * t[0] + p[1, 1] * t[1] + p[1, 2] * t[2]) / norm2
             for a in range(3):
                 c.f[a] = -damping * (p[1, a] - along * t[a])
@@ -337,7 +165,7 @@ def _across(link, closed, damping, s, w, by_v, tangent):
                 for b in range(3):
                     c.f_x[a, b] = 0.0
                     c.f_v[a, b] = -damping * ((1.0 if a == b else 0.0) - t[a] * t[b] / norm2)
-            _push(A[i], p[2], share, c, by_v, tangent, N, r[i], K[i])
+            push(A[i], p[2], share, c, by_v, tangent, N, r[i], K[i])
 
 
 @kernel
@@ -349,11 +177,11 @@ def _pull(link, ends, env, s, w):
             continue
         i = end * (n - 1)
         A = w.system.A[i]
-        _lever(A, s.v[i], s.q[i], (2 * end - 1) * link.half, 0.0, 0.0, p)
+        lever(A, s.v[i], s.q[i], (2 * end - 1) * link.half, 0.0, 0.0, p)
         for a in range(3):
             c.f[a] = env.pull[end, a]
             s.tally[LOAD_POWER] += c.f[a] * p[1, a]
-        _push(A, p[2], 1.0, c, 0.0, False, w.N, w.system.r[i], w.system.K[i])
+        push(A, p[2], 1.0, c, 0.0, False, w.N, w.system.r[i], w.system.K[i])
 
 
 @kernel
@@ -417,7 +245,7 @@ def _inertia(link, gravity, s, w, by, tangent):
 
 
 @kernel
-def residual(link, ends, env, wheels, s, w, by, tangent):
+def residual(link, ends, env, contacts, s, w, by, tangent):
     """Residuals of links and pins into the system, with ``tangent`` also its K; wrenches and the tally."""
     for k in range(POWER, TALLY):
         s.tally[k] = 0.0
@@ -425,12 +253,8 @@ def residual(link, ends, env, wheels, s, w, by, tangent):
     pins(link, ends, s, w)
     augmented.compliance(ends, w.system, s.lam)
     _inertia(link, env.gravity, s, w, by, tangent)
-    if w.rows.shape[0] > 0:
-        _rims(link, env.wheel, wheels, s, w, by.v, tangent)
-        _teeth(link, ends.closed, env.sprocket, wheels, s, w, by.v, tangent)
-        _guides(link, env.wheel, wheels, s, w, by.v, tangent)
-    if env.ground != 0:
-        _soil(link, env.soil, env.height, s, w, by.v, tangent)
+    if contacts is not None:
+        touch(contacts, link, ends.closed, s, w, by.v, tangent)
     if env.transverse > 0.0:
         _across(link, ends.closed, env.transverse, s, w, by.v, tangent)
     if not ends.closed:
@@ -460,7 +284,7 @@ def _misfit(link, tolerance, s, w):
 
 
 @kernel
-def newton(link, ends, env, wheels, method, h, tolerance, s, w, counters):
+def newton(link, ends, env, contacts, method, h, tolerance, s, w, counters):
     """One implicit step of ``h`` to the wheels in ``w.rows``. Returns -1, or the link that did not converge."""
     n = s.q.shape[0]
     by = slopes(method, h)
@@ -480,7 +304,7 @@ def newton(link, ends, env, wheels, method, h, tolerance, s, w, counters):
     fresh, before = True, np.inf
     where, y = 0, w.system
     for _ in range(ITERATIONS):
-        residual(link, ends, env, wheels, s, w, by, fresh)
+        residual(link, ends, env, contacts, s, w, by, fresh)
         counters[1] += 1
         error, where = _misfit(link, tolerance, s, w)
         if error <= 1.0:
@@ -490,7 +314,7 @@ def newton(link, ends, env, wheels, method, h, tolerance, s, w, counters):
             return max(where, 0)
         if not fresh and error > REUSE * before:
             fresh = True
-            residual(link, ends, env, wheels, s, w, by, fresh)
+            residual(link, ends, env, contacts, s, w, by, fresh)
             counters[1] += 1
         if fresh:
             failed = augmented.factor(link.half, ends, y, 1.0)
@@ -542,13 +366,13 @@ def _restore(s, w):
 
 
 @kernel
-def accelerations(link, ends, env, wheels, s, w):
+def accelerations(link, ends, env, contacts, s, w):
     """Accelerations and multipliers that belong to poses and velocities; wrenches and auxiliaries with them."""
     n, y = s.q.shape[0], w.system
     s.vdot[:] = 0.0
     s.lam[:] = 0.0
     w.x[:] = 0.0
-    residual(link, ends, env, wheels, s, w, slopes(BACKWARD, 1.0), False)
+    residual(link, ends, env, contacts, s, w, slopes(BACKWARD, 1.0), False)
     y.K[:] = 0.0
     for i in range(n):
         for k in range(3):
@@ -575,7 +399,7 @@ def accelerations(link, ends, env, wheels, s, w):
 
 
 @kernel
-def settle(link, ends, env, wheels, rows, s, w, counters):
+def settle(link, ends, env, contacts, rows, s, w, counters):
     """Static equilibrium on standing wheels ``rows``: implicit steps from rest, ever longer. Returns as ``newton``.
 
     Long steps are Newton's method on the static equations; the inertia over the step squared keeps what has
@@ -590,7 +414,7 @@ def settle(link, ends, env, wheels, rows, s, w, counters):
         s.v[:] = 0.0
         s.a[:] = 0.0
         s.vdot[:] = 0.0
-        failed = newton(link, ends, env, wheels, BACKWARD, h, 0.01 * FORCE, s, w, counters)
+        failed = newton(link, ends, env, contacts, BACKWARD, h, 0.01 * FORCE, s, w, counters)
         if failed >= 0:
             _restore(s, w)
             counters[3] += 1
@@ -609,7 +433,7 @@ def settle(link, ends, env, wheels, rows, s, w, counters):
     s.v[:] = 0.0
     s.a[:] = 0.0
     s.vdot[:] = 0.0
-    residual(link, ends, env, wheels, s, w, slopes(BACKWARD, h), False)
+    residual(link, ends, env, contacts, s, w, slopes(BACKWARD, h), False)
     _settle_rates(link, s, w, slopes(BACKWARD, h))
     s.v[:] = 0.0
     s.a[:] = s.vdot
@@ -618,7 +442,7 @@ def settle(link, ends, env, wheels, rows, s, w, counters):
 
 
 @kernel
-def advance(link, ends, env, wheels, method, rows, h, step, s, w, counters):
+def advance(link, ends, env, contacts, method, rows, h, step, s, w, counters):
     """Integrate over ``h`` with the wheels ``rows`` (at its beginning); the mean wrenches are impulse / h.
 
     Steps of ``step`` at most; one that Newton cannot do is halved. Returns as ``newton``.
@@ -632,7 +456,7 @@ def advance(link, ends, env, wheels, method, rows, h, step, s, w, counters):
         w.F0[:] = s.F
         w.tally0[:] = s.tally
         move(rows, done + dt, w.rows)
-        failed = newton(link, ends, env, wheels, method, dt, FORCE, s, w, counters)
+        failed = newton(link, ends, env, contacts, method, dt, FORCE, s, w, counters)
         if failed >= 0:
             _restore(s, w)
             s.F[:] = w.F0

@@ -12,20 +12,11 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.model import Floats
-from fmus.physics.contact.partner import move
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rigid import augmented, body
-from fmus.track_rigid.chain import (
-    DISSIPATED,
-    GAP,
-    LOAD_POWER,
-    POWER,
-    TRAVEL,
-    WORK,
-    accelerations,
-    chain_speed_of,
-    pins,
-)
+from fmus.physics.wheels import move
+from fmus.track_rigid.chain import GAP, accelerations, chain_speed_of, pins
+from fmus.track_rigid.loads import DISSIPATED, LOAD_POWER, POWER, TRAVEL, WORK
 
 LIMIT = 5e-5  # largest step, s
 CORRECTIONS = 4  # of the projection at most
@@ -87,7 +78,7 @@ def _project(link, ends, s, w):
 
 
 @kernel
-def march(link, ends, env, wheels, rows, h, longest, s, w, x, k, counters):
+def march(link, ends, env, contacts, rows, h, longest, s, w, x, k, counters):
     """Integrate over ``h`` with the wheels ``rows`` (at its beginning) in equal steps of ``longest`` at most.
 
     ``x`` (13 n) is the memory of s.q and s.v; ``k`` from ``slopes``. Impulses as in ``chain.advance``.
@@ -105,7 +96,7 @@ def march(link, ends, env, wheels, rows, h, longest, s, w, x, k, counters):
             stage(RK4, i, dt, x0, k, x)
             _normalise(s)
             move(rows, (step + RK4.c[i]) * dt, w.rows)
-            failed = accelerations(link, ends, env, wheels, s, w)
+            failed = accelerations(link, ends, env, contacts, s, w)
             if failed >= 0:
                 return failed
             _rates(s, k[i])

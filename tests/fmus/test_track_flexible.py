@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fmus.model import InvalidParameter
-from fmus.physics.contact.partner import read_states
+from fmus.physics.wheels import read_states
 from fmus.track import GROUND, KINETIC, SPEED, STRAIN, T_MAX, TRAVEL
 from fmus.track_flexible.chain import OUTER
 from fmus.track_flexible.model import Model
@@ -62,7 +62,7 @@ def at_rest(model: Model, lift: float = 0.0) -> np.ndarray:
 def spinning(links: int = 64, omega: float = 5.0) -> Model:
     """A free loop as a regular polygon, spinning about its centre, stretched to its steady state by hand."""
     model = make({"links": links, "wheels": wheels(), "gravity": 0.0}, start="polygon")
-    model.wheels = model.wheels._replace(radius=np.zeros(0), teeth=np.zeros(0, dtype=np.int64))
+    model.contacts = model.contacts._replace(radius=np.zeros(0), teeth=np.zeros(0, dtype=np.int64))
     model.rows = np.zeros((0, 15))
     model.work = model.work._replace(moved=np.zeros((0, 15)))
     angle = 2 * pi * np.arange(links) / links

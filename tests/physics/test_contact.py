@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.physics.contact.friction import scratch
 from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.law import Law
 from fmus.physics.contact.normal import normal
-from fmus.physics.contact.partner import WIDTH, collect, move, slide
+from fmus.physics.contact.partner import collect, slide
 from fmus.physics.contact.teeth import teeth, teeth_contact
 from fmus.physics.contact.wheel import reach, wheel_contact
+from fmus.physics.point import scratch
+from fmus.physics.wheels import WIDTH, move
 
 LAW = Law(2e6, 5e3, 0.3, 0.05)
 PITCH = 0.1524
@@ -29,15 +30,15 @@ def wheel_row(tilt: float = 0.0) -> np.ndarray:
 
 
 def on_ground(x, v, s):
-    return ground_contact(LAW, 0.5, 0.01, x, v, s)
+    return ground_contact(LAW, 0.5, 0.01, x, v, s, True)
 
 
 def on_rim(x, v, s):
-    return wheel_contact(LAW, 0.5, 0.305, wheel_row(0.05), x, v, s)
+    return wheel_contact(LAW, 0.5, 0.305, wheel_row(0.05), x, v, s, True)
 
 
 def on_teeth(x, v, s):
-    return teeth_contact(LAW, 1.0, TEETH, wheel_row(0.0), x, v, s)
+    return teeth_contact(LAW, 1.0, TEETH, wheel_row(0.0), x, v, s, True)
 
 
 def at(angle: float, radius: float) -> np.ndarray:
@@ -120,7 +121,7 @@ def test_shares_of_a_contact_add_up():
         force, moment = np.zeros(3), 0.0
         for p, w in zip(points, weights, strict=True):
             x = a + p * (b - a) - offset * n
-            if wheel_contact(law, w, radius, row, x, v, s)[0] > 0.0:
+            if wheel_contact(law, w, radius, row, x, v, s, True)[0] > 0.0:
                 force += s.f
                 moment += p * s.f[2]
         return force, moment
@@ -138,7 +139,7 @@ def test_shares_of_a_contact_add_up():
 def depth_at(a: float, b: float) -> float:
     row = np.zeros(WIDTH)
     row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
-    return teeth_contact(LAW, 1.0, TEETH, row, np.array([a, 0.0, -b]), np.zeros(3), scratch())[0]
+    return teeth_contact(LAW, 1.0, TEETH, row, np.array([a, 0.0, -b]), np.zeros(3), scratch(), True)[0]
 
 
 def test_pins_at_the_pitch_circle_just_touch_their_seats():

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.physics.contact.friction import scratch
 from fmus.physics.contact.guide import guide_contact
 from fmus.physics.contact.law import Law
+from fmus.physics.point import scratch
 
 LAW = Law(2e6, 5e3, 0.1, 0.05)
 PLAY = 0.01
@@ -28,7 +28,7 @@ def horn(side: float, depth: float = 0.004) -> tuple[np.ndarray, np.ndarray]:
 
 def force(x: np.ndarray, v: np.ndarray, clearance: float = PLAY):
     s = scratch()
-    depth, normal, energy, power, _ = guide_contact(LAW, 0.5, clearance, wheel(), x, v, s)
+    depth, normal, energy, power, _ = guide_contact(LAW, 0.5, clearance, wheel(), x, v, s, True)
     return s, depth, normal, energy, power
 
 

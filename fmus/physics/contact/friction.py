@@ -6,36 +6,17 @@ it creeps under a constant load.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.contact.normal import normal
 
 
-class Scratch(NamedTuple):
-    """Arrays that a contact writes into: made once, reused for every point."""
-
-    n: np.ndarray  # (3) unit normal, from the face to the point
-    n_x: np.ndarray  # (3, 3) its derivative by the point's position
-    w: np.ndarray  # (3) velocity of the point relative to the face
-    f: np.ndarray  # (3) force on the point, N
-    f_x: np.ndarray  # (3, 3) its derivative by position, N/m
-    f_v: np.ndarray  # (3, 3) its derivative by velocity, N s/m
-
-
-def scratch() -> Scratch:
-    """Fresh zeroed arrays."""
-    return Scratch(
-        np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
-    )
-
-
 @kernel
-def touch(law, share, depth, omega, s):
-    """Force of a face, turning at ``omega`` (3), on a point; ``s`` holds n, n_x and w and receives f, f_x and f_v.
+def touch(law, share, depth, omega, s, tangent):
+    """Force of a face, turning at ``omega`` (3), on a point; ``s`` (see ``fmus.physics.point``) holds n, n_x, w.
 
+    ``s`` receives the force f, with ``tangent`` also its derivatives f_x and f_v.
     Returns the normal force N, the stored energy J, the dissipated power W and the slip speed m/s.
     """
     n, n_x, w = s.n, s.n_x, s.w
@@ -49,6 +30,8 @@ def touch(law, share, depth, omega, s):
     slip = (s0, s1, s2)
     for i in range(3):
         s.f[i] = force * n[i] - drag * slip[i]
+    if not tangent:
+        return force, energy, power + drag * slip2, np.sqrt(slip2)
     o = (omega[0], omega[1], omega[2])
     # W_x = dw/dx = -[omega]x: the face's material velocity changes along the face
     w_x = ((0.0, o[2], -o[1]), (-o[2], 0.0, o[0]), (o[1], -o[0], 0.0))
@@ -70,7 +53,7 @@ def touch(law, share, depth, omega, s):
         a = (a0, a1, a2)
         for i in range(3):
             direction = n[i] - phi * slip[i]
-            tangent = (1.0 if i == j else 0.0) - n[i] * n[j]
+            across = (1.0 if i == j else 0.0) - n[i] * n[j]
             s.f_x[i, j] = direction * force_x + force * n_x[i, j] - drag * (a[i] - slip[i] * along_x)
-            s.f_v[i, j] = direction * force_v - drag * (tangent - slip[i] * along_v)
+            s.f_v[i, j] = direction * force_v - drag * (across - slip[i] * along_v)
     return force, energy, power + drag * slip2, np.sqrt(slip2)

@@ -11,7 +11,7 @@ STILL = np.zeros(3)
 
 
 @kernel
-def ground_contact(law, share, height, x, v, s):
+def ground_contact(law, share, height, x, v, s, tangent):
     """Force of the ground (level, at ``height``) on a point at ``x`` (3) with velocity ``v`` (3), into ``s``.
 
     Returns penetration m (not positive: no contact, nothing written), normal force N, stored energy J,
@@ -26,5 +26,5 @@ def ground_contact(law, share, height, x, v, s):
         for j in range(3):
             s.n_x[i, j] = 0.0
     s.n[2] = 1.0
-    force, energy, power, slip = touch(law, share, depth, STILL, s)
+    force, energy, power, slip = touch(law, share, depth, STILL, s, tangent)
     return depth, force, energy, power, slip

@@ -12,8 +12,8 @@ from fmus.physics.contact.partner import slide
 
 
 @kernel
-def guide_contact(law, share, play, row, x, v, s):
-    """Force of the discs of the wheel ``row`` on a horn at ``x`` (3) with velocity ``v`` (3), into the scratch ``s``.
+def guide_contact(law, share, play, row, x, v, s, tangent):
+    """Force of the discs of the wheel ``row`` on a horn at ``x`` (3) with velocity ``v`` (3), into ``s``.
 
     Returns penetration m (not positive: no contact, nothing written), normal force N, stored energy J,
     dissipated power W, slip speed m/s.
@@ -28,5 +28,5 @@ def guide_contact(law, share, play, row, x, v, s):
         for j in range(3):
             s.n_x[i, j] = 0.0
     slide(row, x, v, s.w)
-    force, energy, power, slip = touch(law, share, depth, row[6:9], s)
+    force, energy, power, slip = touch(law, share, depth, row[6:9], s, tangent)
     return depth, force, energy, power, slip

@@ -66,8 +66,8 @@ def teeth(
 
 
 @kernel
-def teeth_contact(law, share, t, row, x, v, s):
-    """Force of the teeth ``t`` of the sprocket ``row`` on a pin with its centre at ``x`` (3), into the scratch ``s``.
+def teeth_contact(law, share, t, row, x, v, s, tangent):
+    """Force of the teeth ``t`` of the sprocket ``row`` on a pin with its centre at ``x`` (3), into ``s``.
 
     Returns penetration m (not positive: no contact, nothing written), normal force N, stored energy J,
     dissipated power W, slip speed m/s.
@@ -121,5 +121,5 @@ def teeth_contact(law, share, t, row, x, v, s):
         for j in range(3):
             s.n_x[i, j] = bend * u[i] * u[j]
     slide(row, x, v, s.w)
-    force, energy, power, slip = touch(law, share, depth, row[6:9], s)
+    force, energy, power, slip = touch(law, share, depth, row[6:9], s, tangent)
     return depth, force, energy, power, slip

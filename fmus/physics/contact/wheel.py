@@ -45,8 +45,8 @@ def reach(row, radius, a, b, offset):
 
 
 @kernel
-def wheel_contact(law, share, radius, row, x, v, s):
-    """Force of the rim on a point at ``x`` (3) with velocity ``v`` (3), into the scratch ``s``.
+def wheel_contact(law, share, radius, row, x, v, s, tangent):
+    """Force of the rim on a point at ``x`` (3) with velocity ``v`` (3), into ``s``.
 
     Returns penetration m (not positive: no contact, nothing written), normal force N, stored energy J,
     dissipated power W, slip speed m/s.
@@ -63,7 +63,7 @@ def wheel_contact(law, share, radius, row, x, v, s):
         for j in range(3):
             s.n_x[i, j] = ((1.0 if i == j else 0.0) - row[9 + i] * row[9 + j] - s.n[i] * s.n[j]) / rho
     slide(row, x, v, s.w)
-    force, energy, power, slip = touch(law, share, depth, row[6:9], s)
+    force, energy, power, slip = touch(law, share, depth, row[6:9], s, tangent)
     return depth, force, energy, power, slip
 
 

@@ -1,0 +1,91 @@
+"""What a chain touches: wheels, teeth and ground with their laws. Imported only where a scene has any of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.model import InvalidParameter
+from fmus.physics.contact.law import Law
+from fmus.physics.contact.teeth import Teeth, teeth
+
+
+class Contacts(NamedTuple):
+    """The contact partners of a chain, constant through a run."""
+
+    teeth: np.ndarray  # (m) int: 1 where the wheel has teeth
+    radius: np.ndarray  # (m) radius of the rim, m (outer radius of the pins' path for teeth)
+    profile: Teeth  # the outline of the teeth
+    clearance: float  # lateral play of the guides on each side, m
+    ground: int  # 1 where there is a ground
+    height: float  # of the ground in the track's frame, m
+    sprocket: Law
+    wheel: Law
+    soil: Law
+
+
+def contacts(
+    vehicle: Mapping[str, Any],
+    wheels: Sequence[Mapping[str, Any]],
+    ground: bool,
+    parameters: Mapping[str, Any],
+) -> Contacts:
+    """Partners from the vehicle table, the wheels of a track's config and the FMI parameters.
+
+    Raises InvalidParameter with the key, the value and what is allowed.
+    """
+    laws = {
+        pair: _law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")
+    }
+    s, track = vehicle["sprocket"], vehicle["track"]
+    shape = (
+        s["teeth"],
+        track["pitch"],
+        s["pin_radius"],
+        s["outer_radius"],
+        s["seat_clearance"],
+        s["flank_angle"],
+    )
+    try:
+        profile = teeth(*shape, s["tip_radius"])
+    except ValueError as error:
+        raise InvalidParameter(f"sprocket: {error}") from None
+    toothed = np.array([w["kind"] == "teeth" for w in wheels], dtype=np.int64)
+    radius = np.array([profile.top if w["kind"] == "teeth" else w["radius"] for w in wheels], dtype=float)
+    # pads just touch the ground under the road wheels of the drawn position
+    height = vehicle["road_wheel"]["z"] - vehicle["road_wheel"]["radius"] - 2.0 * track["face"]
+    return Contacts(
+        toothed,
+        radius,
+        profile,
+        vehicle["guide"]["clearance"],
+        int(ground),
+        height,
+        laws["sprocket"],
+        laws["wheel"],
+        laws["ground"],
+    )
+
+
+def _law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, float]) -> Law:
+    """A law from its parameters, or from the table where the track has no such partner."""
+    values = []
+    for key in ("stiffness", "damping", "friction", "friction_velocity"):
+        name = f"contact.{pair}.{key}"
+        value = float(parameters.get(name, table[key]))
+        if not value >= 0.0 or (key == "friction_velocity" and value == 0.0):
+            allowed = "greater than 0" if key == "friction_velocity" else "0 or more"
+            raise InvalidParameter(f"{name} = {value}: must be {allowed}")
+        values.append(value)
+    return Law(*values)
+
+
+def smooth(partners: Contacts) -> Contacts:
+    """The same partners without friction."""
+    return partners._replace(
+        sprocket=partners.sprocket._replace(mu=0.0),
+        wheel=partners.wheel._replace(mu=0.0),
+        soil=partners.soil._replace(mu=0.0),
+    )

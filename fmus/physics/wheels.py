@@ -1,0 +1,76 @@
+"""Wheels as rows of numbers in the frame of a track, moved through a communication step by their rates.
+
+A row holds centre (0:3), velocity (3:6), angular velocity (6:9), lateral axis (9:12) and the radial direction that
+turns with the wheel (12:15).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import kernel
+
+WIDTH = 15
+
+
+@kernel
+def turn(omega, tau, a, out):
+    """Rotate the vector ``a`` (3) by the constant angular velocity ``omega`` (3) over ``tau`` seconds (Rodrigues)."""
+    rate = np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
+    angle = rate * tau
+    if angle == 0.0:
+        for i in range(3):
+            out[i] = a[i]
+        return
+    u = (omega[0] / rate, omega[1] / rate, omega[2] / rate)
+    c, s = np.cos(angle), np.sin(angle)
+    along = (u[0] * a[0] + u[1] * a[1] + u[2] * a[2]) * (1.0 - c)
+    x = u[1] * a[2] - u[2] * a[1]
+    y = u[2] * a[0] - u[0] * a[2]
+    z = u[0] * a[1] - u[1] * a[0]
+    out[0] = c * a[0] + s * x + along * u[0]
+    out[1] = c * a[1] + s * y + along * u[1]
+    out[2] = c * a[2] + s * z + along * u[2]
+
+
+@kernel
+def move(rows, tau, out):
+    """Extrapolate all wheels (m, 15) by ``tau`` seconds at their constant rates into ``out`` (m, 15)."""
+    for k in range(rows.shape[0]):
+        for i in range(3):
+            out[k, i] = rows[k, i] + tau * rows[k, 3 + i]
+            out[k, 3 + i] = rows[k, 3 + i]
+            out[k, 6 + i] = rows[k, 6 + i]
+        turn(rows[k, 6:9], tau, rows[k, 9:12], out[k, 9:12])
+        turn(rows[k, 6:9], tau, rows[k, 12:15], out[k, 12:15])
+
+
+@kernel
+def read_states(u, frame, rows):
+    """Wheel states ``u`` (13 m; world: position, quaternion, velocity, angular velocity) as ``rows`` (m, 15).
+
+    ``frame`` (5): origin of the track's frame in the world, cosine and sine of its heading about z.
+    """
+    c, s = frame[3], frame[4]
+    for k in range(rows.shape[0]):
+        a = u[13 * k : 13 * k + 13]
+        x, y = a[0] - frame[0], a[1] - frame[1]
+        rows[k, 0], rows[k, 1], rows[k, 2] = c * x + s * y, c * y - s * x, a[2] - frame[2]
+        rows[k, 3], rows[k, 4], rows[k, 5] = c * a[7] + s * a[8], c * a[8] - s * a[7], a[9]
+        rows[k, 6], rows[k, 7], rows[k, 8] = c * a[10] + s * a[11], c * a[11] - s * a[10], a[12]
+        n = np.sqrt(a[3] ** 2 + a[4] ** 2 + a[5] ** 2 + a[6] ** 2)
+        w, i, j, l = a[3] / n, a[4] / n, a[5] / n, a[6] / n
+        x, y = 2.0 * (i * j - w * l), 1.0 - 2.0 * (i * i + l * l)  # the body's y axis
+        rows[k, 9], rows[k, 10], rows[k, 11] = c * x + s * y, c * y - s * x, 2.0 * (j * l + w * i)
+        x, y = 1.0 - 2.0 * (j * j + l * l), 2.0 * (i * j + w * l)  # the body's x axis
+        rows[k, 12], rows[k, 13], rows[k, 14] = c * x + s * y, c * y - s * x, 2.0 * (i * l - w * j)
+
+
+@kernel
+def to_world(vectors, frame, y):
+    """Turn the vectors (k, 3) of the track's frame into world axes, flat into ``y`` (3 k)."""
+    c, s = frame[3], frame[4]
+    for k in range(vectors.shape[0]):
+        y[3 * k] = c * vectors[k, 0] - s * vectors[k, 1]
+        y[3 * k + 1] = s * vectors[k, 0] + c * vectors[k, 1]
+        y[3 * k + 2] = vectors[k, 2]

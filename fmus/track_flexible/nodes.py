@@ -1,0 +1,19 @@
+"""How the coordinates of pins (nodes, 8) make those of links (4, 3): the pin of paper (2)."""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+
+NODE = (
+    8  # position 3, slope of the ending link (x, z), slope of the beginning link (x, z), shared slope along y
+)
+
+
+@kernel
+def gather(q, i, j, e):
+    """Element coordinates (4, 3) of the link from pin ``i`` to pin ``j``."""
+    for k in range(3):
+        e[0, k] = q[i, k]
+        e[2, k] = q[j, k]
+    e[1, 0], e[1, 1], e[1, 2] = q[i, 5], q[i, 7], q[i, 6]
+    e[3, 0], e[3, 1], e[3, 2] = q[j, 3], q[j, 7], q[j, 4]

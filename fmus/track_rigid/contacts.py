@@ -1,0 +1,152 @@
+"""What the links of a rigid chain touch: rims, teeth, guides and ground."""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.contact.ground import ground_contact
+from fmus.physics.contact.guide import guide_contact
+from fmus.physics.contact.partner import collect
+from fmus.physics.contact.teeth import teeth_contact
+from fmus.physics.contact.wheel import GAUSS, bulge, reach, wheel_contact
+from fmus.track_rigid.loads import CONTACT, LOAD, SLIP, count, lever, push
+
+HORN = 0.05  # how far a guide horn reaches into a wheel from the inner face, m
+
+# The contact loops below run over the whole chain and take arrays out of the tuples first: handing a tuple of thirty
+# arrays to a kernel a link costs more than the contact itself.
+
+
+@kernel
+def _rims(link, law, contacts, s, w, by_v, tangent):
+    """Rolling contact of the links' inner faces on all smooth contacts."""
+    A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
+    q, v, F, tally = s.q, s.v, s.F, s.tally
+    for k in range(rows.shape[0]):
+        if contacts.teeth[k] != 0:
+            continue
+        row, radius = rows[k], contacts.radius[k]
+        near = (radius + link.face + link.half) ** 2 + 4.0 * link.lateral**2
+        for i in range(q.shape[0]):
+            if (q[i, 0] - row[0]) ** 2 + (q[i, 1] - row[1]) ** 2 + (q[i, 2] - row[2]) ** 2 > near:
+                continue
+            for j in range(3):
+                p[0, j] = q[i, j] - link.half * A[i, j, 0]
+                p[1, j] = q[i, j] + link.half * A[i, j, 0]
+            low, high = reach(row, radius, p[0], p[1], link.face)
+            if high <= low:
+                continue
+            share = 0.25 * (high - low)
+            for g in range(4):
+                along = 2.0 * (low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)) - 1.0
+                lever(A[i], v[i], q[i], along * link.half, (2 * (g % 2) - 1) * link.lateral, -link.face, p)
+                depth, _, energy, power, _ = wheel_contact(law, share, radius, row, p[0], p[1], c, tangent)
+                if depth > 0.0:
+                    count(tally, depth, energy, power)
+                    collect(row, p[0], c.f, F[k])
+                    push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
+            tally[CONTACT] += bulge(law, radius, 2.0 * link.half, low, high)
+
+
+@kernel
+def _teeth(link, closed, law, contacts, s, w, by_v, tangent):
+    """Pins in the teeth, at two places across; half of the force goes to each of a pin's links."""
+    A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
+    q, v, F, tally, n = s.q, s.v, s.F, s.tally, s.q.shape[0]
+    for k in range(rows.shape[0]):
+        if contacts.teeth[k] == 0:
+            continue
+        row = rows[k]
+        near = contacts.radius[k] ** 2 + 4.0 * link.lateral**2
+        for j in range(s.lam.shape[0]):
+            before, after = (j - 1 if j > 0 or not closed else n - 1), (j if j < n else -1)
+            i = after if after >= 0 else before
+            end = -link.half if after >= 0 else link.half
+            square = 0.0
+            for a in range(3):
+                square += (q[i, a] + end * A[i, a, 0] - row[a]) ** 2
+            if square > near:
+                continue
+            share = 1.0 if before < 0 or after < 0 else 0.5
+            for g in range(2):
+                lateral = (2 * g - 1) * link.lateral
+                lever(A[i], v[i], q[i], end, lateral, 0.0, p)
+                depth, _, energy, power, _ = teeth_contact(
+                    law, 0.5, contacts.profile, row, p[0], p[1], c, tangent
+                )
+                if depth <= 0.0:
+                    continue
+                count(tally, depth, energy, power)
+                collect(row, p[0], c.f, F[k])
+                push(A[i], p[2], share, c, by_v, tangent, N, r[i], K[i])
+                if share < 1.0:
+                    for a in range(3):  # the same point seen from the other link
+                        p[2, a] = link.half * A[before, a, 0] + lateral * A[before, a, 1]
+                    push(A[before], p[2], share, c, by_v, tangent, N, r[before], K[before])
+
+
+@kernel
+def _guides(link, law, contacts, s, w, by_v, tangent):
+    """Guide horns against the wheels' discs, at two places of the part of a link that is inside the disc."""
+    A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
+    q, v, F, tally = s.q, s.v, s.F, s.tally
+    for k in range(rows.shape[0]):
+        row, radius = rows[k], contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
+        for i in range(q.shape[0]):
+            off, lean, square = 0.0, 0.0, 0.0
+            for j in range(3):
+                d = q[i, j] - row[j]
+                off += d * row[9 + j]
+                lean += A[i, j, 0] * row[9 + j]
+                square += d * d
+            if abs(off) + abs(lean) * link.half <= contacts.clearance:
+                continue
+            if square - off * off > (radius + link.face + link.half) ** 2:
+                continue
+            for j in range(3):
+                p[0, j] = q[i, j] - link.half * A[i, j, 0]
+                p[1, j] = q[i, j] + link.half * A[i, j, 0]
+            low, high = reach(row, radius, p[0], p[1], link.face)
+            if high <= low:
+                continue
+            for g in range(2):
+                along = 2.0 * (low + (high - low) * (0.5 + (2 * g - 1) * GAUSS)) - 1.0
+                lever(A[i], v[i], q[i], along * link.half, 0.0, -link.face, p)
+                depth, _, energy, power, _ = guide_contact(
+                    law, 0.5 * (high - low), contacts.clearance, row, p[0], p[1], c, tangent
+                )
+                if depth > 0.0:
+                    count(tally, depth, energy, power)
+                    collect(row, p[0], c.f, F[k])
+                    push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
+
+
+@kernel
+def _soil(link, law, height, s, w, by_v, tangent):
+    """Four points of each outer face on the ground."""
+    A, r, K, p, N, c = w.system.A, w.system.r, w.system.K, w.point, w.N, w.contact
+    q, v, F, tally = s.q, s.v, s.F[w.rows.shape[0]], s.tally
+    for i in range(q.shape[0]):
+        if q[i, 2] - link.face - link.half > height:
+            continue
+        for g in range(4):
+            along, lateral = 2.0 * (2 * (g // 2) - 1) * GAUSS * link.half, (2 * (g % 2) - 1) * link.lateral
+            lever(A[i], v[i], q[i], along, lateral, link.face, p)
+            depth, force, energy, power, _ = ground_contact(law, 0.25, height, p[0], p[1], c, tangent)
+            if depth > 0.0:
+                count(tally, depth, energy, power)
+                tally[LOAD] += force
+                tally[SLIP] -= force * p[1, 0]
+                for a in range(3):
+                    F[a] += c.f[a]
+                push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
+
+
+@kernel
+def touch(contacts, link, closed, s, w, by_v, tangent):
+    """All contacts of the chain: residuals, with ``tangent`` their matrices, wrenches and the tally."""
+    if w.rows.shape[0] > 0:
+        _rims(link, contacts.wheel, contacts, s, w, by_v, tangent)
+        _teeth(link, closed, contacts.sprocket, contacts, s, w, by_v, tangent)
+        _guides(link, contacts.wheel, contacts, s, w, by_v, tangent)
+    if contacts.ground != 0:
+        _soil(link, contacts.soil, contacts.height, s, w, by_v, tangent)

@@ -1,0 +1,46 @@
+"""A component loads what its scene declares: in a fresh process, and with a cold or warm kernel cache alike."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import json, sys
+import numpy as np
+from importlib import import_module
+kind, track, table = json.loads(sys.argv[1])
+model = import_module(f"fmus.{kind}.model").Model({"vehicle": table, "track": track, "link_outputs": True})
+model.initialise({p.name: p.start for p in model.ports if p.causality == "parameter"})
+u = np.array([p.start for p in model.ports if p.causality == "input"], dtype=float)
+model.step(0.0, 1e-3, u)
+print(json.dumps(sorted(name for name in sys.modules if name.startswith("fmus"))))
+"""
+HANGING = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9144, 0.0]}
+
+
+def loaded(kind: str, track: dict) -> set[str]:
+    from fmus.vehicle import read_table, vehicle
+
+    table = vehicle(*read_table("m113")).model_dump()
+    base = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": HANGING}
+    given = json.dumps([kind, base | track, table])
+    done = subprocess.run([sys.executable, "-c", PROGRAM, given], capture_output=True, text=True, check=True)
+    return set(json.loads(done.stdout))
+
+
+@pytest.mark.parametrize("kind", ["track_flexible", "track_rigid"])
+def test_a_hanging_chain_loads_no_contact_code(kind):
+    names = loaded(kind, {})
+    assert f"fmus.{kind}.chain" in names
+    assert not [name for name in names if "contact" in name]
+    assert not [name for name in names if "chassis" in name or "drive" in name or "vehicle" in name]
+    assert bool([name for name in names if "ancf" in name]) == (kind == "track_flexible")
+    assert bool([name for name in names if "rigid" in name]) == (kind == "track_rigid")
+
+
+def test_a_chain_over_the_ground_does():
+    assert "fmus.contacts" in loaded("track_rigid", {"ground": True})
