@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -51,15 +52,25 @@ def placed(scene: Scene) -> Scene:
     update: dict[str, Any] = {"placed": True}
     match scene:
         case RigScene():
-            x, _ = tension_wheel(_rig_track(scene), "idler", scene.rig.tension)
+            x, _ = _tensioned(_rig_track(scene), scene.rig.tension)
             update["rig"] = scene.rig.model_copy(update={"axle_distance": -x})
         case VehicleScene():
             vehicle = scene.vehicle
-            x, push = tension_wheel(_vehicle_track(scene), "idler", vehicle.track.tension)
+            x, push = _tensioned(_vehicle_track(scene), vehicle.track.tension)
             idler = vehicle.idler.model_copy(update={"x": x})
             tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
             update["vehicle"] = vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})
     return scene.model_copy(update=update)
+
+
+def _tensioned(config: dict[str, Any], tension: float) -> tuple[float, float]:
+    return _solved(json.dumps(config, sort_keys=True), tension)
+
+
+@cache
+def _solved(config: str, tension: float) -> tuple[float, float]:
+    """Solved once a process: scenes and track models share their idler's place."""
+    return tension_wheel(json.loads(config), "idler", tension)
 
 
 def assemble(scene: Scene) -> Assembly:

@@ -29,7 +29,6 @@ def cotrack(site, folder, *arguments):
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
 
 
-@pytest.mark.xdist_group("wheel")
 def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
     assert (unpacked / "orchestrator" / "scenes" / "straight.toml").is_file()
     assert (unpacked / "fmus" / "vehicles" / "m113.toml").is_file()
@@ -39,7 +38,6 @@ def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
     assert "cotrack = orchestrator.cli:main" in entries.read_text()
 
 
-@pytest.mark.xdist_group("wheel")
 def test_cotrack_runs_from_the_wheel(unpacked, tmp_path):
     listed = cotrack(unpacked, tmp_path, "scenes")
     assert listed.returncode == 0, listed.stderr

@@ -40,7 +40,6 @@ def driven(tmp_path_factory):
     return path
 
 
-@pytest.mark.xdist_group("driven")
 def test_every_wheel_and_mount_is_a_port(driven):
     with Log(driven) as log:
         found = ports(Evidence(log))
@@ -49,7 +48,6 @@ def test_every_wheel_and_mount_is_a_port(driven):
     assert ("right_drive", "mount", "chassis", "right.sprocket") in found
 
 
-@pytest.mark.xdist_group("driven")
 def test_work_at_the_ports_is_what_the_components_received(driven):
     """Chassis and drives integrate the work of their ports themselves."""
     with Log(driven) as log:
@@ -71,7 +69,6 @@ def test_work_at_the_ports_is_what_the_components_received(driven):
         assert abs(books.port) < 0.02 * scale
 
 
-@pytest.mark.xdist_group("driven")
 def test_a_lost_force_shows_in_the_books(driven):
     with Log(driven) as log:
         run = Evidence(log)
