@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmus.vehicle import BadInput
 from orchestrator.evidence import Evidence, Links
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 
 INSTANTS = 3
 MARGIN = 0.25  # m round what is drawn
-WIDTH = 4.0  # points, of a link
+
+Floats = NDArray[np.float64]
 
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
@@ -57,19 +59,25 @@ def _rows(links: Links, times: Sequence[float] | None) -> list[int]:
 
 
 def _pane(pane: Axes, run: Evidence, track: str, links: Links, row: int, scale: Any) -> None:
-    from matplotlib.collections import LineCollection
-    from matplotlib.patches import Circle
+    from matplotlib.collections import PolyCollection
+    from matplotlib.patches import Circle, Polygon
 
     pins = np.stack([links.forward[row], links.up[row]], axis=1)
-    for (x, z), radius in _wheels(run, track, links.t[row]):
-        pane.add_patch(Circle((x, z), radius, facecolor="0.92", edgecolor="0.6"))
+    for name, centre, radius in _wheels(run, track, links.t[row]):
+        if name == "sprocket":
+            outline = centre + _teeth(run, track, links.t[row])
+            pane.add_patch(Polygon(outline, facecolor="0.85", edgecolor="0.5"))
+        else:
+            pane.add_patch(Circle(centre, radius, facecolor="0.92", edgecolor="0.6"))
+        pane.plot(*centre, ".", color="0.4", markersize=3)
     count = links.tension.shape[1]
-    ends = np.stack([pins[:count], pins[(np.arange(count) + 1) % len(pins)]], axis=1)
-    pane.add_collection(
-        LineCollection(
-            list(ends), colors=scale.to_rgba(links.tension[row] / 1e3), linewidths=WIDTH, capstyle="round"
-        )
+    boxes = _boxes(
+        pins[:count], pins[(np.arange(count) + 1) % len(pins)], run.scene["vehicle"]["track"]["face"]
     )
+    colours = scale.to_rgba(links.tension[row] / 1e3)
+    pane.add_collection(PolyCollection(list(boxes), facecolors=colours, edgecolors="0.25", linewidths=0.3))
+    if run.scene["assembly"] == "vehicle":
+        pane.axhspan(pins[:, 1].min() - MARGIN, _ground(run, track, links.t[row]), color="0.8", zorder=0)
     pane.set_aspect("equal")
     pane.set_xlim(pins[:, 0].min() - MARGIN, pins[:, 0].max() + MARGIN)
     pane.set_ylim(pins[:, 1].min() - MARGIN, pins[:, 1].max() + MARGIN)
@@ -77,8 +85,44 @@ def _pane(pane: Axes, run: Evidence, track: str, links: Links, row: int, scale: 
     pane.set_title(f"t = {links.t[row]:.2f} s{_motion(run, links.t[row])}", fontsize=9, loc="left")
 
 
-def _wheels(run: Evidence, track: str, t: float) -> list[tuple[tuple[float, float], float]]:
-    """Centre in the plane of the track, and radius, of every wheel."""
+def _boxes(a: Floats, b: Floats, face: float) -> Floats:
+    """Outlines (n, 4, 2) of links from pins ``a`` to pins ``b`` (n, 2), ``face`` thick on each side."""
+    along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+    across = max(face, 0.01) * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return np.stack([a - across, b - across, b + across, a + across], axis=1)
+
+
+def _teeth(run: Evidence, track: str, t: float) -> Floats:
+    """Outline of the sprocket (n, 2) about its centre, turned as it is at ``t``; simplified."""
+    vehicle = run.scene["vehicle"]
+    sprocket, number = vehicle["sprocket"], vehicle["sprocket"]["teeth"]
+    root = vehicle["track"]["pitch"] / (2 * np.sin(np.pi / number)) - sprocket["pin_radius"]
+    times, q = run.vectors(track, "in", "sprocket.orientation", "wxyz")
+    w, x, y, z = q[np.abs(times - t).argmin()]
+    heading = np.array([np.cos(run.scene["start"]["heading"]), np.sin(run.scene["start"]["heading"])])
+    ahead = heading @ [1 - 2 * (y * y + z * z), 2 * (x * y + w * z)]
+    turned = np.arctan2(2 * (x * z - w * y), ahead)
+    half = np.pi / number
+    angles, radii = (
+        np.array([-0.8, -0.25, 0.25, 0.8]) * half,
+        np.array([sprocket["outer_radius"], root, root]),
+    )
+    radii = np.append(radii, sprocket["outer_radius"])
+    angle = (turned + 2 * half * np.arange(number)[:, None] + angles).ravel()
+    return np.tile(radii, number)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _ground(run: Evidence, track: str, t: float) -> float:
+    """Height of the ground over the sprocket axle: it lies under the pads of the drawn position."""
+    vehicle = run.scene["vehicle"]
+    wheel = vehicle["road_wheel"]
+    height = wheel["z"] - wheel["radius"] - 2 * vehicle["track"]["face"] + run.scene["start"]["position"][2]
+    times, axle = run.vectors(track, "in", "sprocket.position")
+    return float(height - axle[np.abs(times - t).argmin(), 2])
+
+
+def _wheels(run: Evidence, track: str, t: float) -> list[tuple[str, tuple[float, float], float]]:
+    """Name, centre in the plane of the track, and radius, of every wheel."""
     vehicle = run.scene["vehicle"]
     pitch_radius = vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"]))
     names = [
@@ -90,7 +134,7 @@ def _wheels(run: Evidence, track: str, t: float) -> list[tuple[tuple[float, floa
     for name in names:
         centre = run.in_plane(track, name, t)
         radius = pitch_radius if name == "sprocket" else vehicle[name.partition("[")[0]]["radius"]
-        found.append((centre, float(radius)))
+        found.append((name, centre, float(radius)))
     return found
 
 

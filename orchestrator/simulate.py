@@ -84,6 +84,7 @@ def simulate(
     }
     if outcome.steps:
         result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
+        result["message"] = result["message"] or summary.doubt(result["energy"])
     return result
 
 

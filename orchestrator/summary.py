@@ -12,6 +12,7 @@ from orchestrator.evidence import Evidence, Missing, Window
 from orchestrator.scene import Check, Scene
 
 LAST = 1.0  # s: observables are means over the end of a run
+OPEN = 0.05  # of the work: an energy ledger that leaves more is worth a word
 
 
 class CheckResult(NamedTuple):
@@ -55,6 +56,16 @@ def evaluate(run: Evidence, scene: Scene, simulated: float) -> dict[str, Any]:
         "checks": {name: result._asdict() for name, result in checks(run, scene, simulated).items()},
         "observables": observables(run, scene, simulated),
     }
+
+
+def doubt(energy: dict[str, Any] | None) -> str:
+    """A sentence when the ledger says that the run cannot be right, else nothing."""
+    if energy is None or abs(energy["residual_relative"]) <= OPEN:
+        return ""
+    return (
+        f"the energy ledger leaves {abs(energy['residual_relative']):.0%} open: the internal or the communication step "
+        "is too long for what this run does"
+    )
 
 
 def checks(run: Evidence, scene: Scene, simulated: float) -> dict[str, CheckResult]:

@@ -53,7 +53,7 @@ class Model(TrackModel):
                 m["relaxation_time"],
             ),
             Port(
-                "spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.8
+                "spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.4
             ),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9),
         )

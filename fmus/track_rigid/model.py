@@ -25,7 +25,7 @@ class Model(TrackModel):
         """Integration of the links."""
         return (
             Port(
-                "spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.8
+                "spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.4
             ),
         )
 
