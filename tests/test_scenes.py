@@ -116,6 +116,15 @@ def test_heading_changes_nothing(ran, model):
         assert difference < 1e-3 * abs(straight[late].mean())
 
 
+@pytest.mark.parametrize("model", MODELS)
+def test_rig_turns_backwards_alike(ran, model):
+    """The last 5 revolutions backwards: pins, chain speed, torque balance, and the tight span enters again."""
+    result = ran("rig", model, "drive.speed=-3 rad/s", "run.links=40")
+    assert result["status"] == "ok"
+    assert {name: check["value"] for name, check in result["checks"].items() if not check["ok"]} == {}
+    assert result["observables"]["speed"] < -0.7
+
+
 def test_models_settle_alike(ran):
     found = [ran("settle", model)["observables"] for model in MODELS]
     assert found[1]["settlement"] == pytest.approx(found[0]["settlement"], rel=0.02)
