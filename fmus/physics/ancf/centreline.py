@@ -1,0 +1,110 @@
+"""What the cable elements with a local strain share: the centreline at a point, and energies of its invariants.
+
+With the tangent r_x and r_xx of the cubic centreline, an energy per length of a cable that does not see rigid motion
+is a function f of three invariants
+
+    a = r_x . r_x,    b = r_xx . r_xx,    g = r_x . r_xx
+
+so an elasticity states f and its derivatives (``Density``), and force and tangent follow here by the chain rule.
+Neither |r_x x r_xx| = sqrt(a b - g^2) nor the curvature itself is ever differentiated: both have a corner on a straight
+link.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.ancf import cable
+
+
+class Density(NamedTuple):
+    """Energy per length and its derivatives by the invariants; those by b twice, and by b and g, are zero."""
+
+    f: float  # J/m
+    a: float
+    b: float
+    g: float
+    aa: float
+    ab: float
+    ag: float
+    gg: float
+
+
+@kernel
+def shape_curvature(c, xi, S):
+    """Second derivatives by x of the four shape functions at the fraction ``xi`` of the length, into ``S`` (4)."""
+    S[0] = (12.0 * xi - 6.0) / (c.l * c.l)
+    S[1] = (6.0 * xi - 4.0) / c.l
+    S[2] = -S[0]
+    S[3] = (6.0 * xi - 2.0) / c.l
+
+
+@kernel
+def lines(c, e, xi, D, r):
+    """Both derivatives at ``xi``: of the shape functions into ``D`` (2, 4), of the centreline into ``r`` (2, 3)."""
+    cable.shape_slope(c, xi, D[0])
+    shape_curvature(c, xi, D[1])
+    for k in range(2):
+        for i in range(3):  # from the difference of positions: distance from the origin costs no digits
+            r[k, i] = D[k, 2] * (e[2, i] - e[0, i]) + D[k, 1] * e[1, i] + D[k, 3] * e[3, i]
+
+
+@kernel
+def invariants(r):
+    """The invariants a, b, g of r_x and r_xx in the rows of ``r``."""
+    a, b, g = 0.0, 0.0, 0.0
+    for i in range(3):
+        a += r[0, i] * r[0, i]
+        b += r[1, i] * r[1, i]
+        g += r[0, i] * r[1, i]
+    return a, b, g
+
+
+@kernel
+def add_force(w, d, D, r, Q):
+    """Gradient of the energy of a point of weight ``w``, m, added to ``Q`` (4, 3)."""
+    for k in range(4):
+        for i in range(3):
+            by_slope = 2.0 * d.a * r[0, i] + d.g * r[1, i]
+            by_curvature = 2.0 * d.b * r[1, i] + d.g * r[0, i]
+            Q[k, i] += w * (D[0, k] * by_slope + D[1, k] * by_curvature)
+
+
+@kernel
+def add_tangent(w, d, D, r, K):
+    """Second derivatives of the energy of a point of weight ``w``, m, added to ``K`` (12, 12)."""
+    A, B, G = np.empty(12), np.empty(12), np.empty(12)  # gradients of the invariants
+    for k in range(4):
+        for i in range(3):
+            A[3 * k + i] = 2.0 * D[0, k] * r[0, i]
+            B[3 * k + i] = 2.0 * D[1, k] * r[1, i]
+            G[3 * k + i] = D[0, k] * r[1, i] + D[1, k] * r[0, i]
+    for p in range(12):
+        by_a = w * (d.aa * A[p] + d.ab * B[p] + d.ag * G[p])
+        by_g = w * (d.ag * A[p] + d.gg * G[p])
+        for q in range(12):
+            K[p, q] += by_a * A[q] + w * d.ab * A[p] * B[q] + by_g * G[q]
+    for k in range(4):
+        for m in range(4):
+            s = d.a * 2.0 * D[0, k] * D[0, m] + d.b * 2.0 * D[1, k] * D[1, m]
+            s += d.g * (D[0, k] * D[1, m] + D[1, k] * D[0, m])
+            for i in range(3):
+                K[3 * k + i, 3 * m + i] += w * s
+
+
+@kernel
+def add_damping(c, w, e, v, D, r, Q):
+    """Axial damping (18) of a point of weight ``w``, m, added to ``Q`` (4, 3); returns its power, W."""
+    u = np.empty((2, 3))
+    for i in range(3):
+        u[0, i] = D[0, 2] * (v[2, i] - v[0, i]) + D[0, 1] * v[1, i] + D[0, 3] * v[3, i]
+    stretch2, _, _ = invariants(r)
+    rate = r[0, 0] * u[0, 0] + r[0, 1] * u[0, 1] + r[0, 2] * u[0, 2]
+    drag = w * c.nuA * rate / stretch2  # 1 + 2 eps = a
+    for k in range(4):
+        for i in range(3):
+            Q[k, i] += drag * D[0, k] * r[0, i]
+    return drag * rate
