@@ -1,0 +1,248 @@
+"""Cubic B-splines and cable elements are the same curves: exact linear maps both ways, and what a knot can join.
+
+Section 5 of Shabana et al., Ideal compliant joints and integration of computer aided design and analysis; for
+polar forms (blossoms) Ramshaw, Computer Aided Geometric Design 6, 1989. The cubic f of one element has one symmetric
+polar form f(a, b, c), linear in each argument, with f(x, x, x) = f(x). On an element from u to w, of length l = w - u:
+
+    Bezier points            f(u,u,u), f(u,u,w), f(u,w,w), f(w,w,w)
+    cable coordinates        r(u) = f(u,u,u), r_x(u) = 3 (f(u,u,w) - f(u,u,u)) / l, and so at w
+    control point i          f(t[i+1], t[i+2], t[i+3]) of any element that it reaches
+
+Coordinates are (elements, 4, d) as in ancf/cable.py: position, slope, position, slope; d = 3 in space.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+Floats = NDArray[np.float64]
+DEGREE = 3
+SPACE = 3  # components of a position
+
+
+# The maps ----------------------------------------------------------------------------------------------------------
+
+
+def bezier_to_cable(l: float) -> Floats:
+    """(4, 4): cable coordinates of an element of length ``l`` from its Bezier points."""
+    s = 3.0 / l
+    return np.array([[1.0, 0, 0, 0], [-s, s, 0, 0], [0, 0, 0, 1.0], [0, 0, -s, s]])
+
+
+def cable_to_bezier(l: float) -> Floats:
+    """(4, 4): Bezier points from the cable coordinates of an element of length ``l``."""
+    s = l / 3.0
+    return np.array([[1.0, 0, 0, 0], [1.0, s, 0, 0], [0, 0, 1.0, -s], [0, 0, 1.0, 0]])
+
+
+def elements(knots: Floats) -> Floats:
+    """(n, 2): where the elements of a clamped cubic knot vector begin and end; knots of multiplicity 1 to 4."""
+    breaks = np.unique(knots)
+    return np.stack([breaks[:-1], breaks[1:]], axis=1)
+
+
+def _polar(knots: Floats, span: int, arguments: tuple[float, float, float]) -> Floats:
+    """Weights (control points) of the polar form of the cubic on [knots[span], knots[span + 1]]: de Boor's scheme."""
+    count = len(knots) - DEGREE - 1
+    rows = np.eye(count)[span - DEGREE : span + 1]
+    for r, x in enumerate(arguments, 1):
+        left = knots[span - DEGREE + r : span + 1]
+        right = knots[span + 1 : span + 1 + len(left)]
+        part = ((x - left) / (right - left))[:, None]
+        rows = (1.0 - part) * rows[:-1] + part * rows[1:]
+    return rows[0]
+
+
+def extraction(knots: Floats) -> Floats:
+    """(n, 4, control points): the cable coordinates of every element are this times the control points."""
+    found = []
+    for u, w in elements(knots):
+        span = int(np.searchsorted(knots, u, side="right")) - 1
+        points = [_polar(knots, span, abc) for abc in ((u, u, u), (u, u, w), (u, w, w), (w, w, w))]
+        found.append(bezier_to_cable(w - u) @ np.array(points))
+    return np.array(found)
+
+
+def to_cable(spline: BSpline) -> tuple[Floats, Floats]:
+    """Cable coordinates (n, 4, d) and lengths (n) of the elements of a clamped cubic spline."""
+    if spline.k != DEGREE:
+        raise ValueError(f"a spline of degree {spline.k}: cable elements are cubic")
+    spans = elements(spline.t)
+    return np.einsum("nap,pi->nai", extraction(spline.t), spline.c), spans[:, 1] - spans[:, 0]
+
+
+def jumps(e: Floats, l: Floats) -> Floats:
+    """(n - 1, 4): largest jump of the derivatives 0 to 3 at each inner node, each times l^k to make it a length."""
+    scale = np.minimum(l[:-1], l[1:])
+    found = np.zeros((len(l) - 1, DEGREE + 1))
+    for k in range(DEGREE + 1):
+        end = np.einsum("na,nai->ni", _derivatives(l, 1.0, k), e)[:-1]
+        begin = np.einsum("na,nai->ni", _derivatives(l, 0.0, k), e)[1:]
+        found[:, k] = np.abs(end - begin).max(axis=1) * scale**k
+    return found
+
+
+def _derivatives(l: Floats, xi: float, k: int) -> Floats:
+    """(n, 4): the k-th derivatives by x of the shape functions of elements of lengths ``l``."""
+    x = xi
+    table = (
+        (1 - 3 * x * x + 2 * x**3, x - 2 * x * x + x**3, 3 * x * x - 2 * x**3, x**3 - x * x),
+        (6 * x * x - 6 * x, 1 - 4 * x + 3 * x * x, 6 * x - 6 * x * x, 3 * x * x - 2 * x),
+        (12 * x - 6, 6 * x - 4, 6 - 12 * x, 6 * x - 2),
+        (12.0, 6.0, -12.0, 6.0),
+    )[k]
+    return np.array(table) * l[:, None] ** np.array([-k, 1 - k, -k, 1 - k])
+
+
+def multiplicities(e: Floats, l: Floats, tolerance: float = 1e-9) -> NDArray[np.int64]:
+    """Knot multiplicity of each inner node: as few knots as its continuity lets.
+
+    A derivative counts as continuous when it jumps by less than ``tolerance`` of the curve's size; a difference of
+    derivatives costs digits (the third of a fine mesh most), so a tolerance near rounding finds too many knots.
+    """
+    size = max(float(np.ptp(e[:, [0, 2]].reshape(-1, e.shape[2]), axis=0).max()), float(l.max()))
+    smooth = np.logical_and.accumulate(jumps(e, l) <= tolerance * size, axis=1)
+    return np.asarray(DEGREE + 1 - smooth.sum(axis=1), dtype=np.int64)
+
+
+def from_cable(
+    e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None, start: float = 0.0
+) -> BSpline:
+    """The clamped cubic spline of a cable mesh, ``e`` (n, 4, d), lengths ``l`` (n).
+
+    ``knots_at`` (n - 1): multiplicity at each inner node, 1 to 4 (default: 4 less the number of derivatives that are
+    continuous, but at least 1). Raises ValueError when the mesh is not as smooth as its knots would make it.
+    """
+    e, l = np.asarray(e, float), np.asarray(l, float)
+    inner = np.maximum(multiplicities(e, l), 1) if knots_at is None else np.asarray(knots_at, dtype=np.int64)
+    size = max(float(np.abs(e).max()), 1.0)
+    gaps = jumps(e, l)
+    for node, (m, gap) in enumerate(zip(inner, gaps, strict=True), 1):
+        if not 1 <= m <= DEGREE + 1:
+            raise ValueError(f"node {node}: multiplicity {m} is not one of 1 to {DEGREE + 1}")
+        worst = gap[: DEGREE + 1 - m].max(initial=0.0)
+        if worst > 1e-9 * size:
+            raise ValueError(
+                f"node {node}: a knot of multiplicity {m} joins C{DEGREE - m}, the mesh jumps by {worst:.3g} m"
+            )
+    nodes = start + np.concatenate([[0.0], np.cumsum(l)])
+    knots = np.repeat(nodes, np.concatenate([[4], inner, [4]]))
+    count = len(knots) - DEGREE - 1
+    points = np.empty((count, e.shape[2]))
+    for i in range(count):
+        # the element nearest to the middle of the control point's own knots: the least extrapolation
+        at = float(np.clip(knots[i + 1 : i + 4].mean(), nodes[0], nodes[-1]))
+        low, high = np.searchsorted(nodes, knots[i], "left"), np.searchsorted(nodes, knots[i + 4], "left") - 1
+        k = int(np.clip(np.searchsorted(nodes, at, "right") - 1, low, high))
+        f = cable_to_bezier(l[k]) @ e[k]
+        for x in knots[i + 1 : i + 4]:
+            part = (x - nodes[k]) / l[k]
+            f = (1.0 - part) * f[:-1] + part * f[1:]
+        points[i] = f[0]
+    return BSpline(knots, points, DEGREE)
+
+
+# Relation (7) and the bicubic patch --------------------------------------------------------------------------------
+
+
+def control_points(knots: int, degree: int = DEGREE) -> int:
+    """Number of control points n + 1 of a spline with ``knots`` = r + 1 knots: r = n + p + 1, paper (7)."""
+    if knots < 2 * (degree + 1):
+        raise ValueError(
+            f"{knots} knots: a clamped spline of degree {degree} has {2 * (degree + 1)} at least"
+        )
+    return knots - degree - 1
+
+
+def patch_points(knots_u: int, knots_v: int, degree_u: int = DEGREE, degree_v: int = DEGREE) -> int:
+    """Number of control points of a surface (5); 16 for one bicubic patch, however simple its shape."""
+    return control_points(knots_u, degree_u) * control_points(knots_v, degree_v)
+
+
+def patch_to_nodes(lx: float, ly: float) -> Floats:
+    """(16, 16): nodal vectors of a bicubic patch from its Bezier points, index 4 i + j along x, then y.
+
+    Row 4 a + b is cable coordinate a along x of cable coordinate b along y: r, r_x, r_y and r_xy at the four corners.
+    A thin plate of ANCF without r_xy has 12 of the 16 vectors; a flat one needs no more than three.
+    """
+    return np.kron(bezier_to_cable(lx), bezier_to_cable(ly))
+
+
+# What a knot imposes, what a joint needs ---------------------------------------------------------------------------
+
+
+class Demand(NamedTuple):
+    """A joint between two cable ends against the knots that could make it."""
+
+    joint: str
+    equations: int  # scalar equations, by rank
+    knot: int | None  # the multiplicity that imposes exactly these, None: there is none
+    weaker: int  # the smallest multiplicity that imposes none but equations of the joint
+    missing: int  # equations that the weaker knot leaves out
+
+
+def knot_rows(multiplicity: int) -> Floats:
+    """Equations (k, 24) of a knot on the derivatives 0 to 3 of the ends of two elements, before and behind it.
+
+    Columns: r, r_x, r_xx, r_xxx of the element before, then of the one behind. Multiplicity 4 imposes nothing, each
+    knot less one more derivative: three scalar equations at a time (5.3).
+    """
+    if not 0 <= multiplicity <= DEGREE + 1:
+        raise ValueError(f"multiplicity {multiplicity}: a cubic has 0 to {DEGREE + 1}")
+    return _continuity((DEGREE + 1 - multiplicity) * SPACE)
+
+
+def _continuity(count: int) -> Floats:
+    one = np.eye(SPACE * (DEGREE + 1))[:count]
+    return np.hstack([one, -one])
+
+
+def joint_rows(joint: str, axis: int = 1, turn: Floats | None = None) -> Floats:
+    """Equations (k, 24) of a joint between cables, columns as in ``knot_rows``; element axes along the world's.
+
+    ``spherical`` (1); ``pin`` (2) about the coordinate ``axis``; ``sliding`` (4) along x, u and m eliminated: across x
+    the positions and the slopes agree; ``smooth``: one cable goes on; ``curvature``: it also keeps r_xx; ``rigid``: two
+    cables joined at an angle, slopes turned by ``turn`` (3, 3).
+    """
+    rows = _continuity(SPACE * (DEGREE + 1))
+    keep = {
+        "spherical": [0, 1, 2],
+        "pin": [0, 1, 2, SPACE + axis],
+        "sliding": [1, 2, SPACE + 1, SPACE + 2],
+        "smooth": list(range(6)),
+        "curvature": list(range(9)),
+        "rigid": list(range(6)),
+    }
+    if joint not in keep:
+        raise ValueError(f"joint {joint!r}: one of {', '.join(keep)}")
+    found = rows[keep[joint]].copy()
+    if joint == "rigid":
+        found[3:, 15:18] = -(np.eye(SPACE) if turn is None else turn)
+    return found
+
+
+def _spans(rows: Floats, others: Floats) -> bool:
+    """Whether the equations ``rows`` imply ``others``."""
+    rank = np.linalg.matrix_rank
+    return bool(rank(np.vstack([rows, others])) == (rank(rows) if len(rows) else 0))
+
+
+def demand(joint: str, axis: int = 1, turn: Floats | None = None) -> Demand:
+    """A joint held against every knot multiplicity, by ranks."""
+    rows = joint_rows(joint, axis, turn)
+    count = int(np.linalg.matrix_rank(rows))
+    weaker = min(m for m in range(DEGREE + 2) if len(knot_rows(m)) == 0 or _spans(rows, knot_rows(m)))
+    given = len(knot_rows(weaker))
+    return Demand(joint, count, weaker if given == count else None, weaker, count - given)
+
+
+def table(turn: Floats | None = None) -> list[Demand]:
+    """All joints between cables against the knots; ``turn`` (3, 3): the angle of the rigid one, 90 degrees unless given."""
+    corner = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]) if turn is None else turn
+    return [
+        demand(name, turn=corner) for name in ("spherical", "pin", "sliding", "rigid", "smooth", "curvature")
+    ]
