@@ -241,7 +241,7 @@ def demand(joint: str, axis: int = 1, turn: Floats | None = None) -> Demand:
 
 
 def table(turn: Floats | None = None) -> list[Demand]:
-    """All joints between cables against the knots; ``turn`` (3, 3): the angle of the rigid one, 90 degrees unless given."""
+    """All joints between cables against the knots; the rigid one turns the slope by ``turn`` (3, 3) or 90 degrees."""
     corner = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]) if turn is None else turn
     return [
         demand(name, turn=corner) for name in ("spherical", "pin", "sliding", "rigid", "smooth", "curvature")

@@ -1,0 +1,129 @@
+"""Deformation modes at a pin: they satisfy its equations, and strain what the paper says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.physics.ancf import beam, modes
+
+L, WIDTH, HEIGHT = 0.1524, 0.06, 0.04
+STEEL = beam.Beam(L, WIDTH, HEIGHT, 7800.0, 2e11, 0.3, 0.85, False, 0.0)
+AXES = {"y": (0.0, 1, 0), "z": (0.0, 0, 1), "oblique": (0.3, 0.8, -0.5), "x": (1.0, 0, 0)}
+SIZE = 0.02
+# which strains jump at the joint, on its axis, in the axes a, b, c of the pin; aa and cc beside a shear at second order
+JUMPS = {"rotation": (), "bending": (), "stretch": ("aa",), "section": ("cc",), "shear": ("aa", "cc", "ac"),
+         "lean": ("aa", "ab"), "twist": ("cc", "bc"), "pin stretch": ()}  # fmt: skip
+
+
+def moved(mode, axis, before=False, size=SIZE):
+    return modes.straight(L) + modes.displacement(mode, axis, size, L, before)
+
+
+def energies(pair):
+    return np.array([beam.energy(STEEL, np.ascontiguousarray(e)) for e in pair])
+
+
+def named(E, axis):
+    a = modes.triad(axis)
+    E = a @ E @ a.T
+    return {n + m: E["abc".index(n), "abc".index(m)] for n, m in ("aa", "bb", "cc", "ab", "ac", "bc")}
+
+
+@pytest.mark.parametrize("before", [False, True])
+@pytest.mark.parametrize("axis", AXES.values(), ids=AXES)
+@pytest.mark.parametrize("mode", modes.MODES)
+def test_every_mode_satisfies_the_pin_and_jumps_where_it_may(mode, axis, before):
+    pair = moved(mode, axis, before)
+    assert np.abs(modes.pin_rows(axis) @ pair.ravel()).max() < 1e-16
+    one, other = (named(E, axis) for E in modes.at_joint(pair, L))
+    jumping = {name for name in one if abs(one[name] - other[name]) > 1e-12}
+    assert jumping == set(JUMPS[mode])
+    held, strained = energies(pair)[::-1] if before else energies(pair)
+    if mode == "rotation":
+        assert max(held, strained) < 1e-14 * STEEL.E * L * WIDTH * HEIGHT
+    else:
+        assert strained > 1e-6 * STEEL.E * L * WIDTH * HEIGHT
+        assert (held > 0.1 * strained) == (mode == "pin stretch")  # that one alone is shared
+
+
+@pytest.mark.parametrize("axis", AXES.values(), ids=AXES)
+def test_five_deformations_and_one_rotation(axis):
+    """12 - 6 coordinates of a node are its own: their strains have rank 5, the rotation is what is left; never bb."""
+    jump = modes.jump_of_strain(axis)
+    assert np.linalg.matrix_rank(jump, 1e-6) == 5
+    assert np.abs(jump[:, 0]).max() < 1e-9
+    assert np.abs(jump[1]).max() < 1e-9
+    changes = [modes.gradient_change(m, axis).ravel() for m in (modes.ROTATION, *modes.DEFORMATIONS)]
+    assert np.linalg.matrix_rank(changes) == 6
+    assert np.linalg.matrix_rank(modes.pin_rows(axis)) == 6
+    assert 2 * 24 - 6 == 42  # coordinates of the pair
+    b = modes.triad(axis)[1]
+    assert max(np.abs(H.reshape(3, 3) @ b).max() for H in changes) < 1e-15
+
+
+def test_stretch_is_the_length_of_the_gradient():
+    """Figure 8 a: E_xx = s + s^2/2 on one side of the joint, nothing on the other, nothing else."""
+    before, behind = modes.at_joint(moved("stretch", AXES["y"]), L)
+    expected = np.zeros((3, 3))
+    expected[0, 0] = SIZE + SIZE**2 / 2
+    np.testing.assert_allclose(behind, expected, atol=1e-16)
+    np.testing.assert_allclose(before, 0.0, atol=1e-16)
+    assert not np.allclose(
+        modes.at_joint(moved("stretch", AXES["y"], size=1.03 * SIZE), L)[1], expected, rtol=1e-2
+    )
+
+
+def test_bending_strains_linearly_across_the_section():
+    """Figure 8 b: nothing on the axis at the joint, z theta / l beside it: r_z turns by theta over the length."""
+    pair, theta = moved("bending", AXES["y"], size=1e-4), 1e-4
+    found = np.array([modes.at_joint(pair, L, z=z)[1][0, 0] for z in (-0.02, -0.01, 0.0, 0.01, 0.02)])
+    assert abs(found[2]) < 1e-16
+    np.testing.assert_allclose(
+        found, -np.array([-0.02, -0.01, 0.0, 0.01, 0.02]) * theta / L, rtol=1e-4, atol=1e-12
+    )
+    assert np.abs(modes.at_joint(pair, L, z=0.02)[0]).max() < 1e-16  # the other element knows nothing of it
+    # against the line between the nodes: the gradient leans by theta, the chord stays
+    assert pair[1, 1, 2] == pytest.approx(-theta, rel=1e-6)
+    assert np.abs(pair[1, 4] - [L, 0, 0]).max() == 0.0
+    # and its strain energy is at least that of a cantilever's end couple, EI theta^2 4 / (2 l), locking on top
+    bending = STEEL.E * WIDTH * HEIGHT**3 / 12 * theta**2 / (2 * L)
+    assert energies(pair)[1] > 4 * bending
+
+
+def test_the_section_changes_on_one_side_only():
+    """Figure 8 c: E_zz jumps, the axis does not notice; nothing in the other element does."""
+    pair = moved("section", AXES["y"])
+    before, behind = modes.at_joint(pair, L)
+    assert behind[2, 2] == pytest.approx(SIZE + SIZE**2 / 2, rel=1e-12)
+    assert behind[0, 0] == before[0, 0] == 0.0
+    assert modes.strains(pair[0], L, (0.5, 0.01, 0.01)) == pytest.approx(np.zeros((3, 3)), abs=1e-15)
+
+
+def test_the_pin_stretches_as_one():
+    """All six strains are continuous at the joint; the stretch fades along each element, linearly in r_y."""
+    pair = moved("pin stretch", AXES["y"])
+    before, behind = modes.at_joint(pair, L)
+    np.testing.assert_allclose(before, behind, atol=1e-16)
+    assert before[1, 1] == pytest.approx(SIZE + SIZE**2 / 2, rel=1e-12)
+    half = 0.5 * SIZE
+    for e in pair:
+        assert modes.strains(e, L, (0.5, 0.0, 0.0))[1, 1] == pytest.approx(half + half**2 / 2, rel=1e-12)
+    one = modes.straight(L)
+    one[1, 2] *= 1.0 + SIZE  # the twin: one side alone may not
+    assert np.abs(modes.pin_rows(AXES["y"]) @ one.ravel()).max() == pytest.approx(SIZE)
+
+
+def test_rotation_costs_nothing_at_any_angle():
+    for angle in np.linspace(0.0, 2 * np.pi, 13):
+        pair = moved("rotation", AXES["oblique"], size=angle)
+        assert energies(pair).max() < 1e-14 * STEEL.E * L * WIDTH * HEIGHT
+        assert np.abs(modes.pin_rows(AXES["oblique"]) @ pair.ravel()).max() < 1e-16 * 4
+        wrong = modes.straight(L) + modes.displacement("rotation", AXES["y"], angle, L)
+        off = np.abs(modes.pin_rows(AXES["oblique"]) @ wrong.ravel()).max()
+        assert (off > 0.1) == (0 < angle % (2 * np.pi) < 6)
+
+
+def test_a_mode_that_is_none_is_named():
+    with pytest.raises(ValueError, match="mode 'wobble': one of rotation, bending"):
+        modes.displacement("wobble", AXES["y"], 0.1, L)
