@@ -14,20 +14,21 @@ from fmus.jit import kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import Cable, mass, shape, shape_slope
 from fmus.physics.ancf.centreline import (
+    AXIAL,
+    COUNT,
     Density,
     add_damping,
     add_force,
     add_tangent,
     invariants,
     lines,
+    point,
     shape_curvature,
 )
-from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 
-GAUSS = 5  # points along the element
 ROWS = 4  # vectors of coordinates of an element: position and slope at two nodes
 
-__all__ = ["GAUSS", "ROWS", "Cable", "mass", "shape", "shape_curvature", "shape_slope"]
+__all__ = ["ROWS", "Cable", "mass", "shape", "shape_curvature", "shape_slope"]
 
 
 @kernel
@@ -37,15 +38,15 @@ def measures(a, b, g):
 
 
 @kernel
-def density(c, a, b, g):
+def density(EA, EI, a, b, g):
     """Energy per length, and its derivatives."""
-    s, m = np.sqrt(a), 0.5 * c.EI / a
+    s, m = np.sqrt(a), 0.5 * EI / a
     return Density(
-        f=0.5 * c.EA * (s - 1.0) ** 2 + m * (b - g * g / a),
-        a=0.5 * c.EA * (1.0 - 1.0 / s) + m * (2.0 * g * g / a - b) / a,
+        f=0.5 * EA * (s - 1.0) ** 2 + m * (b - g * g / a),
+        a=0.5 * EA * (1.0 - 1.0 / s) + m * (2.0 * g * g / a - b) / a,
         b=m,
         g=-2.0 * m * g / a,
-        aa=0.25 * c.EA / s**3 + m * (2.0 * b - 6.0 * g * g / a) / a**2,
+        aa=0.25 * EA / s**3 + m * (2.0 * b - 6.0 * g * g / a) / a**2,
         ab=-m / a,
         ag=4.0 * m * g / a**2,
         gg=-2.0 * m / a,
@@ -56,10 +57,11 @@ def density(c, a, b, g):
 def energy(c, e):
     """Strain energy of an element at coordinates ``e`` (4, 3), J."""
     D, r, U = np.empty((2, 4)), np.empty((2, 3)), 0.0
-    for p in range(GAUSS):
-        lines(c, e, POINTS[GAUSS, p], D, r)
+    for p in range(COUNT):
+        xi, w, EA, EI = point(c, p)
+        lines(c, e, xi, D, r)
         a, b, g = invariants(r)
-        U += c.l * WEIGHTS[GAUSS, p] * density(c, a, b, g).f
+        U += w * density(EA, EI, a, b, g).f
     return U
 
 
@@ -67,29 +69,32 @@ def energy(c, e):
 def force(c, e, Q):
     """Elastic force, gradient of the energy, added to ``Q`` (4, 3)."""
     D, r = np.empty((2, 4)), np.empty((2, 3))
-    for p in range(GAUSS):
-        lines(c, e, POINTS[GAUSS, p], D, r)
+    for p in range(COUNT):
+        xi, w, EA, EI = point(c, p)
+        lines(c, e, xi, D, r)
         a, b, g = invariants(r)
-        add_force(c.l * WEIGHTS[GAUSS, p], density(c, a, b, g), D, r, Q)
+        add_force(w, density(EA, EI, a, b, g), D, r, Q)
 
 
 @kernel
 def tangent(c, e, K):
     """Exact derivative of the force, added to ``K`` (12, 12)."""
     D, r = np.empty((2, 4)), np.empty((2, 3))
-    for p in range(GAUSS):
-        lines(c, e, POINTS[GAUSS, p], D, r)
+    for p in range(COUNT):
+        xi, w, EA, EI = point(c, p)
+        lines(c, e, xi, D, r)
         a, b, g = invariants(r)
-        add_tangent(c.l * WEIGHTS[GAUSS, p], density(c, a, b, g), D, r, K)
+        add_tangent(w, density(EA, EI, a, b, g), D, r, K)
 
 
 @kernel
 def damping(c, e, v, Q):
     """Damping force (18), its curvature part in the frame of the chord, added to ``Q``; returns its power, W."""
     D, r, power = np.empty((2, 4)), np.empty((2, 3)), 0.0
-    for p in range(GAUSS):
-        lines(c, e, POINTS[GAUSS, p], D, r)
-        power += add_damping(c, c.l * WEIGHTS[GAUSS, p], e, v, D, r, Q)
+    for p in range(AXIAL):
+        xi, w, _, _ = point(c, p)
+        lines(c, e, xi, D, r)
+        power += add_damping(c, w, e, v, D, r, Q)
     return power + cable.bending_damping(c, e, v, Q, np.empty((4, 3)))
 
 

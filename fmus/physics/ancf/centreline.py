@@ -18,6 +18,10 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf import cable
+from fmus.physics.ancf.gauss import POINTS, WEIGHTS
+
+AXIAL, BENDING = 5, 3  # Gauss points: exact for the stretch; for bending of nearly inextensible cables
+COUNT = AXIAL + BENDING
 
 
 class Density(NamedTuple):
@@ -40,6 +44,14 @@ def shape_curvature(c, xi, S):
     S[1] = (6.0 * xi - 4.0) / c.l
     S[2] = -S[0]
     S[3] = (6.0 * xi - 2.0) / c.l
+
+
+@kernel
+def point(c, p):
+    """Integration point ``p``: fraction of the length, weight, m, and the stiffnesses EA, EI that it sees."""
+    if p < AXIAL:
+        return POINTS[AXIAL, p], c.l * WEIGHTS[AXIAL, p], c.EA, 0.0
+    return POINTS[BENDING, p - AXIAL], c.l * WEIGHTS[BENDING, p - AXIAL], 0.0, c.EI
 
 
 @kernel

@@ -1,0 +1,74 @@
+"""Motion of a mesh, or of whatever has its methods: M v' = loads - elastic force - damping.
+
+Yields (t, q, v) after each step, without copies: keep what you need. Both integrators come from ``integrate``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from fmus.physics.integrate import generalized_alpha as ga
+from fmus.physics.integrate.runge_kutta import RK4, finish, stage
+
+Floats = NDArray[np.float64]
+Moment = tuple[float, Floats, Floats]
+
+
+class NotFound(ArithmeticError):
+    """A step has no solution."""
+
+
+def right_hand_side(system, q: Floats, v: Floats, damped: bool) -> Floats:
+    """Loads less internal forces."""
+    f = system.applied(q) - system.force(q)
+    return f - system.damping(q, v) if damped else f
+
+
+def runge_kutta(system, q: Floats, v: Floats, h: float, n: int, damped: bool = False) -> Iterator[Moment]:
+    """The classical method of fourth order, ``n`` steps of ``h``."""
+    solve = splu(sparse.csc_array(system.M)).solve
+    x, y = np.concatenate([q, v]), np.empty(2 * len(q))
+    k, m = np.empty((len(RK4.b), 2 * len(q))), len(q)
+    for step in range(1, n + 1):
+        for i in range(len(RK4.b)):
+            stage(RK4, i, h, x, k, y)
+            k[i, :m], k[i, m:] = y[m:], solve(right_hand_side(system, y[:m], y[m:], damped))
+        finish(RK4, h, x, k)
+        yield step * h, x[:m], x[m:]
+
+
+def generalized_alpha(
+    system, q: Floats, v: Floats, h: float, n: int, radius: float = 0.9, tolerance: float = 1e-10
+) -> Iterator[Moment]:
+    """The method of second order with numerical damping ``radius``; Newton until corrections fall below ``tolerance``.
+
+    Material damping is in the equations, not in the iteration matrix.
+    """
+    c = ga.coefficients(radius)
+    s = ga.slopes(c, h)
+    q, v = q.copy(), v.copy()
+    vdot = splu(sparse.csc_array(system.M)).solve(right_hand_side(system, q, v, True))
+    a = vdot.copy()
+    for step in range(1, n + 1):
+        vdot1 = vdot.copy()
+        a1 = ga.auxiliary(c, a, vdot, vdot1)
+        q += h * v + h * h * ((0.5 - c.beta) * a + c.beta * a1)
+        v += h * ((1.0 - c.gamma) * a + c.gamma * a1)
+        for _ in range(20):
+            residual = right_hand_side(system, q, v, True) - system.M @ vdot1
+            matrix = s.vdot * system.M + system.tangent(q) - system.applied_tangent(q)
+            dq = splu(sparse.csc_array(matrix)).solve(residual)
+            q, v, a1, vdot1 = q + dq, v + s.v * dq, a1 + s.a * dq, vdot1 + s.vdot * dq
+            if abs(dq).max() < tolerance:
+                break
+        else:
+            raise NotFound(
+                f"Newton: correction {abs(dq).max():.1e} after 20 iterations at t = {step * h:.6g} s"
+            )
+        a, vdot = a1, vdot1
+        yield step * h, q, v

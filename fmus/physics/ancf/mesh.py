@@ -1,0 +1,263 @@
+"""Elements and joints become one mesh: e = B q + b, with a constant B that holds all joints and supports.
+
+What depends on element coordinates e is computed element by element in compiled loops, and comes back by B^T. The mass
+matrix B^T M B is constant; there are no constraint equations and no multipliers left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from copy import copy
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from fmus.physics.ancf.joints import Joint, smooth
+
+Floats = NDArray[np.float64]
+End = tuple[int, int]  # element, counted through all parts; 0 its first node, 1 its second
+
+
+class Part(NamedTuple):
+    """Elements of one kind and section."""
+
+    element: object  # a sibling module: cable_small, cable_general, cable_engineering, beam
+    section: tuple  # its parameters
+    e: Floats  # (n, rows, 3) coordinates at the start
+
+
+class Tie(NamedTuple):
+    """A joint between two ends; an end follows at most one other."""
+
+    leads: End
+    follows: End
+    joint: Joint
+
+
+class Support(NamedTuple):
+    """An end that keeps only some of its coordinates free."""
+
+    end: End
+    own: Floats  # (3 rows, free), orthonormal columns
+
+
+class Load(Protocol):
+    """A generalised force on the coordinates q, and its derivative."""
+
+    def force(self, q: Floats) -> Floats: ...  # noqa: D102
+    def tangent(self, q: Floats) -> sparse.csc_array | float: ...  # noqa: D102
+
+
+def nodes(element, start: ArrayLike, frame: ArrayLike, l: float, n: int) -> Floats:
+    """Coordinates (n, rows, 3) of n undeformed elements in a row along the first column of ``frame`` (3, 3)."""
+    start, frame = np.asarray(start, float), np.asarray(frame, float)
+    rows = element.ROWS // 2
+    e = np.empty((n, 2, rows, 3))
+    e[:, :, 1:] = frame.T[: rows - 1]
+    for k in range(n):
+        for end in range(2):
+            e[k, end, 0] = start + (k + end) * l * frame[:, 0]
+    return e.reshape(n, 2 * rows, 3)
+
+
+def in_a_row(rows: int, n: int, first: int = 0) -> list[Tie]:
+    """The ties that make n elements one piece; ``rows`` of an end."""
+    return [Tie((k, 1), (k + 1, 0), smooth(rows)) for k in range(first, first + n - 1)]
+
+
+class Mesh:
+    """Parts, ties and supports, with the ties eliminated."""
+
+    def __init__(
+        self, parts: Sequence[Part], ties: Iterable[Tie] = (), supports: Iterable[Support] = ()
+    ) -> None:
+        self.parts = tuple(parts)
+        self.loads: tuple[Load, ...] = ()
+        self.e0 = np.concatenate([part.e.ravel() for part in parts])
+        self.ends = list(_ends(parts))  # of each end, its place in e
+        self.B, self.b = _eliminate(self.ends, list(ties), list(supports), self.e0)
+        self.M_e = sparse.block_diag(
+            [np.kron(_mass(part), np.eye(3)) for part in parts for _ in part.e], format="csr"
+        )
+        self.M = (self.B.T @ self.M_e @ self.B).tocsc()
+        self._rows, self._columns = _blocks(parts)
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom."""
+        return self.B.shape[1]
+
+    @property
+    def equations(self) -> int:
+        """Scalar equations of joints and supports that were eliminated."""
+        return self.B.shape[0] - self.B.shape[1]
+
+    def loaded(self, *loads: Load) -> Mesh:
+        """The same mesh under loads."""
+        mesh = copy(self)
+        mesh.loads = loads
+        return mesh
+
+    def coordinates(self, q: Floats) -> Floats:
+        """Element coordinates e, flat."""
+        return self.B @ q + self.b
+
+    def fit(self, e: Floats) -> Floats:
+        """The q of given element coordinates; of those that the joints allow, exactly."""
+        return splu((self.B.T @ self.B).tocsc()).solve(self.B.T @ (e.ravel() - self.b))
+
+    def start(self) -> Floats:
+        """The q of the undeformed mesh."""
+        return self.fit(self.e0)
+
+    def split(self, e: Floats) -> list[Floats]:
+        """Views of flat element coordinates, a part each (n, rows, 3)."""
+        views, place = [], 0
+        for part in self.parts:
+            views.append(e[place : place + part.e.size].reshape(part.e.shape))
+            place += part.e.size
+        return views
+
+    def end(self, q: Floats, end: End) -> Floats:
+        """Vectors (rows, 3) of an end."""
+        return self.coordinates(q)[self.ends[2 * end[0] + end[1]]].reshape(-1, 3)
+
+    def pull(self, end: End, row: int = 0) -> sparse.csr_array:
+        """The matrix (3, n) from q to one vector of an end."""
+        first = self.ends[2 * end[0] + end[1]].start + 3 * row
+        return self.B[first : first + 3]
+
+    def energy(self, q: Floats) -> float:
+        """Strain energy, J."""
+        parts = zip(self.parts, self.split(self.coordinates(q)), strict=True)
+        return sum(part.element.energies(part.section, e) for part, e in parts)
+
+    def internal(self, q: Floats) -> Floats:
+        """Elastic force on the element coordinates, flat."""
+        Q = np.zeros_like(self.e0)
+        for part, e, f in zip(self.parts, self.split(self.coordinates(q)), self.split(Q), strict=True):
+            part.element.forces(part.section, e, f)
+        return Q
+
+    def force(self, q: Floats) -> Floats:
+        """Elastic force, the gradient of the energy by q."""
+        return self.B.T @ self.internal(q)
+
+    def damping(self, q: Floats, v: Floats) -> Floats:
+        """Damping force; it acts, like the elastic one, as -f."""
+        Q = np.zeros_like(self.e0)
+        views = zip(
+            self.parts, self.split(self.coordinates(q)), self.split(self.B @ v), self.split(Q), strict=True
+        )
+        for part, e, rate, f in views:
+            part.element.dampings(part.section, e, rate, f)
+        return self.B.T @ Q
+
+    def tangent(self, q: Floats) -> sparse.csc_array:
+        """Derivative of the elastic force."""
+        blocks = []
+        for part, e in zip(self.parts, self.split(self.coordinates(q)), strict=True):
+            size = 3 * part.element.ROWS
+            K = np.zeros((len(e), size, size))
+            part.element.tangents(part.section, e, K)
+            blocks.append(K.ravel())
+        size = len(self.e0)
+        K_e = sparse.csr_array((np.concatenate(blocks), (self._rows, self._columns)), shape=(size, size))
+        return (self.B.T @ K_e @ self.B).tocsc()
+
+    def applied(self, q: Floats) -> Floats:
+        """Sum of the loads."""
+        return sum((load.force(q) for load in self.loads), np.zeros(self.n))
+
+    def applied_tangent(self, q: Floats):
+        """Derivative of the loads."""
+        return sum((load.tangent(q) for load in self.loads), sparse.csc_array((self.n, self.n)))
+
+    def kinetic(self, v: Floats) -> float:
+        """Kinetic energy, J."""
+        return 0.5 * v @ (self.M @ v)
+
+    def constraints(self, ties: Iterable[Tie]) -> Floats:
+        """The equations of ties as a matrix C of C e = 0: what an augmented formulation would keep."""
+        rows = []
+        for tie in ties:
+            keep = np.linalg.svd(tie.joint.own, full_matrices=True)[0][:, tie.joint.own.shape[1] :].T
+            C = np.zeros((len(keep), len(self.e0)))
+            C[:, self.ends[2 * tie.follows[0] + tie.follows[1]]] = keep
+            C[:, self.ends[2 * tie.leads[0] + tie.leads[1]]] -= keep @ tie.joint.follow
+            rows.append(C)
+        return np.vstack(rows)
+
+
+def _mass(part: Part) -> Floats:
+    M = np.zeros((part.element.ROWS, part.element.ROWS))
+    part.element.mass(part.section, M)
+    return M
+
+
+def _ends(parts: Sequence[Part]):
+    place = 0
+    for part in parts:
+        for _ in range(2 * len(part.e)):
+            yield slice(place, place + 3 * part.element.ROWS // 2)
+            place += 3 * part.element.ROWS // 2
+
+
+def _blocks(parts: Sequence[Part]):
+    """Row and column in the element matrix of every number of the tangents."""
+    rows, columns, place = [], [], 0
+    for part in parts:
+        size = 3 * part.element.ROWS
+        first = place + size * np.arange(len(part.e))[:, None, None]
+        i, j = np.mgrid[:size, :size]
+        rows.append((first + i).ravel())
+        columns.append((first + j).ravel())
+        place += size * len(part.e)
+    return np.concatenate(rows), np.concatenate(columns)
+
+
+def _eliminate(ends: list[slice], ties: list[Tie], supports: list[Support], e0: Floats):
+    """B and b: each end is its own, held in part, or follows another end, which may follow in turn."""
+    leads = {2 * t.follows[0] + t.follows[1]: (2 * t.leads[0] + t.leads[1], t.joint) for t in ties}
+    holds = {2 * s.end[0] + s.end[1]: s.own for s in supports}
+    if len(leads) < len(ties) or len(holds) < len(supports) or leads.keys() & holds.keys():
+        raise ValueError("an end follows one other end or one support, not several: let the others follow it")
+    found: dict[
+        int, tuple[dict[int, Floats], Floats]
+    ] = {}  # of an end: factor of each end's own unknowns, constant
+
+    def resolve(end: int, waiting: frozenset[int] = frozenset()) -> None:
+        if end in found:
+            return
+        if end in waiting:
+            raise ValueError(f"end {end % 2} of element {end // 2} follows itself")
+        place = ends[end]
+        size = place.stop - place.start
+        if end not in leads:
+            own = holds.get(end, np.eye(size))
+            found[end] = {end: own}, e0[place] - own @ (own.T @ e0[place]) if end in holds else np.zeros(size)
+            return
+        lead, joint = leads[end]
+        resolve(lead, waiting | {end})
+        factors, constant = found[lead]
+        mine = {k: joint.follow @ factor for k, factor in factors.items()}
+        found[end] = {**mine, end: joint.own}, joint.follow @ constant
+
+    columns, n = {}, 0
+    for end in range(len(ends)):
+        resolve(end)
+        columns[end], n = n, n + found[end][0][end].shape[1] if end in found[end][0] else n
+    rows_, columns_, values = [], [], []
+    b = np.zeros_like(e0)
+    for end, (factors, constant) in found.items():
+        b[ends[end]] = constant
+        for k, factor in factors.items():
+            i, j = np.nonzero(factor)
+            rows_.append(ends[end].start + i)
+            columns_.append(columns[k] + j)
+            values.append(factor[i, j])
+    index = np.concatenate(rows_), np.concatenate(columns_)
+    return sparse.csr_array((np.concatenate(values), index), shape=(len(e0), n)), b
