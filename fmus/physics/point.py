@@ -16,10 +16,11 @@ class Scratch(NamedTuple):
     f: np.ndarray  # (3) force on the point, N
     f_x: np.ndarray  # (3, 3) its derivative by position, N/m
     f_v: np.ndarray  # (3, 3) its derivative by velocity, N s/m
+    f_rate: np.ndarray  # (3) its derivative by a rate of penetration that is not the point's own, N s/m
+    side: np.ndarray  # (3) unit normal of the face that the point lies on
 
 
 def scratch() -> Scratch:
     """Fresh zeroed arrays."""
-    return Scratch(
-        np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
-    )
+    z = np.zeros
+    return Scratch(z(3), z((3, 3)), z(3), z(3), z((3, 3)), z((3, 3)), z(3), z(3))

@@ -13,7 +13,7 @@ from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
-from fmus.physics.contact.wheel import GAUSS, bulge, reach, wheel_contact
+from fmus.physics.contact.wheel import GAUSS, bulge, closing, reach, wheel_contact
 from fmus.track_flexible.nodes import gather
 from fmus.track_flexible.sums import CONTACT, DEPTH, LOAD, POWER, SLIP
 
@@ -95,6 +95,26 @@ def stiffen(f_x, f_v, by_rate, S, C, t0, t2, K):
 
 
 @kernel
+def resist(f_rate, side, by_rate, foot, S, C, t0, t2, K):
+    """The part of the rate at which the rim sinks in: it hangs on the pins, K -= B^T f_rate (d rate / d pins)."""
+    along = f_rate[0] * t0 + f_rate[2] * t2
+    for a in range(4):
+        p0, p1, p2 = (
+            S[a] * f_rate[0] + C[a] * along * t2,
+            S[a] * f_rate[1],
+            S[a] * f_rate[2] - C[a] * along * t0,
+        )
+        for j in range(3):
+            first, last = by_rate * (1.0 - foot) * side[j], by_rate * foot * side[j]
+            K[3 * a, j] += p0 * first
+            K[3 * a + 1, j] += p1 * first
+            K[3 * a + 2, j] += p2 * first
+            K[3 * a, 6 + j] += p0 * last
+            K[3 * a + 1, 6 + j] += p1 * last
+            K[3 * a + 2, 6 + j] += p2 * last
+
+
+@kernel
 def note(sums, depth, stored, power):
     """Book a contact."""
     sums[CONTACT] += stored
@@ -134,15 +154,18 @@ def touch_links(contacts, links, q, v, w, by_rate, tangent):
             d0, d2 = 0.5 * (q[i, 0] + q[j, 0]) - row[0], 0.5 * (q[i, 2] + q[j, 2]) - row[2]
             if d0 * d0 + d2 * d2 > far:
                 continue
-            low, high = reach(row, radius, q[i], q[j], links.face)
+            low, high, foot = reach(row, radius, q[i], q[j], links.face, s.side)
             if high <= low:
                 continue
             open_link(q, v, i, w)
+            for a in range(3):
+                u[a] = (1.0 - foot) * de[0, a] + foot * de[2, a]
+            rate = closing(row, u, s.side)
             for side in (-1.0, 1.0):
                 xi = 0.5 * (low + high) + side * GAUSS * (high - low)
                 t0, t2 = locate(cable, e, de, xi, -links.face, S, C, x, u)
                 depth, _, stored, power, _ = wheel_contact(
-                    contacts.wheel, 0.5 * (high - low), radius, row, x, u, s, tangent
+                    contacts.wheel, 0.5 * (high - low), radius, row, x, u, rate, s, tangent
                 )
                 if depth > 0.0:
                     note(sums, depth, stored, power)
@@ -150,6 +173,7 @@ def touch_links(contacts, links, q, v, w, by_rate, tangent):
                     push(s.f, S, C, t0, t2, R[i])
                     if tangent:
                         stiffen(s.f_x, s.f_v, by_rate, S, C, t0, t2, K[i])
+                        resist(s.f_rate, s.side, by_rate, foot, S, C, t0, t2, K[i])
             sums[CONTACT] += bulge(contacts.wheel, radius, cable.l, low, high)
     if not contacts.ground:
         return

@@ -7,8 +7,8 @@ from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.guide import guide_contact
 from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
-from fmus.physics.contact.wheel import GAUSS, bulge, reach, wheel_contact
-from fmus.track_rigid.loads import CONTACT, LOAD, SLIP, count, lever, push
+from fmus.physics.contact.wheel import GAUSS, bulge, closing, reach, wheel_contact
+from fmus.track_rigid.loads import CONTACT, LOAD, SLIP, count, lever, push, resist
 
 HORN = 0.05  # how far a guide horn reaches into a wheel from the inner face, m
 
@@ -32,18 +32,24 @@ def _rims(link, law, contacts, s, w, by_v, tangent):
             for j in range(3):
                 p[0, j] = q[i, j] - link.half * A[i, j, 0]
                 p[1, j] = q[i, j] + link.half * A[i, j, 0]
-            low, high = reach(row, radius, p[0], p[1], link.face)
+            low, high, foot = reach(row, radius, p[0], p[1], link.face, c.side)
             if high <= low:
                 continue
+            lever(A[i], v[i], q[i], (2.0 * foot - 1.0) * link.half, 0.0, 0.0, p)
+            rate = closing(row, p[1], c.side)
             share = 0.25 * (high - low)
             for g in range(4):
                 along = 2.0 * (low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)) - 1.0
                 lever(A[i], v[i], q[i], along * link.half, (2 * (g % 2) - 1) * link.lateral, -link.face, p)
-                depth, _, energy, power, _ = wheel_contact(law, share, radius, row, p[0], p[1], c, tangent)
+                depth, _, energy, power, _ = wheel_contact(
+                    law, share, radius, row, p[0], p[1], rate, c, tangent
+                )
                 if depth > 0.0:
                     count(tally, depth, energy, power)
                     collect(row, p[0], c.f, F[k])
                     push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
+                    if tangent:
+                        resist(A[i], N[0], (2.0 * foot - 1.0) * link.half, c, by_v, K[i])
             tally[CONTACT] += bulge(law, radius, 2.0 * link.half, low, high)
 
 
@@ -105,7 +111,7 @@ def _guides(link, law, contacts, s, w, by_v, tangent):
             for j in range(3):
                 p[0, j] = q[i, j] - link.half * A[i, j, 0]
                 p[1, j] = q[i, j] + link.half * A[i, j, 0]
-            low, high = reach(row, radius, p[0], p[1], link.face)
+            low, high, _ = reach(row, radius, p[0], p[1], link.face, c.side)
             if high <= low:
                 continue
             for g in range(2):

@@ -56,6 +56,27 @@ def push(A, lever, share, c, by_v, tangent, N, r, K):
 
 
 @kernel
+def resist(A, N, foot, c, by_v, K):
+    """Tangent of a force by the rate at which a rim sinks in, felt at ``foot`` (m from the middle, along the link).
+
+    N (3, 3) as ``push`` left it: the force's point by the link's turning. K -= [f_rate; N^T f_rate] (d rate / d link).
+    """
+    f, n = c.f_rate, c.side
+    for j in range(6):
+        # d rate / d velocity = -side . (1, axis cross lever), the lever along the link's x axis
+        if j < 3:
+            by = -n[j]
+        elif j == 3:
+            by = 0.0
+        else:
+            other, sign = (2, -1.0) if j == 4 else (1, 1.0)
+            by = -sign * foot * (n[0] * A[0, other] + n[1] * A[1, other] + n[2] * A[2, other])
+        for i in range(3):
+            K[i, j] -= by_v * by * f[i]
+            K[3 + i, j] -= by_v * by * (N[0, i] * f[0] + N[1, i] * f[1] + N[2, i] * f[2])
+
+
+@kernel
 def count(tally, depth, energy, power):
     """Book a contact in the tally."""
     tally[CONTACT] += energy

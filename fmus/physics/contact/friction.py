@@ -14,14 +14,24 @@ from fmus.physics.contact.normal import normal
 
 @kernel
 def touch(law, share, depth, omega, s, tangent):
+    """``press`` whose damper feels the point's own approach to the face."""
+    rate = -(s.n[0] * s.w[0] + s.n[1] * s.w[1] + s.n[2] * s.w[2])
+    return press(law, share, depth, rate, 1.0, omega, s, tangent)
+
+
+@kernel
+def press(law, share, depth, rate, own, omega, s, tangent):
     """Force of a face, turning at ``omega`` (3), on a point; ``s`` (see ``fmus.physics.point``) holds n, n_x, w.
 
+    ``rate`` is how fast the penetration grows as the damper feels it; ``own`` 1: it is -n.w and changes with the
+    point, 0: it belongs to the contact as a whole, and ``s.f_rate`` receives the derivative of the force by it.
     ``s`` receives the force f, with ``tangent`` also its derivatives f_x and f_v.
     Returns the normal force N, the stored energy J, the dissipated power W and the slip speed m/s.
     """
     n, n_x, w = s.n, s.n_x, s.w
     w_n = n[0] * w[0] + n[1] * w[1] + n[2] * w[2]
-    force, by_depth, by_rate, energy, power = normal(law, share, depth, -w_n)
+    force, by_depth, by_rate, energy = normal(law, share, depth, rate)
+    power = -(force - share * law.k * depth) * w_n
     s0, s1, s2 = w[0] - w_n * n[0], w[1] - w_n * n[1], w[2] - w_n * n[2]
     slip2 = s0 * s0 + s1 * s1 + s2 * s2
     g = np.sqrt(slip2 + law.v_reg * law.v_reg)
@@ -32,6 +42,9 @@ def touch(law, share, depth, omega, s, tangent):
         s.f[i] = force * n[i] - drag * slip[i]
     if not tangent:
         return force, energy, power + drag * slip2, np.sqrt(slip2)
+    for i in range(3):
+        s.f_rate[i] = by_rate * (n[i] - phi * slip[i])
+    by_rate *= own
     o = (omega[0], omega[1], omega[2])
     # W_x = dw/dx = -[omega]x: the face's material velocity changes along the face
     w_x = ((0.0, o[2], -o[1]), (-o[2], 0.0, o[0]), (o[1], -o[0], 0.0))

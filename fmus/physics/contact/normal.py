@@ -13,7 +13,7 @@ from fmus.jit import kernel
 def normal(law, share, depth, rate):
     """Force of a point that carries ``share`` of the contact, at penetration ``depth`` > 0 growing at ``rate``.
 
-    Returns the force N, its derivatives by depth and by rate, the stored energy J and the dissipated power W.
+    Returns the force N, its derivatives by depth and by rate, and the stored energy J.
     """
     k = share * law.k
     if depth < law.ramp:
@@ -24,5 +24,5 @@ def normal(law, share, depth, rate):
     c = share * law.c
     force = k * depth + c * fade * rate
     if force <= 0.0:  # the spring comes back slower than the faces part: its energy is lost
-        return 0.0, 0.0, 0.0, 0.5 * k * depth * depth, -k * depth * rate
-    return force, k + c * slope * rate, c * fade, 0.5 * k * depth * depth, c * fade * rate * rate
+        return 0.0, 0.0, 0.0, 0.5 * k * depth * depth
+    return force, k + c * slope * rate, c * fade, 0.5 * k * depth * depth
