@@ -1,0 +1,320 @@
+"""The sliding joint: exact Jacobians, ranks, energy, and two independent descriptions of the same motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fmus.physics.ancf import sliding
+from fmus.physics.ancf.cable import Cable
+
+L, N = 2.0, 6  # the rail, m, and its elements
+KINDS = ("point", "cable")
+
+
+def rope(slider, smooth=True, mass=1.0, place=0.6, gravity=9.81, stiffness=(4e3, 2.0), ends=2, drag=0.0):
+    """A straight rail along x with the slider at ``place``, at rest; ``ends`` of the rail are pinned."""
+    EA, EI = stiffness
+    c = Cable(L / N, 0.5, EA, EI, 0.0, 0.0)
+    T = sliding.chain_map(N, c.l, smooth)
+    size = T.shape[2]
+    is_cable = slider == "cable"
+    tail = (Cable(0.2, mass / 0.2, EA, EI, 0.0, 0.0), sliding.chain_map(1, 0.2))
+    total = size + (4 if is_cable else 1)
+    X = np.zeros((total, 3))
+    straight = np.array([[0.0], [1.0]]) if not smooth else None
+    if smooth:
+        X[:size, 0] = c.l * (np.clip(np.arange(size)[:, None] + np.arange(-2, 1), 0, N).mean(axis=1))
+    else:
+        X[0:size:2, 0], X[1:size:2, 0] = c.l * np.arange(N + 1), straight[1, 0]
+    X[size, 0] = place
+    if is_cable:
+        X[size + 1, 0], X[size + 2, 0], X[size + 3, 0] = 1.0, place + 0.2, 1.0
+    unit = np.eye(total)
+    held = unit[[0, size - (1 if smooth else 2)][:ends]]
+    parts = [(c, T), tail] if is_cable else [(c, T)]
+    b, maps = sliding.bodies(parts, [] if is_cable else [mass], gravity, held)
+    r = sliding.rail(c, maps[0], unit[size], unit[size + 1] if is_cable else None, drag)
+    return b, r, sliding.at_rest(r, X, place)
+
+
+def run(b, r, s, time, h, watch=None):
+    for _ in range(round(time / h)):
+        s = sliding.step(b, r, s, h)
+        if watch is not None:
+            watch(s)
+    return s
+
+
+def disturbed(slider, smooth=True):
+    """Somewhere bent, off the constraint: Jacobians must hold everywhere."""
+    b, r, s = rope(slider, smooth)
+    rng = np.random.default_rng(3)
+    X = s.X + 0.1 * rng.standard_normal(s.X.shape)
+    return b, r, s._replace(X=X, V=rng.standard_normal(X.shape))
+
+
+# Equations ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+@pytest.mark.parametrize("slider", KINDS)
+def test_jacobian_of_the_constraint(slider, smooth):
+    """By complex step: the constraint is a polynomial, the imaginary part of a tiny step is its derivative."""
+    _, r, s = disturbed(slider, smooth)
+    by_x, by_w = sliding.jacobian(r, s.X, s.w)
+    d = 1e-30j
+
+    def place(k):
+        w = s.w.astype(complex)
+        w[k] += d
+        xi = (w[0] - r.nodes[1]) / (r.nodes[2] - r.nodes[1])
+        l = r.nodes[1]
+        S = xi ** np.arange(4) @ r.powers[1]
+        slope = np.array([0, 1, 2 * xi, 3 * xi**2]) / l @ r.powers[1]
+        C = [(S - r.point) @ s.X] + ([slope @ s.X - w[1] * (r.slope @ s.X)] if slider == "cable" else [])
+        return np.concatenate(C).imag / 1e-30
+
+    assert sliding.element(r, s.w[0]) == 1
+    for k in range(len(s.w)):
+        np.testing.assert_allclose(by_w[:, k], place(k), rtol=1e-12, atol=1e-13)
+    for j in range(s.X.size):
+        X = np.zeros(s.X.size)
+        X[j] = 1.0  # linear in X: a whole unit is exact
+        column = sliding.constraint(r, X.reshape(-1, 3), s.w)
+        np.testing.assert_allclose(by_x[:, j], column, atol=1e-13)
+
+
+@pytest.mark.parametrize("far", [0.02, 0.5, -0.4])
+@pytest.mark.parametrize("slider", KINDS)
+def test_newtons_matrix_is_the_derivative_of_its_residual(slider, far):
+    """Within an element, and across one and two nodes either way."""
+    b, r, s = disturbed(slider)
+    rng = np.random.default_rng(8)
+    X1 = s.X + 0.05 * rng.standard_normal(s.X.shape)
+    w1, lam = s.w + [far, 0.03][: len(s.w)], rng.standard_normal(len(s.lam))
+    R, A = sliding.system(b, r, s, 0.01, (X1, w1, lam))
+    z, n, k = np.concatenate([X1.ravel(), w1, lam]), X1.size, len(w1)
+    assert sliding.element(r, w1[0]) == {0.02: 1, 0.5: 3, -0.4: 0}[far]
+    numeric = np.empty_like(A)
+    for j in range(len(z)):
+        ends = []
+        for d in (1e-5, -1e-5):
+            y = z.copy()
+            y[j] += d
+            ends.append(sliding.system(b, r, s, 0.01, (y[:n].reshape(-1, 3), y[n : n + k], y[n + k :]))[0])
+        numeric[:, j] = (ends[0] - ends[1]) / 2e-5
+    assert np.abs(A - numeric).max() < 1e-7 * np.abs(A).max()
+    assert np.abs(R).max() > 0.0
+
+
+def test_quotients_are_quotients():
+    """G (z1 - z0) = C1 - C0 to rounding, however near or far, which is why the joint does no work."""
+    _, r, s = disturbed("cable")
+    for u1 in (0.6 + 1e-9, 0.61, 0.2, 1.9, 0.6):
+        for order in (0, 1):
+            D, _ = sliding.quotient(r, 0.6, u1, order)
+            difference = (sliding.row(r, u1, order) - sliding.row(r, 0.6, order)) @ s.X
+            np.testing.assert_allclose(D @ s.X * (u1 - 0.6), difference, atol=1e-15 * 8)
+    np.testing.assert_allclose(sliding.quotient(r, 0.6, 0.6, 0)[0], sliding.row(r, 0.6, 1), atol=1e-13)
+
+
+@pytest.mark.parametrize(("slider", "lost", "equations"), [("cable", 4, 6), ("point", 2, 3)])
+def test_degrees_of_freedom_by_rank(slider, lost, equations):
+    for smooth in (True, False):
+        b, r, s = rope(slider, smooth)
+        assert sliding.removed(b, r, s.X, s.w) == lost  # straight
+        b, r, s = disturbed(slider, smooth)
+        assert sliding.removed(b, r, s.X, s.w) == lost  # and bent
+        by_x, by_w = sliding.jacobian(r, s.X, s.w)
+        assert np.linalg.matrix_rank(by_x) == equations
+        assert np.linalg.matrix_rank(by_w) == equations - lost
+
+
+def test_force_is_the_gradient_of_the_energy():
+    b, _, s = disturbed("cable")
+    F = sliding.elastic(b, s.X)
+    for j in (0, 7, 13, 20):
+        d = np.zeros(s.X.size)
+        d[j] = 1e-6
+        up, down = (sliding.energy(b, s._replace(X=s.X + x * d.reshape(-1, 3)))[1] for x in (1, -1))
+        assert F.ravel()[j] == pytest.approx((up - down) / 2e-6, rel=1e-6, abs=1e-7 * np.abs(F).max())
+
+
+# Motion ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slider", KINDS)
+def test_five_seconds_without_friction(slider):
+    """Over all nodes and back: energy and constraint."""
+    b, r, s = rope(slider)
+    start, worst, closed, kinetic, places, rate = sum(sliding.energy(b, s)), 0.0, 0.0, 0.0, set(), 0.0
+    h = 2e-3
+    for _ in range(2500):
+        s = sliding.step(b, r, s, h)
+        parts = sliding.energy(b, s)
+        worst, kinetic = max(worst, abs(sum(parts) - start)), max(kinetic, parts[0])
+        closed = max(closed, np.abs(sliding.constraint(r, s.X, s.w)).max())
+        rate = max(rate, np.abs(sliding.rates(b, r, s)[1]).max())
+        places.add(sliding.element(r, s.w[0]))
+    assert kinetic > 1.0  # J
+    assert len(places) >= 3
+    assert worst < 1e-9 * kinetic
+    assert closed < 1e-12
+    assert rate < 5e-3  # of the constraint, m/s, at speeds of 1 m/s: the method's second order
+
+
+def test_drag_takes_what_it_says():
+    """The twin of the energy: with friction it falls, by what the joint has lost, to rounding."""
+    b, r, s = rope("cable", drag=0.05)
+    start = sum(sliding.energy(b, s))
+    s = run(b, r, s, 1.0, 2e-3)
+    lost = start - sum(sliding.energy(b, s))
+    assert s.lost > 1e-3
+    assert lost == pytest.approx(s.lost, rel=1e-8)
+
+
+def minimal(b, r, s, times):
+    """The same motion without constraint: the slider's vectors written out in the rail's, u and m; DOP853.
+
+    Y: the vectors that are free; X = Y but for the sliding point S(u) Y and slope S'(u) Y / m.
+    """
+    free = b.free.reshape(-1, 3).all(axis=1)
+    own = r.point + (r.slope if r.slope.size else 0.0) > 0
+    kept = np.flatnonzero(free & ~own)
+    n, p, g = len(kept), int(r.point.argmax()), int(r.slope.argmax()) if r.slope.size else -1
+
+    def whole(Y):
+        X = s.X.copy()
+        X[kept] = Y
+        X[own] = 0.0
+        return X
+
+    def spatial(rows):
+        return np.kron(rows, np.eye(3))
+
+    def motion(_, z):
+        half = 3 * n + len(s.w)
+        Y, w, dY, dw = (
+            z[: 3 * n].reshape(n, 3), z[3 * n : half],
+            z[half : half + 3 * n].reshape(n, 3), z[half + 3 * n :],
+        )  # fmt: skip
+        X, dX = whole(Y), np.zeros_like(s.X)
+        dX[kept] = dY
+        S = [sliding.row(r, w[0], k) for k in range(4)]
+        x, dx = [row @ X for row in S], [row @ dX for row in S]
+        B = np.zeros((len(s.X), n))
+        B[kept, np.arange(n)] = 1.0
+        J = np.zeros((len(s.X), 3, half))
+        B[p] = S[0][kept]
+        X[p] = x[0]
+        centripetal = np.zeros_like(X)
+        centripetal[p] = 2.0 * dx[1] * dw[0] + x[2] * dw[0] ** 2
+        if g >= 0:
+            m, dm = w[1], dw[1]
+            B[g] = S[1][kept] / m
+            X[g] = x[1] / m
+            turning = dx[1] + x[2] * dw[0]
+            centripetal[g] = (2.0 * dx[2] * dw[0] + x[3] * dw[0] ** 2) / m
+            centripetal[g] += -2.0 * turning * dm / m**2 + 2.0 * x[1] * dm**2 / m**3
+        J[:, :, : 3 * n] = spatial(B).reshape(len(s.X), 3, -1)
+        J[p, :, 3 * n] = x[1]
+        if g >= 0:
+            J[g, :, 3 * n], J[g, :, 3 * n + 1] = x[2] / m, -x[1] / m**2
+        J = J.reshape(-1, half)
+        mass = spatial(b.M)
+        f = (b.load - sliding.elastic(b, X) - b.M @ centripetal).ravel()
+        return np.concatenate([z[half:], np.linalg.solve(J.T @ mass @ J, J.T @ f)])
+
+    rate, _ = sliding.rates(b, r, s)
+    z = np.concatenate([s.X[kept].ravel(), s.w, s.V[kept].ravel(), rate])
+    found = solve_ivp(motion, (0.0, times[-1]), z, "DOP853", times, rtol=1e-9, atol=1e-11).y.T
+    return found[:, : 3 * n].reshape(-1, n, 3), found[:, 3 * n], kept
+
+
+@pytest.mark.parametrize(("slider", "longest"), [("point", 2.5e-3), ("cable", 1.25e-3)])
+def test_against_minimal_coordinates(slider, longest):
+    """Order 2 towards the motion that has no constraint to solve, over two nodes of the rail."""
+    soft = {"place": 0.62, "stiffness": (300.0, 0.5), "gravity": 20.0}
+    b, r, s = rope(slider, **soft)
+    times = np.linspace(0.05, 0.35, 7)
+    truth, place, kept = minimal(b, r, s, times)
+    assert place.max() - place.min() > 0.05
+    errors = []
+    for h in (longest, longest / 2, longest / 4):
+        now, gaps = s, []
+        for k in range(len(times)):
+            now = run(b, r, now, 0.05, h)
+            gaps.append(np.append(now.X[kept] - truth[k], now.w[0] - place[k]))
+        errors.append(np.sqrt(np.mean(np.square(gaps))))
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.abs(rates - 2.0).max() < 0.25, (errors, rates)
+    assert errors[-1] < 2e-4
+    b, r, s = rope(slider, mass=1.03, **soft)  # the twin: 3 % more mass
+    assert np.sqrt(np.mean((run(b, r, s, 0.35, longest / 4).X[kept] - truth[-1]) ** 2)) > 5 * errors[-1]
+
+
+def on_a_turning_rod(mass, h, rate=2.0):
+    """A point on a nearly rigid rod that turns about its pinned end, no weight."""
+    b, r, s = rope("point", mass=mass, place=0.5, gravity=0.0, stiffness=(1e7, 1e4), ends=1)
+    s = s._replace(V=np.cross([0.0, rate, 0.0], s.X))
+    return run(b, r, s, 0.6, h).w[0]
+
+
+def test_point_on_a_turning_rod():
+    """(J + m u^2) theta' = const, u'' = u theta'^2 with J = 0.5 kg/m L^3 / 3."""
+    J, mass = 0.5 * L**3 / 3, 1.0
+    spin = (J + mass * 0.25) * 2.0
+    exact = solve_ivp(
+        lambda _, y: [y[1], y[0] * (spin / (J + mass * y[0] ** 2)) ** 2], (0, 0.6), [0.5, 0.0], rtol=1e-10, atol=1e-12
+    ).y[0, -1]  # fmt: skip
+    assert exact > 0.75  # two nodes further
+    assert on_a_turning_rod(mass, 2e-3) == pytest.approx(exact, abs=2e-5)
+    assert abs(on_a_turning_rod(1.03 * mass, 2e-3) - exact) > 5e-4
+
+
+def test_momentum_of_free_bodies():
+    """No supports, no weight: linear momentum to rounding, angular momentum at order 2."""
+    drift = []
+    for h in (4e-3, 2e-3):
+        b, r, s = rope("cable", gravity=0.0, ends=0, stiffness=(1e3, 0.5))
+        s = s._replace(V=np.cross([0.0, 2.0, 0.3], s.X) + b.shift[:, None] * [1.0, -2.0, 0.5])
+        assert np.abs(sliding.rates(b, r, s)[1]).max() < 1e-14
+        linear, angular = sliding.momentum(b, s)
+        # a kilogram each, centres of mass at 1 m and at 0.7 m
+        expected = np.cross([0.0, 2.0, 0.3], [1.7, 0.0, 0.0]) + 2.0 * np.array([1.0, -2.0, 0.5])
+        np.testing.assert_allclose(linear, expected, atol=1e-12)
+        s = run(b, r, s, 0.4, h)
+        after = sliding.momentum(b, s)
+        assert np.abs(after[0] - linear).max() < 1e-11
+        drift.append(np.abs(after[1] - angular).max() / np.abs(angular).max())
+    assert drift[1] < 1e-3
+    assert 1.6 < np.log2(drift[0] / drift[1]) < 2.6, drift
+
+
+def test_nodes_are_impacts_for_a_cable_on_a_rail_that_is_not_smooth():
+    """Over C1 nodes the turning speed jumps: the rate of the constraint is off by far more than over C2 nodes."""
+    worst = []
+    for smooth in (True, False):
+        b, r, s = rope("cable", smooth)
+        off = []
+        run(
+            b,
+            r,
+            s,
+            1.0,
+            2e-3,
+            lambda s, b=b, r=r, off=off: off.append(np.abs(sliding.rates(b, r, s)[1]).max()),
+        )
+        worst.append(max(off))
+    assert worst[1] > 10 * worst[0]
+
+
+def test_failures_are_sentences():
+    b, r, s = rope("point", gravity=0.0)
+    with pytest.raises(ValueError, match=r"left its rail of 2 m at u = 2\.1 m"):
+        sliding.constraint(r, s.X, np.array([2.1]))
+    thrown = s._replace(V=s.V + np.where(r.point[:, None] > 0, [30.0, 0, 0], 0.0))
+    with pytest.raises(ValueError, match="left its rail"):
+        run(b, r, thrown, 1.0, 2e-3)
