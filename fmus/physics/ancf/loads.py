@@ -42,7 +42,7 @@ class Couple(NamedTuple):
     def tangent(self, q: Floats) -> sparse.csr_array:
         """Its derivative."""
         d = self.pull @ q + self.constant
-        cross = np.cross(np.eye(3), -self.moment)  # cross @ d = M x d
+        cross = np.cross(np.eye(3), self.moment)  # cross @ d = M x d
         D = cross / (d @ d) - 2.0 * np.outer(cross @ d, d) / (d @ d) ** 2
         return self.pull.T @ sparse.csr_array(D) @ self.pull
 
