@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
 
+from fmus.jit import kernel
+
 Floats = NDArray[np.float64]
-SAMPLES = 1440  # points on each circle of the belt
+SAMPLES = 360  # points on each circle of the belt
 
 
 def _belt(centres: Floats, radii: Floats) -> Floats:
@@ -24,26 +26,31 @@ def _belt(centres: Floats, radii: Floats) -> Floats:
     return np.roll(hull, -int(np.argmax(hull[:, 0])), axis=0)
 
 
-def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
-    """Pins at chords of one pitch along a closed polyline, and the signed gap to a full turn after ``links``, m."""
-    k = len(path)
+@kernel
+def _walk(path, pitch, links):
+    """Pins (links, 2) at chords of one pitch along a closed polyline (k, 2), and the gap to a full turn then, m."""
+    k = path.shape[0]
+    start = np.zeros(k + 1)
+    for i in range(k):
+        j = (i + 1) % k
+        start[i + 1] = start[i] + np.hypot(path[j, 0] - path[i, 0], path[j, 1] - path[i, 1])
     pins = np.empty((links + 1, 2))
     pins[0] = path[0]
     i, travelled = 0, 0.0  # the pin lies on segment i
-    lengths = np.linalg.norm(np.diff(np.vstack([path, path[:1]]), axis=0), axis=1)
-    start = np.concatenate([[0.0], np.cumsum(lengths)])
     for n in range(1, links + 1):
-        here = pins[n - 1]
-        while np.hypot(*(path[(i + 1) % k] - here)) < pitch:
+        x, z = pins[n - 1, 0], pins[n - 1, 1]
+        while np.hypot(path[(i + 1) % k, 0] - x, path[(i + 1) % k, 1] - z) < pitch:
             i += 1
             if i > 3 * k:
-                return pins[:-1], np.inf
-        a, b = path[i % k] - here, path[(i + 1) % k] - path[i % k]
-        p, q, r = b @ b, 2.0 * a @ b, a @ a - pitch * pitch
+                return pins[:links], np.inf
+        here, next_ = i % k, (i + 1) % k
+        a0, a1 = path[here, 0] - x, path[here, 1] - z
+        b0, b1 = path[next_, 0] - path[here, 0], path[next_, 1] - path[here, 1]
+        p, q, r = b0 * b0 + b1 * b1, 2.0 * (a0 * b0 + a1 * b1), a0 * a0 + a1 * a1 - pitch * pitch
         s = (-q + np.sqrt(max(q * q - 4.0 * p * r, 0.0))) / (2.0 * p)
-        pins[n] = path[i % k] + s * b
-        travelled = start[i % k] + (i // k) * start[-1] + s * lengths[i % k]
-    return pins[:-1], travelled - start[-1]
+        pins[n, 0], pins[n, 1] = path[here, 0] + s * b0, path[here, 1] + s * b1
+        travelled = start[here] + (i // k) * start[k] + s * np.sqrt(p)
+    return pins[:links], travelled - start[k]
 
 
 def closed_polygon(
