@@ -21,10 +21,14 @@ __all__ = ["ROWS", "Cable", "mass", "shape", "shape_curvature", "shape_slope"]
 @kernel
 def energy(c, e):
     """Strain energy of an element at coordinates ``e`` (4, 3), J."""
-    own = e.copy()
-    for i in range(3):  # positions from the first node: distance from the origin costs no digits
-        own[0, i], own[2, i] = 0.0, e[2, i] - e[0, i]
-    return cable.energy(c, own, np.empty((4, 3)), np.empty((4, 3)))
+    D, first, second = np.empty((2, 4)), np.empty((2, 3)), np.empty((2, 3))
+    lines(c, e, 0.0, D, first)
+    lines(c, e, 1.0, D, second)
+    square = 0.0  # of r_xx, linear along the element: as a sum of squares it keeps its digits where it vanishes
+    for i in range(3):
+        square += first[1, i] ** 2 + first[1, i] * second[1, i] + second[1, i] ** 2
+    eps = cable.strain(c, e, np.empty((4, 3)))
+    return 0.5 * c.EA * c.l * eps * eps + c.EI * c.l / 6.0 * square
 
 
 @kernel

@@ -51,6 +51,14 @@ class Load(Protocol):
     def tangent(self, q: Floats) -> sparse.csc_array | float: ...  # noqa: D102
 
 
+class Spring(Protocol):
+    """Elasticity of the mesh that belongs to no element."""
+
+    def energy(self, q: Floats) -> float: ...  # noqa: D102
+    def force(self, q: Floats) -> Floats: ...  # noqa: D102
+    def tangent(self, q: Floats) -> sparse.csr_array: ...  # noqa: D102
+
+
 def nodes(element, start: ArrayLike, frame: ArrayLike, l: float, n: int) -> Floats:
     """Coordinates (n, rows, 3) of n undeformed elements in a row along the first column of ``frame`` (3, 3)."""
     start, frame = np.asarray(start, float), np.asarray(frame, float)
@@ -76,6 +84,7 @@ class Mesh:
     ) -> None:
         self.parts = tuple(parts)
         self.loads: tuple[Load, ...] = ()
+        self.springs: tuple[Spring, ...] = ()
         self.e0 = np.concatenate([part.e.ravel() for part in parts])
         self.ends = list(_ends(parts))  # of each end, its place in e
         self.B, self.b = _eliminate(self.ends, list(ties), list(supports), self.e0)
@@ -99,6 +108,12 @@ class Mesh:
         """The same mesh under loads."""
         mesh = copy(self)
         mesh.loads = loads
+        return mesh
+
+    def sprung(self, *springs: Spring) -> Mesh:
+        """The same mesh with springs."""
+        mesh = copy(self)
+        mesh.springs = springs
         return mesh
 
     def coordinates(self, q: Floats) -> Floats:
@@ -133,7 +148,8 @@ class Mesh:
     def energy(self, q: Floats) -> float:
         """Strain energy, J."""
         parts = zip(self.parts, self.split(self.coordinates(q)), strict=True)
-        return sum(part.element.energies(part.section, e) for part, e in parts)
+        own = sum(part.element.energies(part.section, e) for part, e in parts)
+        return own + sum(spring.energy(q) for spring in self.springs)
 
     def internal(self, q: Floats) -> Floats:
         """Elastic force on the element coordinates, flat."""
@@ -144,7 +160,7 @@ class Mesh:
 
     def force(self, q: Floats) -> Floats:
         """Elastic force, the gradient of the energy by q."""
-        return self.B.T @ self.internal(q)
+        return self.B.T @ self.internal(q) + sum(spring.force(q) for spring in self.springs)
 
     def damping(self, q: Floats, v: Floats) -> Floats:
         """Damping force; it acts, like the elastic one, as -f."""
@@ -166,7 +182,8 @@ class Mesh:
             blocks.append(K.ravel())
         size = len(self.e0)
         K_e = sparse.csr_array((np.concatenate(blocks), (self._rows, self._columns)), shape=(size, size))
-        return (self.B.T @ K_e @ self.B).tocsc()
+        springs = sum((spring.tangent(q) for spring in self.springs), sparse.csc_array((self.n, self.n)))
+        return (self.B.T @ K_e @ self.B + springs).tocsc()
 
     def applied(self, q: Floats) -> Floats:
         """Sum of the loads."""
