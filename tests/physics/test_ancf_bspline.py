@@ -88,19 +88,36 @@ def test_a_knot_imposes_three_equations_at_a_time(m):
 
 
 def test_what_each_joint_needs():
-    found = {d.joint: d for d in bspline.table()}
-    rows = {name: (d.equations, d.knot, d.weaker, d.missing) for name, d in found.items()}
+    rows = {(d.element, d.joint): (d.equations, d.knot, d.weaker, d.missing) for d in bspline.table()}
     assert rows == {
-        "spherical": (3, 3, 3, 0),  # C0: the one joint that a knot makes
-        "pin": (4, None, 3, 1),  # one more equation than C0, two less than C1
-        "sliding": (4, None, 4, 4),  # slopes without positions: no knot at all
-        "rigid": (6, None, 3, 3),  # C0 and no relative rotation
-        "smooth": (6, 2, 2, 0),
-        "curvature": (9, 1, 1, 0),
+        ("cable", "spherical"): (3, 3, 3, 0),  # C0: the one joint that a knot makes
+        ("cable", "pin"): (4, None, 3, 1),  # one more equation than C0, two less than C1
+        ("cable", "sliding"): (4, None, 4, 4),  # slopes without positions: no knot at all
+        ("cable", "rigid"): (6, None, 3, 3),  # C0 and no relative rotation
+        ("cable", "smooth"): (6, 2, 2, 0),
+        ("cable", "curvature"): (9, 1, 1, 0),
+        ("beam", "spherical"): (3, None, 4, 3),  # C0 already holds the whole section
+        ("beam", "pin"): (6, None, 4, 6),
+        ("beam", "sliding"): (4, None, 4, 4),
+        ("beam", "rigid"): (12, None, 4, 12),
+        ("beam", "smooth"): (18, 2, 2, 0),
+        ("beam", "curvature"): (27, 1, 1, 0),
     }
-    assert bspline.demand("rigid", turn=np.eye(3)).knot == 2  # the twin: no angle, no discontinuity
+    straight = np.eye(3)  # the twin: without an angle there is no discontinuity
+    assert bspline.demand("rigid", turn=straight).knot == 2
+    assert bspline.demand("rigid", "beam", turn=straight)[2:] == (
+        12,
+        None,
+        3,
+        3,
+    )  # section by a knot, r_x besides
+    for axis in range(3):
+        assert bspline.demand("pin", axis=axis).equations == 4
+        assert bspline.demand("pin", "beam", axis=axis).equations == 6
     with pytest.raises(ValueError, match="joint 'glue'"):
         bspline.demand("glue")
+    with pytest.raises(ValueError, match="multiplicity 5"):
+        bspline.knot_rows(5)
 
 
 def test_relation_seven_and_the_bicubic_patch():

@@ -124,6 +124,21 @@ def test_rotation_costs_nothing_at_any_angle():
         assert (off > 0.1) == (0 < angle % (2 * np.pi) < 6)
 
 
+@pytest.mark.parametrize("mode", modes.MODES)
+def test_the_pin_is_one_line_of_material(mode):
+    """Points on the axis of the pin stay together whatever the mode; beside it the sections may part."""
+    pair = moved(mode, AXES["oblique"])
+    b = modes.triad(AXES["oblique"])[1]
+    gaps = []
+    for direction in (b - b[0] * np.eye(3)[0], np.array([0.0, 1.0, 0.0])):
+        y, z = 0.01 * direction[1:]
+        gaps.append(modes.position(pair[0], L, (1.0, y, z)) - modes.position(pair[1], L, (0.0, y, z)))
+    # an oblique pin leaves the section: x along it adds its share of r_x
+    slope = pair[0, 5] - pair[1, 1]
+    assert np.abs(gaps[0] + 0.01 * b[0] * slope).max() < 1e-16
+    assert (np.abs(gaps[1]).max() > 1e-6) == (mode not in ("pin stretch",))
+
+
 def test_a_mode_that_is_none_is_named():
     with pytest.raises(ValueError, match="mode 'wobble': one of rotation, bending"):
         modes.displacement("wobble", AXES["y"], 0.1, L)

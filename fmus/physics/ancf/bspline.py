@@ -173,11 +173,19 @@ def patch_to_nodes(lx: float, ly: float) -> Floats:
 
 
 # What a knot imposes, what a joint needs ---------------------------------------------------------------------------
+#
+# Columns of all equations: the derivatives 0 to 3 along x of the element before the joint, then of the one behind it;
+# each derivative of r alone (cable), or of r, r_y and r_z (beam: as a spline solid, cubic along x and linear across,
+# it has one knot vector along x for the whole section).
+
+VECTORS = {"cable": 1, "beam": 3}  # r, or r and the two directors
+JOINTS = ("spherical", "pin", "sliding", "rigid", "smooth", "curvature")
 
 
 class Demand(NamedTuple):
-    """A joint between two cable ends against the knots that could make it."""
+    """A joint between two elements against the knots that could make it."""
 
+    element: str
     joint: str
     equations: int  # scalar equations, by rank
     knot: int | None  # the multiplicity that imposes exactly these, None: there is none
@@ -185,64 +193,75 @@ class Demand(NamedTuple):
     missing: int  # equations that the weaker knot leaves out
 
 
-def knot_rows(multiplicity: int) -> Floats:
-    """Equations (k, 24) of a knot on the derivatives 0 to 3 of the ends of two elements, before and behind it.
+def knot_rows(multiplicity: int, element: str = "cable") -> Floats:
+    """Equations of a knot: multiplicity 4 imposes nothing, each knot less one more derivative (5.3).
 
-    Columns: r, r_x, r_xx, r_xxx of the element before, then of the one behind. Multiplicity 4 imposes nothing, each
-    knot less one more derivative: three scalar equations at a time (5.3).
+    Three scalar equations at a time on a cable, nine on a beam, whose whole section they hold.
     """
     if not 0 <= multiplicity <= DEGREE + 1:
         raise ValueError(f"multiplicity {multiplicity}: a cubic has 0 to {DEGREE + 1}")
-    return _continuity((DEGREE + 1 - multiplicity) * SPACE)
+    return _equal(element)[: (DEGREE + 1 - multiplicity) * SPACE * VECTORS[element]]
 
 
-def _continuity(count: int) -> Floats:
-    one = np.eye(SPACE * (DEGREE + 1))[:count]
+def _equal(element: str) -> Floats:
+    one = np.eye(SPACE * VECTORS[element] * (DEGREE + 1))
     return np.hstack([one, -one])
 
 
-def joint_rows(joint: str, axis: int = 1, turn: Floats | None = None) -> Floats:
-    """Equations (k, 24) of a joint between cables, columns as in ``knot_rows``; element axes along the world's.
+def joint_rows(joint: str, element: str = "cable", axis: int = 1, turn: Floats | None = None) -> Floats:
+    """Equations of a joint; the elements' axes lie along the world's but where ``turn`` (3, 3) turns a rigid joint.
 
-    ``spherical`` (1); ``pin`` (2) about the coordinate ``axis``; ``sliding`` (4) along x, u and m eliminated: across x
-    the positions and the slopes agree; ``smooth``: one cable goes on; ``curvature``: it also keeps r_xx; ``rigid``: two
-    cables joined at an angle, slopes turned by ``turn`` (3, 3).
+    ``spherical`` (1); ``pin`` (2) or (3) about the coordinate ``axis``; ``sliding`` (4) along x, u and m eliminated:
+    across x positions and slopes agree; ``rigid``: joined at an angle; ``smooth``: one element goes on; ``curvature``:
+    it also keeps r_xx.
     """
-    rows = _continuity(SPACE * (DEGREE + 1))
-    keep = {
-        "spherical": [0, 1, 2],
-        "pin": [0, 1, 2, SPACE + axis],
-        "sliding": [1, 2, SPACE + 1, SPACE + 2],
-        "smooth": list(range(6)),
-        "curvature": list(range(9)),
-        "rigid": list(range(6)),
-    }
-    if joint not in keep:
-        raise ValueError(f"joint {joint!r}: one of {', '.join(keep)}")
-    found = rows[keep[joint]].copy()
+    if joint not in JOINTS:
+        raise ValueError(f"joint {joint!r}: one of {', '.join(JOINTS)}")
+    n = SPACE * VECTORS[element]  # columns of a derivative
+    rows = _equal(element)
+    slopes = list(range(n, n + SPACE))
+    directors = list(range(SPACE, n))
+    if joint == "sliding":
+        return rows[[1, 2, n + 1, n + 2]]
+    if joint == "pin":
+        return rows[[0, 1, 2, *([n + axis] if element == "cable" else _gradient(axis, n))]]
     if joint == "rigid":
-        found[3:, 15:18] = -(np.eye(SPACE) if turn is None else turn)
-    return found
+        found = rows[[0, 1, 2, *slopes, *directors]].copy()
+        R = np.eye(SPACE) if turn is None else turn
+        if element == "cable":  # the slope turns as a vector
+            found[3:, rows.shape[1] // 2 + n : rows.shape[1] // 2 + n + SPACE] = -R
+            return found
+        for k in range(SPACE):  # gradient transformation: r_k before = sum_m R[m, k] r_m behind
+            at = 3 + SPACE * k
+            found[at : at + SPACE, rows.shape[1] // 2 :] = 0.0
+            for m in range(SPACE):
+                found[np.arange(at, at + SPACE), rows.shape[1] // 2 + np.array(_gradient(m, n))] = -R[m, k]
+        return found
+    parts = {"spherical": [0, 1, 2], "smooth": range(2 * n), "curvature": range(3 * n)}
+    return rows[list(parts[joint])]
 
 
-def _spans(rows: Floats, others: Floats) -> bool:
-    """Whether the equations ``rows`` imply ``others``."""
+def _gradient(k: int, n: int) -> list[int]:
+    """Columns of a beam's gradient vector r_x, r_y or r_z."""
+    start = n if k == 0 else SPACE * k
+    return list(range(start, start + SPACE))
+
+
+def _implies(rows: Floats, others: Floats) -> bool:
     rank = np.linalg.matrix_rank
-    return bool(rank(np.vstack([rows, others])) == (rank(rows) if len(rows) else 0))
+    return len(others) == 0 or bool(rank(np.vstack([rows, others])) == rank(rows))
 
 
-def demand(joint: str, axis: int = 1, turn: Floats | None = None) -> Demand:
+def demand(joint: str, element: str = "cable", axis: int = 1, turn: Floats | None = None) -> Demand:
     """A joint held against every knot multiplicity, by ranks."""
-    rows = joint_rows(joint, axis, turn)
+    rows = joint_rows(joint, element, axis, turn)
     count = int(np.linalg.matrix_rank(rows))
-    weaker = min(m for m in range(DEGREE + 2) if len(knot_rows(m)) == 0 or _spans(rows, knot_rows(m)))
-    given = len(knot_rows(weaker))
-    return Demand(joint, count, weaker if given == count else None, weaker, count - given)
+    weaker = min(m for m in range(DEGREE + 2) if _implies(rows, knot_rows(m, element)))
+    given = len(knot_rows(weaker, element))
+    return Demand(element, joint, count, weaker if given == count else None, weaker, count - given)
 
 
 def table(turn: Floats | None = None) -> list[Demand]:
-    """All joints between cables against the knots; the rigid one turns the slope by ``turn`` (3, 3) or 90 degrees."""
+    """All joints against the knots; the rigid ones at the angle ``turn`` (3, 3), default 90 degrees about y."""
     corner = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]) if turn is None else turn
-    return [
-        demand(name, turn=corner) for name in ("spherical", "pin", "sliding", "rigid", "smooth", "curvature")
-    ]
+    return [demand(name, element, turn=corner) for element in VECTORS for name in JOINTS]

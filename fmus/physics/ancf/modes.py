@@ -110,6 +110,13 @@ def displacement(mode: str, axis: Floats, amplitude: float, l: float, before: bo
     return moved - pair
 
 
+def position(e: Floats, l: float, place: tuple[float, float, float]) -> Floats:
+    """Where the material point at ``place`` (fraction of the length, y, z, m) of an element ``e`` (8, 3) is, m."""
+    S = np.empty(8)
+    beam.shape(_beam(l), *place, S)
+    return S @ e
+
+
 def strains(e: Floats, l: float, place: tuple[float, float, float]) -> Floats:
     """Green-Lagrange strain matrix (3, 3) of one element ``e`` (8, 3) at ``place``: fraction of the length, y, z, m."""
     D, F = np.empty((8, 3)), np.empty((3, 3))

@@ -147,10 +147,8 @@ def rail(c: Cable, T: Floats, point: Floats, slope: Floats | None = None, drag: 
 
 
 def element(r: Rail, u: float) -> int:
-    """The element at ``u``; raises ValueError off the rail."""
-    if not r.nodes[0] <= u <= r.nodes[-1]:
-        raise ValueError(f"the sliding joint left its rail of {r.nodes[-1]:.6g} m at u = {u:.6g} m")
-    return min(int(np.searchsorted(r.nodes, u, side="right")) - 1, len(r.powers) - 1)
+    """The element at ``u``; beyond its ends the rail goes on as its last elements do."""
+    return min(max(int(np.searchsorted(r.nodes, u, side="right")) - 1, 0), len(r.powers) - 1)
 
 
 def row(r: Rail, u: float, order: int, k: int | None = None) -> Floats:
@@ -319,14 +317,13 @@ def system(b: Bodies, r: Rail, s: State, h: float, z: tuple[Floats, Floats, Floa
 
 
 def step(b: Bodies, r: Rail, s: State, h: float) -> State:
-    """One step of ``h``; raises ValueError when Newton does not close it or the joint leaves its rail."""
+    """One step of ``h``; raises ValueError when Newton does not converge, or when the joint leaves its rail."""
     n, k = s.X.size, len(s.w)
     keep = np.concatenate([b.free, np.ones(k + len(s.lam), dtype=bool)])
     rate, _ = rates(b, r, s)
     X, w, lam = s.X + h * s.V, s.w + h * rate, s.lam.copy()
-    w[0] = np.clip(w[0], r.nodes[0], r.nodes[-1])
-    length, size, before = r.nodes[-1], np.inf, np.inf
-    for _ in range(ITERATIONS):
+    length, size, count = r.nodes[-1], np.inf, 0
+    for count in range(1, ITERATIONS + 1):  # noqa: B007 - named in the failure
         R, A = system(b, r, s, h, (X, w, lam))
         d = np.zeros(len(R))
         d[keep] = np.linalg.solve(A[np.ix_(keep, keep)], -R[keep])
@@ -335,12 +332,14 @@ def step(b: Bodies, r: Rail, s: State, h: float) -> State:
         lam = lam + d[n + k :]
         before, size = size, float(np.abs(d[: n + k]).max())
         if size < CLOSED * length or (size >= before and size < 1e-9 * length):
+            if not r.nodes[0] <= w[0] <= r.nodes[-1]:
+                raise ValueError(f"the sliding joint left its rail of {length:.6g} m at u = {w[0]:.6g} m")
             lost = s.lost + r.drag * (w[0] - s.w[0]) ** 2 / h
             return State(X, 2.0 / h * (X - s.X) - s.V, w, lam, lost)
         if not size < 1e6 * length:
             break
     raise ValueError(
-        f"Newton: the last correction of the sliding joint is {size:.3g} m after {ITERATIONS} iterations"
+        f"Newton: a correction of {size:.3g} m after {count} iterations, the sliding joint at u = {s.w[0]:.6g} m"
     )
 
 
