@@ -56,6 +56,10 @@ class CholeskyMesh:
         """Damping force."""
         return self._f(self.mesh.damping(self.q(z), self.q(v)))
 
+    def viscosity(self, z: Floats) -> Floats:
+        """Derivative of the damping force by the rates."""
+        return self._matrix(self.mesh.viscosity(self.q(z)))
+
     def tangent(self, z: Floats) -> Floats:
         """Derivative of the elastic force."""
         return self._matrix(self.mesh.tangent(self.q(z)))

@@ -43,16 +43,23 @@ def runge_kutta(system, q: Floats, v: Floats, h: float, n: int, damped: bool = F
 
 
 def generalized_alpha(
-    system, q: Floats, v: Floats, h: float, n: int, radius: float = 0.9, tolerance: float = 1e-10
+    system,
+    q: Floats,
+    v: Floats,
+    h: float,
+    n: int,
+    damped: bool = False,
+    radius: float = 0.9,
+    tolerance: float = 1e-10,
 ) -> Iterator[Moment]:
     """The method of second order with numerical damping ``radius``; Newton until corrections fall below ``tolerance``.
 
-    Material damping is in the equations, not in the iteration matrix.
+    The iteration matrix leaves out how damping forces change with the coordinates at held rates.
     """
     c = ga.coefficients(radius)
     s = ga.slopes(c, h)
     q, v = q.copy(), v.copy()
-    vdot = splu(sparse.csc_array(system.M)).solve(right_hand_side(system, q, v, True))
+    vdot = splu(sparse.csc_array(system.M)).solve(right_hand_side(system, q, v, damped))
     a = vdot.copy()
     for step in range(1, n + 1):
         vdot1 = vdot.copy()
@@ -60,8 +67,10 @@ def generalized_alpha(
         q += h * v + h * h * ((0.5 - c.beta) * a + c.beta * a1)
         v += h * ((1.0 - c.gamma) * a + c.gamma * a1)
         for _ in range(20):
-            residual = right_hand_side(system, q, v, True) - system.M @ vdot1
+            residual = right_hand_side(system, q, v, damped) - system.M @ vdot1
             matrix = s.vdot * system.M + system.tangent(q) - system.applied_tangent(q)
+            if damped:
+                matrix = matrix + s.v * system.viscosity(q)
             dq = splu(sparse.csc_array(matrix)).solve(residual)
             q, v, a1, vdot1 = q + dq, v + s.v * dq, a1 + s.a * dq, vdot1 + s.vdot * dq
             if abs(dq).max() < tolerance:

@@ -172,18 +172,34 @@ class Mesh:
             part.element.dampings(part.section, e, rate, f)
         return self.B.T @ Q
 
+    def _assembled(self, blocks: list[Floats]) -> sparse.csr_array:
+        """B^T K B of the blocks K (n, size, size) of each part."""
+        values, size = np.concatenate([K.ravel() for K in blocks]), len(self.e0)
+        K_e = sparse.csr_array((values, (self._rows, self._columns)), shape=(size, size))
+        return self.B.T @ K_e @ self.B
+
+    def viscosity(self, q: Floats) -> sparse.csc_array:
+        """Derivative of the damping force by the rates; exact, for it is linear in them."""
+        blocks = []
+        for part, e in zip(self.parts, self.split(self.coordinates(q)), strict=True):
+            D = np.zeros((len(e), e[0].size, e[0].size))
+            for k in range(e[0].size):
+                rate, Q = np.zeros_like(e), np.zeros_like(e)
+                rate.reshape(len(e), -1)[:, k] = 1.0
+                part.element.dampings(part.section, e, rate, Q)
+                D[:, :, k] = Q.reshape(len(e), -1)
+            blocks.append(D)
+        return self._assembled(blocks).tocsc()
+
     def tangent(self, q: Floats) -> sparse.csc_array:
         """Derivative of the elastic force."""
         blocks = []
         for part, e in zip(self.parts, self.split(self.coordinates(q)), strict=True):
-            size = 3 * part.element.ROWS
-            K = np.zeros((len(e), size, size))
+            K = np.zeros((len(e), e[0].size, e[0].size))
             part.element.tangents(part.section, e, K)
-            blocks.append(K.ravel())
-        size = len(self.e0)
-        K_e = sparse.csr_array((np.concatenate(blocks), (self._rows, self._columns)), shape=(size, size))
+            blocks.append(K)
         springs = sum((spring.tangent(q) for spring in self.springs), sparse.csc_array((self.n, self.n)))
-        return (self.B.T @ K_e @ self.B + springs).tocsc()
+        return (self._assembled(blocks) + springs).tocsc()
 
     def applied(self, q: Floats) -> Floats:
         """Sum of the loads."""
