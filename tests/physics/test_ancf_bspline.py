@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from fmus.physics.ancf import bspline, cable
+from fmus.physics.ancf import bspline, cable, joints
 
 rng = np.random.default_rng(11)
 INNER = ([], [1], [2, 1, 1], [3, 1, 2], [4, 2, 3, 1], [1, 1, 1, 1, 1, 1])
@@ -118,6 +118,35 @@ def test_what_each_joint_needs():
         bspline.demand("glue")
     with pytest.raises(ValueError, match="multiplicity 5"):
         bspline.knot_rows(5)
+
+
+CORNER = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # 90 degrees about y
+
+
+@pytest.mark.parametrize(
+    ("joint", "element", "eliminated"),
+    [
+        ("spherical", "cable", joints.spherical(2, 2)),
+        ("pin", "cable", joints.pin_cable([0, 1, 0])),
+        ("rigid", "cable", joints.rigid_cable(CORNER.T)),
+        ("smooth", "cable", joints.smooth(2)),
+        ("spherical", "beam", joints.spherical(4, 4)),
+        ("pin", "beam", joints.pin_beam([0, 1, 0])),
+        ("rigid", "beam", joints.rigid_beam(np.eye(3), CORNER)),
+    ],
+)
+def test_these_are_the_joints_that_meshes_eliminate(joint, element, eliminated):
+    """Whatever a mesh's joint leaves free satisfies the equations here, and their number is the same."""
+    rows = bspline.joint_rows(joint, element, turn=CORNER.T if element == "beam" else CORNER)
+    n = 3 * bspline.VECTORS[element]
+    half = rows.shape[1] // 2
+    # a mesh's end: r, r_x (and r_y, r_z); the columns here: r (, r_y, r_z), r_x
+    order = [0, 1, 2, *range(n, n + 3), *range(3, n)]
+    before, behind = rows[:, order], rows[:, [half + k for k in order]]
+    assert np.abs(rows).sum() == np.abs(before).sum() + np.abs(behind).sum()
+    assert np.abs(before + behind @ eliminated.follow).max() < 1e-15
+    assert np.abs(behind @ eliminated.own).max(initial=0.0) < 1e-15
+    assert bspline.demand(joint, element, turn=CORNER).equations == eliminated.equations
 
 
 def test_relation_seven_and_the_bicubic_patch():

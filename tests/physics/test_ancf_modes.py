@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.physics.ancf import beam, modes
+from fmus.physics.ancf import beam, joints, modes
+from fmus.physics.ancf.mesh import Mesh, Part, Tie
 
 L, WIDTH, HEIGHT = 0.1524, 0.06, 0.04
 STEEL = beam.Beam(L, WIDTH, HEIGHT, 7800.0, 2e11, 0.3, 0.85, False, 0.0)
@@ -60,6 +61,21 @@ def test_five_deformations_and_one_rotation(axis):
     assert 2 * 24 - 6 == 42  # coordinates of the pair
     b = modes.triad(axis)[1]
     assert max(np.abs(H.reshape(3, 3) @ b).max() for H in changes) < 1e-15
+
+
+@pytest.mark.parametrize("axis", AXES.values(), ids=AXES)
+def test_a_mesh_with_this_pin_can_move_in_every_mode(axis):
+    """The pin that meshes eliminate is the same: 48 - 6 coordinates, all modes among them, no other pin's."""
+
+    def misfit(pin, pair):
+        mesh = Mesh([Part(beam, STEEL, modes.straight(L))], [Tie((0, 1), (1, 0), joints.pin_beam(pin))])
+        assert mesh.n == 42
+        return np.abs(mesh.coordinates(mesh.fit(pair)) - pair.ravel()).max()
+
+    for mode in modes.MODES:
+        assert misfit(axis, moved(mode, axis)) < 1e-14
+    other = np.roll(axis, 1)
+    assert misfit(other, moved("rotation", axis)) > 1e-3
 
 
 def test_stretch_is_the_length_of_the_gradient():

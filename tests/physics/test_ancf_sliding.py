@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fmus.physics.ancf import sliding
+from fmus.physics.ancf import cable_small, sliding
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.ancf.mesh import Mesh, Part, in_a_row, nodes
 
 L, N = 2.0, 6  # the rail, m, and its elements
 KINDS = ("point", "cable")
@@ -140,6 +141,23 @@ def test_force_is_the_gradient_of_the_energy():
         d[j] = 1e-6
         up, down = (sliding.energy(b, s._replace(X=s.X + x * d.reshape(-1, 3)))[1] for x in (1, -1))
         assert F.ravel()[j] == pytest.approx((up - down) / 2e-6, rel=1e-6, abs=1e-7 * np.abs(F).max())
+
+
+def test_the_rail_is_the_mesh_of_cables():
+    """Mass, strain energy and force of the rail alone against the mesh with its joints eliminated."""
+    b, _, s = disturbed("point", smooth=False)
+    c = Cable(L / N, 0.5, 4e3, 2.0, 0.0, 0.0)
+    mesh = Mesh([Part(cable_small, c, nodes(cable_small, [0, 0, 0], np.eye(3), c.l, N))], in_a_row(2, N))
+    X = s.X[:-1]
+    e = np.array([X[2 * k : 2 * k + 4] for k in range(N)])
+    q = mesh.fit(e)
+    np.testing.assert_allclose(mesh.coordinates(q), e.ravel(), atol=1e-14)
+    assert mesh.energy(q) == pytest.approx(sliding.energy(b, s)[1], rel=1e-11)
+    v = np.random.default_rng(2).standard_normal(X.shape)
+    rate = mesh.fit(np.array([v[2 * k : 2 * k + 4] for k in range(N)])) - mesh.fit(np.zeros_like(e))
+    assert mesh.force(q) @ rate == pytest.approx(np.sum(sliding.elastic(b, s.X)[:-1] * v), rel=1e-10)
+    moving = s._replace(V=np.vstack([v, np.zeros(3)]))
+    assert 0.5 * rate @ (mesh.M @ rate) == pytest.approx(sliding.energy(b, moving)[0], rel=1e-12)
 
 
 # Motion ------------------------------------------------------------------------------------------------------------
