@@ -23,7 +23,7 @@ from fmus.physics.ancf import (
 )
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.cholesky import CholeskyMesh
-from fmus.physics.ancf.mesh import Mesh, Part, Support, in_a_row, nodes
+from fmus.physics.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
 
 CABLES = [cable_small, cable_general, cable_engineering]
 CURES = {"nu = 0": {"nu": 0.0, "split": False}, "split": {"nu": 0.3, "split": True}}
@@ -338,3 +338,35 @@ def test_cholesky_coordinates_give_the_same_motion(kind):
     other = CholeskyMesh(rotating(kind, stiffer=1.03, damping=100.0)[0])
     stiffer, same = (m.q(last(dynamics.runge_kutta(m, z, u, **rk))[1]) for m in (other, own))
     assert abs(stiffer - same).max() > 1e-5
+
+
+# The chord strain of the paper ------------------------------------------------------------------------------------
+
+
+class Chord:
+    """The small-deformation cable with the strain printed below (12), which has no potential."""
+
+    def __getattr__(self, name):
+        return getattr(cable_small, name)
+
+    def forces(self, c, e, Q):
+        for k in range(len(e)):
+            cable_small.paper_chord(c, e[k], Q[k])
+
+
+@pytest.mark.parametrize(
+    ("kind", "worst"), [(cable_small, (0.0, 1e-6)), (Chord(), (0.01, 0.05))], ids=["green", "chord"]
+)
+def test_energy_of_a_soft_chain_released_from_the_horizontal(kind, worst):
+    """16 links, EA = 1e5 N: the error of the energy, as a share of the largest strain energy."""
+    c, n = Cable(0.1524, 118.0, 1e5, 20.0, 0.0, 0.0), 16
+    ties = [Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
+    mesh = Mesh(
+        [Part(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], ties, [Support((0, 0), joints.held(2))]
+    )
+    mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -9.81]))
+    q, error, strain = mesh.start(), 0.0, 0.0
+    for _, p, v in dynamics.runge_kutta(mesh, q, np.zeros(mesh.n), 0.8 / 1600, 1600):
+        error = max(error, abs(mesh.energy(p) + mesh.kinetic(v) - mesh.applied(p) @ (p - q)))
+        strain = max(strain, mesh.energy(p))
+    assert worst[0] < error / strain < worst[1]
