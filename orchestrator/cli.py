@@ -223,6 +223,49 @@ def view(
     print(output)
 
 
+@app.command()
+def study(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="without it: the known studies")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="the folder of tables and figures")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="below five minutes on two cores")] = False,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", help="processes", min=1)] = 2,
+) -> None:
+    """Many cases side by side, as tables and figures: exit 1 when a row misses its tolerance."""
+    from orchestrator import studies
+    from orchestrator.studies import tables
+
+    if name is None:
+        for known, about in studies.STUDIES.items():
+            print(f"{known:16} {about}")
+        return
+    chosen = studies.find(name)
+    if output is None:
+        raise BadInput(f"study {name}: -o DIR says where its tables and figures go")
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"the folder {output} cannot be made: {error.strerror}") from None
+    cases = chosen.cases(quick)
+    with studies.Watched(name, len(cases)) as done:
+        rows = studies.run(chosen, cases, workers, done)
+    try:
+        files = tables.write(output, name, rows, chosen.TITLE)
+    except OSError as error:
+        raise BadInput(f"the folder {output} cannot be written: {error}") from None
+    print(tables.to_markdown(rows))
+    for file in files:
+        print(file)
+    missed = tables.missed(rows)
+    print(f"{len(rows)} rows, {len(missed)} not as they should be", file=sys.stderr)
+    for row in missed:
+        print(f"cotrack: {row.item}: {row.case}: {row.note or 'misses its tolerance'}", file=sys.stderr)
+    sys.exit(1 if missed else 0)
+
+
 @log_app.command("info")
 def log_info(log: LogPath) -> None:
     """What a log holds and how its run ended."""
