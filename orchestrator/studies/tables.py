@@ -46,6 +46,13 @@ def checked(
     return Row(item, case, float(value), float(reference), error, float(tolerance), ok=ok)._replace(**more)  # type: ignore[arg-type]
 
 
+def of_order(row: Row, low: float, high: float) -> Row:
+    """The row, which must also show an order between two bounds."""
+    return row._replace(
+        ok=bool(row.ok) and low <= row.order <= high, note=f"order {low:g} to {high:g} is asked for"
+    )
+
+
 def failed(item: str, case: str, reason: str) -> Row:
     """What is left of a case that ended with an error."""
     return Row(item, case, math.nan, math.nan, math.nan, math.nan, ok=False, note=reason)
@@ -99,39 +106,52 @@ def to_markdown(rows: Sequence[Row]) -> str:
 
 
 def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
-    """Error against elements and against step, log-log, one line a row; dotted lines of whole orders."""
+    """Error against elements or step, log-log: a pane an item, a line a row, dotted lines of orders 2 and 4."""
+    from matplotlib import colormaps
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    kinds = sorted({r.over for r in rows if r.series}) or [""]
-    figure = Figure(figsize=(8.5 * len(kinds), 8.0), layout="constrained")
+    panes: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        if any(error > 0.0 for _, error in row.series):
+            panes.setdefault((row.item, row.over), []).append(row)
+    across = min(2, len(panes)) or 1
+    down = -(-len(panes) // across) or 1
+    figure = Figure(figsize=(8.0 * across, 7.0 * down), layout="constrained")
     FigureCanvasAgg(figure)
-    for pane, over in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
-        shown = [r for r in rows if r.series and r.over == over]
-        for k, r in enumerate(shown):
-            points = [(size, error) for size, error in r.series if error > 0.0]
-            if points:
-                label = r.case + ("" if math.isnan(r.order) else f" ({r.order:.1f})")
-                style = f"{'os^vDP*X'[k % 8]}{('-', '--', '-.')[k // 10 % 3]}"
-                pane.loglog(*zip(*points, strict=True), style, label=label, markersize=4, linewidth=1)
-        sizes = [size for r in shown for size, error in r.series if error > 0.0]
-        if sizes:
-            low, high = min(sizes), max(sizes)
-            bottom, top = pane.get_ylim()
-            sign = 1.0 if over.startswith("step") else -1.0
-            for order in (2, 4):
-                start = top**0.5 * bottom**0.5
-                end = start * (high / low) ** (sign * order)
-                pane.loglog([low, high], [start, end], ":", color="0.6", linewidth=1)
-                pane.annotate(f"order {order}", (high, end), color="0.4", fontsize=8, annotation_clip=True)
-            pane.set_ylim(bottom, top)
-            pane.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2)
+    axes = figure.subplots(down, across, squeeze=False).ravel()
+    colours = colormaps["tab20"]
+    for pane, ((item, over), shown) in zip(axes, panes.items(), strict=False):
+        ends = []
+        for k, row in enumerate(shown):
+            points = sorted((size, error) for size, error in row.series if error > 0.0)
+            ends.append(points[-1] if over.startswith("step") else points[0])
+            label = row.case + ("" if math.isnan(row.order) else f" ({row.order:.1f})")
+            pane.loglog(
+                *zip(*points, strict=True), color=colours(k % 20), marker="os^vDP*X"[k % 8],
+                label=label, markersize=4, linewidth=1,
+            )  # fmt: skip
+        sizes = [size for row in shown for size, _ in row.series]
+        low, high = min(sizes), max(sizes)
+        first, last = (high, low) if over.startswith("step") else (low, high)
+        limits, start = pane.get_ylim(), sorted(error for _, error in ends)[len(ends) // 2]
+        for order in (2, 4):
+            fall = start * (low / high) ** order
+            pane.loglog([first, last], [start, fall], ":", color="0.5", linewidth=1)
+            near = max(fall, 2.0 * limits[0])
+            spot = first * (start / near) ** (math.log(last / first) / math.log(start / fall))
+            pane.text(spot, near, f"order {order}", color="0.4", fontsize=8)
+        pane.set_ylim(limits)
+        pane.set_title(f"item {item}", fontsize=9, loc="left")
         pane.set_xlabel(over)
         pane.set_ylabel("error")
         pane.grid(True, which="major", color="0.9")
-    figure.suptitle(title, fontsize=11)
+        pane.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+    for pane in axes[len(panes) :]:
+        pane.set_axis_off()
+    figure.suptitle(f"{title} (observed order in brackets)", fontsize=11)
     for file in files:
-        figure.savefig(file, dpi=120)
+        figure.savefig(file, dpi=100)
 
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:

@@ -1,0 +1,173 @@
+"""Studies: one fast case from the command to the figure, tables, what a missed tolerance and a failure do."""
+
+import csv
+import io
+import math
+import os
+import sys
+
+import pytest
+
+from fmus.vehicle import BadInput
+from orchestrator import studies
+from orchestrator.cli import main
+from orchestrator.studies import Case, mechanics, tables
+from orchestrator.studies.tables import Row, checked, failed
+
+FRAME = Case("11", "L-frame", mechanics.l_frame, ("beam",))
+FAST = Case("11", "L-frame", mechanics.l_frame, ("small deformation (11)-(15)",))
+
+
+def raises() -> list[Row]:
+    raise ValueError("no equilibrium | found")
+
+
+def dies() -> list[Row]:
+    os._exit(3)
+
+
+@pytest.fixture
+def cotrack(capsys, monkeypatch, tmp_path):
+    """Call the command in an empty folder; exit status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return ended.value.code or 0, said.out, said.err
+
+    return call
+
+
+def only(monkeypatch, *cases):
+    monkeypatch.setattr(mechanics, "cases", lambda quick: list(cases))
+
+
+def test_a_case_from_the_command_to_the_figure(cotrack, monkeypatch, tmp_path):
+    only(monkeypatch, FRAME)
+    status, out, err = cotrack("study", "mechanics", "--quick", "--workers", 1, "-o", "found")
+    assert status == 0, err
+    assert "1/1 L-frame" in err
+    assert "| 11 | L-frame of beams with a rigid corner, tip x, m |" in out
+    made = {file.name for file in (tmp_path / "found").iterdir()}
+    assert made == {
+        "mechanics.csv",
+        "mechanics-convergence.csv",
+        "mechanics.md",
+        "mechanics.png",
+        "mechanics.svg",
+    }
+    assert (tmp_path / "found" / "mechanics.png").read_bytes()[:4] == b"\x89PNG"
+    assert "elements" in (tmp_path / "found" / "mechanics.svg").read_text()
+    assert out.split("\n\n")[0] in (tmp_path / "found" / "mechanics.md").read_text()
+    rows = list(csv.DictReader((tmp_path / "found" / "mechanics.csv").open()))
+    assert [row["ok"] for row in rows] == ["ok", "ok", ""]
+    points = list(csv.DictReader((tmp_path / "found" / "mechanics-convergence.csv").open()))
+    assert [float(p["size"]) for p in points] == [6, 12, 24, 6, 12, 24]
+
+
+def test_a_missed_tolerance_is_exit_1(cotrack, monkeypatch):
+    """The twin: a frame whose corner is not rigid is a tenth too soft."""
+    frame_tip = mechanics.frame_tip
+    monkeypatch.setattr(mechanics, "frame_tip", lambda kind, n, **_: frame_tip(kind, n, rigid=0.0))
+    only(monkeypatch, FRAME)
+    status, out, err = cotrack("study", "mechanics", "--workers", 1, "-o", "found")
+    assert status == 1
+    assert "| NOT |" in out
+    assert "misses its tolerance" in err
+
+
+def test_a_case_that_fails_is_a_row_and_the_others_go_on(cotrack, monkeypatch):
+    only(monkeypatch, Case("0", "bad", raises), FAST)
+    status, out, err = cotrack("study", "mechanics", "--workers", 1, "-o", "found")
+    assert status == 1
+    assert "| 0 | bad |  |  |  |  |  | NOT | ValueError: no equilibrium \\| found |" in out
+    assert sum(line.endswith("| ok |  |") for line in out.splitlines()) == 2
+    assert "0: bad: ValueError" in err
+
+
+def test_processes_give_the_same_rows_and_a_dead_one_is_recorded():
+    wanted = [FAST, Case("0", "bad", raises)]
+    alone, side_by_side = (studies.run(mechanics, wanted, workers) for workers in (1, 2))
+    assert repr(alone) == repr(side_by_side)  # NaN is not itself
+    rows = studies.run(mechanics, [Case("0", "dead", dies)], 2)
+    assert [row.ok for row in rows] == [False]
+    assert "BrokenProcessPool" in rows[0].note
+
+
+def test_known_studies_and_bad_input(cotrack, tmp_path):
+    status, out, _ = cotrack("study")
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines()] == list(studies.STUDIES)
+    for arguments, said in (
+        (("study", "mechanic", "-o", "x"), "did you mean 'mechanics'?"),
+        (("study", "paint", "-o", "x"), "there are mechanics"),
+        (("study", "mechanics"), "-o DIR"),
+        (("study", "mechanics", "-o", "file/x"), "cannot be made"),
+    ):
+        (tmp_path / "file").touch()
+        status, _, err = cotrack(*arguments)
+        assert status == 2
+        assert said in err
+        assert len(err.splitlines()) == 1
+    with pytest.raises(BadInput):
+        studies.find("")
+
+
+ROWS = [
+    checked("1", "a", 1.001, 1.0, 1e-2, order=2.0, over="elements", series=((4.0, 1e-2), (8.0, 0.0))),
+    checked("2", "b, with a comma", 3e-6, 0.0, 1e-6),
+    checked("3", "c", 2.0, 4.0, math.nan, note="for information"),
+    failed("4", "d", "Lost: nothing left"),
+]
+
+
+def test_tables(tmp_path):
+    assert [row.ok for row in ROWS] == [True, False, None, False]
+    assert tables.of_order(ROWS[0], 1.9, 2.1).ok
+    assert tables.of_order(ROWS[0], 2.1, 2.5).ok is False
+    assert [row.error for row in ROWS[:3]] == pytest.approx([1e-3, 3e-6, 0.5])
+    assert tables.missed(ROWS) == [ROWS[1], ROWS[3]]
+    lines = tables.to_markdown(ROWS).splitlines()
+    assert lines[0] == "| item | case | value | reference | error | tolerance | order | ok | note |"
+    assert lines[2] == "| 1 | a | 1.001 | 1 | 0.001 | 0.01 | 2 | ok |  |"
+    assert lines[4] == "| 3 | c | 2 | 4 | 0.5 |  |  |  | for information |"
+    assert {line.count("|") for line in lines} == {len(tables.HEAD) + 1}
+    read = list(csv.DictReader(io.StringIO(tables.to_csv(ROWS))))
+    assert float(read[0]["value"]) == ROWS[0].value
+    assert read[1]["case"] == "b, with a comma"
+    assert (read[3]["ok"], read[3]["error"], read[3]["note"]) == ("NOT", "", "Lost: nothing left")
+    assert len(tables.series_csv(ROWS).splitlines()) == 3
+    tables.write(tmp_path, "x", ROWS[1:], "without a series")
+    assert (tmp_path / "x.png").stat().st_size > 1000
+
+
+def test_cases_of_the_mechanics():
+    quick, whole = mechanics.cases(True), mechanics.cases(False)
+    assert {case.item for case in quick} == {str(k) for k in range(2, 14)}
+    assert {case.name for case in whole} - {case.name for case in quick} == {
+        "folded chain of 65",
+        "folded chain of 129",
+    }
+    assert len({case.name for case in whole}) == len(whole)
+
+
+def test_observed_orders():
+    values = [1.0 + h**3 for h in (0.4, 0.2, 0.1)]
+    assert mechanics.order_of((0.4, 0.2, 0.1), values) == pytest.approx(3.0)
+    assert mechanics.rate_of((8, 16), (1.0, 0.25)) == pytest.approx(2.0)
+    assert math.isnan(mechanics.order_of((1, 2, 4), (1.0, 1.0, 1.0)))
+
+
+def test_rods_turn_as_one_body_and_stay_joined():
+    """The study's own driver: no force but that of the turning, pins closed to rounding."""
+    rods = mechanics.Rods(mechanics.of_angles(mechanics.ZIGZAG), gravity=0.0)
+    rods.turn(mechanics.SPIN)
+    still = rods.release()
+    assert abs(still).max() > 0.01
+    rods.run(0.2, 1e-2)
+    rods.release()
+    rods._gaps()
+    assert abs(rods.system.C).max() < 1e-12
