@@ -49,7 +49,7 @@ def _kernels(cable: type) -> Any:
 
 
 def energy(c, e, W, B) -> float:
-    """Strain energy of a link at coordinates ``e`` (4, 3), J. ``W``, ``B``, ``V`` (4, 3) are scratch, here and below."""
+    """Strain energy of a link at coordinates ``e`` (4, 3), J; ``W`` and ``B`` (4, 3) are scratch, as ``V`` below."""
     return float(_kernels(type(c)).energy(c, e, W, B))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -131,7 +133,7 @@ def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
 
 @each
 @pytest.mark.parametrize(
-    ("young", "move", "near", "factor_"), [(2e6, 0.02, 3e-4, 200.0), (2e11, 1e-4, 2e-6, 5e3)]
+    ("young", "move", "near", "factor_"), [(2e6, 0.02, 3e-4, 200.0), (2e11, 1e-4, 2e-6, 3e5)]
 )
 def test_newton_converges_quadratically(elasticity, young, move, near, factor_):
     """With one end moved: once ``near``, each correction, m, is below ``factor_`` times the square of the last."""
@@ -140,8 +142,8 @@ def test_newton_converges_quadratically(elasticity, young, move, near, factor_):
     spoilt = model.q.copy()
     sizes = newton(model)
     assert sizes[-1] < 1e-11, sizes
-    tail = [(a, b) for a, b in zip(sizes, sizes[1:], strict=False) if a < near]
-    assert tail
+    tail = [(a, b) for a, b in pairwise(sizes) if a < near]
+    assert 1 <= len(tail) <= 3, sizes  # three corrections from there to 1e-11 m
     assert all(b < factor_ * a**2 + 1e-11 for a, b in tail), sizes
     model.q[:] = spoilt
     assert len(newton(model, extra=30.0)) > len(sizes) + 2  # the twin
