@@ -71,7 +71,11 @@ def _fmu(table: dict[str, Any], entry: dict[str, Any], other: str | None) -> tup
     if other is not None:
         part = _part(
             scene.model_copy(
-                update={"track": scene.track.model_copy(update={"model": other, "integrator": None})}
+                update={
+                    "track": scene.track.model_copy(
+                        update={"model": other, "integrator": None, "elasticity": None}
+                    )
+                }
             ),
             entry["name"],
         )

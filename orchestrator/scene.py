@@ -52,10 +52,19 @@ class Track(Part):
     """Which track model, and what it is told; what is not given is the model's own default."""
 
     model: Literal["flexible", "rigid"]
+    elasticity: Literal["small_deformation", "general", "engineering"] | None = None  # of flexible links
     integrator: str | None = None
     step: Duration | None = None  # largest internal step
     start: Literal["rest", "displaced", "polygon"] = "rest"
     link_outputs: bool = True
+
+    @model_validator(mode="after")
+    def _rigid_links_have_none(self) -> Track:
+        if self.model == "rigid" and self.elasticity is not None:
+            raise ValueError(
+                f"elasticity = '{self.elasticity}' needs model = 'flexible': rigid links have none"
+            )
+        return self
 
 
 class Drive(Part):

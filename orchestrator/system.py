@@ -238,6 +238,8 @@ def _track_config(
 def _track(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
     track = scene.track
     parameters: Parameters = {**_start(scene), "start.lateral": lateral, "start": track.start}
+    if track.elasticity is not None:
+        parameters["elasticity"] = track.elasticity
     if track.integrator is not None:
         parameters["integrator"] = track.integrator
     if track.step is not None:

@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.ancf.cable import Cable, end_moments, energy, force, mass, stiffness
+from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.block_cyclic import factor, invert, solve, workspace
 from fmus.physics.chain_speed import chain_speed
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
 from fmus.physics.point import Scratch, scratch
 from fmus.physics.wheels import move
+from fmus.track_flexible.element import end_moments, energy, force, stiffness, tension
 from fmus.track_flexible.nodes import NODE, gather
 from fmus.track_flexible.sums import CONTACT, DEPTH, LOAD, POWER, SLIP, SUMS
 from fmus.track_flexible.touch import touch_links, touch_pins
@@ -38,7 +39,7 @@ class Links(NamedTuple):
 
     count: int
     closed: int
-    cable: Cable
+    cable: Cable  # its class is the elasticity, see ``element``
     face: float  # contact faces from the pin line, m
     outer_fibre: float  # m
     area: float  # m2
@@ -192,7 +193,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
         r[3, 2] -= weight * c.l / 12.0
         if tangent:
             stiffness(c, e, de, by_rate, by_acceleration, K, W, V)
-        sums[POWER] += force(c, e, de, r, W, V)[2]
+        sums[POWER] += force(c, e, de, r, W, V)
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if w.touched[i]:
                 for a in range(4):
@@ -369,8 +370,8 @@ def measure(links, env, q, v, w, report):
             * env.gravity
             * (0.5 * (w.e[0, 2] + w.e[2, 2]) + c.l / 12.0 * (w.e[1, 2] - w.e[3, 2]))
         )
-        tension, fibre = axial(links, w)
-        low, high, mean = min(low, tension), max(high, tension), mean + tension / n
+        pull, fibre = axial(links, w)
+        low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)
     along = chain_speed(q[:, :3], v[:, :3], links.closed == 1)
     report[1], report[2], report[3], report[4], report[5] = along, low, mean, high, stress
@@ -383,17 +384,11 @@ def measure(links, env, q, v, w, report):
 def axial(links, w):
     """Tension, N, and largest axial stress, Pa, of the link in ``w.e``."""
     c = links.cable
-    d = (w.e[2, 0] - w.e[0, 0]) ** 2 + (w.e[2, 1] - w.e[0, 1]) ** 2 + (w.e[2, 2] - w.e[0, 2]) ** 2
-    # average Green strain, as in cable.strain
-    s = 36.0 * d / (c.l * c.l)
-    for k in range(3):
-        g, p, r = w.e[2, k] - w.e[0, k], w.e[1, k], w.e[3, k]
-        s += -6.0 * g * (p + r) / c.l + 4.0 * p * p - 2.0 * p * r + 4.0 * r * r
-    tension = c.EA * 0.5 * (s / 30.0 - 1.0)
+    pull = tension(c, w.e)
     first, second = end_moments(c, w.e)
     bend = max(first, second) * links.outer_fibre / links.second_moment
-    at = tension / links.area
-    return tension, max(abs(at + bend), abs(at - bend))
+    at = pull / links.area
+    return pull, max(abs(at + bend), abs(at - bend))
 
 
 @kernel

@@ -12,12 +12,13 @@ from scipy.linalg import eigh
 
 from fmus.jit import kernel
 from fmus.model import Floats
-from fmus.physics.ancf.cable import Cable, mass, stiffness
+from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 from fmus.track import Environment
 from fmus.track_flexible.chain import Links, Work, correct, evaluate, measure
+from fmus.track_flexible.element import stiffness
 from fmus.track_flexible.sums import POWER
 
 LIMIT = (

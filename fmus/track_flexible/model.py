@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
-from fmus.physics.ancf.cable import Cable
 from fmus.physics.block_cyclic import solve
 from fmus.ports import WRENCH, Port
 from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
@@ -22,6 +21,7 @@ from fmus.track_flexible.chain import (
     relax,
     work,
 )
+from fmus.track_flexible.element import ELASTICITIES
 from fmus.track_flexible.explicit import LIMIT, factor_mass, highest_frequency, march, scratch
 from fmus.track_flexible.nodes import NODE, gather
 from fmus.track_flexible.sums import POWER
@@ -38,6 +38,15 @@ class Model(TrackModel):
         """Material and integration of the links."""
         m = vehicle["material"]
         return (
+            Port(
+                "elasticity",
+                "parameter",
+                "1",
+                "strains of the links: small_deformation, average strain and r_xx; general, Green strain and"
+                " curvature; engineering, |r_x| - 1 and the angle turned per length",
+                "small_deformation",
+                tuple(ELASTICITIES),
+            ),
             Port(
                 "material.youngs_modulus",
                 "parameter",
@@ -65,6 +74,9 @@ class Model(TrackModel):
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
+        elasticity = str(p["elasticity"])
+        if elasticity not in ELASTICITIES:
+            raise InvalidParameter(f"elasticity = '{elasticity}': must be one of {', '.join(ELASTICITIES)}")
         young, tau = float(p["material.youngs_modulus"]), float(p["material.relaxation_time"])
         if not young > 0.0:
             raise InvalidParameter(f"material.youngs_modulus = {young}: must be greater than 0")
@@ -77,7 +89,7 @@ class Model(TrackModel):
             raise InvalidParameter(f"tolerance = {self.tolerance}: must be greater than 0")
         s, v = self.vehicle["section"], self.vehicle
         area, second = s["area"], s["bending"]
-        cable = Cable(
+        cable = ELASTICITIES[elasticity](
             self.pitch,
             v["material"]["density"] * area,
             young * area,

@@ -14,7 +14,7 @@ import numpy as np
 from importlib import import_module
 kind, track, table = json.loads(sys.argv[1])
 model = import_module(f"fmus.{kind}.model").Model({"vehicle": table, "track": track, "link_outputs": True})
-model.initialise({p.name: p.start for p in model.ports if p.causality == "parameter"})
+model.initialise({p.name: p.start for p in model.ports if p.causality == "parameter"} | json.loads(sys.argv[2]))
 u = np.array([p.start for p in model.ports if p.causality == "input"], dtype=float)
 model.step(0.0, 1e-3, u)
 print(json.dumps(sorted(name for name in sys.modules if name.startswith("fmus"))))
@@ -22,13 +22,14 @@ print(json.dumps(sorted(name for name in sys.modules if name.startswith("fmus"))
 HANGING = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9144, 0.0]}
 
 
-def loaded(kind: str, track: dict) -> set[str]:
+def loaded(kind: str, track: dict, **changes) -> set[str]:
     from fmus.vehicle import read_table, vehicle
 
     table = vehicle(*read_table("m113")).model_dump()
     base = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": HANGING}
     given = json.dumps([kind, base | track, table])
-    done = subprocess.run([sys.executable, "-c", PROGRAM, given], capture_output=True, text=True, check=True)
+    program = [sys.executable, "-c", PROGRAM, given, json.dumps(changes)]
+    done = subprocess.run(program, capture_output=True, text=True, check=True)
     return set(json.loads(done.stdout))
 
 
@@ -44,3 +45,22 @@ def test_a_hanging_chain_loads_no_contact_code(kind):
 
 def test_a_chain_over_the_ground_does():
     assert "fmus.contacts" in loaded("track_rigid", {"ground": True})
+
+
+OTHERS = {
+    "small_deformation": set(),
+    "general": {"fmus.track_flexible.general", "fmus.physics.ancf.cable_general"},
+    "engineering": {"fmus.track_flexible.engineering", "fmus.physics.ancf.cable_engineering"},
+}
+
+
+@pytest.mark.parametrize("elasticity", [None, *OTHERS])
+def test_a_chain_loads_its_own_elasticity_only(elasticity):
+    """The default, and the small deformation that it is, load neither of the others nor what those share."""
+    names = loaded("track_flexible", {}, **({"elasticity": elasticity} if elasticity else {}))
+    own = OTHERS[elasticity or "small_deformation"]
+    assert own <= names
+    for other in OTHERS.values():
+        assert other == own or not other & names
+    shared = {"fmus.track_flexible.local_strain", "fmus.physics.ancf.centreline", "fmus.physics.ancf.gauss"}
+    assert (shared <= names) if own else not shared & names

@@ -5,6 +5,7 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator import gallery
 from orchestrator.scene import Scene, from_table, keys, load
+from orchestrator.system import assemble
 
 BARE = """
 title = "a chain"
@@ -87,6 +88,10 @@ def test_vehicle_over_a_base(tmp_path):
         ("vehicle.gravity=inf", "finite"),
         ("vehicle=leopard", "no vehicle 'leopard'"),
         ("track=soft", "'flexible' or 'rigid'"),
+        (
+            "track.elasticity=large",
+            "track.elasticity = 'large': input should be 'small_deformation', 'general' or",
+        ),
         ("vehicle.sprocket.outer_radius=0.2", "must exceed the pitch radius"),
         ("expect.sag.measure=sagg", "no measure 'sagg'"),
         ("chain.links.first=1", "'links' is a value, not a table"),
@@ -100,6 +105,17 @@ def test_bad_settings_are_one_sentence(setting, said):
         load("hanging_chain", None, [setting])
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_elasticity_is_for_flexible_links():
+    assert load("hanging_chain", "flexible").track.elasticity is None
+    assert "elasticity" not in assemble(load("hanging_chain", "flexible")).parts[0].parameters
+    scene = load("hanging_chain", "flexible", ["track.elasticity=general"])
+    assert assemble(scene).parts[0].parameters["elasticity"] == "general"
+    with pytest.raises(
+        BadInput, match=r"elasticity = 'general' needs model = 'flexible': rigid links have none$"
+    ):
+        load("hanging_chain", "rigid", ["track.elasticity=general"])
 
 
 def test_unknown_scene_names_the_nearest(tmp_path):

@@ -144,8 +144,7 @@ def energy(c, e, W, B):
 def force(c, e, v, Q, W, B):
     """Internal force (15) + (21) at coordinates ``e`` and rates ``v``, added to ``Q`` (4, 3).
 
-    Returns the average strain, its rate, and the power that the material dissipates, W. ``W`` keeps the gradient of
-    the strain times l; ``B`` is scratch.
+    Returns the power that the material dissipates, W. ``W`` keeps the gradient of the strain times l; ``B`` is scratch.
     """
     eps = strain(c, e, W)
     rate = dot(v, W) / c.l
@@ -158,7 +157,7 @@ def force(c, e, v, Q, W, B):
     power = drag * rate * c.l
     if c.nuI > 0.0:
         power += bending_damping(c, e, v, Q, B)
-    return eps, rate, power
+    return power
 
 
 @kernel

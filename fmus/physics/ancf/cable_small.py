@@ -68,7 +68,7 @@ def tangent(c, e, K):
 def damping(c, e, v, Q):
     """Damping force (21), added to ``Q``; returns its power, W."""
     viscous = Cable(c.l, c.rhoA, 0.0, 0.0, c.nuA, c.nuI)
-    return cable.force(viscous, e, v, Q, np.empty((4, 3)), np.empty((4, 3)))[2]
+    return cable.force(viscous, e, v, Q, np.empty((4, 3)), np.empty((4, 3)))
 
 
 @kernel

@@ -110,11 +110,10 @@ def add_tangent(w, d, D, r, K):
 @kernel
 def add_damping(c, w, e, v, D, r, Q):
     """Axial damping (18) of a point of weight ``w``, m, added to ``Q`` (4, 3); returns its power, W."""
-    u = np.empty((2, 3))
+    stretch2, rate = 0.0, 0.0
     for i in range(3):
-        u[0, i] = D[0, 2] * (v[2, i] - v[0, i]) + D[0, 1] * v[1, i] + D[0, 3] * v[3, i]
-    stretch2, _, _ = invariants(r)
-    rate = r[0, 0] * u[0, 0] + r[0, 1] * u[0, 1] + r[0, 2] * u[0, 2]
+        stretch2 += r[0, i] * r[0, i]
+        rate += r[0, i] * (D[0, 2] * (v[2, i] - v[0, i]) + D[0, 1] * v[1, i] + D[0, 3] * v[3, i])
     drag = w * c.nuA * rate / stretch2  # 1 + 2 eps = a
     for k in range(4):
         for i in range(3):

@@ -1,0 +1,306 @@
+"""The three elasticities of the flexible track, each through the same chain."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from test_track_flexible import LINKS, PITCH, at_rest, carrier, hanging
+
+from fmus.model import InvalidParameter
+from fmus.physics.ancf import cable_engineering, cable_general, cable_small, joints, loads, mesh, statics
+from fmus.physics.ancf.cable import Cable
+from fmus.physics.block_cyclic import factor, solve
+from fmus.track import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
+from fmus.track_flexible import element
+from fmus.track_flexible.chain import correct, evaluate, measure
+from fmus.track_flexible.element import ELASTICITIES
+from fmus.track_flexible.nodes import gather
+
+LIBRARY = {"small_deformation": cable_small, "general": cable_general, "engineering": cable_engineering}
+SOFT = {"material.youngs_modulus": 2e6, "material.relaxation_time": 0.0}
+# stretch -> tension / EA of a straight link
+LAW = {
+    "small_deformation": lambda s: 0.5 * s * (s * s - 1.0),
+    "general": lambda s: 0.5 * s * (s * s - 1.0),
+    "engineering": lambda s: s - 1.0,
+}
+each = pytest.mark.parametrize("elasticity", ELASTICITIES)
+
+
+def coordinates(model) -> np.ndarray:
+    """Of all links (n, 4, 3)."""
+    e = np.zeros((model.links_count, 4, 3))
+    for i in range(model.links_count):
+        gather(model.q, i, (i + 1) % model.nodes, e[i])
+    return e
+
+
+def bent(elasticity: str, links: int = 4, **changes):
+    """A soft chain out of every symmetry."""
+    model = hanging(links=links, elasticity=elasticity, **{**SOFT, **changes})
+    model.vdot[:] = 0.0
+    model.q += 0.05 * np.random.default_rng(3).standard_normal(model.q.shape) * ([PITCH] * 3 + [1.0] * 5)
+    return model
+
+
+def residual(model) -> np.ndarray:
+    """Of the links, summed up by coordinate of the pins (nodes, 8)."""
+    evaluate(model.link, None, model.environment, model.q, model.v, model.vdot, 0.0, 0.0, model.work, False)
+    f, R = np.zeros_like(model.q), model.work.R
+    for i in range(model.links_count):
+        j = (i + 1) % model.nodes
+        f[i, :3] += R[i, 0]
+        f[i, [5, 7, 6]] += R[i, 1]
+        f[j, :3] += R[i, 2]
+        f[j, [3, 7, 4]] += R[i, 3]
+    return f
+
+
+@each
+def test_force_is_the_gradient_of_the_reported_energy(elasticity):
+    model = bent(elasticity)
+    f, gradient, h = residual(model), np.zeros_like(model.q), 1e-5
+
+    def energy() -> float:
+        measure(model.link, model.environment, model.q, model.v, model.work, model.report)
+        return model.report[STRAIN] + model.report[GRAVITY]
+
+    for place in np.ndindex(model.q.shape):
+        for shift, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
+            was = model.q[place]
+            model.q[place] += shift * h
+            gradient[place] += weight * energy() / (12 * h)
+            model.q[place] = was
+    np.testing.assert_allclose(f, gradient, atol=1e-8 * abs(f).max())
+    assert abs(f - 1.001 * gradient).max() > 1e-4 * abs(f).max()
+
+
+@each
+def test_the_tangent_is_the_derivative_of_force_and_damping(elasticity):
+    """The change of the chord's direction in the bending damping apart, which all three leave out."""
+    model = bent(elasticity)
+    link = model.link.cable._replace(nuA=40.0)
+    rng, scratch = np.random.default_rng(5), (np.zeros((4, 3)), np.zeros((4, 3)))
+    e, v, by_rate = coordinates(model)[1], rng.standard_normal((4, 3)), 37.0
+    K, M = np.zeros((12, 12)), np.zeros((12, 12))
+    element.stiffness(link, e, v, by_rate, 0.0, K, *scratch)
+    expected = np.zeros((12, 12))
+    for k in range(12):
+        for sign in (1, -1):
+            d, Q = np.zeros(12), np.zeros((4, 3))
+            d[k] = sign * 1e-6
+            element.force(link, e + d.reshape(4, 3), v + by_rate * d.reshape(4, 3), Q, *scratch)
+            expected[:, k] += Q.ravel() / (2 * sign * 1e-6)
+    np.testing.assert_allclose(K, expected, atol=2e-8 * abs(K).max())
+    element.stiffness(link, e, v, by_rate, 1e6, M, *scratch)
+    mass = (M - K)[::3, ::3] / 1e6
+    assert mass[0, 0] == pytest.approx(156 / 420 * link.rhoA * link.l, rel=1e-6)
+    element.stiffness(link._replace(nuI=0.2), e, v, by_rate, 0.0, M, *scratch)
+    assert (M - K)[0, 0] == pytest.approx(12 * by_rate * 0.2 / link.l**3, rel=1e-6)
+
+
+@each
+def test_force_and_damping_are_those_of_the_library(elasticity):
+    model, kind = bent(elasticity), LIBRARY[elasticity]
+    link = model.link.cable._replace(nuA=40.0, nuI=0.2)
+    e = coordinates(model)[2]
+    v, Q, f = np.random.default_rng(7).standard_normal((4, 3)), np.zeros((4, 3)), np.zeros((4, 3))
+    power = element.force(link, e, v, Q, np.zeros((4, 3)), np.zeros((4, 3)))
+    kind.force(link, e, f)
+    assert power == pytest.approx(kind.damping(link, e, v, f), rel=1e-12)
+    np.testing.assert_allclose(Q, f, atol=1e-12 * abs(f).max())
+    others = [other for other in ELASTICITIES if other != elasticity]
+    assert all(abs(stored(elasticity, link, e) / stored(other, link, e) - 1) > 1e-4 for other in others)
+
+
+def stored(elasticity: str, link: Cable, e: np.ndarray) -> float:
+    return element.energy(ELASTICITIES[elasticity](*link), e, np.zeros((4, 3)), np.zeros((4, 3)))
+
+
+def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
+    """Newton's corrections of the pins on the way to static equilibrium; ``extra`` mass, 1/s2, spoils the matrix."""
+    w, sizes, still, none = model.work, [], np.zeros_like(model.q), np.zeros_like(model.q)
+    while len(sizes) < most and (not sizes or sizes[-1] > 1e-11):
+        evaluate(model.link, None, model.environment, model.q, still, none, 0.0, extra, w, True)
+        assert factor(w.A, w.U, w.L, w.factors, model.closed) < 0
+        solve(w.A, w.U, w.factors, model.closed, w.b)
+        sizes.append(correct(model.link, w, model.q, still, none, 0.0, 0.0, np.inf))
+    return sizes
+
+
+@each
+@pytest.mark.parametrize(
+    ("young", "move", "near", "factor_"), [(2e6, 0.02, 3e-4, 200.0), (2e11, 1e-4, 2e-6, 3e5)]
+)
+def test_newton_converges_quadratically(elasticity, young, move, near, factor_):
+    """With one end moved: once ``near``, each correction, m, is below ``factor_`` times the square of the last."""
+    model = hanging(links=16, elasticity=elasticity, **{**SOFT, "material.youngs_modulus": young})
+    model.q[-1, 0] -= move
+    spoilt = model.q.copy()
+    sizes = newton(model)
+    assert sizes[-1] < 1e-11, sizes
+    tail = [(a, b) for a, b in pairwise(sizes) if a < near]
+    assert 1 <= len(tail) <= 3, sizes  # three corrections from there to 1e-11 m
+    assert all(b < factor_ * a**2 + 1e-11 for a, b in tail), sizes
+    model.q[:] = spoilt
+    assert len(newton(model, extra=30.0)) > len(sizes) + 2  # the twin
+
+
+def test_steel_hangs_the_same():
+    sags = [-hanging(elasticity=name).q[:, 2].min() for name in ELASTICITIES]
+    assert np.ptp(sags) < 1e-5
+    assert sags[0] == pytest.approx(2.589308, abs=2e-5)
+
+
+def elastic_catenary(law, EA: float, weight: float, length: float, span: float) -> float:
+    """Sag of a continuous chain of no bending stiffness that stretches by tension = EA law(stretch)."""
+    s = np.linspace(0.0, 0.5 * length, 4001)
+
+    def shape(H: float) -> tuple[float, float]:
+        T = np.hypot(H, weight * s)
+        stretch = np.array([brentq(lambda x, t=t: law(x) - t, 1.0, 20.0) for t in T[::100] / EA])
+        stretch = np.interp(s, s[::100], stretch)
+        return 2.0 * np.trapezoid(stretch * H / T, s), np.trapezoid(stretch * weight * s / T, s)
+
+    H = brentq(lambda H: shape(H)[0] - span, 1e-2 * weight * length, weight * length)
+    return shape(H)[1]
+
+
+def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
+    """Green strain stiffens with the stretch, so the engineering chain hangs lower, by what the continuum says."""
+    length, sag, said = LINKS * PITCH, {}, {}
+    for name in ELASTICITIES:
+        model = hanging(elasticity=name, **SOFT)
+        c = model.link.cable
+        sag[name] = -model.q[:, 2].min()
+        said[name] = elastic_catenary(LAW[name], c.EA, c.rhoA * 9.81, length, 0.8 * length)
+        assert sag[name] == pytest.approx(said[name], rel=3e-4)
+    lower = said["engineering"] - said["general"]
+    assert lower > 0.1
+    assert sag["engineering"] - sag["general"] == pytest.approx(lower, rel=2e-2)
+
+
+@each
+def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
+    """The same links as a mesh with its own pins, gravity and Newton's method, from another elasticity's shape."""
+    n, other = 16, "engineering" if elasticity != "engineering" else "general"
+    model = hanging(links=n, elasticity=elasticity, **SOFT)
+    start = hanging(links=n, elasticity=other, **SOFT)
+    assert abs(model.q[:, :3] - start.q[:, :3]).max() > 1e-3
+    found = coordinates(model)
+    part = mesh.Part(LIBRARY[elasticity], model.link.cable, coordinates(start))
+    ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
+    held = [mesh.Support((0, 0), joints.held(2)), mesh.Support((n - 1, 1), joints.held(2))]
+    whole = mesh.Mesh([part], ties, held)
+    whole = whole.loaded(loads.gravity(whole, [0, 0, -9.81]))
+    solution = statics.newton(whole, whole.start(), 1.0, 1e-11, 40)
+    assert solution is not None
+    e = whole.split(whole.coordinates(solution[0]))[0]
+    assert abs(e[:, [0, 2]] - found[:, [0, 2]]).max() < 1e-8
+    assert model.report[STRAIN] == pytest.approx(whole.energy(solution[0]), rel=1e-8)
+
+
+@each
+def test_tension_and_stress_of_a_stretched_chain(elasticity):
+    """Links stretched by a fifth: the pins carry EA law(1.2). (12) reports EA eps, the others what the pins carry."""
+    stretch = 1.2
+    model = hanging(links=8, elasticity=elasticity, start="polygon", **SOFT)
+    model.environment = model.environment._replace(gravity=0.0)
+    model.q[:] = 0.0
+    model.q[:, 0] = stretch * PITCH * np.arange(9)
+    model.q[:, [3, 5]] = stretch
+    c, f = model.link.cable, residual(model)
+    carried = c.EA * LAW[elasticity](stretch)
+    assert -f[0, 0] == pytest.approx(carried, rel=1e-12)
+    measure(model.link, model.environment, model.q, model.v, model.work, model.report)
+    told = carried / stretch if elasticity == "small_deformation" else carried
+    assert model.report[[T_MIN, T_MEAN, T_MAX]] == pytest.approx([told] * 3, rel=1e-12)
+    assert model.report[STRESS] == pytest.approx(told / model.link.area, rel=1e-12)
+
+
+@each
+def test_stress_of_a_bent_link(elasticity):
+    """An arc of steel, 0.01 rad a link, without tension: E times fibre over radius."""
+    model = hanging(links=2, elasticity=elasticity, start="polygon")
+    angle, radius = 0.01, PITCH / 0.01
+    turns = angle * np.arange(3)
+    model.q[:, 0], model.q[:, 2] = radius * np.sin(turns), radius * (1 - np.cos(turns))
+    for x in (3, 5):
+        model.q[:, x], model.q[:, x + 1] = np.cos(turns), np.sin(turns)
+    measure(model.link, model.environment, model.q, model.v, model.work, model.report)
+    young = model.link.cable.EA / model.link.area
+    assert model.report[STRESS] == pytest.approx(young * model.link.outer_fibre / radius, rel=1e-4)
+
+
+def test_a_closed_track_settles_on_its_wheels():
+    """Steel links: the same tensions, and nothing moves, whatever the elasticity."""
+    found = {}
+    for name in ELASTICITIES:
+        model = carrier(elasticity=name)
+        first, u = model.q.copy(), at_rest(model)
+        for k in range(10):
+            model.step(k * 1e-3, 1e-3, u)
+        assert abs(model.v).max() < 1e-6
+        assert abs(model.q - first).max() < 1e-8
+        found[name] = np.zeros(2 * LINKS + 6 * LINKS)
+        model.link_outputs(found[name])
+    tensions = {name: y[:LINKS] for name, y in found.items()}
+    scale = tensions["small_deformation"].max()
+    assert scale > 1e3
+    for name in ("general", "engineering"):
+        np.testing.assert_allclose(tensions[name], tensions["small_deformation"], atol=1e-4 * scale)
+        np.testing.assert_allclose(
+            found[name][LINKS : 2 * LINKS], found["small_deformation"][LINKS : 2 * LINKS], rtol=2e-2, atol=1e5
+        )
+
+
+def swing(elasticity: str, steps: int = 200, **changes):
+    """A chain let go from a displaced shape; what the ledger lacks after each millisecond."""
+    model = hanging(links=8, elasticity=elasticity, start="displaced", **changes)
+    parts, lacks = [KINETIC, STRAIN, GRAVITY, DISSIPATED], []
+    total, top = model.report[parts].sum(), 0.0
+    for k in range(steps):
+        model.step(k * 1e-3, 1e-3, np.zeros(0))
+        top = max(top, model.report[KINETIC])
+        lacks.append(model.report[parts].sum() - total)
+    return model, np.array(lacks) / top
+
+
+@each
+def test_energy_ledger_of_a_swing(elasticity):
+    """Soft links with damping: kinetic + strain + gravity + dissipated stays; the damping counts."""
+    soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
+    model, lacks = swing(elasticity, integrator="runge_kutta", step=2e-5, **soft)
+    assert abs(lacks).max() < 1e-6
+    assert model.report[DISSIPATED] > 1e-3 * model.report[KINETIC]
+    other, lacks = swing(elasticity, step=5e-5, spectral_radius=0.9, **soft)
+    assert abs(lacks).max() < 1e-4
+    assert abs(model.q[:, :3] - other.q[:, :3]).max() < 1e-5  # explicit and implicit agree
+    _, lacks = swing(elasticity)  # steel, as a scene has it
+    assert abs(lacks).max() < 5e-3
+
+
+@each
+def test_the_explicit_step_follows_the_elasticity(elasticity):
+    """Local strain has modes within a link that average strain has not."""
+    model = hanging(links=2, elasticity=elasticity, start="polygon")
+    assert model.stable == pytest.approx({"small_deformation": 8.012e-6}.get(elasticity, 5.538e-6), rel=1e-3)
+
+
+def test_the_default_is_small_deformation():
+    one, other = hanging(links=8), hanging(links=8, elasticity="small_deformation")
+    third = hanging(links=8, elasticity="general")
+    assert type(one.link.cable) is Cable
+    assert one.state.tobytes() == other.state.tobytes() != third.state.tobytes()
+
+
+def test_an_unknown_elasticity_is_refused():
+    with pytest.raises(
+        InvalidParameter, match="elasticity = 'large': must be one of small_deformation, general, eng"
+    ):
+        hanging(links=8, elasticity="large")
+    port = next(port for port in hanging(links=8).ports if port.name == "elasticity")
+    assert port.choices == tuple(ELASTICITIES)  # which the FMU's shell checks at the end of initialisation
