@@ -233,10 +233,18 @@ def study(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="below five minutes on two cores")] = False,
     workers: Annotated[int, typer.Option("--workers", metavar="N", help="processes", min=1)] = 2,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="a Dask scheduler, instead of processes")
+    ] = None,
 ) -> None:
-    """Many cases side by side, as tables and figures: exit 1 when a row misses its tolerance."""
+    """Many cases side by side, as tables and figures: exit 1 when a row is not as it should be.
+
+    Started again with the same folder, it goes on where it was interrupted.
+    """
     from orchestrator import studies
-    from orchestrator.studies import tables
+    from orchestrator.studies import pool
+    from orchestrator.studies.progress import Watched
+    from orchestrator.studies.store import Store
 
     if name is None:
         for known, about in studies.STUDIES.items():
@@ -250,16 +258,16 @@ def study(
     except OSError as error:
         raise BadInput(f"the folder {output} cannot be made: {error.strerror}") from None
     cases = chosen.cases(quick)
-    with studies.Watched(name, len(cases)) as done:
-        rows = studies.run(chosen, cases, workers, done)
     try:
-        files = tables.write(output, name, rows, chosen.TITLE)
+        with Watched(name, len(cases)) as done:
+            rows = pool.run(chosen, cases, workers, scheduler, Store(output / "cases", chosen.Row), done)
+        files = chosen.write(output, name, rows, chosen.TITLE)
     except OSError as error:
         raise BadInput(f"the folder {output} cannot be written: {error}") from None
-    print(tables.to_markdown(rows))
+    print(chosen.to_markdown(rows))
     for file in files:
         print(file)
-    missed = tables.missed(rows)
+    missed = chosen.missed(rows)
     print(f"{len(rows)} rows, {len(missed)} not as they should be", file=sys.stderr)
     for row in missed:
         print(f"cotrack: {row.item}: {row.case}: {row.note or 'misses its tolerance'}", file=sys.stderr)

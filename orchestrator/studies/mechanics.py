@@ -43,7 +43,9 @@ from orchestrator.studies.meshes import (
     velocity,
 )
 from orchestrator.studies.rods import MASS, G, Rods, of_angles, ring
-from orchestrator.studies.tables import Row, checked, of_order
+from orchestrator.studies.tables import Row, checked, failed, missed, of_order, to_markdown, write
+
+__all__ = ["TITLE", "Row", "cases", "failed", "measure", "missed", "to_markdown", "write"]
 
 TITLE = "The chain mechanics of the paper: value, reference, error, order"
 

@@ -4,14 +4,17 @@ import csv
 import io
 import math
 import os
+import signal
 import sys
+import time
 
 import pytest
 
 from fmus.vehicle import BadInput
 from orchestrator import studies
 from orchestrator.cli import main
-from orchestrator.studies import Case, mechanics, tables
+from orchestrator.studies import Case, mechanics, pool, tables
+from orchestrator.studies.store import Store
 from orchestrator.studies.tables import Row, checked, failed
 
 FRAME = Case("11", "L-frame", mechanics.l_frame, ("beam",))
@@ -51,7 +54,7 @@ def test_a_case_from_the_command_to_the_figure(cotrack, monkeypatch, tmp_path):
     assert status == 0, err
     assert "1/1 L-frame" in err
     assert "| 11 | L-frame of beams with a rigid corner, tip x, m |" in out
-    made = {file.name for file in (tmp_path / "found").iterdir()}
+    made = {file.name for file in (tmp_path / "found").iterdir() if file.is_file()}
     assert made == {
         "mechanics.csv",
         "mechanics-convergence.csv",
@@ -88,13 +91,67 @@ def test_a_case_that_fails_is_a_row_and_the_others_go_on(cotrack, monkeypatch):
     assert "0: bad: ValueError" in err
 
 
-def test_processes_give_the_same_rows_and_a_dead_one_is_recorded():
+def sleeps() -> list[Row]:
+    time.sleep(60)
+    return []
+
+
+def counts(folder) -> list[Row]:
+    """Leaves a trace of every time it is measured."""
+    (folder / str(len(list(folder.iterdir())))).touch()
+    return [checked("0", "counted", 1.0, 1.0, 0.1, series=((1.0, 2.0),))]
+
+
+def fails_once(folder) -> list[Row]:
+    """The first process that tries it ends."""
+    trace = folder / "tried"
+    if not trace.exists():
+        trace.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return [checked("0", "survived", 1.0, 1.0, 0.1)]
+
+
+def test_processes_give_the_same_rows():
     wanted = [FAST, Case("0", "bad", raises)]
-    alone, side_by_side = (studies.run(mechanics, wanted, workers) for workers in (1, 2))
+    alone, side_by_side = (pool.run(mechanics, wanted, workers) for workers in (1, 2))
     assert repr(alone) == repr(side_by_side)  # NaN is not itself
-    rows = studies.run(mechanics, [Case("0", "dead", dies)], 2)
-    assert [row.ok for row in rows] == [False]
-    assert "BrokenProcessPool" in rows[0].note
+
+
+def test_a_dead_process_and_an_endless_case_are_recorded():
+    cases = [Case("0", "dead", dies), Case("0", "endless", sleeps, limit=1.0), FAST]
+    rows = pool.run(mechanics, cases, 2)
+    assert [row.ok for row in rows] == [False, False, True, True]
+    assert rows[0].note == "its process ended with status 3"
+    assert rows[1].note == "took longer than 1 s"
+
+
+def test_a_study_goes_on_where_it_was(tmp_path):
+    """What is done is not done again; what lost its process is."""
+    trace = tmp_path / "trace"
+    trace.mkdir()
+    store = Store(tmp_path / "cases", Row)
+    counted, once = Case("0", "counted", counts, (trace,)), Case("0", "once", fails_once, (tmp_path,))
+    first = pool.run(mechanics, [counted, once], 2, store=store)
+    assert [row.ok for row in first] == [True, False]
+    again = pool.run(mechanics, [counted, once], 2, store=store)
+    assert [row.ok for row in again] == [True, True]
+    assert len(list(trace.iterdir())) == 1
+    assert repr(again[0]._replace(series=())) == repr(first[0]._replace(series=()))
+    other = Case("0", "counted", counts, (tmp_path,))
+    assert store.get(other) is None, "other arguments, another case"
+
+
+def test_a_cluster_gives_the_same_rows_and_outlives_a_worker(tmp_path):
+    from dask.distributed import LocalCluster
+
+    store = Store(tmp_path / "cases", Row)
+    cases = [FAST, Case("0", "bad", raises), Case("0", "once", fails_once, (tmp_path,))]
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        rows = pool.run(mechanics, cases, scheduler=cluster.scheduler_address, store=store)
+    assert [row.ok for row in rows] == [True, True, False, True]
+    assert all(store.get(case) for case in cases)
+    with pytest.raises(BadInput, match="no Dask scheduler answers"):
+        pool.run(mechanics, cases, scheduler="tcp://127.0.0.1:9")
 
 
 def test_known_studies_and_bad_input(cotrack, tmp_path):

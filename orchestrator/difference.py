@@ -1,0 +1,191 @@
+"""How far two runs of a scene are apart, observable by observable, in one norm.
+
+The norm is relative: RMS over time of the difference, over RMS over time of the reference (or a floor where the
+reference hardly moves). Positions count from where they start. Link tensions and joint forces are sensitive (an
+error grows some 15-fold a second at speed): they count by mean and RMS over windows of a second, and link by link
+only up to ``POINTWISE`` s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.evidence import Evidence, Missing
+
+Floats = NDArray[np.float64]
+
+WINDOW = 1.0  # s
+POINTWISE = 4.0  # s: no longer do sensitive observables compare instant by instant
+
+
+class Signal(NamedTuple):
+    """Samples of an observable."""
+
+    t: Floats  # (m,) s
+    values: Floats  # (m, k)
+    mean: bool = False  # values are means over the time since the sample before
+
+
+class Observable(NamedTuple):
+    """What runs are compared by."""
+
+    unit: str
+    floor: float  # the least that an error is relative to, in ``unit``
+    read: Callable[[Evidence], Signal]
+    decisive: bool = True  # counts towards the error of the run as a whole
+
+
+class Difference(NamedTuple):
+    """One observable of a run against a reference."""
+
+    absolute: float  # RMS, in the observable's unit
+    relative: float
+    unit: str
+    decisive: bool
+
+
+def differences(run: Evidence, reference: Evidence) -> dict[str, Difference]:
+    """Every observable that both hold; raises Missing when there is none."""
+    found = {}
+    for name, observable in observables(reference):
+        try:
+            pair = observable.read(run), observable.read(reference)
+        except (Missing, LookupError):
+            continue
+        found[name] = difference(*pair, observable)
+    if not found:
+        raise Missing("the two logs have no observable in common")
+    return found
+
+
+def worst(found: dict[str, Difference]) -> float:
+    """The largest relative error of the decisive observables."""
+    return max(one.relative for one in found.values() if one.decisive)
+
+
+def difference(run: Signal, reference: Signal, observable: Observable) -> Difference:
+    """RMS over the common time, absolute and relative."""
+    a, b = aligned(run, reference)
+    absolute = _rms(a - b)
+    relative = absolute / max(_rms(b), observable.floor)
+    return Difference(absolute, relative, observable.unit, observable.decisive)
+
+
+def aligned(run: Signal, reference: Signal) -> tuple[Floats, Floats]:
+    """Both at the instants of the sparser one: interpolated, or as means between these instants."""
+    end = min(run.t[-1], reference.t[-1]) + 1e-9
+    sparser = run.t if np.sum(run.t <= end) <= np.sum(reference.t <= end) else reference.t
+    t = sparser[sparser <= end]
+    return _at(run, t), _at(reference, t)
+
+
+def _at(signal: Signal, t: Floats) -> Floats:
+    if not signal.mean:
+        return np.stack([np.interp(t, signal.t, column) for column in signal.values.T], axis=1)
+    held = np.vstack([np.zeros_like(signal.values[:1]), signal.values[1:] * np.diff(signal.t)[:, None]])
+    total = np.cumsum(held, axis=0)
+    sums = np.stack([np.interp(t, signal.t, column) for column in total.T], axis=1)
+    return np.diff(sums, axis=0) / np.diff(t)[:, None]
+
+
+def _rms(values: Floats) -> float:
+    """Over time, of the length of the rows."""
+    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
+
+
+# --- observables -----------------------------------------------------------------------------------
+
+
+def observables(run: Evidence) -> Iterator[tuple[str, Observable]]:
+    """Those that a run of this kind has."""
+    if "chassis" in run.instances:
+        yield "position", Observable("m", 0.1, _position)
+        yield "velocity", Observable("m/s", 0.1, _velocity)
+        yield "pitch", Observable("rad", 0.01, lambda run: _signals(run, ["chassis.pitch"]))
+    drives = [name for name in run.instances if run.has(f"{name}.torque")]
+    if drives:
+        names = [f"{drive}.torque" for drive in drives]
+        yield "torque", Observable("N m", 100.0, lambda run: _signals(run, names, mean=True))
+    if not run.tracks:
+        return
+    if not drives:  # a chain on its own: its pins, one by one
+        yield "pins", Observable("m", 0.01, _pins)
+        yield "tension", Observable("N", 100.0, _tension)
+        return
+    if "chassis" not in run.instances:
+        names = [f"{track}.speed" for track in run.tracks]
+        yield "chain_speed", Observable("m/s", 0.01, lambda run: _signals(run, names))
+    yield "tension_mean", Observable("N", 100.0, lambda run: _windowed(_tension(run), np.mean))
+    yield "tension_rms", Observable("N", 100.0, lambda run: _windowed(_tension(run), _root_mean_square))
+    yield "joint_force_mean", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), np.mean))
+    yield "joint_force_rms", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), _root_mean_square))
+    yield "tension", Observable("N", 100.0, lambda run: _early(_tension(run)), decisive=False)
+    yield "joint_force", Observable("N", 100.0, lambda run: _early(_joint_force(run)), decisive=False)
+
+
+def _signals(run: Evidence, names: list[str], mean: bool = False) -> Signal:
+    series = [run.signal(name) for name in names]
+    return Signal(series[0][0], np.stack([values for _, values in series], axis=1), mean)
+
+
+def _position(run: Evidence) -> Signal:
+    t, position = run.vectors("chassis", "out", "chassis.position")
+    return Signal(t, position - position[0])
+
+
+def _velocity(run: Evidence) -> Signal:
+    return Signal(*run.vectors("chassis", "out", "chassis.velocity"))
+
+
+def _links(run: Evidence, start: str, end: str) -> Signal:
+    """Outputs per link of all tracks."""
+    t, columns = None, []
+    for track in run.tracks:
+        topic = f"/{track}/links"
+        if topic not in run.log.topics:
+            raise Missing(f"the log has no outputs per link of '{track}'")
+        series = run.log.read(topic)
+        chosen = [i for i, n in enumerate(series.names) if n.startswith(start) and n.endswith(end)]
+        t = series.t
+        columns.append(series.values[:, chosen])
+    assert t is not None
+    return Signal(t, np.hstack(columns))
+
+
+def _pins(run: Evidence) -> Signal:
+    parts = [_links(run, "joint[", f"].position.{axis}") for axis in "xyz"]
+    return Signal(parts[0].t, np.hstack([part.values - part.values[:1] for part in parts]))
+
+
+def _tension(run: Evidence) -> Signal:
+    return _links(run, "link[", "].tension")
+
+
+def _joint_force(run: Evidence) -> Signal:
+    parts = [_links(run, "joint[", f"].force.{axis}") for axis in "xyz"]
+    return Signal(parts[0].t, np.sqrt(sum(part.values**2 for part in parts)))
+
+
+def _early(signal: Signal) -> Signal:
+    early = signal.t <= POINTWISE + 1e-9
+    return Signal(signal.t[early], signal.values[early])
+
+
+def _root_mean_square(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _windowed(signal: Signal, reduce: Callable[[Floats], float]) -> Signal:
+    """One number a window over all links and samples; the last window ends with the run."""
+    count = max(1, int((signal.t[-1] - signal.t[0]) / WINDOW + 1e-9))
+    edges = signal.t[-1] - WINDOW * np.arange(count, -1.0, -1.0)
+    rows = [
+        reduce(signal.values[(signal.t > low + 1e-9) & (signal.t <= high + 1e-9)])
+        for low, high in pairwise(edges)
+    ]
+    return Signal(edges[1:], np.array(rows)[:, None])

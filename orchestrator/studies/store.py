@@ -1,0 +1,56 @@
+"""What cases have found, kept as one JSON file each: a study that was interrupted goes on where it was.
+
+A file is named after the case and the sources it was measured with; other sources, another case.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from orchestrator.studies import Case
+
+PACKAGES = ("fmus", "orchestrator")
+
+
+@cache
+def sources() -> str:
+    """Hash of every source and scene of the installed packages."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    for package in PACKAGES:
+        for file in sorted((root / package).rglob("*")):
+            if file.suffix in (".py", ".toml"):
+                digest.update(file.relative_to(root).as_posix().encode() + b"\0")
+                digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+class Store:
+    """Rows of finished cases in a folder."""
+
+    def __init__(self, folder: Path, row: Any) -> None:
+        self._folder, self._row = folder, row
+
+    def _file(self, case: Case) -> Path:
+        what = [case.item, case.name, case.function.__qualname__, repr(case.arguments), sources()]
+        return self._folder / f"{hashlib.sha256(json.dumps(what).encode()).hexdigest()[:24]}.json"
+
+    def get(self, case: Case) -> list[Any] | None:
+        """The rows of a case, None when it is not done or its file does not read."""
+        try:
+            return [self._row(**row) for row in json.loads(self._file(case).read_text())["rows"]]
+        except (OSError, ValueError, TypeError, KeyError):
+            return None
+
+    def put(self, case: Case, rows: list[Any]) -> None:
+        """Keep the rows of a case; whole or not at all."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        file = self._file(case)
+        fresh = file.with_suffix(f".{os.getpid()}")
+        fresh.write_text(json.dumps({"case": case.name, "rows": [row._asdict() for row in rows]}, indent=1))
+        fresh.replace(file)
