@@ -39,7 +39,7 @@ class Ledger(NamedTuple):
     residual: float
     residual_relative: float  # of the largest of work, change and dissipated, of LEAST at least
     port: float  # the part of the residual that the ports make
-    integration: dict[str, float]  # the part of each component
+    integration: dict[str, float]  # the part of each component, of one where the vehicle has two
 
     def as_json(self) -> dict[str, Any]:
         """For the summary."""
@@ -57,11 +57,16 @@ def ledger(run: Evidence) -> Ledger:
     for port in ports(run):
         given, taken = _works(run, port, end)
         received[port.giver] -= given
-        received[port.taker] += taken
-        lost += given - taken
-    work = sum(book.get("work", 0.0) for book in books.values())
-    change = sum(book.get(part, 0.0) for book in books.values() for part in STORED)
-    dissipated = sum(book.get("dissipated", 0.0) for book in books.values())
+        received[port.taker] += run.copies(port.giver) / run.copies(port.taker) * taken
+        lost += run.copies(port.giver) * (given - taken)
+    copies = [run.copies(name) for name in books]
+
+    def total(*parts: str) -> float:
+        return sum(
+            n * book.get(part, 0.0) for n, book in zip(copies, books.values(), strict=True) for part in parts
+        )
+
+    work, change, dissipated = total("work"), total(*STORED), total("dissipated")
     residual = work - change - dissipated
     scale = max(abs(work), abs(change), abs(dissipated), LEAST)
     integration = {

@@ -49,6 +49,15 @@ class Evidence:
         return tuple(instance["name"] for instance in self.system["instances"])
 
     @cached_property
+    def sides(self) -> tuple[str, ...]:
+        """Sides of a vehicle that ran; one of them is the whole of a symmetric vehicle."""
+        return tuple(side for side in ("left", "right") if f"{side}_drive" in self.instances)
+
+    def copies(self, instance: str) -> int:
+        """How many of an instance the vehicle has: 2 where the other side mirrors this one."""
+        return 2 if self.scene.get("symmetric") and instance != "chassis" else 1
+
+    @cached_property
     def tracks(self) -> tuple[str, ...]:
         """Names of the tracks: what has a travel."""
         return tuple(name for name in self.instances if self.has(f"{name}.travel"))

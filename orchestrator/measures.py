@@ -150,7 +150,7 @@ def tight_span_enters(run: Evidence, of: str, window: Window) -> float:
 
 def ground_force(run: Evidence, of: str, window: Window) -> float:
     """Vertical ground reaction of all tracks, mean, N."""
-    return sum(run.mean(f"{track}.ground.force.z", window) for track in run.tracks)
+    return sum(run.copies(track) * run.mean(f"{track}.ground.force.z", window) for track in run.tracks)
 
 
 def slip(run: Evidence, of: str, window: Window) -> float:
@@ -163,7 +163,7 @@ def slip(run: Evidence, of: str, window: Window) -> float:
 def speed_excess(run: Evidence, of: str, window: Window) -> float:
     """Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1."""
     vehicle = run.scene["vehicle"]
-    omega = np.mean([run.mean(f"{_drive(run, side)}.speed", window) for side in ("left", "right")])
+    omega = np.mean([run.mean(f"{_drive(run, side)}.speed", window) for side in run.sides])
     kinematic = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] * omega / (2 * np.pi)
     return run.mean("chassis.speed", window) / float(kinematic) - 1.0
 
@@ -172,7 +172,7 @@ def settlement_of_springs(run: Evidence, of: str, window: Window) -> float:
     """Mean rise of the road wheels against the hull since the start, m: the settlement's share of springs."""
     wheels = [
         f"chassis.{side}.road_wheel[{i}].position.z"
-        for side in ("left", "right")
+        for side in run.sides
         for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
     ]
     t, hull = run.signal("chassis.chassis.position.z")
@@ -282,7 +282,10 @@ def _track(run: Evidence, of: str) -> str:
 
 
 def _drive(run: Evidence, of: str) -> str:
-    return f"{of}_drive" if f"{of}_drive" in run.instances else "drive"
+    """The drive of a side; a mirrored side has that of the other, a rig its own."""
+    if f"{of}_drive" in run.instances:
+        return f"{of}_drive"
+    return f"{run.sides[0]}_drive" if run.sides else "drive"
 
 
 def _pitch_radius(run: Evidence) -> float:

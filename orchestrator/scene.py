@@ -193,6 +193,7 @@ class VehicleScene(Scene):
 
     assembly: Literal["vehicle"]
     drive: Drive  # of both sides
+    symmetric: bool = False  # only the left half runs, the right one mirrors it in the vehicle's own plane
     drives = ("drive",)
 
 

@@ -171,7 +171,9 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     rollers = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
     wiring: list[Connection] = []
     tracks, drives = [], []
-    for side, sign in SIDES.items():
+    sides = list(SIDES)[: 1 if scene.symmetric else 2]
+    for side in sides:
+        sign = SIDES[side]
         track, drive, lateral = f"{side}_track", f"{side}_drive", sign * vehicle.track.lateral
         tracks.append(_track(scene, track, config, lateral))
         drives.append(_drive(scene, drive, scene.drive, vehicle.sprocket.spin_inertia, AXLE, lateral))
@@ -179,7 +181,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         for roller in rollers:
             wiring += _wheel(track, roller, "chassis", f"{side}.{roller}")
         wiring += _wheel(drive, "mount", "chassis", f"{side}.sprocket")
-    config = {"vehicle": vehicle.model_dump(), "chassis": {"sides": list(SIDES)}}
+    config = {"vehicle": vehicle.model_dump(), "chassis": {"sides": sides}}
     chassis = Part("chassis", "Chassis", config, _start(scene), CHASSIS)
     return Assembly((*tracks, *drives, chassis), tuple(wiring))
 
@@ -340,8 +342,9 @@ def _size(part: Part) -> str:
         return f"spin inertia {part.config['drive']['inertia']:g} kg m2"
     vehicle = part.config["vehicle"]
     arms = len(vehicle["road_wheel"]["x"])
-    sides = part.config["chassis"]["sides"]
-    return f"1 hull, {arms * len(sides)} arms with wheels, {len(sides)} idlers, {len(sides)} mounts"
+    sides = len(part.config["chassis"]["sides"])
+    mirrored = ", their mirror images" if sides == 1 else ""
+    return f"1 hull, {arms * sides} arms with wheels, {sides} idlers, {sides} mounts{mirrored}"
 
 
 def _absent(scene: Scene, assembly: Assembly) -> Iterator[str]:
@@ -361,7 +364,9 @@ def _absent(scene: Scene, assembly: Assembly) -> Iterator[str]:
         yield "contact with the ground"
     if all(isclose(track["gravity"], 0.0) for track in tracks):
         yield "gravity"
-    if len(tracks) == 1:
+    if isinstance(scene, VehicleScene) and scene.symmetric:
+        yield "the right track, drive and ports: the right half mirrors the left"
+    elif len(tracks) == 1:
         yield "a second track"
     if not scene.track.link_outputs:
         yield "outputs per link"

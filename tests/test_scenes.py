@@ -171,3 +171,30 @@ def test_displaced_start_swings(ran):
     assert result["status"] == "ok"
     with Log(result["log"]) as log:
         assert log.signal("chain.energy.kinetic")[1].max() > 10.0
+
+
+HALF = ("run.stop=0.3 s", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run.outputs=1", "symmetric=true")
+
+
+def test_half_a_vehicle_moves_like_the_whole(ran):
+    """The left half with its mirror image: the same motion, forces and energies, half the topics."""
+    whole, half = ran("straight", "flexible", *BRIEF), ran("straight", "flexible", *HALF)
+    with Log(whole["log"]) as a, Log(half["log"]) as b:
+        assert not any(topic.startswith(("/right", "/stats/right")) for topic in b.topics)
+        for topic in ("/chassis/out", "/left_track/links"):
+            names = [n for n in b.read(topic).names if n.endswith((".x", ".z", "tension"))]
+            names = [n for n in names if ".torque" not in n and "angular" not in n and "orientation" not in n]
+            assert len(names) > 30
+            columns = [[series.names.index(n) for n in names] for series in (a.read(topic), b.read(topic))]
+            full, mirrored = a.read(topic).values[:, columns[0]], b.read(topic).values[:, columns[1]]
+            apart = np.abs(mirrored - full).max(axis=0) / np.maximum(np.abs(full).max(axis=0), 1e-3)
+            # a link of 3e9 N/m turns the rounding of a coordinate, 1e-15 m, into microns of a newton, ever again
+            force = np.array([n.endswith("tension") or ".force" in n for n in names])
+            assert apart[~force].max() < 1e-9
+            assert apart[force].max(initial=0.0) < 1e-8
+    for figure in ("distance", "speed", "ground_force", "slip"):
+        assert half["observables"][figure] == pytest.approx(whole["observables"][figure], rel=1e-9)
+    for figure in ("work", "change", "dissipated", "port", "residual"):
+        assert half["energy"][figure] == pytest.approx(whole["energy"][figure], rel=1e-6)
+    heavier = ran("straight", "flexible", *HALF, "vehicle.chassis.mass=5600")
+    assert heavier["observables"]["distance"] != pytest.approx(whole["observables"]["distance"], rel=1e-3)
