@@ -1,0 +1,332 @@
+"""Error against run time: ways to run a scene, each held against the truth of its track model.
+
+A case times one run of the scene on its own, compares it with the truth (``truth``) in the norm of ``difference``, and
+asks the run for its own estimate. Run time is that of the steps, without start-up and without the estimate.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from orchestrator import precision
+from orchestrator.difference import differences, worst
+from orchestrator.evidence import Evidence
+from orchestrator.reader import Log
+from orchestrator.scene import ChainScene, Scene, load
+from orchestrator.studies import Case
+
+TITLE = "Error against run time"
+WORKERS = 1  # a timed run has the machine to itself
+LEVELS = (1e-2, 1e-3, 1e-4)
+FACTOR = 3.0  # an estimate within it of the true error is right
+MODELS = ("flexible", "rigid")
+LINKS_EVERY = 0.01  # s between outputs per link
+QUICK = {"chain": "run.stop=0.5 s", "vehicle": "run.stop=2.5 s", "rig": "run.stop=3 s", "bench": "run.stop=2 s"}
+
+
+class Row(NamedTuple):
+    """A way to run a scene, what it costs and how wrong it is; the truth has no run time but an error of its own."""
+
+    item: str  # scene
+    case: str
+    track: str
+    method: str  # the curve it lies on
+    settings: tuple[str, ...]
+    wall_time: float  # s
+    error: float  # the largest relative error of the decisive observables
+    estimate: float  # the run's own idea of it
+    errors: dict[str, float]  # relative, by observable
+    estimates: dict[str, float]
+    absolute: dict[str, float]
+    units: dict[str, str]
+    ok: bool | None = None
+    note: str = ""
+
+
+class Method(NamedTuple):
+    """A curve: common settings, and the steps (communication, internal) in ms that its points take."""
+
+    name: str
+    settings: tuple[str, ...]
+    steps: tuple[tuple[float, float], ...]
+
+
+def equal(*steps: float) -> tuple[tuple[float, float], ...]:
+    """Communication and internal step alike, ms."""
+    return tuple((h, h) for h in steps)
+
+
+ALONE = (  # a component without any other
+    Method("implicit", (), equal(4, 2, 1, 0.5, 0.25, 0.125, 0.0625)),
+    Method("Runge-Kutta", ("track.integrator=runge_kutta",), ((1, 0.008), (1, 0.004))),
+)
+COUPLED = (
+    Method("tracks first", (), equal(4, 2, 1, 0.5, 0.25, 0.125)),
+    Method("tracks first, H = 2 h", (), ((4, 2), (2, 1), (1, 0.5), (0.5, 0.25))),
+    Method("tracks first, H = 4 h", (), ((4, 1), (2, 0.5), (1, 0.25))),
+    Method("Jacobi", ("run.coupling=jacobi",), equal(1, 0.5, 0.25)),
+    Method("Gauss-Seidel", ("run.coupling=gauss_seidel",), equal(1, 0.5, 0.25)),
+    Method("iterative", ("run.coupling=iterative",), equal(2, 1, 0.5)),
+    Method("Runge-Kutta, tracks first", ("track.integrator=runge_kutta",), ((1, 0.008), (0.25, 0.008))),
+)
+
+
+def cases(quick: bool, scene: str = "straight") -> list[Case]:
+    """The truth of each track model, then every way to run the scene."""
+    found = load(scene)
+    base = (QUICK[found.assembly],) if quick else ()
+    if isinstance(found, ChainScene) and found.track.start == "rest":
+        base = (*base, "track.start=displaced")  # at rest there is nothing to be wrong about
+    methods = ALONE if isinstance(found, ChainScene) else COUPLED
+    wanted = []
+    for model in MODELS[:1] if quick else MODELS:
+        wanted.append(Case(scene, f"truth, {model}", own_error, (scene, model, base), 600.0, 7200.0))
+        for method in methods:
+            for step, internal in method.steps[: 4 if quick else None]:
+                if quick and "Runge" in method.name and found.assembly != "chain":
+                    continue
+                settings = (*base, *method.settings, f"run.step={step} ms", f"track.step={internal} ms")
+                name = f"{model}, {method.name}, H = {step:g} ms, h = {internal:g} ms"
+                wanted.append(Case(scene, name, point, (scene, model, method.name, settings, base), 30.0))
+    return wanted
+
+
+def measure(case: Case) -> list[Row]:
+    """The row of a case."""
+    return [row._replace(item=case.item, case=case.name) for row in case.function(*case.arguments)]
+
+
+def _scene(scene: str, track: str, settings: Sequence[str]) -> Scene:
+    found = load(scene, track, settings)
+    every = max(1, round(LINKS_EVERY / found.run.step))
+    return found.model_copy(update={"run": found.run.model_copy(update={"outputs": 1, "links": every})})
+
+
+def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
+    """The truth held against its own coarser half."""
+    from orchestrator.truth import ORDER, truth
+
+    found = truth(load(scene, track, base))
+    with Log(found.coarse_log) as coarse, Log(found.log) as fine:
+        apart = differences(Evidence(coarse), Evidence(fine))
+    share = 1.0 / (2.0**ORDER - 1.0)
+    row = Row(
+        "", "", track, "truth", base, found.wall_time, share * worst(apart), math.nan,
+        {name: share * one.relative for name, one in apart.items()}, {},
+        {name: share * one.absolute for name, one in apart.items()},
+        {name: one.unit for name, one in apart.items()},
+        note=f"internal step {found.internal_step * 1e6:.3g} us",
+    )  # fmt: skip
+    return [row]
+
+
+def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Row]:
+    """One run, timed, against the truth, with its own estimate."""
+    from orchestrator.simulate import simulate
+    from orchestrator.truth import truth
+
+    exact = truth(load(scene, track, base))
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        path = Path(folder) / "run.mcap"
+        told = simulate(_scene(scene, track, settings), path, estimate=True)
+        if told["status"] != "ok":
+            return [failed(scene, "", told["message"])._replace(track=track, method=method, settings=settings)]
+        with Log(path) as run, Log(exact.log) as reference:
+            apart = differences(Evidence(run), Evidence(reference))
+    own = told["error"]
+    estimates = {name: one["total"] for name, one in own["observables"].items()}
+    row = Row(
+        "", "", track, method, settings, told["wall_time"], worst(apart),
+        math.nan if own["total"] is None else own["total"],
+        {name: one.relative for name, one in apart.items()}, estimates,
+        {name: one.absolute for name, one in apart.items()},
+        {name: one.unit for name, one in apart.items()},
+        note=own["message"],
+    )  # fmt: skip
+    return [row]
+
+
+def failed(item: str, case: str, reason: str) -> Row:
+    """What is left of a case that ended with an error."""
+    return Row(item, case, "", "", (), math.nan, math.nan, math.nan, {}, {}, {}, {}, False, reason)
+
+
+def missed(rows: Sequence[Row]) -> list[Row]:
+    """A run that fails at a long step is a result; a truth that fails is not."""
+    return [row for row in rows if row.ok is False and (row.method == "truth" or not row.method)]
+
+
+# --- what the rows say -----------------------------------------------------------------------------
+
+
+def runs(rows: Iterable[Row]) -> list[Row]:
+    """Those that ended well."""
+    return [row for row in rows if row.method not in ("truth", "") and math.isfinite(row.error)]
+
+
+def pareto(rows: Iterable[Row], error: Any = lambda row: row.error) -> list[Row]:
+    """Rows that no other beats in both run time and error."""
+    best: list[Row] = []
+    for row in sorted(runs(rows), key=lambda row: (row.wall_time, error(row))):
+        if not best or error(row) < error(best[-1]):
+            best.append(row)
+    return best
+
+
+def cheapest(rows: Iterable[Row], level: float, observable: str = "") -> Row | None:
+    """The fastest run within an error: of one observable, or the largest of all decisive ones."""
+    found = [row for row in runs(rows) if (row.errors.get(observable, math.inf) if observable else row.error) <= level]
+    return min(found, key=lambda row: row.wall_time, default=None)
+
+
+def ratios(rows: Iterable[Row]) -> list[float]:
+    """Own estimate over true error, of every observable of every run."""
+    return [
+        row.estimates[name] / error
+        for row in runs(rows)
+        for name, error in row.errors.items()
+        if error > 0.0 and row.estimates.get(name)
+    ]
+
+
+def sentences(rows: Sequence[Row]) -> list[str]:
+    """What a reader should take away."""
+    said = []
+    for scene, track in dict.fromkeys((row.item, row.track) for row in runs(rows)):
+        of = [row for row in rows if (row.item, row.track) == (scene, track)]
+        for level in LEVELS:
+            row = cheapest(of, level)
+            if row is None:
+                best = min(runs(of), key=lambda row: row.error)
+                said.append(
+                    f"{scene}, {track}: no setting reaches {level:.2%}; the best, "
+                    f"{best.error:.2%} in {best.wall_time:.3g} s, is {best.case}"
+                )
+            else:
+                said.append(
+                    f"{scene}, {track}: {level:.2%} costs {row.wall_time:.3g} s (error {row.error:.2g}): {row.case}"
+                )
+    found = ratios(rows)
+    if found:
+        right = sum(1.0 / FACTOR <= ratio <= FACTOR for ratio in found)
+        said.append(
+            f"own estimates within a factor of {FACTOR:g} of the true error: {right} of {len(found)}"
+            f" ({right / len(found):.0%}); median ratio {sorted(found)[len(found) // 2]:.2f}"
+        )
+    return said
+
+
+# --- tables and picture ----------------------------------------------------------------------------
+
+
+def to_csv(rows: Sequence[Row]) -> str:
+    """One line a row; errors and estimates of observables in columns of their own."""
+    names = list(dict.fromkeys(name for row in rows for name in row.errors))
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(
+        ["scene", "case", "track", "method", "settings", "wall time, s", "error", "estimate"]
+        + [f"{name} ({kind})" for name in names for kind in ("relative", "absolute", "estimate")]
+        + ["note"]
+    )
+    for row in rows:
+        figures = [
+            found.get(name, "") for name in names for found in (row.errors, row.absolute, row.estimates)
+        ]
+        head = [row.item, row.case, row.track, row.method, " ".join(f"'{s}'" for s in row.settings)]
+        writer.writerow([*head, row.wall_time, row.error, row.estimate, *figures, row.note])
+    return out.getvalue()
+
+
+def to_markdown(rows: Sequence[Row]) -> str:
+    """A table for people: relative errors by observable, * on the Pareto front; then what it says."""
+    names = list(dict.fromkeys(name for row in rows for name in row.errors))
+    head = ["scene", "case", "run time, s", "error", "own estimate", *names, "note"]
+    front = {id(row) for key in {(r.item, r.track) for r in rows} for row in
+             pareto(r for r in rows if (r.item, r.track) == key)}  # fmt: skip
+    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+    for row in rows:
+        cells = [
+            row.item, row.case + (" *" if id(row) in front else ""), f"{row.wall_time:.3g}", f"{row.error:.2e}",
+            "" if math.isnan(row.estimate) else f"{row.estimate:.2e}",
+            *(f"{row.errors[name]:.1e}" if name in row.errors else "" for name in names), row.note,
+        ]  # fmt: skip
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join([*lines, "", *(f"- {said}" for said in sentences(rows))]) + "\n"
+
+
+def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
+    """Tables, picture, and the settings for ``cotrack run SCENE --error``."""
+    scenes = "-".join(dict.fromkeys(row.item for row in rows))
+    stem = f"{name}-{scenes}"
+    texts = {f"{stem}.csv": to_csv(rows), f"{stem}.md": f"# {title}: {scenes}\n\n{to_markdown(rows)}"}
+    for file, text in texts.items():
+        (folder / file).write_text(text, encoding="utf-8")
+    pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"]
+    draw(rows, pictures, f"{title}: {scenes}")
+    settings = [
+        precision.Setting(row.item, row.track, row.settings, row.error, row.wall_time) for row in runs(rows)
+    ]
+    tables = [folder / "precision.json"]
+    if not any(setting.startswith("run.stop") for row in rows for setting in row.settings):
+        tables.append(precision.own())  # only what was found over the whole scene
+    for table in tables:
+        precision.write(settings, table)
+    return [*(folder / file for file in texts), *pictures, *tables]
+
+
+def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
+    """A pane for the error as a whole and one for each observable; a curve a method, the Pareto front shaded."""
+    from matplotlib import colormaps
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    shown = runs(rows)
+    names = ["", *dict.fromkeys(name for row in shown for name in row.errors)]
+    across = min(3, len(names))
+    down = -(-len(names) // across)
+    figure = Figure(figsize=(5.2 * across, 4.2 * down + 1.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(down, across, squeeze=False).ravel()
+    curves = list(dict.fromkeys((row.track, row.method) for row in shown))
+    for pane, name in zip(axes, names, strict=False):
+
+        def error(row: Row, name: str = name) -> float:
+            return row.errors.get(name, math.nan) if name else row.error
+
+        for k, (track, method) in enumerate(curves):
+            points = sorted(
+                (row.wall_time, error(row)) for row in shown if (row.track, row.method) == (track, method)
+            )
+            pane.loglog(
+                *zip(*points, strict=True), marker="os^vDP*X"[k % 8], markersize=4, linewidth=1,
+                linestyle="-" if track == "flexible" else "--", color=colormaps["tab10"](k % 10),
+                label=f"{track}, {method}",
+            )  # fmt: skip
+        for track in dict.fromkeys(row.track for row in shown):
+            best = pareto((row for row in shown if row.track == track), error)
+            pane.loglog(
+                [row.wall_time for row in best], [error(row) for row in best], linestyle="none", marker="o",
+                markersize=10, markerfacecolor="none", markeredgecolor="0.3",
+            )  # fmt: skip
+        for row in rows:
+            own = row.errors.get(name, math.nan) if name else row.error
+            if row.method == "truth" and own > 0.0:
+                pane.axhline(own, color="0.5", linestyle=":" if row.track == "flexible" else "-.", linewidth=1)
+        pane.set_title(name.replace("_", " ") or "largest of the decisive ones", fontsize=9, loc="left")
+        pane.set_xlabel("run time, s", fontsize=8)
+        pane.set_ylabel("relative error", fontsize=8)
+        pane.grid(True, which="major", color="0.9")
+    for pane in axes[len(names) :]:
+        pane.set_axis_off()
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=8)
+    figure.suptitle(f"{title} (rings: Pareto front of a track model; dotted: the truth's own error)", fontsize=10)
+    for file in files:
+        figure.savefig(file, dpi=100)
