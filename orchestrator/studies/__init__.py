@@ -22,7 +22,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from fmus.vehicle import BadInput
 from orchestrator.studies.tables import Row, failed
 
-STUDIES = {"mechanics": "elements, joints and chains of the paper against exact and published figures"}
+STUDIES = {
+    "mechanics": "elements, joints and chains of the paper against exact and published figures",
+    "coupling": "orders, energies and largest stable steps of all couplings on two masses",
+}
 
 
 class Case(NamedTuple):
