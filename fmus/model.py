@@ -21,6 +21,18 @@ class StepFailed(RuntimeError):
     """A step could not be done; the message is one sentence with time, place and residual."""
 
 
+MOST_STEPS = 100_000  # internal steps in one communication step: more would look like a process that hangs
+
+
+def check_steps(t: float, h: float, longest: float) -> None:
+    """Refuse a communication step of ``h`` s at ``t`` that takes too many steps of ``longest`` s."""
+    if h / longest > MOST_STEPS:
+        raise StepFailed(
+            f"at t = {t:.6g} s a communication step of {h:.3g} s takes {h / longest:.3g} internal steps of"
+            f" {longest:.3g} s: {MOST_STEPS} are allowed"
+        )
+
+
 class Model(Protocol):
     """A component without FMI.
 

@@ -15,6 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from fmus.build import BuildFailed
 from orchestrator import master, summary
 from orchestrator.component import Component, ComponentFailed
 from orchestrator.coupling.tracks_first import gather
@@ -22,7 +23,7 @@ from orchestrator.evidence import Evidence
 from orchestrator.graph import Stages, System, wire
 from orchestrator.observers import STATS, Logging, ProgressBar
 from orchestrator.reader import Log
-from orchestrator.recorder import LogFailed, Recorder
+from orchestrator.recorder import LogFailed, Recorder, check_writable
 from orchestrator.scene import Scene
 from orchestrator.system import assemble, placed, system
 
@@ -37,9 +38,22 @@ def simulate(
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; the summary of ``summary.empty``.
 
-    Raises BadInput, BuildFailed or ComponentFailed before the first step (then no log is written); afterwards
-    every failure is in the summary's status and message.
+    Raises BadInput, BuildFailed, ComponentFailed, LogFailed or KeyboardInterrupt before the first step (then no
+    log is written); afterwards every failure is in the summary's status and message.
     """
+    check_writable(path)
+    with _interruptible() as interrupt:
+        try:
+            return _simulate(scene, path, logger, progress, interrupt)
+        except (BuildFailed, ComponentFailed):
+            if interrupt.asked:  # a component makes a failure of an interruption
+                raise KeyboardInterrupt from None
+            raise
+
+
+def _simulate(
+    scene: Scene, path: Path, logger: Logger | None, progress: bool, interrupt: _Interrupt
+) -> dict[str, Any]:
     began = time.perf_counter()
     scene = placed(scene)
     graph = system(assemble(scene))
@@ -50,25 +64,34 @@ def simulate(
         warm_up(stages, scene.run.step)
         clock = master.Clock(scene.run.step, scene.run.steps)
         outcome, startup, wall = master.Outcome("failed", "", 0), 0.0, 0.0
+        done, recorded = 0, True
+
+        def count(k: int, t: float) -> None:
+            nonlocal done
+            done = k
+
         try:
             with Recorder(
                 path, *contents(scene, graph, components), every=strides(scene, components)
             ) as recorder:
                 stats_every = max(1, round(STATS_PERIOD / clock.step))
                 observers: list[master.Observer] = [
-                    Logging(recorder, list(components.values()), clock.step, stats_every)
+                    count,
+                    Logging(recorder, list(components.values()), clock.step, stats_every),
                 ]
                 if progress:
                     observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop)))
                 startup = time.perf_counter() - began
-                with _interruptible() as interrupted:
-                    try:
-                        outcome = master.run(stages, clock, observers, interrupted)
-                    finally:
-                        wall = time.perf_counter() - began - startup
+                interrupt.gentle = True
+                try:
+                    outcome = master.run(stages, clock, observers, lambda: interrupt.asked)
+                finally:
+                    wall = time.perf_counter() - began - startup
                 recorder.close(outcome.status, outcome.message, outcome.steps)
         except LogFailed as failure:
-            outcome = master.Outcome("failed", str(failure), outcome.steps)
+            recorded = False
+            outcome = master.Outcome("failed", f"{failure}, at t = {clock.time(done):.6g} s", done)
+        interrupt.gentle = False
         result["components"] = {name: cost(component) for name, component in components.items()}
     simulated = clock.time(outcome.steps)
     result |= {
@@ -82,7 +105,7 @@ def simulate(
         "log": str(path),
         "log_bytes": path.stat().st_size if path.exists() else 0,
     }
-    if outcome.steps:
+    if outcome.steps and recorded:
         result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
         result["message"] = result["message"] or summary.doubt(result["energy"])
     return result
@@ -214,15 +237,27 @@ def _json(data: Any) -> bytes:
     return json.dumps(data, indent=1, sort_keys=True).encode()
 
 
+class _Interrupt:
+    """What Ctrl-C and SIGTERM do: end at once, or, while ``gentle``, ask for it; the second time at once."""
+
+    def __init__(self) -> None:
+        self.asked = self.gentle = False
+
+    def __call__(self, number: int, frame: object) -> None:
+        again, self.asked = self.asked, True
+        if again or not self.gentle:
+            raise KeyboardInterrupt
+
+
 @contextmanager
-def _interruptible() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C only asks: a step in progress ends, and the log is closed properly."""
-    asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield asked.is_set
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: asked.set())
+def _interruptible() -> Iterator[_Interrupt]:
+    """Signals only ask while a run steps: a step in progress ends, and the log is closed properly."""
+    interrupt = _Interrupt()
+    main = threading.current_thread() is threading.main_thread()
+    signals = [signal.SIGINT, signal.SIGTERM] if main else []
+    before = [signal.signal(number, interrupt) for number in signals]
     try:
-        yield asked.is_set
+        yield interrupt
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)

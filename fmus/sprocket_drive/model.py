@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.model import InvalidParameter, StepFailed
+from fmus.model import MOST_STEPS, InvalidParameter, StepFailed
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sprocket_drive.dynamics import (
@@ -33,7 +33,6 @@ Floats = NDArray[np.float64]
 
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
-MOST_STEPS = 100_000  # internal steps in one communication step
 
 
 def parameter_ports() -> list[Port]:
