@@ -55,6 +55,10 @@ def main() -> None:
         app()
     except KeyboardInterrupt:
         _leave("interrupted", 1)
+    except SystemExit as ended:
+        if ended.code == 130:  # typer's word for Ctrl-C
+            _leave("interrupted", 1)
+        raise
     except Exception as error:
         if not isinstance(error, _refusals()):
             raise

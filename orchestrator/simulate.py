@@ -22,7 +22,7 @@ from orchestrator.coupling.tracks_first import gather
 from orchestrator.evidence import Evidence
 from orchestrator.graph import Stages, System, wire
 from orchestrator.observers import STATS, Logging, ProgressBar
-from orchestrator.reader import Log
+from orchestrator.reader import Log, LogUnreadable
 from orchestrator.recorder import LogFailed, Recorder, check_writable
 from orchestrator.scene import Scene
 from orchestrator.system import assemble, placed, system
@@ -106,7 +106,10 @@ def _simulate(
         "log_bytes": path.stat().st_size if path.exists() else 0,
     }
     if outcome.steps and recorded:
-        result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
+        try:
+            result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
+        except LogUnreadable as error:  # a device, or a file that someone else has changed
+            return result | {"status": "failed", "message": str(error)}
         result["message"] = result["message"] or summary.doubt(result["energy"])
     return result
 
