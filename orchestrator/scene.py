@@ -18,6 +18,7 @@ from orchestrator import gallery, measures
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
+Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double has no room for contacts
 Every = Annotated[int, Field(ge=1)]
 MOST_STEPS = 2**32 - 1  # a log counts them in 32 bits
 
@@ -47,7 +48,7 @@ class Run(Part):
 class Start(Part):
     """Where the vehicle stands at the start, world frame."""
 
-    position: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
+    position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
     heading: Annotated[float, In("rad")] = 0.0
 
 
