@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.vehicle import BadInput, Distance, Force, In, Length, Part, Vehicle, read_table, sentence
+from fmus.vehicle import BadInput, Distance, Force, In, Part, Vehicle, read_table, sentence
 from orchestrator import gallery, measures
 
 Duration = Annotated[float, In("s", gt=0)]

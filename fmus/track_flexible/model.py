@@ -119,8 +119,10 @@ class Model(TrackModel):
                 from fmus.contacts import smooth
 
                 partners = smooth(partners)
+            # no residual is smaller than what rounding of the places makes of the axial stiffness
+            rest = max(REST, np.finfo(float).eps * self.link.cable.EA * self.links_count)
             count, residual = relax(
-                self.link, partners, self.environment, self.start_rows, self.q, REST, self.work
+                self.link, partners, self.environment, self.start_rows, self.q, rest, self.work
             )
             if count < 0:
                 raise StepFailed(
