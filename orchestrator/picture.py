@@ -30,7 +30,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
     from matplotlib.figure import Figure
 
     if output.is_dir():
-        raise BadInput(f"the picture {output} cannot be written: it is a folder")
+        raise BadInput(f"the picture {output} cannot be written: it is a directory")
     with Log(path) as log:
         run = Evidence(log)
         if not run.tracks or not len((links := run.links(run.tracks[0])).t):

@@ -469,7 +469,7 @@ def check_writable(path: Path) -> None:
     """Whether a log can be written there, as far as can be said now; raises LogFailed."""
     reason = ""
     if path.is_dir():
-        reason = "it is a folder"
+        reason = "it is a directory"
     elif path.is_file():
         try:
             with path.open("rb") as stream:

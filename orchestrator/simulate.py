@@ -110,7 +110,7 @@ def _simulate(
             result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
         except LogUnreadable as error:  # a device, or a file that someone else has changed
             return result | {"status": "failed", "message": str(error)}
-        result["message"] = result["message"] or summary.doubt(result["energy"])
+        result["message"] = "; ".join(filter(None, (outcome.message, summary.doubt(result["energy"]))))
     return result
 
 

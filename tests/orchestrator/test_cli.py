@@ -131,7 +131,7 @@ def test_a_log_never_replaces_what_is_no_log(cotrack, tmp_path):
     note = tmp_path / "note.txt"
     note.write_text("mine")
     for place, said in (
-        ("folder", "it is a folder"),
+        ("folder", "it is a directory"),
         ("note.txt", "there is a file that is no log"),
         ("note.txt/a.mcap", "note.txt is no folder"),
     ):
@@ -292,7 +292,7 @@ def test_view_draws(cotrack, tmp_path):
     assert "cannot be written" in err
     status, _, err = cotrack("view", "a.mcap", "-o", ".")
     assert status == 2
-    assert "it is a folder" in err
+    assert "it is a directory" in err
     assert cotrack(*SHORT, "--log", "b.mcap", "--set", "track.link_outputs=false")[0] == 0
     cut = (tmp_path / "a.mcap").read_bytes()
     with Log("a.mcap") as log:
