@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -19,6 +20,25 @@ class InvalidParameter(ValueError):
 
 class StepFailed(RuntimeError):
     """A step could not be done; the message is one sentence with time, place and residual."""
+
+
+MOST_STEPS = 100_000  # internal steps in one communication step: more would look like a process that hangs
+
+
+def check_steps(t: float, h: float, longest: float) -> None:
+    """Refuse a communication step of ``h`` s at ``t`` that takes too many steps of ``longest`` s."""
+    if h / longest > MOST_STEPS:
+        raise StepFailed(
+            f"at t = {t:.6g} s a communication step of {h:.3g} s takes {h / longest:.3g} internal steps of"
+            f" {longest:.3g} s: {MOST_STEPS} are allowed"
+        )
+
+
+def check_orientation(t: float, name: str, q: Floats) -> None:
+    """Refuse a quaternion ``q`` (4) of the input ``name`` that is no rotation."""
+    length = math.hypot(*q)
+    if not 0.9 < length < 1.1:
+        raise StepFailed(f"at t = {t:.6g} s the input {name}.orientation is no rotation: its length is {length:.3g}")
 
 
 class Model(Protocol):

@@ -21,6 +21,7 @@ import sys
 import time
 import traceback
 import uuid
+import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import wraps
@@ -40,6 +41,7 @@ from fmus.ports import UNITS, Port
 
 BUILD = source_hash()  # of the fmus tree that is running
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
+LONGEST = 1500  # bytes of a message: importers have room for 2 kB
 _INT_MAX = 2**31 - 1  # fmi2Integer is 32 bits wide
 _FINALISED: set[Path] = set()
 
@@ -419,15 +421,18 @@ class Slave(Fmi2Slave):
         if state.flaw:
             return state.flaw.encode()
         arrays = state[5:9]
-        head = json.dumps([*state[:5], [a.size for a in arrays]]).encode()
-        return len(head).to_bytes(8, "little") + head + b"".join(a.tobytes() for a in arrays)
+        body = b"".join(a.tobytes() for a in arrays)
+        head = json.dumps([*state[:5], [a.size for a in arrays], zlib.crc32(body)]).encode()
+        return len(head).to_bytes(8, "little") + head + body
 
     @staticmethod
     def _fmu_state_from_bytes(state: bytes) -> Saved:
         # Nothing may be raised here, where no instance can be pinned: setting the state tells the flaw.
         try:
             end = 8 + int.from_bytes(state[:8], "little")
-            guid, phase, flags, failure, strings, sizes = json.loads(state[8:end])
+            guid, phase, flags, failure, strings, sizes, checksum = json.loads(state[8:end])
+            if zlib.crc32(state[end:]) != checksum:
+                raise ValueError("the checksum does not hold")
             arrays = []
             for size, kind in zip(sizes, (np.float64, np.int64, np.float64, np.int64), strict=True):
                 arrays.append(np.frombuffer(state, dtype=kind, count=size, offset=end).copy())
@@ -456,7 +461,7 @@ class Slave(Fmi2Slave):
         if not isinstance(error, Refused):
             self._failure = sentence
             trace = "".join(traceback.format_exception(error))
-            self.log(trace[-1500:], Fmi2Status.error, "traceback")  # importers cut messages at 2 kB
+            self.log(trace[-LONGEST:], Fmi2Status.error, "traceback")
         return sentence
 
     log_categories = {**Fmi2Slave.log_categories, "traceback": "Where in the code an error arose."}  # noqa: RUF012
@@ -465,7 +470,8 @@ class Slave(Fmi2Slave):
         self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None
     ):
         """Queue a message; FMI reads it as a printf format, and the wrapper crashes on what is not UTF-8."""
-        text = msg.encode("utf-8", "replace").decode().replace("\0", "").replace("%", "%%")
+        text = msg.encode("utf-8", "replace")[:LONGEST].decode("utf-8", "ignore")  # importers cut it anywhere
+        text = text.replace("\0", "").replace("%", "%%")
         super().log(text, status, category)
 
     # ---------------------------------------------------------------- modelDescription.xml

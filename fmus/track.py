@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.model import Floats, InvalidParameter, StepFailed, check_orientation, check_steps
 from fmus.physics.chain_layout import closed_polygon, hanging_arc, over_sprocket, rescaled
 from fmus.physics.wheels import WIDTH, read_states, to_world
-from fmus.ports import WRENCH, Port, start_pose, wheel_state, wrench
+from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 
 # Outputs of a chain after the wrenches, in the order of its report: name, unit, text.
 REPORT = (
@@ -273,6 +273,9 @@ class TrackModel:
         if not np.isfinite(u).all():
             bad = [port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value)]
             raise StepFailed(f"the input {bad[0]} is not a finite number at t = {t:.6g} s")
+        for wheel, state in zip(self.wheel_list, u.reshape(-1, STATE), strict=True):
+            check_orientation(t, wheel["name"], state[3:7])
+        check_steps(t, h, self.max_step)
         read_states(u, self.frame, self.rows)
         self._watch(t)
         self.advance(t, h)

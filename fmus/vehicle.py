@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
@@ -15,6 +16,14 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 class BadInput(ValueError):
     """The user gave something unusable; the message names file, key, value and what is allowed."""
+
+
+# a number, then a unit of words and one-digit powers: pint would evaluate any formula, 9**9**9 too
+_QUANTITY = re.compile(
+    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+    r"(\D*(?:(?:\^|\*\*)\s*-?\d(?!\d|\s*(?:\^|\*\*))\D*)*)",
+    re.ASCII,
+)
 
 
 @cache
@@ -32,12 +41,16 @@ def to_si(unit: str) -> Callable[[object], float]:
             raise ValueError(f"must be a number or a string like '1 {unit}'")
         if not isinstance(value, str):
             return float(value)
+        quantity = _QUANTITY.fullmatch(value)
+        if quantity is None:
+            raise ValueError(f"must be a number or a quantity in {unit}")
+        number, given = float(quantity[1]), quantity[2].strip()
+        if not given:
+            return number
         import pint
 
         try:
-            return float(_registry()(value).to(unit).magnitude) if value.strip() else float("nan")
-        except AttributeError:  # a bare number in a string
-            return float(value)
+            return float(_registry().Quantity(number, given).to(unit).magnitude)
         except pint.errors.PintError as error:
             raise ValueError(f"must be a quantity in {unit}: {error}") from None
         except Exception:
@@ -215,16 +228,20 @@ class VehicleTable(Part):
 Vehicle = Annotated[VehicleTable, AfterValidator(_fits)]
 
 
+def _short(text: str) -> str:
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
 def sentence(error: ValidationError, where: str) -> str:
     """The first complaint of a validation as one sentence."""
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"]) or "file"
     if first["type"] == "extra_forbidden":
-        return f"{where}: unknown key '{key}'"
+        return f"{where}: unknown key '{_short(key)}'"
     if first["type"] == "missing":
         return f"{where}: key '{key}' is missing"
     message = first["msg"].removeprefix("Value error, ")
-    value = "" if isinstance(first["input"], Mapping) else f" = {first['input']!r}"
+    value = "" if isinstance(first["input"], Mapping) else f" = {_short(repr(first['input']))}"
     return f"{where}: {key}{value}: {message[0].lower()}{message[1:]}"
 
 
@@ -252,5 +269,5 @@ def read_table(name: str) -> tuple[dict[str, Any], str]:
     except FileNotFoundError:
         known = sorted(f.name.removesuffix(".toml") for f in (resources.files("fmus") / "vehicles").iterdir())
         raise BadInput(f"no vehicle '{name}': give a .toml file or one of {', '.join(known)}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInput(f"{name}: not a TOML file: {error}") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadInput(f"{name!r}: not a readable TOML file: {error}") from None

@@ -55,6 +55,10 @@ def main() -> None:
         app()
     except KeyboardInterrupt:
         _leave("interrupted", 1)
+    except SystemExit as ended:
+        if ended.code == 130:  # typer's word for Ctrl-C
+            _leave("interrupted", 1)
+        raise
     except Exception as error:
         if not isinstance(error, _refusals()):
             raise
@@ -174,6 +178,8 @@ def run(
         status = 0 if sound else 1
     except _refusals() as error:
         result["message"] = str(error)
+    except KeyboardInterrupt:
+        result["message"], status = "interrupted", 1
     if result["message"]:
         print(f"cotrack: {result['message']}", file=sys.stderr)
     if as_json:
@@ -429,7 +435,8 @@ def _print_summary(result: dict[str, Any]) -> None:
     for name, check in r["checks"].items():
         mark = "ok " if check["ok"] else "NOT"
         expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"
-        print(f"  {mark} {name} = {check['value']:.7g}, expected {expected}")
+        note = f" ({check['note']})" if check["note"] else ""
+        print(f"  {mark} {name} = {check['value']:.7g}, expected {expected}{note}")
     for name, value in r["observables"].items():
         print(f"      {name} = {value:.7g}")
     if r["energy"]:

@@ -12,6 +12,7 @@ import shutil
 import sys
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from ctypes import POINTER, byref, c_double, c_int, c_size_t, c_uint, create_string_buffer
@@ -138,8 +139,8 @@ def unpack(fmu: Path) -> Path:
             finally:
                 if fresh.exists():
                     shutil.rmtree(fresh, ignore_errors=True)
-    except zipfile.BadZipFile:
-        raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive") from None
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+        raise ComponentFailed(f"'{fmu}' is not an FMU: it is no sound zip archive: {error}") from None
     except OSError as error:
         if not folder.is_dir():  # else another process was faster
             raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None

@@ -34,5 +34,5 @@ def read(scene: str) -> tuple[str, dict[str, Any]]:
         return path.stem, tomllib.loads(source.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise BadInput(f"no scene file '{scene}'") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BadInput(f"{scene}: not a readable TOML file: {error}") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadInput(f"{scene!r}: not a readable TOML file: {error}") from None

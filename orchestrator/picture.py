@@ -29,10 +29,13 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
+    if output.is_dir():
+        raise BadInput(f"the picture {output} cannot be written: it is a directory")
     with Log(path) as log:
         run = Evidence(log)
+        if not run.tracks or not len((links := run.links(run.tracks[0])).t):
+            raise BadInput(f"{path} holds no links to draw")
         track = run.tracks[0]
-        links = run.links(track)
         rows = _rows(links, times)
         shown = links.tension[rows] / 1e3
         scale = ScalarMappable(Normalize(min(0.0, float(shown.min())), float(shown.max())), "viridis")

@@ -25,7 +25,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 import numpy as np
 import zstandard
@@ -53,6 +53,11 @@ from numpy.typing import NDArray
 
 from orchestrator import schema
 
+try:
+    import fcntl
+except ImportError:  # Windows does not let go of open files in any case
+    fcntl = None  # type: ignore[assignment]
+
 CHUNK = 1 << 20  # bytes of messages that make a chunk
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too
 CLOSING = "closing"  # name of the metadata record that ends a log
@@ -68,7 +73,7 @@ class LogFailed(RuntimeError):
 class Recorder:
     """An open log; closes itself when left, with status "failed" unless ``close`` was called before.
 
-    :param path: the file; its folder is made, an older file is replaced.
+    :param path: the file; its folder is made, an older log is replaced, any other file is refused.
     :param topics: topic -> (variable, unit) in the order of the arrays handed to ``write``. By convention
         "/<instance>/in", "/<instance>/out", "/<instance>/links" and "/stats/<instance>".
     :param attachments: name -> content of the files that belong to the run.
@@ -103,6 +108,7 @@ class Recorder:
         self._failure: LogFailed | None = None
         self._flush = flush
         try:
+            check_writable(self.path)
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self.path.is_file():  # a reader that has the older file open keeps it
                 self.path.unlink()
@@ -330,7 +336,8 @@ class _File:
     def __init__(self, path: Path) -> None:
         self.size = 0
         self._crc = 0  # of all bytes so far
-        self._stream = path.open("wb", buffering=0)
+        self._stream = path.open("wb" if path.exists() else "xb", buffering=0)  # exists: a device
+        _lock(self._stream)
         self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
@@ -456,6 +463,42 @@ class _File:
             raise
         self.size += len(data)
         self._crc = zlib.crc32(data, self._crc)
+
+
+def check_writable(path: Path) -> None:
+    """Whether a log can be written there, as far as can be said now; raises LogFailed."""
+    reason = ""
+    if path.is_dir():
+        reason = "it is a directory"
+    elif path.is_file():
+        try:
+            with path.open("rb") as stream:
+                if not MCAP0_MAGIC.startswith(stream.read(len(MCAP0_MAGIC))):
+                    reason = "there is a file that is no log"
+                elif not _lock(stream):
+                    reason = "another run is writing it"
+        except OSError as error:
+            raise _failed(path, error) from None
+    elif not path.exists():
+        above = next(folder for folder in path.absolute().parents if folder.exists())
+        if not above.is_dir():
+            reason = f"{above} is no folder"
+        elif not os.access(above, os.W_OK):
+            reason = f"the folder {above} is read-only"
+    if reason:
+        raise LogFailed(f"the log {path} cannot be written: {reason}")
+
+
+def _lock(stream: IO[bytes]) -> bool:
+    """Take the file for oneself until it is closed; False: someone else has it."""
+    if fcntl is not None:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:  # a file system without locks
+            pass
+    return True
 
 
 def _bytes(*records: McapRecord) -> bytes:

@@ -33,6 +33,8 @@ class Again(NamedTuple):
 
     def answer(self, path: Path) -> list[str]:
         """Log the component's own answer, and lines of a table of forces."""
+        if path.exists() and path.samefile(self.log.path):
+            raise BadInput(f"{path} is the log itself: give another name")
         attachments = {name: self.log.attachment(name) for name in ("scene.json", "system.json")}
         rows = replay.answer(
             self.log, self.component, self.parameters, path, attachments, self.scene["run"]["links"]

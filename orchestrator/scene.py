@@ -13,12 +13,14 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.vehicle import BadInput, Distance, Force, In, Length, Part, Vehicle, read_table, sentence
+from fmus.vehicle import BadInput, Distance, Force, In, Part, Vehicle, read_table, sentence
 from orchestrator import gallery, measures
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
+Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double has no room for contacts
 Every = Annotated[int, Field(ge=1)]
+MOST_STEPS = 2**32 - 1  # a log counts them in 32 bits
 
 
 class Coupling(Part):
@@ -86,6 +88,8 @@ class Run(Part):
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Run:
+        if self.stop / self.step > MOST_STEPS:
+            raise ValueError(f"stop = {self.stop:g} s is more than {MOST_STEPS} steps of {self.step:g} s")
         if abs(self.stop / self.step - round(self.stop / self.step)) > 1e-6 or self.stop < self.step:
             raise ValueError(f"stop = {self.stop:g} s must be a multiple of step = {self.step:g} s")
         return self
@@ -99,7 +103,7 @@ class Run(Part):
 class Start(Part):
     """Where the vehicle stands at the start, world frame."""
 
-    position: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
+    position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
     heading: Annotated[float, In("rad")] = 0.0
 
 
@@ -147,7 +151,7 @@ class Check(Part):
     of: str = ""  # the side ("left", "right") or component a measure looks at
     start: Time = Field(0.0, alias="from")
     end: Time | None = Field(None, alias="to")  # default: the end of the run
-    expected: float
+    expected: Annotated[float, Field(allow_inf_nan=False)]
     tolerance: Annotated[float, Field(ge=0)]
     relative: bool = False  # tolerance is a fraction of the expected value
     track: Literal["flexible", "rigid"] | None = None  # only for this track model
@@ -168,7 +172,7 @@ def _short_track(value: object) -> object:
 class Scene(Part):
     """What every scene has; its kinds add what they assemble."""
 
-    name: str
+    name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # names the log
     title: str
     assembly: str
     vehicle: Vehicle
@@ -286,7 +290,7 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
 def from_table(table: Mapping[str, Any], where: str) -> Scene:
     """Validate a scene whose vehicle is a whole table; raises BadInput with one sentence."""
     assembly = table.get("assembly")
-    if assembly not in KINDS:
+    if not isinstance(assembly, str) or assembly not in KINDS:
         raise BadInput(f"{where}: assembly = {assembly!r}: must be one of {', '.join(KINDS)}")
     try:
         return KINDS[assembly].model_validate(dict(table))
@@ -321,9 +325,10 @@ def _setting(text: str) -> tuple[str, Any]:
     if not equals or not key.strip():
         raise BadInput(f"--set {text}: must be KEY=VALUE")
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return key.strip(), value.strip()
+        parsed = tomllib.loads(f"value = {value}")
+    except (ValueError, RecursionError):
+        parsed = {}
+    return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
 
 
 def _put(table: dict[str, Any], key: str, value: Any) -> None:
@@ -338,7 +343,7 @@ def _put(table: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _index(place: list[Any], part: str, key: str) -> int:
-    if not part.isdigit() or int(part) >= len(place):
+    if not part.isdecimal() or int(part) >= len(place):
         raise BadInput(f"unknown key '{key}': '{part}' must be an index below {len(place)}")
     return int(part)
 

@@ -15,6 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from fmus.build import BuildFailed
 from orchestrator import master, summary
 from orchestrator.component import Component, ComponentFailed
 from orchestrator.coupling import SCHEMES
@@ -23,8 +24,8 @@ from orchestrator.coupling.variable_step import VariableStep
 from orchestrator.evidence import Evidence
 from orchestrator.graph import Stages, System, wire
 from orchestrator.observers import STATS, Logging, ProgressBar
-from orchestrator.reader import Log
-from orchestrator.recorder import LogFailed, Recorder
+from orchestrator.reader import Log, LogUnreadable
+from orchestrator.recorder import LogFailed, Recorder, check_writable
 from orchestrator.scene import Run, Scene
 from orchestrator.system import assemble, placed, system
 
@@ -39,9 +40,22 @@ def simulate(
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; the summary of ``summary.empty``.
 
-    Raises BadInput, BuildFailed, ComponentFailed or CouplingFailed before the first step (then no log is written); afterwards
-    every failure is in the summary's status and message.
+    Raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt before the first
+    step (then no log is written); afterwards every failure is in the summary's status and message.
     """
+    check_writable(path)
+    with _interruptible() as interrupt:
+        try:
+            return _simulate(scene, path, logger, progress, interrupt)
+        except (BuildFailed, ComponentFailed):
+            if interrupt.asked:  # a component makes a failure of an interruption
+                raise KeyboardInterrupt from None
+            raise
+
+
+def _simulate(
+    scene: Scene, path: Path, logger: Logger | None, progress: bool, interrupt: _Interrupt
+) -> dict[str, Any]:
     began = time.perf_counter()
     scene = placed(scene)
     graph = system(assemble(scene))
@@ -55,25 +69,34 @@ def simulate(
             needs_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
         outcome, startup, wall = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0
+        done, reached, recorded = 0, 0.0, True
+
+        def count(k: int, t: float, h: float) -> None:
+            nonlocal done, reached
+            done, reached = k, t
+
         try:
             with Recorder(
                 path, *contents(scene, graph, components), every=strides(scene, components)
             ) as recorder:
                 stats_every = max(1, round(STATS_PERIOD / pace.step))
                 observers: list[master.Observer] = [
-                    Logging(recorder, list(components.values()), stats_every)
+                    count,
+                    Logging(recorder, list(components.values()), stats_every),
                 ]
                 if progress:
                     observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop)))
                 startup = time.perf_counter() - began
-                with _interruptible() as interrupted:
-                    try:
-                        outcome = master.run(scheme, pace, observers, interrupted)
-                    finally:
-                        wall = time.perf_counter() - began - startup
+                interrupt.gentle = True
+                try:
+                    outcome = master.run(scheme, pace, observers, lambda: interrupt.asked)
+                finally:
+                    wall = time.perf_counter() - began - startup
                 recorder.close(outcome.status, outcome.message, outcome.steps)
         except LogFailed as failure:
-            outcome = outcome._replace(status="failed", message=str(failure))
+            recorded = False
+            outcome = master.Outcome("failed", f"{failure}, at t = {reached:.6g} s", done, reached)
+        interrupt.gentle = False
         result["components"] = {name: cost(component) for name, component in components.items()}
     simulated = outcome.time
     result |= {
@@ -88,9 +111,12 @@ def simulate(
         "log": str(path),
         "log_bytes": path.stat().st_size if path.exists() else 0,
     }
-    if outcome.steps:
-        result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
-        result["message"] = result["message"] or summary.doubt(result["energy"])
+    if outcome.steps and recorded:
+        try:
+            result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
+        except LogUnreadable as error:  # a device, or a file that someone else has changed
+            return result | {"status": "failed", "message": str(error)}
+        result["message"] = "; ".join(filter(None, (outcome.message, summary.doubt(result["energy"]))))
     return result
 
 
@@ -230,15 +256,27 @@ def _json(data: Any) -> bytes:
     return json.dumps(data, indent=1, sort_keys=True).encode()
 
 
+class _Interrupt:
+    """What Ctrl-C and SIGTERM do: end at once, or, while ``gentle``, ask for it; the second time at once."""
+
+    def __init__(self) -> None:
+        self.asked = self.gentle = False
+
+    def __call__(self, number: int, frame: object) -> None:
+        again, self.asked = self.asked, True
+        if again or not self.gentle:
+            raise KeyboardInterrupt
+
+
 @contextmanager
-def _interruptible() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C only asks: a step in progress ends, and the log is closed properly."""
-    asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield asked.is_set
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: asked.set())
+def _interruptible() -> Iterator[_Interrupt]:
+    """Signals only ask while a run steps: a step in progress ends, and the log is closed properly."""
+    interrupt = _Interrupt()
+    main = threading.current_thread() is threading.main_thread()
+    signals = [signal.SIGINT, signal.SIGTERM] if main else []
+    before = [signal.signal(number, interrupt) for number in signals]
     try:
-        yield asked.is_set
+        yield interrupt
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)

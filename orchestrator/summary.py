@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from orchestrator import measures
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Missing, Window
+from orchestrator.reader import NoSuchSignal
 from orchestrator.scene import Check, Scene
 
 LAST = 1.0  # s: observables are means over the end of a run
@@ -22,6 +25,7 @@ class CheckResult(NamedTuple):
     expected: float
     tolerance: float  # absolute
     ok: bool
+    note: str  # why there is no value, else empty
 
 
 def empty(scene: str, track: str | None) -> dict[str, Any]:
@@ -77,44 +81,65 @@ def checks(run: Evidence, scene: Scene, simulated: float) -> dict[str, CheckResu
         covered = check.start < end <= simulated + 1e-9
         if not covered or check.track not in (None, scene.track.model):
             continue
-        value = _value(run, check, Window(check.start, end))
+        value, note = _value(run, check, Window(check.start, end))
         tolerance = check.tolerance * (abs(check.expected) if check.relative else 1.0)
         ok = bool(abs(value - check.expected) <= tolerance)  # false for a NaN
-        results[name] = CheckResult(value, check.expected, tolerance, ok)
+        results[name] = CheckResult(value, check.expected, tolerance, ok, note)
     return results
 
 
-def _value(run: Evidence, check: Check, window: Window) -> float:
+def _value(run: Evidence, check: Check, window: Window) -> tuple[float, str]:
+    """Value of a check, or a NaN (which is not ok) and why."""
+    return _evaluated(
+        lambda: (
+            measures.reduce(run.signal(str(check.signal), window)[1], check.reduce)
+            if check.measure is None
+            else measures.NAMES[check.measure](run, check.of, window)
+        ),
+        check.measure,
+    )
+
+
+def _evaluated(evaluate: Callable[[], float], measure: str | None = None) -> tuple[float, str]:
+    """A number of a log, or a NaN and why there is none."""
     try:
-        if check.measure is not None:
-            return measures.NAMES[check.measure](run, check.of, window)
-        return measures.reduce(run.signal(str(check.signal), window)[1], check.reduce)
-    except Missing:
-        return float("nan")  # counts as not ok
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing: a NaN says it
+            value = float(evaluate())
+    except (Missing, NoSuchSignal) as error:
+        return float("nan"), str(error)
+    except (LookupError, ValueError, ZeroDivisionError):  # asked of a scene that has nothing to measure
+        return float("nan"), f"'{measure}' finds nothing to measure in this scene and window"
+    return value, "" if np.isfinite(value) else "no finite number comes out of what was recorded"
 
 
 def observables(run: Evidence, scene: Scene, simulated: float) -> dict[str, float]:
     """What is worth knowing of a run of this kind, whatever it expects; means over its last second."""
     last = Window(max(0.0, simulated - LAST), simulated)
-    values: dict[str, float] = {}
     if not run.tracks:
-        return values
-    values["tension_max"] = max(float(run.signal(f"{track}.tension.max")[1].max()) for track in run.tracks)
-    values["tension_mean"] = float(np.mean([run.mean(f"{track}.tension.mean", last) for track in run.tracks]))
+        return {}
+    track = run.tracks[0]
+    wanted: dict[str, Callable[[], float]] = {
+        "tension_max": lambda: max(run.signal(f"{track}.tension.max")[1].max() for track in run.tracks),
+        "tension_mean": lambda: float(np.mean([run.mean(f"{each}.tension.mean", last) for each in run.tracks])),
+    }
     if scene.assembly == "vehicle":
-        values |= {
-            "distance": float(run.signal("chassis.distance")[1][-1]),
-            "speed": run.mean("chassis.speed", last),
-            "settlement": run.mean("chassis.settlement", last),
-            "ground_force": measures.ground_force(run, "", last),
-            "weight": weight(scene),
-            "slip": measures.slip(run, "", last),
+        wanted |= {
+            "distance": lambda: run.signal("chassis.distance")[1][-1],
+            "speed": lambda: run.mean("chassis.speed", last),
+            "settlement": lambda: run.mean("chassis.settlement", last),
+            "ground_force": lambda: measures.ground_force(run, "", last),
+            "weight": lambda: weight(scene),
+            "slip": lambda: measures.slip(run, "", last),
         }
     elif scene.assembly == "chain" and scene.track.link_outputs:
-        values |= {"sag": measures.sag(run, "", last), "end_tension": measures.end_tension(run, "", last)}
+        wanted |= {
+            "sag": lambda: measures.sag(run, "", last),
+            "end_tension": lambda: measures.end_tension(run, "", last),
+        }
     else:
-        values["speed"] = run.mean(f"{run.tracks[0]}.speed", last)
-    return values
+        wanted["speed"] = lambda: run.mean(f"{track}.speed", last)
+    return {name: _evaluated(value)[0] for name, value in wanted.items()}
 
 
 def weight(scene: Scene) -> float:

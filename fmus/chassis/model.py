@@ -21,7 +21,7 @@ from fmus.chassis.dynamics import (
 )
 from fmus.chassis.observe import observe
 from fmus.chassis.tree import tree
-from fmus.model import InvalidParameter, StepFailed
+from fmus.model import InvalidParameter, StepFailed, check_steps
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import Port, start_pose, wheel_state, wrench
 
@@ -130,6 +130,7 @@ class Model:
 
     def step(self, t: float, h: float, u: Floats) -> None:
         """Integrate from t to t + h under the mean wrenches u; a failure leaves the state as it was."""
+        check_steps(t, h, self._step)
         steps = max(1, int(np.ceil(h / self._step - 1e-9)))
         state = self.state.copy()
         done, code = advance(self.tree, state, u, h / steps, steps)

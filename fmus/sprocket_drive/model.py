@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.model import InvalidParameter, StepFailed
+from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sprocket_drive.dynamics import (
@@ -33,7 +33,6 @@ Floats = NDArray[np.float64]
 
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
-MOST_STEPS = 100_000  # internal steps in one communication step
 
 
 def parameter_ports() -> list[Port]:
@@ -126,6 +125,8 @@ class Model:
         self._u[:] = u
         if np.array_equal(u[:STATE], self._unconnected):
             self._u[:STATE] = self.standing
+        if np.isfinite(self._u).all():
+            check_orientation(t, "mount", self._u[3:7])
         steps = substeps(self.drive, h)
         if steps > MOST_STEPS:
             cause = "brake.speed is too small, or the controller's gains too large"
@@ -134,8 +135,6 @@ class Model:
         advance(self.drive, state, t, h, self._u)
         if not np.all(np.isfinite(state)):
             bad = [port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value)]
-            if not bad and not np.any(u[3:7]):
-                raise StepFailed(f"at t = {t:.6g} s the input mount.orientation has no length")
             what = f"input {bad[0]}" if bad else "sprocket's spin"
             raise StepFailed(f"at t = {t:.6g} s the {what} is not finite")
         self.state[:] = state

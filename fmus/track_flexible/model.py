@@ -12,6 +12,7 @@ from fmus.physics.block_cyclic import solve
 from fmus.ports import WRENCH, Port
 from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
 from fmus.track_flexible.chain import (
+    CHORD,
     Links,
     advance,
     axial,
@@ -85,8 +86,8 @@ class Model(TrackModel):
         self.radius, self.tolerance = float(p["spectral_radius"]), float(p["tolerance"])
         if not 0.0 <= self.radius <= 1.0:
             raise InvalidParameter(f"spectral_radius = {self.radius}: must lie between 0 and 1")
-        if not self.tolerance > 0.0:
-            raise InvalidParameter(f"tolerance = {self.tolerance}: must be greater than 0")
+        if not 0.0 < self.tolerance <= CHORD:
+            raise InvalidParameter(f"tolerance = {self.tolerance}: must be greater than 0 and {CHORD} at most")
         s, v = self.vehicle["section"], self.vehicle
         area, second = s["area"], s["bending"]
         cable = ELASTICITIES[elasticity](
@@ -118,8 +119,10 @@ class Model(TrackModel):
                 from fmus.contacts import smooth
 
                 partners = smooth(partners)
+            # no residual is smaller than what rounding of the places makes of the axial stiffness
+            rest = max(REST, np.finfo(float).eps * self.link.cable.EA * self.links_count)
             count, residual = relax(
-                self.link, partners, self.environment, self.start_rows, self.q, REST, self.work
+                self.link, partners, self.environment, self.start_rows, self.q, rest, self.work
             )
             if count < 0:
                 raise StepFailed(

@@ -449,7 +449,7 @@ def advance(link, ends, env, contacts, method, rows, h, step, s, w, counters):
     """
     w.impulse[:] = 0.0
     speed = chain_speed_of(link, ends, s, w)
-    dt = h / np.ceil(h / step - 1e-9)
+    dt = h / max(np.ceil(h / step - 1e-9), 1.0)
     done = 0.0
     while done < h * (1.0 - 1e-12):
         dt = min(dt, h - done)

@@ -85,7 +85,7 @@ def march(link, ends, env, contacts, rows, h, longest, s, w, x, k, counters):
     ``x`` (13 n) is the memory of s.q and s.v; ``k`` from ``slopes``. Impulses as in ``chain.advance``.
     Returns -1, or the index of the link or pin where it failed.
     """
-    steps = int(np.ceil(h / longest - 1e-9))
+    steps = max(int(np.ceil(h / longest - 1e-9)), 1)
     dt = h / steps
     w.impulse[:] = 0.0
     stages = RK4.b.size

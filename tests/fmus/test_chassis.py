@@ -613,6 +613,12 @@ def test_bad_parameters_are_refused(parameters):
         Probe(**parameters)
 
 
+def test_a_step_that_takes_for_ever_is_refused():
+    probe = Probe()
+    with pytest.raises(StepFailed, match="a communication step of 1e\\+300 s takes 1e\\+303 internal steps"):
+        probe.model.step(0.0, 1e300, probe.u)
+
+
 def test_sides_must_include_the_left():
     with pytest.raises(InvalidParameter, match="sides"):
         Probe(sides=["right"])

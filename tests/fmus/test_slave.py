@@ -165,7 +165,8 @@ def test_state_as_bytes_revives_in_a_new_instance_with_its_parameters(toy):
 def test_bytes_that_are_no_state_are_refused(toy, component):
     component.initialise({})
     content = component.dump(component.save())
-    for bad in (b"", b"not a state", content[:-8]):
+    flipped = content[:-20] + bytes([content[-20] ^ 1]) + content[-19:]
+    for bad in (b"", b"not a state", content[:-8], flipped):
         with Component(toy, "bad") as other, pytest.raises(ComponentFailed, match="not a saved state"):
             other.load(bad)
     with (

@@ -275,6 +275,18 @@ def test_tracks_that_cannot_be_are_refused():
         hanging(**{"material.youngs_modulus": -1.0})
     with pytest.raises(InvalidParameter, match="step"):
         hanging(step=0.0)
+    with pytest.raises(InvalidParameter, match=r"tolerance = 1\.0: must be greater than 0 and 1e-05 at most"):
+        hanging(tolerance=1.0)
+
+
+@pytest.mark.parametrize("young", [2e6, 2e13])
+def test_soft_and_hard_chains_find_their_rest(young):
+    """Tension at the ends carries the weight whatever the stiffness; a hundredth of it more would show."""
+    model = hanging(**{"material.youngs_modulus": young})
+    ends = [model.residual[0, 0], -model.residual[-1, 2]]
+    weight = 64 * model.link.cable.rhoA * model.pitch * 9.81
+    assert ends[0][2] - ends[1][2] == pytest.approx(weight, rel=1e-6)
+    assert ends[0][2] - ends[1][2] != pytest.approx(1.01 * weight, rel=1e-3)
 
 
 def test_a_cable_warns_once_when_it_is_turned_out_of_its_plane():

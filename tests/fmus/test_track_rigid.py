@@ -434,6 +434,16 @@ def test_bad_parameters_and_hopeless_steps(track):
     u[5] = np.nan
     with pytest.raises(StepFailed, match=r"the input sprocket.orientation.y is not a finite number at t = 0 s"):
         rolled.step(0.0, 1e-3, u)
+    u = inputs(rolled, 0.0, 0.0)
+    u[3:7] = 0.0
+    with pytest.raises(StepFailed, match=r"t = 2 s the input sprocket.orientation is no rotation: its length is 0"):
+        rolled.step(2.0, 1e-3, u)
+    u = inputs(rolled, 0.0, 0.0)
+    with pytest.raises(StepFailed, match=r"a communication step of 1e\+06 s takes 1e\+09 internal steps of 0.001 s"):
+        rolled.step(0.0, 1e6, u)
+    rolled.state[:] = state
+    rolled.step(0.0, 1e-13, u)
+    assert np.isfinite(rolled.state).all()
     kept, u = rolled.contacts, inputs(rolled, 0.0, 0.0)
     rolled.contacts = kept._replace(wheel=kept.wheel._replace(k=1e40))
     with pytest.raises(StepFailed, match=r"did not converge at t = 1 s, link \d+: residual"):

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from orchestrator import gallery
+from orchestrator import gallery, simulate
 from orchestrator.cli import main
 from orchestrator.component import Component, ComponentFailed
 from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, recover, verify
@@ -126,12 +126,93 @@ def test_other_bad_input_is_exit_2(cotrack, arguments):
     assert "Traceback" not in err
 
 
+def test_a_log_never_replaces_what_is_no_log(cotrack, tmp_path):
+    (tmp_path / "folder").mkdir()
+    note = tmp_path / "note.txt"
+    note.write_text("mine")
+    for place, said in (
+        ("folder", "it is a directory"),
+        ("note.txt", "there is a file that is no log"),
+        ("note.txt/a.mcap", "note.txt is no folder"),
+    ):
+        status, out, err = cotrack(*SHORT, "--log", place)
+        assert (status, last(out)["communication_steps"]) == (2, 0)
+        assert said in err
+        assert len(err.splitlines()) == 1
+    assert cotrack("log", "recover", "note.txt", "-o", "note.txt")[0] == 1
+    assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
+    for target in ("note.txt", "a.mcap"):
+        status, _, err = cotrack("replay", "a.mcap", "--component", "chain", "--with", "rigid", "-o", target)
+        assert status == 2
+        assert "a.mcap is the log itself" in err or "is no log" in err
+    assert verify("a.mcap").code == WHOLE
+    assert note.read_text() == "mine"
+    status, _, err = cotrack("build", "hanging_chain", "-o", "note.txt")
+    assert status == 2
+    assert "the folder note.txt cannot be made" in err
+
+
+def test_a_log_that_cannot_be_read_back_is_not_ok(cotrack):
+    if not os.path.exists("/dev/null"):
+        pytest.skip("no /dev/null here")
+    status, out, err = cotrack(*SHORT, "--log", "/dev/null")
+    assert (status, last(out)["status"]) == (1, "failed")
+    assert "/dev/null is not a log" in err
+
+
+def test_checks_that_cannot_be_made_say_why(cotrack):
+    status, out, err = cotrack(
+        *SHORT,
+        *("--set", "run.outputs=1000", "--set", "run.links=1000"),
+        *("--set", "expect.rest.signal=chain.enrgy"),
+        *("--set", 'expect.span={measure="span_tension", expected=1, tolerance=1}'),
+        *("--set", 'expect.top={measure="tension_top", expected=1, tolerance=1}'),
+        *("--set", 'expect.late={signal="chain.speed", expected=1, tolerance=1, from=0.01}'),
+    )
+    assert status == 1, err
+    notes = {name: check["note"] for name, check in last(out)["checks"].items()}
+    assert notes == {
+        "rest": "the log has no signal 'chain.enrgy'",
+        "span": "'span_tension' finds nothing to measure in this scene and window",
+        "top": "no finite number comes out of what was recorded",
+        "late": "'chain.speed' was not recorded between 0.01 and 0.02 s",
+    }
+    assert not any(check["ok"] for check in last(out)["checks"].values())
+    assert last(out)["observables"]["tension_max"] > 0
+
+
+@pytest.mark.parametrize("phase", ["build", "initialise", "warm up"])
+def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
+    """Also where a component takes the interruption for a failure of its own."""
+
+    def interrupted(*_):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            if phase == "build":
+                raise
+        raise ComponentFailed("chain: KeyboardInterrupt")
+
+    owner, name = {
+        "build": (simulate, "assemble"),
+        "initialise": (Component, "initialise"),
+        "warm up": (Component, "step"),
+    }[phase]
+    monkeypatch.setattr(owner, name, interrupted)
+    status, out, err = cotrack(*SHORT)
+    assert status == 1
+    assert err.startswith("cotrack: interrupted")
+    assert len(err.splitlines()) == 1
+    assert last(out)["status"] == "failed"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 def test_a_full_disk_fails_the_run(cotrack):
     if not os.path.exists("/dev/full"):
         pytest.skip("no /dev/full here")
     status, out, err = cotrack(*SHORT, "--log", "/dev/full")
     assert status == 1
-    assert "no space left" in err
+    assert "no space left on device, at t = 0 s" in err
     assert last(out)["status"] == "failed"
 
 
@@ -209,6 +290,16 @@ def test_view_draws(cotrack, tmp_path):
     status, _, err = cotrack("view", "a.mcap", "-o", "nowhere/a.png")
     assert status == 2
     assert "cannot be written" in err
+    status, _, err = cotrack("view", "a.mcap", "-o", ".")
+    assert status == 2
+    assert "it is a directory" in err
+    assert cotrack(*SHORT, "--log", "b.mcap", "--set", "track.link_outputs=false")[0] == 0
+    cut = (tmp_path / "a.mcap").read_bytes()
+    with Log("a.mcap") as log:
+        (tmp_path / "cut.mcap").write_bytes(cut[: log._chunks[0]])
+    status, _, err = cotrack("view", "cut.mcap", "-o", "cut.png")
+    assert status == 2
+    assert "cut.mcap holds no links to draw" in err
 
 
 def test_build_names_variants(cotrack, tmp_path):
@@ -235,9 +326,15 @@ def started(tmp_path, environment):
     pytest.fail(f"the run did not begin: {process.communicate()}")
 
 
-def test_ctrl_c_closes_the_log(tmp_path, environment):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_closes_the_log(tmp_path, environment, number):
     process, log = started(tmp_path, environment)
-    process.send_signal(signal.SIGINT)
+    second = [sys.executable, "-m", "orchestrator", "run", "hanging_chain", "--log", str(log)]
+    if number == signal.SIGTERM:
+        refused = subprocess.run(second, env=environment, cwd=tmp_path, capture_output=True, text=True)
+        assert refused.returncode == 2
+        assert "another run is writing it" in refused.stderr
+    process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 1
     assert "interrupted at t = " in err

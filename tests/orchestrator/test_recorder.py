@@ -326,6 +326,18 @@ def test_unwritable_folder_is_one_sentence(tmp_path):
         Recorder(tmp_path, TOPICS, {}, {})
 
 
+def test_two_runs_do_not_share_a_log(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, TOPICS, {}, {}) as first:
+        write_steps(first, 3)
+        with pytest.raises(LogFailed, match="another run is writing it"):
+            Recorder(path, TOPICS, {}, {})
+        first.close("ok", "", 3)
+    assert verify(path).code == 0
+    record(path, steps=5)
+    assert verify(path).code == 0
+
+
 def test_an_older_log_is_replaced_and_open_readers_keep_it(tmp_path):
     path = record(tmp_path / "a.mcap", steps=10)
     with Log(path) as old:

@@ -98,6 +98,17 @@ def test_vehicle_over_a_base(tmp_path):
         ("vehicle.road_wheel.x.9=0", "must be an index below 5"),
         ("nonsense", "must be KEY=VALUE"),
         ("assembly=boat", "must be one of chain, bench, rig, vehicle"),
+        ("assembly=[1]", "must be one of chain, bench, rig, vehicle"),
+        ("run.step=1e-300", "is more than 4294967295 steps of 1e-300 s"),
+        ("run.stop=9**9**9 s", "must be a number or a quantity in s"),
+        ("run.step=1 ms\nstop=5", "must be a number or a quantity in s"),
+        ("run.links=1" + "0" * 5000, "run.links = '10000"),
+        ("vehicle=.toml/x.toml", "no vehicle '.toml/x.toml'"),
+        ('vehicle="\\u0000.toml"', "not a readable TOML file: embedded null byte"),
+        ("vehicle.road_wheel.x.\N{SUPERSCRIPT ONE}=0", "must be an index below 5"),
+        ("expect.rest.expected=nan", "expect.rest.expected = nan: input should be a finite number"),
+        ("start.position=[1e9, 0, 0]", "start.position.0 = 1000000000.0: input should be less than"),
+        ("name=../../up", "name = '../../up'"),
     ],
 )
 def test_bad_settings_are_one_sentence(setting, said):
@@ -105,6 +116,12 @@ def test_bad_settings_are_one_sentence(setting, said):
         load("hanging_chain", None, [setting])
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize("quantity", ["600 ms", "0.6", "6e-1s", ".01 min", "0.6 N*s/N", "0.6 m^2*s/m**2"])
+def test_quantities(quantity):
+    assert load("hanging_chain", None, [f"run.stop={quantity}"]).run.stop == pytest.approx(0.6)
 
 
 def test_elasticity_is_for_flexible_links():
@@ -126,9 +143,15 @@ def test_unknown_scene_names_the_nearest(tmp_path):
     with pytest.raises(BadInput, match="no scene file"):
         load(str(tmp_path / "none.toml"))
     broken = tmp_path / "broken.toml"
-    broken.write_text("title = ")
-    with pytest.raises(BadInput, match="not a readable TOML"):
-        load(str(broken))
+    for content in ("title = ", "x = " + "[" * 5000):
+        broken.write_text(content)
+        with pytest.raises(BadInput, match="not a readable TOML"):
+            load(str(broken))
+    folder = tmp_path / "folder.toml"
+    folder.mkdir()
+    for text in (str(folder), scene_file(tmp_path, f"vehicle = '{folder}'"), "a\0b.toml"):
+        with pytest.raises(BadInput, match="not a readable TOML"):
+            load(text)
 
 
 @pytest.mark.parametrize(
