@@ -153,8 +153,15 @@ def run(
         str | None, typer.Option("--step", metavar="H", help="communication step, '1 ms' or a number")
     ] = None,
     coupling: Annotated[
-        str | None, typer.Option("--coupling", metavar="NAME", help="the coupling scheme, instead of the scene's")
+        str | None,
+        typer.Option("--coupling", metavar="NAME", help="the coupling scheme, instead of the scene's"),
     ] = None,
+    error: Annotated[
+        str | None, typer.Option("--error", metavar="E", help="'1%': the cheapest settings known to keep it")
+    ] = None,
+    estimate: Annotated[
+        bool, typer.Option(help="say how wrong the run is: two coarser runs beside it, about its cost again")
+    ] = True,
     log: Annotated[
         Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")
     ] = None,
@@ -162,7 +169,7 @@ def run(
         bool, typer.Option("--json", help="the last line on stdout is one JSON object")
     ] = False,
 ) -> None:
-    """Run a scene, log it, check what it expects."""
+    """Run a scene, log it, check what it expects, say how wrong it is."""
     from orchestrator import summary
     from orchestrator.scene import load
     from orchestrator.simulate import simulate
@@ -172,8 +179,14 @@ def run(
     changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in told if v is not None)]
     try:
         resolved = load(scene, _model(track), changes)
+        if error is not None:
+            from orchestrator.precision import cheapest, fraction
+
+            chosen = cheapest(resolved.name, resolved.track.model, fraction(error)).settings
+            print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
+            resolved = load(scene, _model(track), [*chosen, *changes])
         path = log or Path("logs") / f"{resolved.name}-{resolved.track.model}.mcap"
-        result = simulate(resolved, path, _warn, progress=True)
+        result = simulate(resolved, path, _warn, progress=True, estimated=estimate)
         sound = result["status"] == "ok" and all(check["ok"] for check in result["checks"].values())
         status = 0 if sound else 1
     except _refusals() as error:
@@ -240,10 +253,17 @@ def study(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="the folder of tables and figures")
     ] = None,
+    scene: Annotated[
+        str | None, typer.Argument(metavar="[SCENE]", help="for studies of a scene; default straight")
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="below five minutes on two cores")] = False,
-    workers: Annotated[int, typer.Option("--workers", metavar="N", help="processes", min=1)] = 2,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", metavar="N", help="processes; default 2, 1 where runs are timed", min=1),
+    ] = None,
     scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="a Dask scheduler, instead of processes")
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="a Dask scheduler, instead of processes"),
     ] = None,
 ) -> None:
     """Many cases side by side, as tables and figures: exit 1 when a row is not as it should be.
@@ -266,7 +286,11 @@ def study(
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"the folder {output} cannot be made: {error.strerror}") from None
-    cases = chosen.cases(quick)
+    timed = hasattr(chosen, "WORKERS")  # a study of one scene, whose runs have the machine to themselves
+    if scene is not None and not timed:
+        raise BadInput(f"study {name} takes no scene")
+    cases = chosen.cases(quick, scene or "straight") if timed else chosen.cases(quick)
+    workers = workers or (1 if timed else 2)
     try:
         with Watched(name, len(cases)) as done:
             rows = pool.run(chosen, cases, workers, scheduler, Store(output / "cases", chosen.Row), done)
@@ -326,7 +350,9 @@ def truth(
         print(json.dumps(_finite(result)))
         return
     print(f"{'built' if found.built else 'found'} {found.log}")
-    print(f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; root mean squares:")
+    print(
+        f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; root mean squares:"
+    )
     for name, each in observables.items():
         line = f"  {name:28} {each['rms']:10.4g} {each['unit']:4} error {each['error']:.2g}"
         print(line + (f", {against} is off by {each['off']:.3g}" if "off" in each else ""))
@@ -424,6 +450,20 @@ def _finite(value: Any) -> Any:
     return value
 
 
+def _error(found: dict[str, Any]) -> str:
+    """What a run says of its own error."""
+    if found["total"] is None:
+        return f"error: not known, {found['message']}"
+    most = max(
+        (name for name, one in found["observables"].items() if one["decisive"]),
+        key=lambda name: found["observables"][name]["total"],
+    )
+    return (
+        f"error: about {found['total']:.2g} of the {most.replace('_', ' ')}, other observables less"
+        f" (coupling {found['coupling']:.2g}, integration {found['integration']:.2g}; {found['wall_time']:.3g} s more)"
+    )
+
+
 def _print_summary(result: dict[str, Any]) -> None:
     r = result
     print(
@@ -445,6 +485,8 @@ def _print_summary(result: dict[str, Any]) -> None:
             f"  energy: work {e['work']:.6g} J = change {e['change']:.6g} + dissipated {e['dissipated']:.6g}"
             f" + residual {e['residual']:.4g} ({e['residual_relative'] * 100:.3g} %; ports {e['port']:.4g} J)"
         )
+    if r["error"]:
+        print(f"  {_error(r['error'])}")
     for name, cost in r["components"].items():
         counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
         print(f"  {name:12} {cost['wall_time']:8.3f} s  {counts}")

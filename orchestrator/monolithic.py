@@ -15,7 +15,8 @@ from fmus.monolith.model import Monolith
 from fmus.ports import Port
 from orchestrator import master
 from orchestrator.component import LINK_FAMILIES, ComponentFailed
-from orchestrator.graph import Member, Stages, System, wire
+from orchestrator.coupling.tracks_first import TracksFirst
+from orchestrator.graph import Member, System, wire
 from orchestrator.observers import Logging, ProgressBar
 from orchestrator.recorder import Recorder
 from orchestrator.scene import Scene
@@ -80,7 +81,8 @@ class Whole:
         self.u, self.y = np.zeros(0), np.zeros(0)
         self._monolith = monolith
         self.parts = {name: Shown(name, model) for name, model in monolith.models.items()}
-        self._stages = wire(graph, self.parts)
+        parts: Any = self.parts
+        self._stages = wire(graph, parts)
         self._feed(early=True)
 
     def write(self) -> None:
@@ -144,17 +146,18 @@ def run(
         "integrator": "runge_kutta",
         "internal_step": repr(float(step)),
     }
-    stages: Stages = ((Member(whole, ()),),)
+    part: Any = whole
+    scheme = TracksFirst(((Member(part, ()),),))
     with ExitStack() as stack:
         recorder = stack.enter_context(
             Recorder(path, topics, attachments, metadata, every=strides(scene, parts))
         )
         stats_every = max(1, round(STATS_PERIOD / clock.step))
-        observers: list[master.Observer] = [Logging(recorder, list(parts.values()), clock.step, stats_every)]
+        observers: list[master.Observer] = [Logging(recorder, list(parts.values()), stats_every)]
         if title:
             observers.append(stack.enter_context(ProgressBar(title, scene.run.stop)))
         began = time.perf_counter()
-        outcome = master.run(stages, clock, observers, interrupted)
+        outcome = master.run(scheme, clock, observers, interrupted)
         wall = time.perf_counter() - began
         recorder.close(outcome.status, outcome.message, outcome.steps)
     return outcome, {"internal_step": float(step), "wall_time": wall}

@@ -65,6 +65,17 @@ def write(settings: Iterable[Setting], file: Path) -> None:
     file.write_text(json.dumps([row._asdict() for row in rows], indent=1) + "\n", encoding="utf-8")
 
 
+def fraction(text: str) -> float:
+    """``1%`` or ``0.01``; raises BadInput."""
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1.0:
+        raise BadInput(f"--error {text}: must be a fraction or a percentage between 0 and 100 %, as in 1%")
+    return value
+
+
 def cheapest(scene: str, track: str, error: float) -> Setting:
     """The setting with the least run time within the error; raises BadInput when none is known."""
     known = [row for row in read() if (row.scene, row.track) == (scene, track)]

@@ -465,7 +465,7 @@ def _closing(record: Mapping[str, str]) -> dict:
     """The closing record with numbers as numbers and the entries by topic in dicts of their own."""
     by_topic = {
         kind: {key.partition(":")[2]: value for key, value in record.items() if key.startswith(f"{kind}:")}
-        for kind in ("messages", "sha256")
+        for kind in ("messages", "sha256", "result")
     }
     return {
         "status": record.get("status", ""),
@@ -473,6 +473,7 @@ def _closing(record: Mapping[str, str]) -> dict:
         "steps": int(record.get("steps", 0)),
         "messages": {topic: int(value) for topic, value in by_topic["messages"].items()},
         "sha256": by_topic["sha256"],
+        "results": by_topic["result"],
     }
 
 

@@ -178,23 +178,34 @@ class Recorder:
         """Record what depends on the wall clock: the topic "/stats/<instance>", which no digest counts."""
         self.write(f"/stats/{instance}", sequence, t, h, values)
 
-    def close(self, status: str, message: str, steps: int) -> None:
-        """Write what is left, the closing record and the indexes; a second call does nothing.
-
-        After a failure that was raised before, what can still be written is written and nothing is raised.
-        """
-        if self._closed:
-            return
+    def end(self) -> None:
+        """Write what is left of the messages: now the file can be read, and lacks only its closing record."""
         known = self._failure
         with self._turn:
             self._closing = True
             self._turn.notify_all()
         self._thread.join()
+        if self._failure is not None and self._failure is not known:
+            raise self._failure
+
+    def close(self, status: str, message: str, steps: int, results: Mapping[str, str] | None = None) -> None:
+        """Write what is left, the closing record and the indexes; a second call does nothing.
+
+        ``results`` (text by name) go into the closing record. After a failure that was raised before, what can
+        still be written is written and nothing is raised.
+        """
+        if self._closed:
+            return
+        known = self._failure
+        with suppress(LogFailed):
+            self.end()
         self._closed = True
         if self._failure is not None:
             status, message = "failed", message or str(self._failure)
         try:
-            self._file.metadata(CLOSING, self._closing_record(status, message, steps))
+            record = self._closing_record(status, message, steps)
+            record |= {f"result:{name}": text for name, text in (results or {}).items()}
+            self._file.metadata(CLOSING, record)
             self._file.finish()
         except OSError as error:
             self._failure = self._failure or _failed(self.path, error)

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from fmus.build import BuildFailed
-from orchestrator import master, summary
+from orchestrator import estimate, master, summary
 from orchestrator.component import Component, ComponentFailed
 from orchestrator.coupling import SCHEMES
-from orchestrator.coupling.scheme import Scheme, gather, needs_states
+from orchestrator.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
 from orchestrator.coupling.variable_step import VariableStep
 from orchestrator.evidence import Evidence
 from orchestrator.graph import Stages, System, wire
@@ -36,9 +36,11 @@ Logger = Callable[[str, int, str], None]
 
 
 def simulate(
-    scene: Scene, path: Path, logger: Logger | None = None, progress: bool = False
+    scene: Scene, path: Path, logger: Logger | None = None, progress: bool = False, estimated: bool = False
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; the summary of ``summary.empty``.
+
+    ``estimated``: coarser runs beside it say how wrong it is (``estimate``); they cost about as much again.
 
     Raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt before the first
     step (then no log is written); afterwards every failure is in the summary's status and message.
@@ -46,7 +48,7 @@ def simulate(
     check_writable(path)
     with _interruptible() as interrupt:
         try:
-            return _simulate(scene, path, logger, progress, interrupt)
+            return _simulate(scene, path, logger, progress, estimated, interrupt)
         except (BuildFailed, ComponentFailed):
             if interrupt.asked:  # a component makes a failure of an interruption
                 raise KeyboardInterrupt from None
@@ -54,7 +56,12 @@ def simulate(
 
 
 def _simulate(
-    scene: Scene, path: Path, logger: Logger | None, progress: bool, interrupt: _Interrupt
+    scene: Scene,
+    path: Path,
+    logger: Logger | None,
+    progress: bool,
+    estimated: bool,
+    interrupt: _Interrupt,
 ) -> dict[str, Any]:
     began = time.perf_counter()
     scene = placed(scene)
@@ -69,7 +76,7 @@ def _simulate(
             needs_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
         outcome, startup, wall = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0
-        done, reached, recorded = 0, 0.0, True
+        done, reached = 0, 0.0
 
         def count(k: int, t: float, h: float) -> None:
             nonlocal done, reached
@@ -92,32 +99,71 @@ def _simulate(
                     outcome = master.run(scheme, pace, observers, lambda: interrupt.asked)
                 finally:
                     wall = time.perf_counter() - began - startup
-                recorder.close(outcome.status, outcome.message, outcome.steps)
+                recorder.end()
+                result |= _how_it_ended(outcome, startup, wall)
+                result |= {
+                    "rejected_steps": pace.rejected if isinstance(pace, VariableStep) else 0,
+                    "components": {name: cost(component) for name, component in components.items()},
+                }
+                if outcome.steps:
+                    result |= _evaluated(scene, path, outcome)
+                    if estimated and outcome.status == "ok":
+                        result["error"] = estimate.estimate(scene, path, result, _companion(interrupt))
+                recorder.close(outcome.status, outcome.message, outcome.steps, _results(result))
         except LogFailed as failure:
-            recorded = False
             outcome = master.Outcome("failed", f"{failure}, at t = {reached:.6g} s", done, reached)
+            result |= _how_it_ended(outcome, startup, wall)
         interrupt.gentle = False
-        result["components"] = {name: cost(component) for name, component in components.items()}
-    simulated = outcome.time
-    result |= {
+    return result | {"log": str(path), "log_bytes": path.stat().st_size if path.exists() else 0}
+
+
+def _how_it_ended(outcome: master.Outcome, startup: float, wall: float) -> dict[str, Any]:
+    return {
         "status": "ok" if outcome.status == "ok" else "failed",
         "message": outcome.message,
-        "simulated_time": simulated,
+        "simulated_time": outcome.time,
         "startup_time": startup,
         "wall_time": wall,
-        "real_time_factor": simulated / wall if wall else 0.0,
+        "real_time_factor": outcome.time / wall if wall else 0.0,
         "communication_steps": outcome.steps,
-        "rejected_steps": pace.rejected if isinstance(pace, VariableStep) else 0,
-        "log": str(path),
-        "log_bytes": path.stat().st_size if path.exists() else 0,
     }
-    if outcome.steps and recorded:
+
+
+def _evaluated(scene: Scene, path: Path, outcome: master.Outcome) -> dict[str, Any]:
+    """Energy, checks, observables, and what they make one doubt."""
+    try:
+        found = summary.evaluate(Evidence(Log(path)), scene, outcome.time)
+    except LogUnreadable as error:  # a device, or a file that someone else has changed
+        return {"status": "failed", "message": str(error)}
+    return found | {"message": "; ".join(filter(None, (outcome.message, summary.doubt(found["energy"]))))}
+
+
+def _companion(interrupt: _Interrupt) -> estimate.Run:
+    """How a coarser run beside this one is made; Ctrl-C ends it and with it the estimate."""
+
+    def record(scene: Scene, path: Path) -> dict[str, Any]:
         try:
-            result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
-        except LogUnreadable as error:  # a device, or a file that someone else has changed
-            return result | {"status": "failed", "message": str(error)}
-        result["message"] = "; ".join(filter(None, (outcome.message, summary.doubt(result["energy"]))))
-    return result
+            if not interrupt.asked:
+                return _simulate(scene, path, None, False, False, interrupt)
+            reason = "interrupted"
+        except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
+            reason = str(failure)
+        finally:
+            interrupt.gentle = True  # the run that asks has yet to close its log
+        return {"status": "failed", "message": reason, "wall_time": 0.0}
+
+    return record
+
+
+def _results(result: Mapping[str, Any]) -> dict[str, str]:
+    """What the closing record says of a run's errors and cost."""
+    energy = result["energy"] or {}
+    chosen = {
+        "wall_time": result["wall_time"],
+        "energy_residual": energy.get("residual_relative"),
+        "error": result["error"],
+    }
+    return {name: json.dumps(value) for name, value in chosen.items() if value is not None}
 
 
 def paced(run: Run) -> master.Clock | VariableStep:

@@ -45,6 +45,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "log_bytes": 0,
         "components": {},
         "energy": None,
+        "error": None,
         "checks": {},
         "observables": {},
     }

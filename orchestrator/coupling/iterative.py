@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.coupling import held
 from orchestrator.coupling.held import Outputs
-from orchestrator.coupling.scheme import CouplingFailed, give, needs_states
+from orchestrator.coupling.scheme import CouplingFailed, needs_states
 from orchestrator.coupling.staged import Staged
 from orchestrator.graph import Feed, Floats, Stages
 

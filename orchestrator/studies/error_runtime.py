@@ -134,7 +134,7 @@ def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: 
     exact = truth(load(scene, track, base))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = Path(folder) / "run.mcap"
-        told = simulate(_scene(scene, track, settings), path, estimate=True)
+        told = simulate(_scene(scene, track, settings), path, estimated=True)
         if told["status"] != "ok":
             return [failed(scene, "", told["message"])._replace(track=track, method=method, settings=settings)]
         with Log(path) as run, Log(exact.log) as reference:

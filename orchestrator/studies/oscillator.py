@@ -274,7 +274,7 @@ class Hammer(NamedTuple):
         return [(a, b - a, first < 0.5 * (a + b) < last) for a, b in pairwise(edges)]
 
     def moved(self, A: Floats, x: Floats, place: int, t: float, h: float) -> Floats:
-        """x' = A x over [t, t + h] with the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``; exact."""
+        """X' = A x over [t, t + h] with the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``; exact."""
         w, n = np.pi / self.duration, len(A)
         for a, length, strikes in self.pieces(t, h):
             if not strikes:
