@@ -16,8 +16,7 @@ class Pace(Protocol):
 
     @property
     def step(self) -> float:
-        """Length of the first step, s."""
-        ...
+        """Length of the first one, s."""
 
     def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
         """Step to the end; yields t and the length of the step that led there, once it is done for good."""
