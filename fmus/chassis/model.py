@@ -80,7 +80,7 @@ class Model:
         if sides not in (["left", "right"], ["left"]):
             raise InvalidParameter(f"chassis.sides = {sides} must be ['left', 'right'] or ['left']")
         self._sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
-        self._tree = tree(vehicle, len(sides))
+        self.tree = tree(vehicle, len(sides))
         self._centre = np.array(vehicle["chassis"]["centre"])
         places = [f"{side}.{name}" for side in sides for name in stations(self._wheels)]
         self.ports: tuple[Port, ...] = (
@@ -103,9 +103,9 @@ class Model:
                  float(vehicle["tensioner"]["preload"])),
         )  # fmt: skip
         self._defaults = {port.name: port.start for port in self.ports if port.causality == "parameter"}
-        self.state: Floats = np.zeros(ROOT + LEAF * len(self._tree.turns) + BOOKS)
+        self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.turns) + BOOKS)
         self.counters = np.zeros(2, dtype=np.int64)
-        self._step, self._start, self._gravity = 1e-3, np.zeros(4), 0.0
+        self._step, self._start, self.gravity = 1e-3, np.zeros(4), 0.0
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Drawn position at the start pose, at rest."""
@@ -116,8 +116,8 @@ class Model:
         if values["step"] <= 0.0:
             raise InvalidParameter(f"step = {values['step']} s must be positive")
         self._step = values["step"]
-        preload = np.where(self._tree.turns == 1, values["suspension.preload"], values["tensioner.preload"])
-        self._tree = self._tree._replace(preload=preload)
+        preload = np.where(self.tree.turns == 1, values["suspension.preload"], values["tensioner.preload"])
+        self.tree = self.tree._replace(preload=preload)
         heading, (x, y, z) = values["start.heading"], self._centre
         c, s = np.cos(heading), np.sin(heading)
         place = [values[f"start.position.{axis}"] for axis in "xyz"]
@@ -126,21 +126,21 @@ class Model:
         self.state[:3] = self._start[:3]
         self.state[3], self.state[6] = np.cos(0.5 * heading), np.sin(0.5 * heading)
         self.counters[:] = 0
-        self._gravity = energies(self._tree, self.state)[1]
+        self.gravity = energies(self.tree, self.state)[1]
 
     def step(self, t: float, h: float, u: Floats) -> None:
         """Integrate from t to t + h under the mean wrenches u; a failure leaves the state as it was."""
         steps = max(1, int(np.ceil(h / self._step - 1e-9)))
         state = self.state.copy()
-        done, code = advance(self._tree, state, u, h / steps, steps)
+        done, code = advance(self.tree, state, u, h / steps, steps)
         if code != FINE:
-            raise StepFailed(f"at t = {t + done * h / steps:.6g} s {self._complaint(code, state, u)}")
+            raise StepFailed(f"at t = {t + done * h / steps:.6g} s {self.complaint(code, state, u)}")
         self.state[:] = state
         self.counters += (steps, len(RK4.b) * steps)
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs, in port order."""
-        observe(self._tree, self.state, self._start, self._gravity, len(self._sides), y)
+        observe(self.tree, self.state, self._start, self.gravity, len(self._sides), y)
 
     def link_outputs(self, y: Floats) -> None:
         """None here."""
@@ -149,7 +149,8 @@ class Model:
         """None here."""
         return []
 
-    def _complaint(self, code: int, state: Floats, u: Floats) -> str:
+    def complaint(self, code: int, state: Floats, u: Floats) -> str:
+        """What is wrong with ``state`` by its ``fault``, half a sentence."""
         if code == NOT_FINITE:
             inputs = [port.name for port in self.ports if port.causality == "input"]
             bad = np.flatnonzero(~np.isfinite(u))
@@ -160,13 +161,13 @@ class Model:
             return "the chassis turns too fast for the internal step: its quaternion lost its length"
         leaf = code - OUT_OF_REACH
         name, value = self._part(ROOT + leaf), state[ROOT + leaf]
-        if self._tree.turns[leaf]:
+        if self.tree.turns[leaf]:
             return f"the {name} is beyond its reach, {value:.3g} rad from its drawn position"
         return f"the {name} is beyond its reach, {value:.3g} m from its drawn position"
 
     def _part(self, index: int) -> str:
         """The part of the vehicle that the state's entry ``index`` belongs to."""
-        leaves = len(self._tree.turns)
+        leaves = len(self.tree.turns)
         if not ROOT <= index < ROOT + LEAF * leaves:
             return "chassis"
         side, k = divmod((index - ROOT) % leaves, leaves // 2)

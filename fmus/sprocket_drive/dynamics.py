@@ -65,6 +65,15 @@ def profile(p, t):
 
 
 @kernel
+def profile_slope(p, t):
+    """Angular acceleration of the profile at t, rad/s2."""
+    length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
+    if past <= 0.0 or past >= length:
+        return 0.0
+    return (p.end_speed - p.start_speed) * 0.5 * np.pi / length * np.sin(np.pi * past / length)
+
+
+@kernel
 def motor(p, t, speed, integral):
     """Torque of the motor on the sprocket, N m, and the rate of the controller's integral. (2)"""
     if p.mode == TORQUE:

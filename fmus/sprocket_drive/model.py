@@ -96,7 +96,7 @@ class Model:
         )
         self._defaults = {port.name: port for port in self.ports if port.causality == "parameter"}
         self._unconnected = np.array([port.start for port in self.ports[:STATE]])
-        self._standing = self._unconnected.copy()
+        self.standing = self._unconnected.copy()
         self._u = np.zeros(STATE + WRENCH)
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(2, dtype=np.int64)
@@ -104,34 +104,34 @@ class Model:
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """The sprocket at its start angle and speed on a mount that stands still at the start pose."""
         values = {name: parameters.get(name, port.start) for name, port in self._defaults.items()}
-        self._drive = self._checked(values)
+        self.drive = self._checked(values)
         place_x, place_y, place_z = self._place
         place_y += float(values["start.lateral"])
         heading = float(values["start.heading"])
         c, s = np.cos(heading), np.sin(heading)
         origin = [float(values[f"start.position.{axis}"]) for axis in "xyz"]
-        self._standing[:3] = origin[0] + c * place_x - s * place_y, origin[1] + s * place_x + c * place_y, \
+        self.standing[:3] = origin[0] + c * place_x - s * place_y, origin[1] + s * place_x + c * place_y, \
             origin[2] + place_z  # fmt: skip
-        self._standing[3:] = 0.0
-        self._standing[3], self._standing[6] = np.cos(0.5 * heading), np.sin(0.5 * heading)
+        self.standing[3:] = 0.0
+        self.standing[3], self.standing[6] = np.cos(0.5 * heading), np.sin(0.5 * heading)
         self.state[:] = 0.0
         self.state[ANGLE] = float(values["start.angle"])
-        self.state[RATE] = profile(self._drive, 0.0)[0]
+        self.state[RATE] = profile(self.drive, 0.0)[0]
         still = (0.0, 0.0, 0.0)
-        place(self.state, tuple(self._standing[:3]), self._standing[3:7], still, still)
+        place(self.state, tuple(self.standing[:3]), self.standing[3:7], still, still)
         self.counters[:] = 0
 
     def step(self, t: float, h: float, u: Floats) -> None:
         """Advance from t to t + h; the state is left as it was when that fails."""
         self._u[:] = u
         if np.array_equal(u[:STATE], self._unconnected):
-            self._u[:STATE] = self._standing
-        steps = substeps(self._drive, h)
+            self._u[:STATE] = self.standing
+        steps = substeps(self.drive, h)
         if steps > MOST_STEPS:
             cause = "brake.speed is too small, or the controller's gains too large"
             raise StepFailed(f"at t = {t:.6g} s {cause}: {steps} internal steps in one of {h:.3g} s")
         state = self.state.copy()
-        advance(self._drive, state, t, h, self._u)
+        advance(self.drive, state, t, h, self._u)
         if not np.all(np.isfinite(state)):
             bad = [port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value)]
             if not bad and not np.any(u[3:7]):
@@ -139,7 +139,7 @@ class Model:
             what = f"input {bad[0]}" if bad else "sprocket's spin"
             raise StepFailed(f"at t = {t:.6g} s the {what} is not finite")
         self.state[:] = state
-        self.counters += (steps, len(RK4.b) * steps if self._drive.mode else 1)
+        self.counters += (steps, len(RK4.b) * steps if self.drive.mode else 1)
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs, in port order."""

@@ -45,6 +45,15 @@ def factor_mass(links: Links, contacts: Any, env: Environment, q: Floats, still:
 
 
 @kernel
+def accelerations(links, contacts, env, q, v, still, scratch, w):
+    """Accelerations (nodes, 8) of the chain into ``scratch[0]``; ``w`` holds the factored mass and the wheels."""
+    evaluate(links, contacts, env, q, v, still, 0.0, 0.0, w, False)
+    solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+    scratch[0] = 0.0
+    correct(links, w, scratch[0], scratch[1], scratch[1], 0.0, 0.0, np.inf)
+
+
+@kernel
 def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean, report, counters):
     """Integrate over a communication step of ``h`` s in equal steps of at most ``longest`` s.
 
@@ -57,7 +66,6 @@ def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean,
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
     dt = h / steps
     y = np.empty_like(x)
-    acceleration, dummy = scratch[0], scratch[1]
     mean[:] = 0.0
     for step in range(steps):
         before = report[1]
@@ -66,12 +74,9 @@ def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean,
             stage(RK4, i, dt, x, k, y)
             q, v = y[:n].reshape(nodes, 8), y[n:].reshape(nodes, 8)
             move(rows, (step + RK4.c[i]) * dt, w.moved)
-            evaluate(links, contacts, env, q, v, still, 0.0, 0.0, w, False)
-            solve(w.A, w.U, w.factors, links.closed == 1, w.b)
-            acceleration[:] = 0.0
-            correct(links, w, acceleration, dummy, dummy, 0.0, 0.0, np.inf)
+            accelerations(links, contacts, env, q, v, still, scratch, w)
             k[i, :n] = y[n:]
-            k[i, n:] = acceleration.ravel()
+            k[i, n:] = scratch[0].ravel()
             mean += RK4.b[i] / steps * w.wrench
             report[10] += dt * RK4.b[i] * w.sums[POWER]
         finish(RK4, dt, x, k)

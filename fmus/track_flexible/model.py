@@ -147,7 +147,7 @@ class Model(TrackModel):
         self.power[:] = self.work.sums[POWER]
         measure(self.link, self.environment, self.q, self.v, self.work, self.report)
         self.report[[DISSIPATED, WORK]] = 0.0
-        self._publish()
+        self.publish()
         self._let_go()
 
     def _let_go(self) -> None:
@@ -162,7 +162,8 @@ class Model(TrackModel):
         correct(self.link, w, self.vdot, space[1], space[1], 0.0, 0.0, np.inf)
         self.a[:] = self.vdot
 
-    def _publish(self) -> None:
+    def publish(self) -> None:
+        """Show the mean wrenches."""
         self.wrench[:] = self.mean[:-1].reshape(-1, 3)
         self.report[GROUND : GROUND + 3] = -self.mean[-1, :3]
 
@@ -177,7 +178,7 @@ class Model(TrackModel):
         else:
             self._advance(t, h)
         self.residual[:] = self.work.R
-        self._publish()
+        self.publish()
 
     def _march(self, t: float, h: float) -> None:
         still, space, k = self.space

@@ -29,7 +29,7 @@ def slopes(links: int) -> Floats:
 
 
 @kernel
-def _rates(s, k):
+def rates(s, k):
     """Time derivative of poses and velocities, into ``k`` (13 n); the angular velocity turns from the right."""
     n = s.q.shape[0]
     for i in range(n):
@@ -46,7 +46,8 @@ def _rates(s, k):
 
 
 @kernel
-def _normalise(s):
+def normalise(s):
+    """Quaternions of length 1."""
     for i in range(s.q.shape[0]):
         norm = np.sqrt(s.q[i, 3] ** 2 + s.q[i, 4] ** 2 + s.q[i, 5] ** 2 + s.q[i, 6] ** 2)
         for j in range(3, 7):
@@ -54,7 +55,7 @@ def _normalise(s):
 
 
 @kernel
-def _project(link, ends, s, w):
+def project(link, ends, s, w):
     """Close the pins in position, then in velocity, with the factors of the last stage. False: not closed."""
     y = w.system
     y.r[:] = 0.0
@@ -94,20 +95,20 @@ def march(link, ends, env, contacts, rows, h, longest, s, w, x, k, counters):
         x0[:] = x
         for i in range(stages):
             stage(RK4, i, dt, x0, k, x)
-            _normalise(s)
+            normalise(s)
             move(rows, (step + RK4.c[i]) * dt, w.rows)
             failed = accelerations(link, ends, env, contacts, s, w)
             if failed >= 0:
                 return failed
-            _rates(s, k[i])
+            rates(s, k[i])
             share = dt * RK4.b[i]
             w.impulse[:] += share * s.F
             s.tally[DISSIPATED] += share * s.tally[POWER]
             s.tally[WORK] += share * s.tally[LOAD_POWER]
         finish(RK4, dt, x0, k)
         x[:] = x0
-        _normalise(s)
-        if not _project(link, ends, s, w):
+        normalise(s)
+        if not project(link, ends, s, w):
             return 0
         counters[0] += 1
         counters[1] += stages

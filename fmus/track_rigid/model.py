@@ -69,9 +69,10 @@ class Model(TrackModel):
             raise StepFailed(f"static equilibrium of the track was not found: link {failed + 1}")
         self.counters[:] = 0
         self.work.impulse[:] = s.F
-        self._publish(1.0)
+        self.publish(1.0)
 
-    def _publish(self, h: float) -> None:
+    def publish(self, h: float) -> None:
+        """Show what the impulses of a step of ``h`` and the state say."""
         self.wrench[:] = (self.work.impulse[:-1] / h).reshape(-1, 3)
         chain.measure(
             self.link, self.ends, self.environment, self.views, self.work, self.tensions, self.report
@@ -113,7 +114,7 @@ class Model(TrackModel):
             if self.integrator == "runge_kutta":
                 what = "the explicit integration of the chain blew up"
             raise self.failed(t, what, failed, abs(self.work.system.r).max())
-        self._publish(h)
+        self.publish(h)
 
     def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
         """Per-link arrays from the state."""

@@ -467,7 +467,7 @@ def drift(h, changes=FLOATING, what=momenta, time=0.4):
 
 
 def total_energy(model):
-    return np.array([sum(energies(model._tree, model.state))])
+    return np.array([sum(energies(model.tree, model.state))])
 
 
 @pytest.mark.parametrize("what", [momenta, total_energy])
@@ -620,4 +620,4 @@ def test_sides_must_include_the_left():
 
 def test_mass_is_the_vehicle_without_its_links():
     probe = Probe()
-    assert probe.model._tree.total_mass == pytest.approx(BODY_MASS, abs=1e-9)
+    assert probe.model.tree.total_mass == pytest.approx(BODY_MASS, abs=1e-9)

@@ -190,7 +190,7 @@ def test_spin_converges_at_order_four(mode):
 
     def end(steps):
         x = np.zeros(WIDTH)
-        spin(probe.model._drive, x, 0.0, 0.4, steps, -30.0, 0.2, -0.1)
+        spin(probe.model.drive, x, 0.0, 0.4, steps, -30.0, 0.2, -0.1)
         return x[:SPUN].copy()
 
     exact = end(2048)

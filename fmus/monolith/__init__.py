@@ -1,0 +1,1 @@
+"""The same physics without co-simulation: everything of a scene as one ordinary differential equation."""

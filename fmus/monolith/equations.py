@@ -1,0 +1,193 @@
+"""x' = f(t, x) of a whole scene, and its integration; numbers of equations as in README.md.
+
+Every part gives its own equations: this module says in which order they are asked and what passes between them, which
+are wheel motions and wrenches of the same instant on both sides.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.chassis.dynamics import FINE, fault
+from fmus.chassis.dynamics import rates as chassis_rates
+from fmus.chassis.observe import put_sides
+from fmus.jit import kernel
+from fmus.monolith.chains import close, powers, slopes, speed, wrenches
+from fmus.physics.integrate.runge_kutta import RK4, finish, stage
+from fmus.physics.rotation import quat_normalise, quat_rotate
+from fmus.physics.vector import add, cross, dot, put, scale, vector
+from fmus.physics.wheels import read_states, to_world
+from fmus.sprocket_drive.dynamics import (
+    ANGLE,
+    BRAKED,
+    IMPULSE,
+    INTEGRAL,
+    PORT_WORK,
+    RATE,
+    SPEED,
+    SPROCKET,
+    SPUN,
+    WORK,
+    place,
+    profile,
+    profile_slope,
+)
+from fmus.sprocket_drive.dynamics import rates as spin_rates
+
+SPIN = PORT_WORK + 1  # of a drive's state: what the drive integrates, and the work of its port
+DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE = range(4)
+
+
+class Plan(NamedTuple):
+    """What hangs on what; motions are blocks of 13, wrenches of 6, world axes; D drives."""
+
+    motion: np.ndarray  # flat: stations of the chassis, standing mounts (D), sprockets (D)
+    wrench: np.ndarray  # flat: those of the chains, then of the mounts (D)
+    u: np.ndarray  # scratch: motions of a chain's wheels, or wrenches on the chassis
+    stations: int  # motions that the chassis makes
+    sides: int  # of the chassis that have stations
+    mount: np.ndarray  # (D) the motion of each drive's mount
+    chain: np.ndarray  # (D) the wrench on each sprocket
+    mounts: int  # the first wrench of the mounts
+    inputs: np.ndarray  # which wrench acts on each unit of the chassis that has an input
+    spun: np.ndarray  # (D, WIDTH of a drive's state) scratch
+    reaction: np.ndarray  # (D, 3) means over the step: the torque of the chain, world
+    force: np.ndarray  # (D, 3) and its force
+    body: int  # where the chassis' state begins
+    spin: int  # and the first drive's
+
+
+@kernel
+def rates(chains, drives, tree, plan, t, x, k):
+    """Write dx/dt into ``k``. Returns -1, or the link of a chain whose accelerations do not exist."""
+    motion, wrench, u = plan.motion, plan.wrench, plan.u
+    failed = -1
+    if tree is not None:
+        put_sides(tree, x[plan.body : plan.spin], plan.sides, motion, 0)
+    if drives is not None:
+        for d in range(len(drives)):  # (1)
+            at, m = plan.spin + SPIN * d, 13 * plan.mount[d]
+            q, w = motion[m + 3 : m + 7], vector(motion, m + 10)
+            if drives[d].mode == SPEED:
+                axis = quat_rotate(q, (0.0, 1.0, 0.0))
+                x[at + RATE] = profile(drives[d], t)[0] + dot(axis, w)
+            spun = plan.spun[d]
+            spun[:SPIN] = x[at : at + SPIN]
+            place(spun, vector(motion, m), q, vector(motion, m + 7), w)
+            m = 13 * (plan.stations + len(drives) + d)
+            motion[m : m + 13] = spun[SPROCKET : SPROCKET + 13]
+    for c in chains:
+        p = c.place
+        m = p.seen.size
+        for j in range(m):
+            u[13 * j : 13 * j + 13] = motion[13 * p.seen[j] : 13 * p.seen[j] + 13]
+        read_states(u, p.frame, p.rows)
+        where = slopes(c, k[p.start : p.end])
+        failed = max(failed, where)
+        to_world(wrenches(c).reshape(2 * m + 2, 3), p.frame, wrench[6 * p.wrench :])
+    if drives is not None:
+        for d in range(len(drives)):
+            p, at, m, i = drives[d], plan.spin + SPIN * d, 13 * plan.mount[d], 6 * plan.chain[d]
+            w, axis = vector(motion, m + 10), vector(quat_rotate(motion[m + 3 : m + 7], (0.0, 1.0, 0.0)), 0)
+            torque = vector(wrench, i + 3)
+            out = k[at : at + SPIN]
+            if p.mode == SPEED:  # (3): what the chassis' own inertia does not hold already
+                rate, growth = profile(p, t)[0], profile_slope(p, t)
+                out[:] = 0.0
+            else:  # (2)
+                rate = x[at + RATE]
+                spin_rates(p, t, x[at : at + SPUN], dot(torque, axis), dot(axis, w), out)
+                growth = out[RATE]
+            turned = add(scale(growth, axis), scale(rate, cross(w, axis)))
+            o = 6 * (plan.mounts + d)
+            put(wrench, o, vector(wrench, i))
+            put(wrench, o + 3, add(torque, scale(-p.inertia, turned)))
+    if tree is not None:
+        for j in range(plan.inputs.size):
+            u[6 * j : 6 * j + 6] = wrench[6 * plan.inputs[j] : 6 * plan.inputs[j] + 6]
+        chassis_rates(tree, x[plan.body : plan.spin], u, k[plan.body : plan.spin])
+    if drives is not None:
+        for d in range(len(drives)):
+            p, at, m, i = drives[d], plan.spin + SPIN * d, 13 * plan.mount[d], 6 * plan.chain[d]
+            w, axis = vector(motion, m + 10), vector(quat_rotate(motion[m + 3 : m + 7], (0.0, 1.0, 0.0)), 0)
+            torque, mount_rate = dot(vector(wrench, i + 3), axis), dot(axis, w)
+            relative, out = x[at + RATE] - mount_rate, k[at : at + SPIN]
+            growth = out[RATE]
+            if p.mode == SPEED:  # (4)
+                growth = profile_slope(p, t)
+                if plan.mount[d] < plan.stations:
+                    growth += k[plan.body + 11]
+                motor = p.inertia * growth - torque
+                out[ANGLE], out[INTEGRAL], out[BRAKED] = relative, 0.0, 0.0
+                out[WORK], out[IMPULSE] = motor * relative, motor
+            out[PORT_WORK] = torque * relative + p.inertia * growth * mount_rate
+    return failed
+
+
+@kernel
+def gather(chains, drives, plan, share):
+    """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
+    for c in chains:
+        dissipated, load = powers(c)
+        c.place.impulse[:] += share * wrenches(c)
+        c.place.books[0] += share * dissipated
+        c.place.books[1] += share * load
+    if drives is not None:
+        for d in range(len(drives)):
+            i = 6 * plan.chain[d]
+            for j in range(3):
+                plan.force[d, j] += share * plan.wrench[i + j]
+                plan.reaction[d, j] += share * plan.wrench[i + 3 + j]
+
+
+@kernel
+def march(chains, drives, tree, plan, t, h, steps, x, y, k):
+    """Integrate x from t to t + h in equal ``steps``; y, the stages' argument, is seen by the chains.
+
+    Leaves impulses and books of the step in the places of the chains and in the plan, and all parts evaluated at
+    t + h. Returns what failed (DONE: nothing), steps done, and of a chain the link, of the chassis its fault.
+    """
+    dt = h / steps
+    plan.force[:] = 0.0
+    plan.reaction[:] = 0.0
+    before = np.empty(len(chains))
+    y[:] = x
+    n = 0
+    for c in chains:
+        c.place.impulse[:] = 0.0
+        c.place.books[:] = 0.0
+        before[n] = speed(c)
+        n += 1
+    for step in range(steps):
+        for i in range(RK4.b.size):
+            stage(RK4, i, dt, x, k, y)
+            failed = rates(chains, drives, tree, plan, t + (step + RK4.c[i]) * dt, y, k[i])
+            if failed >= 0:
+                return CHAIN_FAILED, step, failed
+            gather(chains, drives, plan, dt * RK4.b[i])
+        finish(RK4, dt, x, k)
+        y[:] = x
+        n = 0
+        for c in chains:
+            if not close(c):
+                return CHAIN_FAILED, step, 0
+            now = speed(c)
+            c.place.books[2] += 0.5 * dt * (before[n] + now)
+            before[n] = now
+            n += 1
+        if tree is not None:
+            at = plan.body + 3
+            y[at : at + 4] = quat_normalise(y[at : at + 4])
+        x[:] = y
+    for i in range(x.size):
+        if not abs(x[i]) < 1e9:
+            return NOT_FINITE, steps, 0
+    if tree is not None:
+        code = fault(tree, x[plan.body : plan.spin])
+        if code != FINE:
+            return CHASSIS_FAILED, steps, code
+    failed = rates(chains, drives, tree, plan, t + h, y, k[0])
+    x[:] = y
+    return (DONE if failed < 0 else CHAIN_FAILED), steps, failed

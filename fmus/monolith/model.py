@@ -1,0 +1,320 @@
+"""A whole scene in one process: the components' own models as parts of one state, and what each of them shows.
+
+The parts start as their FMUs do and show the same outputs; only time is not theirs. A vehicle whose two sides are alike
+is computed on its left side and mirrored, as a chassis with left ports does; nothing tells the sides apart but rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from fmus.chassis.observe import put_sides
+from fmus.jit import reachable_hash
+from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.monolith.chains import Place
+from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, SPIN, Plan, march
+from fmus.physics.integrate.runge_kutta import RK4
+from fmus.physics.rotation import quat_rotate
+from fmus.physics.vector import vector
+from fmus.ports import STATE, WRENCH
+from fmus.sprocket_drive import dynamics as spin
+
+
+class Part(Protocol):
+    """A component of a scene before it is built."""
+
+    name: str
+    kind: str
+    config: Mapping[str, Any]
+    parameters: Mapping[str, float | int | str]
+
+
+class Connection(Protocol):
+    """Outputs of one part that are inputs of another."""
+
+    source: str
+    outputs: Sequence[str]
+    target: str
+    inputs: Sequence[str]
+
+
+def content() -> str:
+    """Hash of all sources that the monolith's physics can reach."""
+    return reachable_hash(__name__, Path(__file__))
+
+
+def _class(kind: str) -> Any:
+    if kind == "TrackFlexible":
+        from fmus.track_flexible.model import Model
+    elif kind == "TrackRigid":
+        from fmus.track_rigid.model import Model  # type: ignore[assignment]
+    elif kind == "Chassis":
+        from fmus.chassis.model import Model  # type: ignore[assignment]
+    elif kind == "SprocketDrive":
+        from fmus.sprocket_drive.model import Model  # type: ignore[assignment]
+    else:
+        raise InvalidParameter(f"a monolith has no part of kind '{kind}'")
+    return Model
+
+
+def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> Any:
+    """A model of a component at its start; raises InvalidParameter or StepFailed."""
+    model = _class(kind)(config)
+    known = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+    unknown = [name for name in parameters if name not in known]
+    if unknown:
+        raise InvalidParameter(f"there is no parameter '{unknown[0]}'")
+    model.initialise({**known, **parameters})
+    return model
+
+
+class Monolith:
+    """Chains, chassis and drives of a scene as x' = f(t, x), integrated by the classical Runge-Kutta method.
+
+    ``models`` by name are what shows the state; ``step`` is the internal step, s: the largest that is stable, over
+    ``refine``. ``halved`` False computes both sides of a vehicle whatever they are.
+    """
+
+    def __init__(
+        self, parts: Sequence[Part], connections: Sequence[Connection], refine: float = 1.0, halved: bool = True
+    ) -> None:
+        self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
+        self._mirrored = _alike(parts) if halved else {}
+        own = [part for part in parts if part.name not in self._mirrored]
+        self._chains = [p.name for p in own if p.kind.startswith("Track")]
+        self._drives = [p.name for p in own if p.kind == "SprocketDrive"]
+        self._chassis = next((p.name for p in own if p.kind == "Chassis"), None)
+        if not self._chains:
+            raise InvalidParameter("a monolith needs a chain")
+        flexible = any(p.kind == "TrackFlexible" for p in own)
+        if flexible:
+            from fmus.monolith import flexible as kind
+        else:
+            from fmus.monolith import rigid as kind  # type: ignore[no-redef]
+        self._kind: Any = kind
+        self._sources = {
+            (c.target, i): (c.source, o)
+            for c in connections
+            for i, o in zip(c.inputs, c.outputs, strict=True)
+        }
+        self._lay_out(own)
+        limits = [self._kind.longest(self.models[name]) for name in self._chains]
+        limits += [1.0 / spin.substeps(self.models[name].drive, 1.0) for name in self._drives]
+        self.step = min([*limits, 1e-3]) / refine
+
+    # ---------------------------------------------------------------- layout
+
+    def _lay_out(self, own: Sequence[Part]) -> None:
+        """The state, and who gets what from whom."""
+        models, chains, drives = self.models, self._chains, self._drives
+        sizes = [self._kind.size(models[name]) for name in chains]
+        body, tree, sides = sum(sizes), None, 0
+        stations: list[str] = []
+        if self._chassis is not None:
+            part = next(p for p in own if p.name == self._chassis)
+            config = part.config
+            if self._mirrored:
+                config = {**config, "chassis": {"sides": ["left"]}}
+            chassis = started(part.kind, config, part.parameters)
+            sides = len(config["chassis"]["sides"])
+            ports = [p.name for p in chassis.ports if p.causality == "output"]
+            stations = [n.removesuffix(".position.x") for n in ports if n.endswith(".position.x")][:-1]
+            tree = self._with_spins(chassis.tree, [self.models[name] for name in drives], 2 // sides)
+            inputs = [p.name for p in chassis.ports if p.causality == "input" and p.name.endswith(".force.x")]
+        width = chassis.state.size if self._chassis is not None else 0
+        self._body, self._spin = body, body + width
+        self.x = np.zeros(body + width + SPIN * len(drives))
+        self._y, self._k = np.zeros_like(self.x), np.zeros((len(RK4.b), self.x.size))
+
+        motions = {(self._chassis, station): i for i, station in enumerate(stations)}
+        count, fixed = len(stations), len(drives)
+        motions |= {(name, "sprocket"): count + fixed + d for d, name in enumerate(drives)}
+        motion = np.zeros(STATE * (count + 2 * fixed))
+        mount = np.zeros(fixed, dtype=np.int64)
+        for d, name in enumerate(drives):
+            source = self._source(name, "mount.position.x")
+            mount[d] = count + d if source is None else motions[source]
+            motion[13 * (count + d) : 13 * (count + d + 1)] = models[name].standing
+
+        wrenches: dict[tuple[str, str], int] = {}
+        places, start, block = [], 0, 0
+        for name, size in zip(chains, sizes, strict=True):
+            model = models[name]
+            names = [wheel["name"] for wheel in model.wheel_list]
+            seen = [motions[self._needed(name, f"{wheel}.position.x")] for wheel in names]
+            m = len(names)
+            wrenches |= {(name, wheel): block + i for i, wheel in enumerate(names)}
+            places.append(
+                Place(
+                    start,
+                    start + size,
+                    np.array(seen, dtype=np.int64),
+                    block,
+                    model.frame,
+                    self._kind.rows(model),
+                    np.zeros((m + 1, WRENCH)),
+                    np.zeros(3),
+                )
+            )
+            start, block = start + size, block + m + 1
+        chain = [wrenches[self._needed(name, "sprocket.force.x")] for name in drives]
+        wrenches |= {(name, "mount"): block + d for d, name in enumerate(drives)}
+        acting = []
+        if self._chassis is not None:
+            acting = [wrenches[self._needed(self._chassis, name)] for name in inputs]
+        units = max([len(acting) * WRENCH, *(STATE * len(p.seen) for p in places)])
+        self._plan = Plan(
+            motion,
+            np.zeros(WRENCH * (block + fixed)),
+            np.zeros(units),
+            count,
+            sides,
+            mount,
+            np.array(chain, dtype=np.int64),
+            block,
+            np.array(acting, dtype=np.int64),
+            np.zeros((fixed, spin.WIDTH)),
+            np.zeros((fixed, 3)),
+            np.zeros((fixed, 3)),
+            self._body,
+            self._spin,
+        )
+        self._places = places
+        self._tree = tree
+        self._system = (
+            tuple(
+                self._kind.chain(models[name], place, self._y[place.start : place.end])
+                for name, place in zip(chains, places, strict=True)
+            ),
+            tuple(models[name].drive for name in drives) or None,
+            tree,
+            self._plan,
+        )
+        self._begin()
+
+    def _source(self, target: str, variable: str) -> tuple[str, str] | None:
+        """The part and connector that an input comes from."""
+        found = self._sources.get((target, variable))
+        return found and (found[0], found[1].rsplit(".", 2)[0])
+
+    def _needed(self, target: str, variable: str) -> tuple[str, str]:
+        source = self._source(target, variable)
+        if source is None:
+            raise InvalidParameter(f"{target}: the input {variable} is not connected")
+        return source
+
+    @staticmethod
+    def _with_spins(tree: Any, drives: Sequence[Any], times: int) -> Any:
+        """The tree with the spin inertia of sprockets whose speed against the chassis is prescribed. (3)"""
+        inertia = tree.inertia.copy()
+        inertia[1, 1] += times * sum(m.drive.inertia for m in drives if m.drive.mode == spin.SPEED)
+        return tree._replace(inertia=inertia)
+
+    def _begin(self) -> None:
+        """The models' start as x."""
+        for name, place in zip(self._chains, self._places, strict=True):
+            self._kind.give(self.models[name], self.x[place.start : place.end])
+        if self._chassis is not None:
+            self.x[self._body : self._spin] = self.models[self._chassis].state
+        for d, name in enumerate(self._drives):
+            self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)] = self.models[name].state[:SPIN]
+            momentum = self.models[name].state[spin.MOMENTUM : spin.MOMENTUM + 3]
+            momentum[:] = self._momentum(d)
+
+    def _momentum(self, d: int) -> Floats:
+        """J Omega a of a drive in world axes, its mount as it was evaluated last (at the start: as it stands)."""
+        model = self.models[self._drives[d]]
+        q = self._mount(d)[3:7] if np.any(self._mount(d)[3:7]) else model.standing[3:7]
+        axis = quat_rotate(q, (0.0, 1.0, 0.0))
+        return model.drive.inertia * self.x[self._spin + SPIN * d + spin.RATE] * axis
+
+    def _mount(self, d: int) -> Floats:
+        at = 13 * self._plan.mount[d]
+        return self._plan.motion[at : at + 13]
+
+    # ---------------------------------------------------------------- time
+
+    def advance(self, t: float, h: float) -> None:
+        """From t to t + h in equal internal steps of ``step`` at most, and the models after it; raises StepFailed."""
+        steps = max(1, int(np.ceil(h / self.step - 1e-9)))
+        for d in range(len(self._drives)):
+            self.x[self._spin + SPIN * d + spin.IMPULSE] = 0.0
+        failure, done, where = march(*self._system, t, h, steps, self.x, self._y, self._k)
+        at = t + done * h / steps
+        if failure == CHASSIS_FAILED:
+            chassis, u = self.models[self._chassis], np.zeros(0)
+            what = chassis.complaint(where, self.x[self._body : self._spin], u)
+            raise StepFailed(f"at t = {at:.6g} s {what}")
+        if failure == CHAIN_FAILED:
+            raise StepFailed(f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}")
+        if failure != DONE:
+            raise StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
+        for name, place in zip(self._chains, self._places, strict=True):
+            self._kind.take(self.models[name], place, self.x[place.start : place.end], h)
+        if self._chassis is not None:
+            self._take_chassis()
+        for d in range(len(self._drives)):
+            self._take_drive(d, h)
+        for model in self.models.values():
+            model.counters[:2] += (steps, len(RK4.b) * steps)
+        for name, of in self._mirrored.items():
+            if name.endswith("_track"):
+                self._kind.mirror(self.models[of], self.models[name])
+            else:
+                _mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
+
+    def _take_chassis(self) -> None:
+        """The chassis' state; the work of its ports without what its inertia held for the sprockets. (5)"""
+        model, x = self.models[self._chassis], self.x[self._body : self._spin]
+        model.state[:] = x
+        assert self._tree is not None
+        held = self._tree.inertia[1, 1] - model.tree.inertia[1, 1]
+        model.state[-1] -= 0.5 * held * x[11] ** 2
+
+    def _take_drive(self, d: int, h: float) -> None:
+        """A drive's state, its motor's mean torque and the mean wrench on its mount. (6)"""
+        model, mount = self.models[self._drives[d]], self._mount(d)
+        state, z = model.state, self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)]
+        before = state[spin.MOMENTUM : spin.MOMENTUM + 3].copy()
+        state[:SPIN] = z
+        spin.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
+        after = self._momentum(d)
+        state[spin.MOUNT : spin.MOUNT + 3] = self._plan.force[d] / h
+        state[spin.MOUNT + 3 : spin.MOUNT + 6] = (self._plan.reaction[d] - (after - before)) / h
+        state[spin.MOMENTUM : spin.MOMENTUM + 3] = after
+        state[spin.TORQUE_NOW] = z[spin.IMPULSE] / h
+        state[spin.STEP] = h
+
+
+def _alike(parts: Sequence[Part]) -> dict[str, str]:
+    """Right parts that mirror their left ones, by name: all of them, or none where a side differs."""
+    named = {part.name: part for part in parts}
+    pairs = {name: name.replace("right", "left", 1) for name in named if name.startswith("right")}
+    chassis = next((part for part in parts if part.kind == "Chassis"), None)
+    if chassis is None or list(chassis.config["chassis"]["sides"]) != ["left", "right"]:
+        return {}
+    for right, left in pairs.items():
+        if left not in named or (named[left].kind, named[left].config) != (named[right].kind, named[right].config):
+            return {}
+        mirrored = dict(named[right].parameters)
+        mirrored["start.lateral"] = -float(mirrored["start.lateral"])
+        if dict(named[left].parameters) != mirrored:
+            return {}
+    return pairs if len(parts) == 2 * len(pairs) + 1 else {}
+
+
+def _mirror_drive(of: Any, model: Any, chassis: Any) -> None:
+    """Make a drive the mirror image of the one ``of`` the other side; chassis and its motion are symmetric."""
+    motions = np.zeros(STATE * (len(chassis.tree.turns) + 2))
+    put_sides(chassis.tree, chassis.state, 2, motions, 0)
+    mount, state = motions[-STATE:], model.state
+    axis = quat_rotate(mount[3:7], (0.0, 1.0, 0.0))
+    state[:] = of.state
+    spin.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
+    for at, sign in ((spin.MOUNT, 1.0), (spin.MOUNT + 3, -1.0), (spin.MOMENTUM, -1.0)):
+        v = of.state[at : at + 3]
+        state[at : at + 3] = sign * (v - 2.0 * (v @ axis) * axis)
