@@ -274,6 +274,55 @@ def study(
     sys.exit(1 if missed else 0)
 
 
+@app.command()
+def truth(
+    scene: SceneName,
+    track: TrackOption = None,
+    settings: Settings = None,
+    stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
+    against: Annotated[
+        Path | None, typer.Option("--against", metavar="LOG", help="how far this run of the scene is off")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="the last line on stdout is one JSON object")
+    ] = False,
+) -> None:
+    """The scene without co-simulation, converged, with its own error: built once, then found."""
+    from orchestrator import truth as module
+    from orchestrator.scene import load
+
+    changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
+    resolved = load(scene, _model(track), changes)
+    try:
+        found = module.truth(resolved, f"truth of {resolved.name}")
+    except module.TruthFailed as failure:
+        _leave(str(failure), 1)
+    off = module.gaps(against, found.log) if against else {}
+    observables = {
+        name: {"unit": gap.unit, "rms": gap.size, "difference": gap.difference, "error": found.error(name)}
+        | ({"off": off[name].difference} if name in off else {})
+        for name, gap in found.gaps.items()
+    }
+    result = {
+        "scene": resolved.name,
+        "track": resolved.track.model,
+        "log": str(found.log),
+        "coarse_log": str(found.coarse_log),
+        "built": found.built,
+        "internal_step": found.internal_step,
+        "wall_time": found.wall_time,
+        "observables": observables,
+    }
+    if as_json:
+        print(json.dumps(_finite(result)))
+        return
+    print(f"{'built' if found.built else 'found'} {found.log}")
+    print(f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; root mean squares:")
+    for name, each in observables.items():
+        line = f"  {name:28} {each['rms']:10.4g} {each['unit']:4} error {each['error']:.2g}"
+        print(line + (f", {against} is off by {each['off']:.3g}" if "off" in each else ""))
+
+
 @log_app.command("info")
 def log_info(log: LogPath) -> None:
     """What a log holds and how its run ended."""

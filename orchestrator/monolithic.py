@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -73,9 +73,10 @@ class Shown:
 class Whole:
     """The monolith as the only thing that the master steps: its parts follow."""
 
-    name, inputs, outputs = "monolith", (), ()
-
     def __init__(self, monolith: Monolith, graph: System) -> None:
+        self.name = "monolith"
+        self.inputs: tuple[str, ...] = ()
+        self.outputs: tuple[str, ...] = ()
         self.u, self.y = np.zeros(0), np.zeros(0)
         self._monolith = monolith
         self.parts = {name: Shown(name, model) for name, model in monolith.models.items()}
@@ -115,7 +116,11 @@ class Whole:
 
 
 def run(
-    scene: Scene, path: Path, refine: float = 1.0, title: str = "", mirror: bool = True
+    scene: Scene,
+    path: Path,
+    refine: float = 1.0,
+    title: str = "",
+    interrupted: Callable[[], bool] = lambda: False,
 ) -> tuple[master.Outcome, dict[str, float]]:
     """Integrate a scene as a monolith into the log ``path``; how it ended, and what it cost.
 
@@ -126,7 +131,7 @@ def run(
     assembly = assemble(scene)
     graph = system(assembly)
     try:
-        monolith = Monolith(assembly.parts, assembly.connections, refine, mirror)
+        monolith = Monolith(assembly.parts, assembly.connections, refine)
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None
     whole = Whole(monolith, graph)
@@ -134,20 +139,22 @@ def run(
     clock = master.Clock(scene.run.step, scene.run.steps)
     step = clock.step / np.ceil(clock.step / monolith.step - 1e-9)
     topics, attachments, metadata = contents(scene, graph, parts)
-    metadata["run"] |= {"coupling": "monolithic", "integrator": "runge_kutta", "internal_step": repr(float(step))}
+    metadata["run"] |= {
+        "coupling": "monolithic",
+        "integrator": "runge_kutta",
+        "internal_step": repr(float(step)),
+    }
     stages: Stages = ((Member(whole, ()),),)
     with ExitStack() as stack:
         recorder = stack.enter_context(
             Recorder(path, topics, attachments, metadata, every=strides(scene, parts))
         )
         stats_every = max(1, round(STATS_PERIOD / clock.step))
-        observers: list[master.Observer] = [
-            Logging(recorder, list(parts.values()), clock.step, stats_every)
-        ]
+        observers: list[master.Observer] = [Logging(recorder, list(parts.values()), clock.step, stats_every)]
         if title:
             observers.append(stack.enter_context(ProgressBar(title, scene.run.stop)))
         began = time.perf_counter()
-        outcome = master.run(stages, clock, observers)
+        outcome = master.run(stages, clock, observers, interrupted)
         wall = time.perf_counter() - began
         recorder.close(outcome.status, outcome.message, outcome.steps)
     return outcome, {"internal_step": float(step), "wall_time": wall}

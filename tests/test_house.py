@@ -23,7 +23,7 @@ GENERIC = (
     "compare.py",
     "replay.py",
 )
-DOORS = {"fmus.build", "fmus.vehicle", "fmus.ports", "fmus.tensioning"}
+DOORS = {"fmus.build", "fmus.vehicle", "fmus.ports", "fmus.tensioning", "fmus.monolith.model"}
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 
 

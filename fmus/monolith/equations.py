@@ -154,12 +154,10 @@ def march(chains, drives, tree, plan, t, h, steps, x, y, k):
     plan.reaction[:] = 0.0
     before = np.empty(len(chains))
     y[:] = x
-    n = 0
-    for c in chains:
+    for n, c in enumerate(chains):
         c.place.impulse[:] = 0.0
         c.place.books[:] = 0.0
         before[n] = speed(c)
-        n += 1
     for step in range(steps):
         for i in range(RK4.b.size):
             stage(RK4, i, dt, x, k, y)
@@ -169,14 +167,12 @@ def march(chains, drives, tree, plan, t, h, steps, x, y, k):
             gather(chains, drives, plan, dt * RK4.b[i])
         finish(RK4, dt, x, k)
         y[:] = x
-        n = 0
-        for c in chains:
+        for n, c in enumerate(chains):
             if not close(c):
                 return CHAIN_FAILED, step, 0
             now = speed(c)
             c.place.books[2] += 0.5 * dt * (before[n] + now)
             before[n] = now
-            n += 1
         if tree is not None:
             at = plan.body + 3
             y[at : at + 4] = quat_normalise(y[at : at + 4])

@@ -37,9 +37,7 @@ def chain(model: Model, place: Place, y: Floats) -> Flexible:
     """The chain of an initialised model, its state being the part ``y`` of the stage's argument."""
     q, v = y.reshape(2, model.nodes, NODE)
     still, scratch, _ = model.space
-    return Flexible(
-        place, model.link, model.contacts, model.environment, q, v, still, scratch, model.work
-    )
+    return Flexible(place, model.link, model.contacts, model.environment, q, v, still, scratch, model.work)
 
 
 def give(model: Model, x: Floats) -> None:

@@ -1,14 +1,14 @@
 """A whole scene in one process: the components' own models as parts of one state, and what each of them shows.
 
-The parts start as their FMUs do and show the same outputs; only time is not theirs. A vehicle whose two sides are alike
-is computed on its left side and mirrored, as a chassis with left ports does; nothing tells the sides apart but rounding.
+The parts start as their FMUs do and show the same outputs; only time is not theirs. A vehicle whose two sides are
+alike is computed on its left side and mirrored, as a chassis with left ports does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,24 +22,6 @@ from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
 from fmus.ports import STATE, WRENCH
 from fmus.sprocket_drive import dynamics as spin
-
-
-class Part(Protocol):
-    """A component of a scene before it is built."""
-
-    name: str
-    kind: str
-    config: Mapping[str, Any]
-    parameters: Mapping[str, float | int | str]
-
-
-class Connection(Protocol):
-    """Outputs of one part that are inputs of another."""
-
-    source: str
-    outputs: Sequence[str]
-    target: str
-    inputs: Sequence[str]
 
 
 def content() -> str:
@@ -75,12 +57,14 @@ def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float
 class Monolith:
     """Chains, chassis and drives of a scene as x' = f(t, x), integrated by the classical Runge-Kutta method.
 
+    ``parts`` have a name, the kind of an FMU, its config and parameters; ``connections`` a source with its outputs and
+    a target with its inputs, by name. Raises InvalidParameter or StepFailed where a part cannot start.
     ``models`` by name are what shows the state; ``step`` is the internal step, s: the largest that is stable, over
     ``refine``. ``halved`` False computes both sides of a vehicle whatever they are.
     """
 
     def __init__(
-        self, parts: Sequence[Part], connections: Sequence[Connection], refine: float = 1.0, halved: bool = True
+        self, parts: Sequence[Any], connections: Sequence[Any], refine: float = 1.0, halved: bool = True
     ) -> None:
         self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
         self._mirrored = _alike(parts) if halved else {}
@@ -108,7 +92,7 @@ class Monolith:
 
     # ---------------------------------------------------------------- layout
 
-    def _lay_out(self, own: Sequence[Part]) -> None:
+    def _lay_out(self, own: Sequence[Any]) -> None:
         """The state, and who gets what from whom."""
         models, chains, drives = self.models, self._chains, self._drives
         sizes = [self._kind.size(models[name]) for name in chains]
@@ -250,7 +234,9 @@ class Monolith:
             what = chassis.complaint(where, self.x[self._body : self._spin], u)
             raise StepFailed(f"at t = {at:.6g} s {what}")
         if failure == CHAIN_FAILED:
-            raise StepFailed(f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}")
+            raise StepFailed(
+                f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}"
+            )
         if failure != DONE:
             raise StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
         for name, place in zip(self._chains, self._places, strict=True):
@@ -290,7 +276,7 @@ class Monolith:
         state[spin.STEP] = h
 
 
-def _alike(parts: Sequence[Part]) -> dict[str, str]:
+def _alike(parts: Sequence[Any]) -> dict[str, str]:
     """Right parts that mirror their left ones, by name: all of them, or none where a side differs."""
     named = {part.name: part for part in parts}
     pairs = {name: name.replace("right", "left", 1) for name in named if name.startswith("right")}
@@ -298,7 +284,10 @@ def _alike(parts: Sequence[Part]) -> dict[str, str]:
     if chassis is None or list(chassis.config["chassis"]["sides"]) != ["left", "right"]:
         return {}
     for right, left in pairs.items():
-        if left not in named or (named[left].kind, named[left].config) != (named[right].kind, named[right].config):
+        if left not in named or (named[left].kind, named[left].config) != (
+            named[right].kind,
+            named[right].config,
+        ):
             return {}
         mirrored = dict(named[right].parameters)
         mirrored["start.lateral"] = -float(mirrored["start.lateral"])
