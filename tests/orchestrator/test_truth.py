@@ -1,0 +1,181 @@
+"""The monolith and the truth: order, energy, third law, and co-simulation converging to it."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fmus.monolith.model import Monolith
+from orchestrator import monolithic
+from orchestrator import truth as module
+from orchestrator.cli import app
+from orchestrator.energy import ledger
+from orchestrator.evidence import Evidence, Window
+from orchestrator.measures import third_law
+from orchestrator.reader import Log
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+from orchestrator.system import assemble, placed
+
+SOFT = ("track.start=displaced", "vehicle.material.youngs_modulus=2e7", "chain.links=16")
+DRIVEN = ("run.stop=0.03", "run.outputs=1", "drive.ramp_start=0", "drive.ramp_time=0.5")
+
+
+def energies(log):
+    return {
+        name: log.signal(f"chain.energy.{name}")[1] for name in ("kinetic", "strain", "gravity", "dissipated")
+    }
+
+
+def test_monolith_is_of_order_four():
+    """A soft chain let go: its motion has no kinks."""
+    assembly = assemble(load("hanging_chain", "flexible", SOFT))
+    ends = []
+    for refine in (6.4, 12.8, 25.6):  # 8, 16, 32 steps in a millisecond
+        whole = Monolith(assembly.parts, assembly.connections, refine)
+        for k in range(20):
+            whole.advance(k * 1e-3, 1e-3)
+        ends.append(whole.x.copy())
+    slope = np.log2(np.linalg.norm(ends[0] - ends[1]) / np.linalg.norm(ends[1] - ends[2]))
+    assert abs(slope - 4.0) < 0.2, slope
+
+
+def test_energy_of_a_free_chain_closes(tmp_path):
+    settings = (*SOFT, "vehicle.material.relaxation_time=1e-4", "run.stop=0.1")
+    monolithic.run(load("hanging_chain", "flexible", settings), tmp_path / "a.mcap", 4.0)
+    with Log(tmp_path / "a.mcap") as log:
+        parts = energies(log)
+    total = sum(parts.values())
+    moved = np.ptp(parts["gravity"])
+    assert np.ptp(total) < 1e-6 * moved
+    assert np.ptp(total - 0.02 * parts["dissipated"]) > 1e-6 * moved, (
+        "a twin that loses 2 % of the dissipation"
+    )
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """The monolith of the vehicle that drives off."""
+    path = tmp_path_factory.mktemp("monolith") / "driven.mcap"
+    outcome, cost = monolithic.run(load("straight", "flexible", ("run.step=1ms", *DRIVEN)), path)
+    assert outcome.status == "ok"
+    assert cost["internal_step"] == pytest.approx(8e-6)
+    return path
+
+
+def test_ledger_and_third_law_of_the_vehicle(driven):
+    with Log(driven) as log:
+        run = Evidence(log)
+        books = ledger(run)
+        assert abs(books.residual_relative) < 1e-6
+        assert books.dissipated > 1.0
+        assert third_law(run, "", Window(0.0, 0.03)) < 1e-12
+
+
+OBSERVABLES = ("chassis.chassis.position.x", "chassis.chassis.velocity.x", "chassis.pitch")
+
+
+def at_the_end(path):
+    with Log(path) as log:
+        return np.array([log.signal(name)[1][-1] for name in OBSERVABLES])
+
+
+@pytest.fixture(scope="module")
+def coupled(tmp_path_factory):
+    """The same by co-simulation, the components' steps shrunk along: what it says at the end, by step."""
+    path, said = tmp_path_factory.mktemp("coupled") / "a.mcap", {}
+    for h in (1e-3, 5e-4, 2.5e-4):
+        result = simulate(
+            load("straight", "flexible", (f"run.step={h}", f"track.step={h / 2}", *DRIVEN)), path
+        )
+        assert result["status"] == "ok"
+        said[h] = at_the_end(path)
+    return said
+
+
+def misfit(coupled, path):
+    """What is left of the coupling's error, linear in H, after its extrapolation to 0, over that error."""
+    fine, finer, end = coupled[5e-4], coupled[2.5e-4], at_the_end(path)
+    return np.abs(2.0 * finer - fine - end) / np.abs(finer - end)
+
+
+def test_co_simulation_converges_to_the_monolith(driven, coupled):
+    error = {h: np.abs(said - at_the_end(driven)) for h, said in coupled.items()}
+    for h in (1e-3, 5e-4):
+        order = np.log2(error[h] / error[h / 2])
+        assert np.all(np.abs(order - 1.0) < 0.25), order
+    assert np.all(misfit(coupled, driven) < 0.2)
+
+
+def test_another_vehicle_is_not_what_it_converges_to(coupled, tmp_path):
+    heavier = ("run.step=1ms", "vehicle.chassis.mass=5600", *DRIVEN)
+    monolithic.run(load("straight", "flexible", heavier), tmp_path / "twin.mcap")
+    assert np.all(misfit(coupled, tmp_path / "twin.mcap") > 0.3)
+
+
+@pytest.fixture
+def empty(tmp_path, monkeypatch):
+    """No truths yet; kernels stay."""
+    monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
+
+
+def test_truth_is_built_once_and_knows_its_error(empty):
+    scene = load("hanging_chain", "flexible", (*SOFT, "run.stop=0.05"))
+    with ThreadPoolExecutor(2) as pool:
+        both = [each.result() for each in [pool.submit(module.truth, scene) for _ in range(2)]]
+    assert sorted(truth.built for truth in both) == [False, True]
+    first = both[0]
+    assert both[1].log == first.log
+    again = module.truth(load("hanging_chain", "flexible", (*SOFT, "run.stop=0.05", "run.step=5ms")))
+    assert (again.built, again.log) == (False, first.log)
+    error, size = first.error("chain pins"), first.gaps["chain pins"].size
+    assert 0.0 < error < 1e-4 * size
+    with Log(first.log) as log:
+        assert log.signal("chain.travel")[0][1] == pytest.approx(1e-3)
+
+
+def test_key_is_the_physics():
+    def key(*settings):
+        return module.key(module.bare(load("hanging_chain", "flexible", settings)))
+
+    plain = key()
+    assert plain == key("run.step=2ms") == key("track.integrator=runge_kutta") == key("track.step=1e-4")
+    assert len({plain, key("vehicle.gravity=9.82"), key("track.start=displaced"), key("run.stop=2")}) == 4
+
+
+def test_command_says_where_and_how_good(empty, tmp_path):
+    arguments = ["truth", "hanging_chain", "--stop", "0.02"]
+    for setting in SOFT:
+        arguments += ["--set", setting]
+    result = CliRunner().invoke(app, [*arguments, "--json"])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout.splitlines()[-1])
+    assert said["built"] is True
+    pins = said["observables"]["chain pins"]
+    assert pins["error"] == pytest.approx(pins["difference"] / 3.0)
+    again = CliRunner().invoke(app, [*arguments, "--against", said["coarse_log"]])
+    assert "found" in again.stdout
+    assert "is off by" in again.stdout
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("model", ["flexible", "rigid"])
+def test_both_sides_are_what_one_side_says(model):
+    """The mirrored vehicle against the whole one."""
+    assembly = assemble(placed(load("straight", model, DRIVEN)))
+    ends = []
+    for halved in (True, False):
+        whole = Monolith(assembly.parts, assembly.connections, halved=halved)
+        for k in range(10):
+            whole.advance(k * 1e-3, 1e-3)
+        ends.append(whole.models)
+    for name, model in ends[0].items():
+        sizes = [
+            np.zeros(sum(p.causality == "output" and isinstance(p.start, float) for p in model.ports))
+            for _ in ends
+        ]
+        for y, models in zip(sizes, ends, strict=True):
+            models[name].outputs(y)
+        assert np.allclose(*sizes, rtol=1e-7, atol=1e-6), name
