@@ -130,8 +130,9 @@ def test_truth_is_built_once_and_knows_its_error(empty):
     assert both[1].log == first.log
     again = module.truth(load("hanging_chain", "flexible", (*SOFT, "run.stop=0.05", "run.step=5ms")))
     assert (again.built, again.log) == (False, first.log)
-    error, size = first.error("chain pins"), first.gaps["chain pins"].size
-    assert 0.0 < error < 1e-4 * size
+    pins = first.difference["pins"]
+    assert first.error("pins") == pytest.approx(pins.absolute / 3.0)
+    assert 0.0 < pins.relative < 1e-4
     with Log(first.log) as log:
         assert log.signal("chain.travel")[0][1] == pytest.approx(1e-3)
 
@@ -153,7 +154,7 @@ def test_command_says_where_and_how_good(empty, tmp_path):
     assert result.exit_code == 0, result.output
     said = json.loads(result.stdout.splitlines()[-1])
     assert said["built"] is True
-    pins = said["observables"]["chain pins"]
+    pins = said["observables"]["pins"]
     assert pins["error"] == pytest.approx(pins["difference"] / 3.0)
     again = CliRunner().invoke(app, [*arguments, "--against", said["coarse_log"]])
     assert "found" in again.stdout
