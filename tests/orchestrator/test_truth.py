@@ -11,7 +11,6 @@ from fmus.monolith.model import Monolith
 from orchestrator import monolithic
 from orchestrator import truth as module
 from orchestrator.cli import app
-from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Window
 from orchestrator.measures import third_law
 from orchestrator.reader import Log
@@ -65,13 +64,35 @@ def driven(tmp_path_factory):
     return path
 
 
-def test_ledger_and_third_law_of_the_vehicle(driven):
+def open_part(log, instance, gains, losses):
+    """What the books of a component leave open, over the range of its port's work."""
+    parts = {name: log.signal(f"{instance}.{name}")[1] for name in (*gains, *losses)}
+    total = sum(parts[name] for name in gains) - sum(parts[name] for name in losses)
+    return np.ptp(total) / np.ptp(parts["port.work"]), np.ptp(total + 0.02 * parts["energy.kinetic"])
+
+
+STORED = ("energy.kinetic", "energy.dissipated", "energy.gravity", "energy.spring")
+
+
+def test_books_of_chassis_and_drives_close(driven):
+    """The spin that a prescribed speed lends to the chassis is in them: work of mount and motor, and reaction."""
+    with Log(driven) as log:
+        chassis, twin = open_part(log, "chassis", ("port.work",), STORED)
+        assert chassis < 1e-9 < twin
+        for drive in ("left_drive", "right_drive"):
+            spin, twin = open_part(log, drive, ("port.work", "energy.work"), STORED[:2])
+            assert spin < 1e-9 < twin
+
+
+def test_third_law_of_the_vehicle(driven):
     with Log(driven) as log:
         run = Evidence(log)
-        books = ledger(run)
-        assert abs(books.residual_relative) < 1e-6
-        assert books.dissipated > 1.0
         assert third_law(run, "", Window(0.0, 0.03)) < 1e-12
+        series = log.read("/chassis/in")
+        values = series.values.copy()
+        values[:, series.names.index("left.road_wheel[3].force.z")] *= 1.02
+        log._series["/chassis/in"] = series._replace(values=values)
+        assert third_law(run, "", Window(0.0, 0.03)) > 1e-6
 
 
 OBSERVABLES = ("chassis.chassis.position.x", "chassis.chassis.velocity.x", "chassis.pitch")
@@ -112,7 +133,7 @@ def test_co_simulation_converges_to_the_monolith(driven, coupled):
 def test_another_vehicle_is_not_what_it_converges_to(coupled, tmp_path):
     heavier = ("run.step=1ms", "vehicle.chassis.mass=5600", *DRIVEN)
     monolithic.run(load("straight", "flexible", heavier), tmp_path / "twin.mcap")
-    assert np.all(misfit(coupled, tmp_path / "twin.mcap") > 0.3)
+    assert np.max(misfit(coupled, tmp_path / "twin.mcap")) > 0.4
 
 
 @pytest.fixture
