@@ -84,6 +84,15 @@ def test_books_of_chassis_and_drives_close(driven):
             assert spin < 1e-9 < twin
 
 
+@pytest.mark.parametrize("mode", ["torque", "controller"])
+def test_books_of_a_drive_that_spins_by_itself_close(mode, tmp_path):
+    settings = ("run.step=1ms", *DRIVEN, "run.stop=0.01", f"drive.mode={mode}", "drive.torque=2000")
+    monolithic.run(load("straight", "flexible", settings), tmp_path / "a.mcap")
+    with Log(tmp_path / "a.mcap") as log:
+        assert open_part(log, "chassis", ("port.work",), STORED)[0] < 1e-9
+        assert open_part(log, "left_drive", ("port.work", "energy.work"), STORED[:2])[0] < 1e-9
+
+
 def test_third_law_of_the_vehicle(driven):
     with Log(driven) as log:
         run = Evidence(log)
