@@ -330,11 +330,11 @@ def truth(
         found = module.truth(resolved, f"truth of {resolved.name}")
     except module.TruthFailed as failure:
         _leave(str(failure), 1)
-    off = module.gaps(against, found.log) if against else {}
+    off = module.apart(against, found.log) if against else {}
     observables = {
-        name: {"unit": gap.unit, "rms": gap.size, "difference": gap.difference, "error": found.error(name)}
-        | ({"off": off[name].difference} if name in off else {})
-        for name, gap in found.gaps.items()
+        name: {"unit": one.unit, "difference": one.absolute, "error": found.error(name)}
+        | ({"off": off[name].absolute, "off_relative": off[name].relative} if name in off else {})
+        for name, one in found.difference.items()
     }
     result = {
         "scene": resolved.name,
@@ -350,12 +350,10 @@ def truth(
         print(json.dumps(_finite(result)))
         return
     print(f"{'built' if found.built else 'found'} {found.log}")
-    print(
-        f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; root mean squares:"
-    )
+    print(f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; RMS errors:")
     for name, each in observables.items():
-        line = f"  {name:28} {each['rms']:10.4g} {each['unit']:4} error {each['error']:.2g}"
-        print(line + (f", {against} is off by {each['off']:.3g}" if "off" in each else ""))
+        line = f"  {name:18} {each['error']:9.2g} {each['unit']:4}"
+        print(line + (f" {against} is off by {each['off']:.3g}, {each['off_relative']:.2%}" if "off" in each else ""))
 
 
 @log_app.command("info")

@@ -17,36 +17,23 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from fmus.build import cache_folder
 from fmus.monolith.model import content
 from orchestrator import monolithic, system
+from orchestrator.difference import Difference, differences
 from orchestrator.evidence import Evidence
-from orchestrator.reader import Log, Series
+from orchestrator.reader import Log
 from orchestrator.scene import Run, Scene, Track
-
-Floats = NDArray[np.float64]
 
 ORDER = 2
 SAMPLING, LINKS = 1e-3, 10  # s between outputs; links at one in so many
-WINDOW = 1.0  # s: tensions are compared as means and root mean squares over it
 LOGS = ("truth.mcap", "coarse.mcap")
 
 
 class TruthFailed(RuntimeError):
     """The monolith could not be integrated; the message is one sentence."""
-
-
-class Gap(NamedTuple):
-    """How far two logs lie apart in one observable, root mean squares over the run."""
-
-    difference: float
-    size: float  # of the observable itself in the second log
-    unit: str
 
 
 class Truth(NamedTuple):
@@ -56,12 +43,12 @@ class Truth(NamedTuple):
     coarse_log: Path  # of the same with the internal step doubled
     internal_step: float  # s
     wall_time: float  # s that the two runs took
-    gaps: dict[str, Gap]  # between the two runs, by observable
+    difference: dict[str, Difference]  # between the two runs, by observable
     built: bool  # now, not found
 
     def error(self, observable: str) -> float:
-        """Estimated error of the log in an observable, root mean square over the run."""
-        return self.gaps[observable].difference / (2.0**ORDER - 1.0)
+        """Estimated error of the log in an observable, RMS in its unit."""
+        return self.difference[observable].absolute / (2.0**ORDER - 1.0)
 
 
 def truth(scene: Scene, title: str = "") -> Truth:
@@ -80,8 +67,8 @@ def truth(scene: Scene, title: str = "") -> Truth:
                 _build(scene, folder, title)
                 built = True
     figures = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
-    gaps = {name: Gap(*gap) for name, gap in figures.pop("gaps").items()}
-    return Truth(folder / LOGS[0], folder / LOGS[1], **figures, gaps=gaps, built=built)
+    figures["difference"] = {name: Difference(**one) for name, one in figures["difference"].items()}
+    return Truth(folder / LOGS[0], folder / LOGS[1], **figures, built=built)
 
 
 def bare(scene: Scene) -> Scene:
@@ -122,7 +109,7 @@ def _build(scene: Scene, folder: Path, title: str) -> None:
         figures = {
             "internal_step": results[0][1]["internal_step"],
             "wall_time": max(cost["wall_time"] for _, cost in results),
-            "gaps": gaps(logs[1], logs[0]),
+            "difference": {name: one._asdict() for name, one in apart(logs[1], logs[0]).items()},
         }
         (fresh / "truth.json").write_text(json.dumps(figures), encoding="utf-8")
         fresh.chmod(0o755)
@@ -148,68 +135,7 @@ def _alone(lock: Path) -> Iterator[None]:
         os.close(handle)
 
 
-# --- how far two logs lie apart ------------------------------------------------------------------------
-
-
-def gaps(log: Path, reference: Path) -> dict[str, Gap]:
-    """Differences of ``log`` from ``reference`` by observable, at the times that both hold."""
+def apart(log: Path, reference: Path) -> dict[str, Difference]:
+    """How far a log lies from another one, by observable."""
     with Log(log) as one, Log(reference) as two:
-        runs = Evidence(one), Evidence(two)
-        found: dict[str, Gap] = {}
-        if "chassis" in runs[1].instances:
-            for name, unit in (("position", "m"), ("velocity", "m/s")):
-                motion = [run.vectors("chassis", "out", f"chassis.{name}") for run in runs]
-                found[f"chassis {name}"] = _gap(_together(motion), unit, 3)
-            found["chassis pitch"] = _gap(_together([run.signal("chassis.pitch") for run in runs]), "rad")
-        for name in runs[1].instances:
-            if runs[1].has(f"{name}.torque"):
-                found[f"{name} torque"] = _gap(_means([run.signal(f"{name}.torque") for run in runs]), "N.m")
-            topic = f"/{name}/links"
-            if topic in one.topics and topic in two.topics:
-                series = [log.read(topic) for log in (one, two)]
-                t = _common([s.t for s in series])[0]
-                tension = _together([(s.t, _columns(s, "].tension")) for s in series])
-                pins = _together([(s.t, _columns(s, "].position.")) for s in series])
-                means, squares = (tuple(_windows(t, v**power) for v in tension) for power in (1, 2))
-                found[f"{name} tension, mean"] = _gap(means, "N")
-                found[f"{name} tension, rms"] = _gap(tuple(np.sqrt(s) for s in squares), "N")
-                found[f"{name} pins"] = _gap(pins, "m", 3)
-    return found
-
-
-def _columns(series: Series, part: str) -> Floats:
-    return series.values[:, [part in name for name in series.names]]
-
-
-def _gap(pair: tuple[Floats, ...], unit: str, axes: int = 1) -> Gap:
-    """Root mean squares over time and columns; so many ``axes`` make a vector."""
-    one, two = pair
-    return Gap(float(np.sqrt(axes * np.mean((one - two) ** 2))), float(np.sqrt(axes * np.mean(two**2))), unit)
-
-
-def _common(times: list[Floats]) -> tuple[Floats, Any, Any]:
-    """The times of both, s, and where they stand."""
-    one, two = (np.rint(t * 1e9).astype(np.int64) for t in times)
-    common, first, second = np.intersect1d(one, two, return_indices=True)
-    return np.asarray(common * 1e-9, dtype=float), first, second
-
-
-def _together(pair: list[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
-    """Values at the common times after the start."""
-    _, first, second = _common([t for t, _ in pair])
-    return pair[0][1][first[1:]], pair[1][1][second[1:]]
-
-
-def _means(pair: list[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
-    """What is a mean over the step before, as means between the common times."""
-    common, *places = _common([t for t, _ in pair])
-    sums = [np.cumsum(y * np.diff(t, prepend=t[0])) for t, y in pair]
-    one, two = (np.diff(s[at]) / np.diff(common) for s, at in zip(sums, places, strict=True))
-    return one, two
-
-
-def _windows(t: Floats, values: Floats) -> Floats:
-    """Means of the columns over windows of WINDOW s, the last one taking the rest; ``t`` holds the start too."""
-    count = max(1, int(np.floor(t[-1] / WINDOW + 1e-9)))
-    window = np.minimum(np.floor((t[1:] - 1e-9) / WINDOW), count - 1)
-    return np.array([values[window == i].mean(axis=0) for i in range(count)])
+        return differences(Evidence(one), Evidence(two))

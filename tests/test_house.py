@@ -90,6 +90,18 @@ def test_components_do_not_know_each_other(folder):
                 assert not any(n.startswith(f"fmus.{other}") for n in imports(file.read_text())), file
 
 
+def test_the_monolith_is_no_part_of_a_component():
+    for file in sources(FMUS):
+        if not file.is_relative_to(FMUS / "monolith"):
+            assert not any(n.startswith("fmus.monolith") for n in imports(file.read_text())), file
+    behind = {
+        file.name
+        for file in sources(ORCHESTRATOR)
+        if any(n.startswith("fmus.monolith") for n in imports(file.read_text(encoding="utf-8")))
+    }
+    assert behind == {"monolithic.py", "truth.py"}
+
+
 def test_physics_knows_arrays_and_kernels_only():
     allowed = {"numpy", "scipy", "numba"} | set(sys.stdlib_module_names)
     for file in sources(FMUS / "physics"):

@@ -11,7 +11,6 @@ from fmus.monolith.model import Monolith
 from orchestrator import monolithic
 from orchestrator import truth as module
 from orchestrator.cli import app
-from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Window
 from orchestrator.measures import third_law
 from orchestrator.reader import Log
@@ -65,13 +64,44 @@ def driven(tmp_path_factory):
     return path
 
 
-def test_ledger_and_third_law_of_the_vehicle(driven):
+def open_part(log, instance, gains, losses):
+    """What the books of a component leave open, over the range of its port's work."""
+    parts = {name: log.signal(f"{instance}.{name}")[1] for name in (*gains, *losses)}
+    total = sum(parts[name] for name in gains) - sum(parts[name] for name in losses)
+    return np.ptp(total) / np.ptp(parts["port.work"]), np.ptp(total + 0.02 * parts["energy.kinetic"])
+
+
+STORED = ("energy.kinetic", "energy.dissipated", "energy.gravity", "energy.spring")
+
+
+def test_books_of_chassis_and_drives_close(driven):
+    """The spin that a prescribed speed lends to the chassis is in them: work of mount and motor, and reaction."""
+    with Log(driven) as log:
+        chassis, twin = open_part(log, "chassis", ("port.work",), STORED)
+        assert chassis < 1e-9 < twin
+        for drive in ("left_drive", "right_drive"):
+            spin, twin = open_part(log, drive, ("port.work", "energy.work"), STORED[:2])
+            assert spin < 1e-9 < twin
+
+
+@pytest.mark.parametrize("mode", ["torque", "controller"])
+def test_books_of_a_drive_that_spins_by_itself_close(mode, tmp_path):
+    settings = ("run.step=1ms", *DRIVEN, "run.stop=0.01", f"drive.mode={mode}", "drive.torque=2000")
+    monolithic.run(load("straight", "flexible", settings), tmp_path / "a.mcap")
+    with Log(tmp_path / "a.mcap") as log:
+        assert open_part(log, "chassis", ("port.work",), STORED)[0] < 1e-9
+        assert open_part(log, "left_drive", ("port.work", "energy.work"), STORED[:2])[0] < 1e-9
+
+
+def test_third_law_of_the_vehicle(driven):
     with Log(driven) as log:
         run = Evidence(log)
-        books = ledger(run)
-        assert abs(books.residual_relative) < 1e-6
-        assert books.dissipated > 1.0
         assert third_law(run, "", Window(0.0, 0.03)) < 1e-12
+        series = log.read("/chassis/in")
+        values = series.values.copy()
+        values[:, series.names.index("left.road_wheel[3].force.z")] *= 1.02
+        log._series["/chassis/in"] = series._replace(values=values)
+        assert third_law(run, "", Window(0.0, 0.03)) > 1e-6
 
 
 OBSERVABLES = ("chassis.chassis.position.x", "chassis.chassis.velocity.x", "chassis.pitch")
@@ -112,7 +142,7 @@ def test_co_simulation_converges_to_the_monolith(driven, coupled):
 def test_another_vehicle_is_not_what_it_converges_to(coupled, tmp_path):
     heavier = ("run.step=1ms", "vehicle.chassis.mass=5600", *DRIVEN)
     monolithic.run(load("straight", "flexible", heavier), tmp_path / "twin.mcap")
-    assert np.all(misfit(coupled, tmp_path / "twin.mcap") > 0.3)
+    assert np.max(misfit(coupled, tmp_path / "twin.mcap")) > 0.4
 
 
 @pytest.fixture
@@ -130,8 +160,9 @@ def test_truth_is_built_once_and_knows_its_error(empty):
     assert both[1].log == first.log
     again = module.truth(load("hanging_chain", "flexible", (*SOFT, "run.stop=0.05", "run.step=5ms")))
     assert (again.built, again.log) == (False, first.log)
-    error, size = first.error("chain pins"), first.gaps["chain pins"].size
-    assert 0.0 < error < 1e-4 * size
+    pins = first.difference["pins"]
+    assert first.error("pins") == pytest.approx(pins.absolute / 3.0)
+    assert 0.0 < pins.relative < 1e-4
     with Log(first.log) as log:
         assert log.signal("chain.travel")[0][1] == pytest.approx(1e-3)
 
@@ -153,7 +184,7 @@ def test_command_says_where_and_how_good(empty, tmp_path):
     assert result.exit_code == 0, result.output
     said = json.loads(result.stdout.splitlines()[-1])
     assert said["built"] is True
-    pins = said["observables"]["chain pins"]
+    pins = said["observables"]["pins"]
     assert pins["error"] == pytest.approx(pins["difference"] / 3.0)
     again = CliRunner().invoke(app, [*arguments, "--against", said["coarse_log"]])
     assert "found" in again.stdout
