@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fmus.vehicle import BadInput
 from orchestrator import gallery
 from orchestrator.scene import Scene, load
 from orchestrator.system import TRACKS, assemble, build_all, placed
@@ -42,6 +43,9 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
 
 
 def build_to(folder: Path, products: Sequence[Product]) -> list[Path]:
-    """Build them into a folder; paths in order."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Build them into a folder; paths in order. Raises BadInput where there can be no such folder."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"the folder {folder} cannot be made: {error.strerror}") from None
     return build_all(products, folder)

@@ -83,7 +83,8 @@ def simulate(
         "log_bytes": path.stat().st_size if path.exists() else 0,
     }
     if outcome.steps:
-        result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
+        with Log(path) as log:
+            result |= summary.evaluate(Evidence(log), scene, simulated)
         result["message"] = result["message"] or summary.doubt(result["energy"])
     return result
 

@@ -9,6 +9,7 @@ import numpy as np
 from orchestrator import measures
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Missing, Window
+from orchestrator.reader import NoSuchSignal
 from orchestrator.scene import Check, Scene
 
 LAST = 1.0  # s: observables are means over the end of a run
@@ -88,7 +89,7 @@ def _value(run: Evidence, check: Check, window: Window) -> float:
         if check.measure is not None:
             return measures.NAMES[check.measure](run, check.of, window)
         return measures.reduce(run.signal(str(check.signal), window)[1], check.reduce)
-    except Missing:
+    except (Missing, NoSuchSignal):
         return float("nan")  # counts as not ok
 
 
