@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.evidence import within
+
 if TYPE_CHECKING:
     from orchestrator.evidence import Evidence, Links, Window
 
@@ -55,7 +57,7 @@ def end_tension(run: Evidence, of: str, window: Window) -> float:
     """Force in the pin at the end of a hanging chain (the largest of all pins), N."""
     track = of or run.tracks[0]
     series = run.log.read(f"/{track}/links")
-    inside = (series.t >= window.start - 1e-9) & (series.t <= window.end + 1e-9)
+    inside = within(series.t, window)
     forces = [
         series.values[inside][:, [name.endswith(f"].force.{axis}") for name in series.names]]
         for axis in "xyz"
@@ -176,7 +178,7 @@ def settlement_of_springs(run: Evidence, of: str, window: Window) -> float:
         for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
     ]
     t, hull = run.signal("chassis.chassis.position.z")
-    inside = (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
+    inside = within(t, window)
     rise = np.mean([run.signal(wheel)[1] - hull for wheel in wheels], axis=0)
     return float(rise[inside].mean() - rise[0])
 
@@ -273,7 +275,7 @@ def _middles(links: Links) -> tuple[Floats, Floats]:
 
 
 def _inside(links: Links, window: Window) -> Links:
-    inside = (links.t >= window.start - 1e-9) & (links.t <= window.end + 1e-9)
+    inside = within(links.t, window)
     return type(links)(*(column[inside] for column in links))
 
 

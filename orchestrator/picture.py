@@ -54,10 +54,13 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
 
 
 def _rows(links: Links, times: Sequence[float] | None) -> list[int]:
-    """Rows of the records nearest to the times; by default early, in the middle and at the end."""
+    """Rows of the records nearest to the times, by default at thirds of the run; raises BadInput outside of it."""
     if times is None:
         end = links.t[-1]
         times = [end * (i + 1) / INSTANTS for i in range(INSTANTS)] if end else [0.0]
+    for t in times:
+        if not links.t[0] <= t <= links.t[-1]:
+            raise BadInput(f"--at {t:g}: links were recorded from {links.t[0]:g} to {links.t[-1]:g} s")
     return [int(np.abs(links.t - t).argmin()) for t in times]
 
 

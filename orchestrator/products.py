@@ -43,7 +43,7 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
 
 
 def build_to(folder: Path, products: Sequence[Product]) -> list[Path]:
-    """Build them into a folder; paths in order."""
+    """Build them into a folder; paths in order. Raises BadInput where there can be no such folder."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

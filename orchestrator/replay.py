@@ -50,12 +50,17 @@ class Row(NamedTuple):
 
 
 def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
-    """Step a component through recorded inputs; yields (k, t) at the start and after every step."""
+    """Step a component through recorded inputs; yields (k, t) at the start and after every step. Raises Unfit."""
     if tuple(component.inputs) != tuple(inputs.names):
         missing = sorted(set(component.inputs) ^ set(inputs.names))
         raise Unfit(
             f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})"
         )
+    expected = np.concatenate([[0.0], inputs.t[:-1] + inputs.h[:-1]])
+    gaps = np.flatnonzero(np.abs(inputs.t - expected) > 1e-9)
+    if len(gaps):
+        before, after = expected[gaps[0]], inputs.t[gaps[0]]
+        raise Unfit(f"{component.name}: the log lacks its inputs from t = {before:.6g} to {after:.6g} s")
     component.initialise(parameters, 0.0)
     yield 0, 0.0
     for k, (t, h, u) in enumerate(zip(inputs.t, inputs.h, inputs.values, strict=True), 1):

@@ -132,7 +132,8 @@ def _how_it_ended(outcome: master.Outcome, startup: float, wall: float) -> dict[
 def _evaluated(scene: Scene, path: Path, outcome: master.Outcome) -> dict[str, Any]:
     """Energy, checks, observables, and what they make one doubt."""
     try:
-        found = summary.evaluate(Evidence(Log(path)), scene, outcome.time)
+        with Log(path) as log:
+            found = summary.evaluate(Evidence(log), scene, outcome.time)
     except LogUnreadable as error:  # a device, or a file that someone else has changed
         return {"status": "failed", "message": str(error)}
     return found | {"message": "; ".join(filter(None, (outcome.message, summary.doubt(found["energy"]))))}

@@ -14,6 +14,7 @@ from orchestrator.cli import main
 from orchestrator.component import Component, ComponentFailed
 from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, recover, verify
 from orchestrator.reader import Log
+from orchestrator.recorder import Recorder
 
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "real_time_factor",
@@ -300,6 +301,36 @@ def test_view_draws(cotrack, tmp_path):
     status, _, err = cotrack("view", "cut.mcap", "-o", "cut.png")
     assert status == 2
     assert "cut.mcap holds no links to draw" in err
+    status, _, err = cotrack("view", "a.mcap", "--at", "0.03", "-o", "b.png")
+    assert status == 2
+    assert "from 0 to 0.02 s" in err
+    assert not (tmp_path / "b.png").exists()
+
+
+def test_a_check_without_its_signals_is_not_ok(cotrack):
+    status, out, err = cotrack("run", "hanging_chain", "--set", "track.link_outputs=false", "--json")
+    assert status == 1, err
+    checks = last(out)["checks"]
+    assert checks["rest"]["ok"]
+    assert not checks["tension"]["ok"]
+    assert checks["tension"]["value"] is None
+
+
+def test_replay_refuses_a_log_with_a_gap(cotrack, tmp_path):
+    assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
+    with Log(tmp_path / "a.mcap") as log:
+        topics = {topic: list(zip(*log.topics[topic][:2], strict=True)) for topic in ("/chain/in", "/chain/out")}
+        attachments = {name: log.attachment(name) for name in log.attachments}
+        with Recorder(tmp_path / "gap.mcap", topics, attachments, log.metadata) as recorder:
+            for topic in topics:
+                series = log.read(topic)
+                for k, row in enumerate(series.values):
+                    if k not in (7, 8):
+                        recorder.write(topic, k, series.t[k], series.h[k], row)
+            recorder.close("ok", "", 20)
+    status, _, err = cotrack("replay", "gap.mcap", "--component", "chain")
+    assert status == 2
+    assert "lacks its inputs from t = 0.007 to 0.009 s" in err
 
 
 def test_build_names_variants(cotrack, tmp_path):
@@ -307,6 +338,9 @@ def test_build_names_variants(cotrack, tmp_path):
     assert status == 0
     assert [file.name for file in (tmp_path / "fmus").iterdir()] == ["TrackRigid-hanging_chain.fmu"]
     assert out.strip().endswith("TrackRigid-hanging_chain.fmu")
+    status, _, err = cotrack("build", "hanging_chain", "-o", "fmus/TrackRigid-hanging_chain.fmu/below")
+    assert status == 2
+    assert "cannot be made" in err
 
 
 def started(tmp_path, environment):
