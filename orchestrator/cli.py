@@ -289,7 +289,8 @@ def study(
     timed = hasattr(chosen, "WORKERS")  # a study of one scene, whose runs have the machine to themselves
     if scene is not None and not timed:
         raise BadInput(f"study {name} takes no scene")
-    cases = chosen.cases(quick, scene or "straight") if timed else chosen.cases(quick)
+    make: Any = chosen.cases
+    cases = make(quick, scene or "straight") if timed else make(quick)
     workers = workers or (1 if timed else 2)
     try:
         with Watched(name, len(cases)) as done:
