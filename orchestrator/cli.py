@@ -133,6 +133,8 @@ def build(
         wanted = products.of_scenes([load(products.STANDARD, model, settings) for model in models])
     else:
         wanted = products.of_scenes([load(scene, _model(track), settings)])
+    if not wanted:
+        raise BadInput(f"scene '{scene}' needs no FMU")
     for file in products.build_to(output, wanted):
         print(file)
 
@@ -165,7 +167,7 @@ def run(
     ]
     try:
         resolved = load(scene, _model(track), changes)
-        path = log or Path("logs") / f"{resolved.name}-{resolved.track.model}.mcap"
+        path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
         result = simulate(resolved, path, _warn, progress=True)
         sound = result["status"] == "ok" and all(check["ok"] for check in result["checks"].values())
         status = 0 if sound else 1
@@ -368,8 +370,9 @@ def _finite(value: Any) -> Any:
 
 def _print_summary(result: dict[str, Any]) -> None:
     r = result
+    track = f" ({r['track']})" if r["track"] else ""
     print(
-        f"{r['scene']} ({r['track']}): {r['status']}, {r['simulated_time']:.6g} s in {r['wall_time']:.3g} s"
+        f"{r['scene']}{track}: {r['status']}, {r['simulated_time']:.6g} s in {r['wall_time']:.3g} s"
         f" ({r['real_time_factor']:.3g} x real time), start-up {r['startup_time']:.3g} s"
     )
     for name, check in r["checks"].items():

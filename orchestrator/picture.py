@@ -31,6 +31,8 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
 
     with Log(path) as log:
         run = Evidence(log)
+        if not run.tracks:
+            raise BadInput(f"{path}: the log has no track to draw")
         track = run.tracks[0]
         links = run.links(track)
         rows = _rows(links, times)

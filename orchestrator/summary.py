@@ -9,7 +9,7 @@ import numpy as np
 from orchestrator import measures
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Missing, Window
-from orchestrator.scene import Check, Scene
+from orchestrator.scene import ChainScene, Check, Scene, VehicleScene
 
 LAST = 1.0  # s: observables are means over the end of a run
 OPEN = 0.05  # of the work: an energy ledger that leaves more is worth a word
@@ -73,8 +73,8 @@ def checks(run: Evidence, scene: Scene, simulated: float) -> dict[str, CheckResu
     results = {}
     for name, check in scene.expect.items():
         end = scene.run.stop if check.end is None else check.end
-        covered = check.start < end <= simulated + 1e-9
-        if not covered or check.track not in (None, scene.track.model):
+        covered = check.start <= end <= simulated + 1e-9
+        if not covered or check.track not in (None, scene.variant):
             continue
         value = _value(run, check, Window(check.start, end))
         tolerance = check.tolerance * (abs(check.expected) if check.relative else 1.0)
@@ -100,7 +100,7 @@ def observables(run: Evidence, scene: Scene, simulated: float) -> dict[str, floa
         return values
     values["tension_max"] = max(float(run.signal(f"{track}.tension.max")[1].max()) for track in run.tracks)
     values["tension_mean"] = float(np.mean([run.mean(f"{track}.tension.mean", last) for track in run.tracks]))
-    if scene.assembly == "vehicle":
+    if isinstance(scene, VehicleScene):
         values |= {
             "distance": float(run.signal("chassis.distance")[1][-1]),
             "speed": run.mean("chassis.speed", last),
@@ -109,14 +109,14 @@ def observables(run: Evidence, scene: Scene, simulated: float) -> dict[str, floa
             "weight": weight(scene),
             "slip": measures.slip(run, "", last),
         }
-    elif scene.assembly == "chain" and scene.track.link_outputs:
+    elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
         values |= {"sag": measures.sag(run, "", last), "end_tension": measures.end_tension(run, "", last)}
     else:
         values["speed"] = run.mean(f"{run.tracks[0]}.speed", last)
     return values
 
 
-def weight(scene: Scene) -> float:
+def weight(scene: VehicleScene) -> float:
     """Weight of everything a vehicle scene carries, N."""
     v = scene.vehicle
     wheels = len(v.road_wheel.x) * (v.road_wheel.mass + v.road_arm.mass)
