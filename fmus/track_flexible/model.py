@@ -28,7 +28,8 @@ from fmus.track_flexible.sums import POWER
 
 REST = 1e-3  # residual of static equilibrium, N
 SPINNING = 30  # iterations towards the relative equilibrium of a loop
-ROUNDING = 1e-12  # its last correction of a pin, relative to the pitch
+HOLD = 100.0  # its inertia over that of the spin; the iteration converges while the strain is below 1/HOLD
+ROUNDING = 1e-10  # its last correction of a pin, relative to the pitch
 
 
 class Model(TrackModel):
@@ -146,13 +147,13 @@ class Model(TrackModel):
     def _stretch(self, spin: float) -> None:
         """Relative equilibrium of a free loop that turns at ``spin`` rad/s: Q = spin^2 M q.
 
-        Inertia of the right sign keeps the matrix regular where nothing resists; next to the stiffness it is too
-        small to slow Newton's iteration.
+        Inertia of the right sign keeps the matrix regular where nothing resists: the loop as one body. It is large
+        enough to leave the loop where it is, and small next to the stiffness, so that Newton's iteration stays fast.
         """
         w, acceleration, still = self.work, self.vdot, self.space[0]
         for _ in range(SPINNING):
             acceleration[:] = -(spin**2) * self.q
-            evaluate(self.link, None, self.environment, self.q, still, acceleration, 0.0, spin**2, w, True)
+            evaluate(self.link, None, self.environment, self.q, still, acceleration, 0.0, HOLD * spin**2, w, True)
             if factor(w.A, w.U, w.L, w.factors, self.closed) >= 0:
                 break
             solve(w.A, w.U, w.factors, self.closed, w.b)
