@@ -37,7 +37,9 @@ class Ledger(NamedTuple):
     change: float
     dissipated: float
     residual: float
-    residual_relative: float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
+    residual_relative: (
+        float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
+    )
     port: float  # the part of the residual that the ports make
     integration: dict[str, float]  # the part of each component, of one where the vehicle has two
 

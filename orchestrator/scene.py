@@ -159,11 +159,13 @@ class TrackScene(Scene):
 
 
 class Chain(Part):
-    """A chain at the origin: open between two fixed pins at one height, open and held at its first pin, or a free loop."""
+    """An open chain between two fixed pins at the height of the origin, or held at the first alone, or a free loop."""
 
     links: Annotated[int, Field(ge=2, le=4096)]
     ends: Literal["pinned", "held", "loop"] = "pinned"
-    span: Annotated[float, Field(gt=0, lt=1)] | None = None  # pinned: distance of the pins over the chain's length
+    span: Annotated[float, Field(gt=0, lt=1)] | None = (
+        None  # pinned: distance of the pins over the chain's length
+    )
     spin: Annotated[float, In("rad/s")] = 0.0  # of a loop about y, at the start; it has no gravity
 
     @model_validator(mode="after")
@@ -253,15 +255,17 @@ class Cantilever(Part):
 
 
 class Frame(Part):
-    """An L-frame, 1 m along x from its clamp and 0.8 m up, of square section and E = 1e7 Pa, under (P, 0, P) at its tip.
+    """An L-frame, 1 m along x from its clamp and 0.8 m up, of square section and E = 1e7 Pa.
 
-    P grows from 0 to 160 h^4 N/m^4 at ``load_time``, in static equilibrium.
+    At its tip acts (P, 0, P); P grows from 0 to 160 h^4 N/m^4 at ``load_time``, in static equilibrium.
     """
 
     elements: Elements  # of each member
     element: Literal["beam", "small_deformation", "general", "engineering"]
     height: Annotated[float, In("m", gt=0, le=0.1)]
-    corner: Annotated[float, Field(ge=0, le=1e4)]  # of beams: stiffness of the corner's block over theirs, 0: none
+    corner: Annotated[
+        float, Field(ge=0, le=1e4)
+    ]  # of beams: stiffness of the corner's block over theirs, 0: none
     load_time: Duration
 
 
@@ -360,7 +364,9 @@ def _complete(table: dict[str, Any], where: str, track: str | None, changes: lis
         if key == "vehicle":
             table["vehicle"] = value
     table["vehicle"] = _whole_vehicle(table.get("vehicle"), where)
-    changes[:] = [("track.model" if key == "track" else key, value) for key, value in changes if key != "vehicle"]
+    changes[:] = [
+        ("track.model" if key == "track" else key, value) for key, value in changes if key != "vehicle"
+    ]
 
 
 def from_table(table: Mapping[str, Any], where: str) -> Scene:

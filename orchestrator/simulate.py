@@ -117,7 +117,10 @@ def warm_up(stages: Stages, h: float) -> None:
     """One step and back, bit for bit: what a first step compiles or loads belongs to the start-up."""
     for member in (member for stage in stages for member in stage):
         component = member.component
-        if not isinstance(component, Component) or not component.description.coSimulation.canGetAndSetFMUstate:
+        if (
+            not isinstance(component, Component)
+            or not component.description.coSimulation.canGetAndSetFMUstate
+        ):
             continue
         gather(member)
         state = component.save()

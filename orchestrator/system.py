@@ -122,18 +122,15 @@ def build_all(
 
 def _chain(scene: ChainScene) -> Assembly:
     chain = scene.chain
-    ends: dict[str, Any] | None = {"kind": chain.ends, "first": [0.0, 0.0]}
-    gravity, parameters = None, {}
-    match chain.ends:
-        case "pinned":
-            ends["last"] = [chain.span * chain.links * scene.vehicle.track.pitch, 0.0]
-        case "loop":
-            ends, gravity, parameters = None, 0.0, {"start.spin": chain.spin}
-    config = _track_config(
-        scene, links=chain.links, closed=ends is None, wheels=[], gravity=gravity, ends=ends
-    )
-    part = _track(scene, "chain", config)
-    return Assembly((part._replace(parameters=part.parameters | parameters),), ())
+    if chain.ends == "loop":
+        config = _track_config(scene, links=chain.links, closed=True, wheels=[], gravity=0.0)
+        part = _track(scene, "chain", config)
+        return Assembly((part._replace(parameters={**part.parameters, "start.spin": chain.spin}),), ())
+    ends: dict[str, Any] = {"kind": chain.ends, "first": [0.0, 0.0]}
+    if chain.span is not None:
+        ends["last"] = [chain.span * chain.links * scene.vehicle.track.pitch, 0.0]
+    config = _track_config(scene, links=chain.links, closed=False, wheels=[], ends=ends)
+    return Assembly((_track(scene, "chain", config),), ())
 
 
 def _bench(scene: BenchScene) -> Assembly:
@@ -355,7 +352,13 @@ def _of_piece(scene: Scene) -> tuple[list[str], list[str]]:
     from orchestrator.pieces import piece
 
     it = piece(scene)
-    absent = ["FMUs: the mechanics are stepped directly", "both track models", CHASSIS_PARTS, "drives", *TOUCH]
+    absent = [
+        "FMUs: the mechanics are stepped directly",
+        "both track models",
+        CHASSIS_PARTS,
+        "drives",
+        *TOUCH,
+    ]
     if "energy.kinetic" not in it.outputs:
         absent += ["inertia: static equilibrium at every instant"]
     if not getattr(getattr(scene, scene.assembly), "gravity", 0.0):

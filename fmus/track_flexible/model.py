@@ -153,14 +153,21 @@ class Model(TrackModel):
         w, acceleration, still = self.work, self.vdot, self.space[0]
         for _ in range(SPINNING):
             acceleration[:] = -(spin**2) * self.q
-            evaluate(self.link, None, self.environment, self.q, still, acceleration, 0.0, HOLD * spin**2, w, True)
+            evaluate(
+                self.link, None, self.environment, self.q, still, acceleration, 0.0, HOLD * spin**2, w, True
+            )
             if factor(w.A, w.U, w.L, w.factors, self.closed) >= 0:
                 break
             solve(w.A, w.U, w.factors, self.closed, w.b)
-            if correct(self.link, w, self.q, self.v, self.a, 0.0, 0.0, 0.5 * self.pitch) < ROUNDING * self.pitch:
+            if (
+                correct(self.link, w, self.q, self.v, self.a, 0.0, 0.0, 0.5 * self.pitch)
+                < ROUNDING * self.pitch
+            ):
                 acceleration[:] = 0.0
                 return
-        raise StepFailed(f"the loop that turns at {spin:g} rad/s has no relative equilibrium: its links are too soft")
+        raise StepFailed(
+            f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
+        )
 
     def _observe(self) -> None:
         """Wrenches, pin forces and report of the state as it stands."""

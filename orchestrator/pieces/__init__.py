@@ -45,11 +45,11 @@ class Stepped:
         self.inputs: tuple[str, ...] = ()
         self.outputs = tuple(piece.outputs)
         self.links = tuple(f"point[{i}].position.{axis}" for i in range(1, piece.count + 1) for axis in "xyz")
-        self.integers = COUNTERS
-        self.u = np.zeros(0)
-        self.y = np.zeros(len(self.outputs))
-        self.y_links = np.zeros(len(self.links))
-        self.counters = piece.counters
+        self.integers: tuple[str, ...] = COUNTERS
+        self.u: Floats = np.zeros(0)
+        self.y: Floats = np.zeros(len(self.outputs))
+        self.y_links: Floats = np.zeros(len(self.links))
+        self.counters: NDArray[Any] = piece.counters
         self.read()
         self.wall_time = 0.0  # s
 
@@ -73,7 +73,9 @@ class Stepped:
             self.wall_time += perf_counter() - began
         if not np.isfinite(self.y).all():
             what = self.outputs[int(np.argmin(np.isfinite(self.y)))]
-            raise ComponentFailed(f"{self.name}: {what} is no longer finite at t = {t + h:.6g} s: take smaller steps")
+            raise ComponentFailed(
+                f"{self.name}: {what} is no longer finite at t = {t + h:.6g} s: take smaller steps"
+            )
 
     def read(self) -> None:
         """The outputs go into ``y``."""

@@ -31,7 +31,8 @@ class Bent:
         """The equilibrium at t + h from that at t."""
         found = statics.newton(self.mesh, self.q, self.rate * (t + h), CLOSE, MOST)
         if found is None:
-            raise ArithmeticError(f"Newton: no equilibrium under {self.full * self.rate * (t + h):.6g} N, take shorter steps")
+            force = self.full * self.rate * (t + h)
+            raise ArithmeticError(f"Newton: no equilibrium found under {force:.6g} N, take shorter steps")
         before, f = self.q, self.mesh.applied(self.q)
         self.q = found[0]
         self.work += self.rate * (t + 0.5 * h) * float(f @ (self.q - before))  # trapezoids: the load is dead

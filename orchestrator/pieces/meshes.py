@@ -1,4 +1,4 @@
-"""Meshes that scenes without an FMU move and the study of the mechanics measures: lines, chains, corners, frames, rails."""
+"""Meshes of scenes without an FMU and of the study of the mechanics: lines, chains, corners, frames, rails."""
 
 from __future__ import annotations
 
@@ -24,11 +24,6 @@ from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
 
 Floats = NDArray[np.float64]
-CABLES: dict[str, Any] = {
-    "small deformation (11)-(15)": cable_small,
-    "general (8)-(10)": cable_general,
-    "engineering": cable_engineering,
-}
 ELASTICITIES: dict[str, Any] = {
     "small_deformation": cable_small,
     "general": cable_general,
@@ -255,11 +250,16 @@ RAIL = Cable(2.0 / 6, 0.5, 4e3, 2.0, 0.0, 0.0)
 
 
 def rope(
-    slider: str, elements: int = 6, place: float = 0.6, c: Cable = RAIL, mass: float = 1.0, gravity: float = 9.81
+    slider: str,
+    elements: int = 6,
+    place: float = 0.6,
+    c: Cable = RAIL,
+    mass: float = 1.0,
+    gravity: float = 9.81,
 ) -> tuple[Any, Any, Any]:
-    """A straight smooth rail of cables ``c`` along x, pinned at both ends, at rest, and what slides from ``place`` m on.
+    """A straight smooth rail of cables ``c`` along x, pinned at both ends, at rest, and a ``slider`` at ``place`` m.
 
-    ``slider``: a ``point`` of ``mass`` kg, or a ``cable`` of 0.2 m and that mass.
+    That is a ``point`` of ``mass`` kg, or a ``cable`` of 0.2 m and that mass.
     """
     T = sliding.chain_map(elements, c.l, True)
     size, is_cable = T.shape[2], slider == "cable"

@@ -13,11 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from fmus.physics.ancf import beam, bspline, cable_small, dynamics, joints, loads, sliding, statics
+from fmus.physics.ancf import (
+    beam,
+    bspline,
+    cable_engineering,
+    cable_general,
+    cable_small,
+    dynamics,
+    joints,
+    loads,
+    sliding,
+    statics,
+)
 from fmus.physics.ancf.mesh import Mesh, Part, Tie, nodes
 from fmus.physics.chain_layout import regular_polygon
 from orchestrator.pieces.meshes import (
-    CABLES,
     MODULUS,
     PITCH,
     SECTIONS,
@@ -51,6 +61,11 @@ __all__ = ["TITLE", "Row", "cases", "failed", "measure", "missed", "to_markdown"
 TITLE = "The chain mechanics of the paper: value, reference, error, order"
 
 Floats = NDArray[np.float64]
+CABLES: dict[str, Any] = {
+    "small deformation (11)-(15)": cable_small,
+    "general (8)-(10)": cable_general,
+    "engineering": cable_engineering,
+}
 CURES: dict[str, dict[str, Any]] = {
     "nu = 0": {"nu": 0.0, "split": False},
     "split nu = 0.3": {"nu": 0.3, "split": True},
