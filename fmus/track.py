@@ -12,7 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed, check_orientation, check_steps
-from fmus.physics.chain_layout import closed_polygon, hanging_arc, over_sprocket, rescaled
+from fmus.physics.chain_layout import (
+    chain_of_angles,
+    closed_polygon,
+    folded,
+    hanging_arc,
+    over_sprocket,
+    regular_polygon,
+    rescaled,
+)
 from fmus.physics.wheels import WIDTH, read_states, to_world
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 
@@ -58,14 +66,23 @@ REPORT = (
 ) = range(14)
 SLIP = 16
 
-PINNED, PULLED, LOOP = 1, 2, 0  # how the ends of a chain are held
+# How the ends of a chain are held: LOOP has none, HELD lets the last pin go.
+LOOP, PINNED, PULLED, HELD = range(4)
+KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
+STARTS = {
+    "rest": "static equilibrium, of a loop that spins relative to its turning",
+    "polygon": "as laid out",
+    "displaced": "equilibrium of ends 0.7 S apart, its link angles scaled to the span",
+    "straight": "level, along x",
+    "folded": "down, one link across, and up again",
+}
 
 
 class Environment(NamedTuple):
     """What acts on a chain besides what it touches."""
 
     gravity: float  # m/s2
-    ends: int  # LOOP, PINNED or PULLED
+    ends: int  # LOOP, PINNED, PULLED or HELD
     pull: np.ndarray  # (2, 3) force on the first and on the last pin, N
     transverse: float  # damping of each pin across the chain, N s/m
 
@@ -85,6 +102,7 @@ class TrackModel:
         self.wheel_list = self.config["wheels"]
         self.links_count = int(self.config["links"])
         self.closed = bool(self.config["closed"])
+        self.ends_kind = KINDS[self.config["ends"]["kind"]] if self.config.get("ends") else LOOP
         self.nodes = self.links_count if self.closed else self.links_count + 1
         self.pitch = float(self.vehicle["track"]["pitch"])
         wheels = len(self.wheel_list)
@@ -142,18 +160,13 @@ class TrackModel:
                 vehicle["track"]["lateral"],
             )
         )
-        starts = ("rest", "polygon", "displaced") if self._pinned() else ("rest", "polygon")
-        ports.append(
-            Port(
-                "start",
-                "parameter",
-                "1",
-                "rest: static equilibrium; polygon: as laid out; displaced: equilibrium"
-                " of ends 0.7 S apart, its link angles scaled to the span",
-                "rest",
-                starts,
-            )
+        starts = {PINNED: ("rest", "polygon", "displaced"), HELD: ("straight", "folded")}.get(
+            self.ends_kind, ("rest", "polygon")
         )
+        text = "; ".join(f"{start}: {STARTS[start]}" for start in starts)
+        ports.append(Port("start", "parameter", "1", text, starts[0], starts))
+        if self._free():
+            ports.append(Port("start.spin", "parameter", "rad/s", "turning of the loop about y at the start"))
         ports.append(
             Port(
                 "integrator",
@@ -184,8 +197,9 @@ class TrackModel:
         """Parameters that only this kind of chain has."""
         return ()
 
-    def _pinned(self) -> bool:
-        return bool(self.config.get("ends")) and self.config["ends"]["kind"] == "pinned"
+    def _free(self) -> bool:
+        """Whether this is a loop that nothing holds."""
+        return self.closed and not self.wheel_list
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Lay the chain out and, unless told otherwise, let it come to rest on its wheels."""
@@ -212,7 +226,7 @@ class TrackModel:
         self.counters[:] = 0
         self.state[:] = 0.0
         self.prepare(p)
-        self._start(str(p["start"]))
+        self._start(str(p["start"]), float(p.get("start.spin", 0.0)))
         self._warnings.clear()
 
     def _partners(self, p: Mapping[str, Any]) -> Any:
@@ -226,19 +240,17 @@ class TrackModel:
     def _environment(self) -> Environment:
         ends = self.config.get("ends")
         pull = np.zeros((2, 3))
-        kind = LOOP
-        if ends:
-            kind = PINNED if ends["kind"] == "pinned" else PULLED
-            if kind == PULLED:
-                pull[:, 0] = ends["first"][0], ends["last"][0]
-                pull[:, 2] = ends["first"][1], ends["last"][1]
-        return Environment(
-            float(self.config["gravity"]), kind, pull, float(self.config.get("transverse_damping", 0.0))
-        )
+        if self.ends_kind == PULLED:
+            pull[:, 0] = ends["first"][0], ends["last"][0]
+            pull[:, 2] = ends["first"][1], ends["last"][1]
+        damping = float(self.config.get("transverse_damping", 0.0))
+        return Environment(float(self.config["gravity"]), self.ends_kind, pull, damping)
 
     def polygon(self) -> Floats:
         """Pins (nodes, 2) of the start layout; raises InvalidParameter when the chain does not fit."""
         try:
+            if self._free():
+                return regular_polygon(self.pitch, self.links_count)
             if self.closed:
                 centres = np.array([w["position"] for w in self.wheel_list], dtype=float)
                 toothed = np.array([w["kind"] == "teeth" for w in self.wheel_list])
@@ -250,7 +262,7 @@ class TrackModel:
                     ]
                 )
                 return closed_polygon(centres, radii, ~toothed, self.pitch, self.links_count)
-            if self._pinned():
+            if self.ends_kind == PINNED:
                 first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
                 return hanging_arc(first, last, self.pitch, self.links_count)
             centre = np.array(self.wheel_list[0]["position"], dtype=float)
@@ -258,15 +270,27 @@ class TrackModel:
         except ValueError as error:
             raise InvalidParameter(f"the track cannot be laid out: {error}") from None
 
-    def _start(self, start: str) -> None:
-        if start == "displaced":
+    def _start(self, start: str, spin: float) -> None:
+        if start in ("straight", "folded"):
+            self.settle(self._released(start), rest=False)
+        elif start == "displaced":
             first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
             near = first + (last - first) * 0.7 * self.links_count * self.pitch / np.hypot(*(last - first))
             self.settle(hanging_arc(first, near, self.pitch, self.links_count), rest=True)
             pins = rescaled(self.pins()[:, [0, 2]], last, self.pitch)
             self.settle(pins, rest=False)
         else:
-            self.settle(self.polygon(), rest=start == "rest")
+            self.settle(self.polygon(), rest=start == "rest", spin=spin)
+
+    def _released(self, start: str) -> Floats:
+        """Pins (nodes, 2) of a chain that is let go, held at its first one."""
+        first = np.array(self.config["ends"]["first"], dtype=float)
+        if start == "straight":
+            return chain_of_angles(first, np.zeros(self.links_count), self.pitch)
+        try:
+            return folded(first, self.pitch, self.links_count)
+        except ValueError as error:
+            raise InvalidParameter(f"start = 'folded': {error}") from None
 
     def step(self, t: float, h: float, u: Floats) -> None:
         """Advance by ``h`` with the wheels' states ``u`` given at ``t``."""
@@ -318,8 +342,11 @@ class TrackModel:
         """Make the kernel parameters of the links from the FMI parameters ``p``."""
         raise NotImplementedError
 
-    def settle(self, pins: Floats, rest: bool) -> None:
-        """Set the chain to the polygon ``pins`` (nodes, 2), at rest; with ``rest``, go to static equilibrium."""
+    def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
+        """Set the chain to the polygon ``pins`` (nodes, 2), at rest; with ``rest``, go to static equilibrium.
+
+        A free loop may turn about the origin at ``spin`` rad/s; its equilibrium is then relative to that.
+        """
         raise NotImplementedError
 
     def pins(self) -> Floats:

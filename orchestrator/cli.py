@@ -139,6 +139,8 @@ def build(
         wanted = products.of_scenes([load(products.STANDARD, model, settings) for model in models])
     else:
         wanted = products.of_scenes([load(scene, _model(track), settings)])
+    if not wanted:
+        raise BadInput(f"scene '{scene}' needs no FMU")
     for file in products.build_to(output, wanted):
         print(file)
 
@@ -182,10 +184,10 @@ def run(
         if error is not None:
             from orchestrator.precision import cheapest, fraction
 
-            chosen = cheapest(resolved.name, resolved.track.model, fraction(error)).settings
+            chosen = cheapest(resolved.name, resolved.variant or "none", fraction(error)).settings
             print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
             resolved = load(scene, _model(track), [*chosen, *changes])
-        path = log or Path("logs") / f"{resolved.name}-{resolved.track.model}.mcap"
+        path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
         result = simulate(resolved, path, _warn, progress=True, estimated=estimate)
         sound = result["status"] == "ok" and all(check["ok"] for check in result["checks"].values())
         status = 0 if sound else 1
@@ -339,7 +341,7 @@ def truth(
     }
     result = {
         "scene": resolved.name,
-        "track": resolved.track.model,
+        "track": resolved.variant,
         "log": str(found.log),
         "coarse_log": str(found.coarse_log),
         "built": found.built,
@@ -465,8 +467,9 @@ def _error(found: dict[str, Any]) -> str:
 
 def _print_summary(result: dict[str, Any]) -> None:
     r = result
+    track = f" ({r['track']})" if r["track"] else ""
     print(
-        f"{r['scene']} ({r['track']}): {r['status']}, {r['simulated_time']:.6g} s in {r['wall_time']:.3g} s"
+        f"{r['scene']}{track}: {r['status']}, {r['simulated_time']:.6g} s in {r['wall_time']:.3g} s"
         f" ({r['real_time_factor']:.3g} x real time), start-up {r['startup_time']:.3g} s"
     )
     if r["rejected_steps"]:

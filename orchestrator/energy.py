@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.evidence import Evidence, Missing
+from orchestrator.evidence import Evidence, Missing, Window
 
 Floats = NDArray[np.float64]
 LEAST = 1.0  # J: below it all is rest
@@ -37,7 +37,9 @@ class Ledger(NamedTuple):
     change: float
     dissipated: float
     residual: float
-    residual_relative: float  # of the largest of work, change and dissipated, of LEAST at least
+    residual_relative: (
+        float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
+    )
     port: float  # the part of the residual that the ports make
     integration: dict[str, float]  # the part of each component, of one where the vehicle has two
 
@@ -68,7 +70,7 @@ def ledger(run: Evidence) -> Ledger:
 
     work, change, dissipated = total("work"), total(*STORED), total("dissipated")
     residual = work - change - dissipated
-    scale = max(abs(work), abs(change), abs(dissipated), LEAST)
+    scale = max(abs(work), abs(change), abs(dissipated), _liveliest(run), LEAST)
     integration = {
         name: book.get("work", 0.0)
         + received[name]
@@ -77,6 +79,30 @@ def ledger(run: Evidence) -> Ledger:
         for name, book in books.items()
     }
     return Ledger(work, change, dissipated, residual, residual / scale, lost, integration)
+
+
+def drift(run: Evidence, window: Window) -> float:
+    """Largest change of what all components hold and have lost, less the work, over the largest kinetic energy.
+
+    Of what goes through no ports; in a window, against its first instant.
+    """
+    names = [
+        (f"{name}.energy.{part}", -1.0 if part == "work" else 1.0)
+        for name in run.instances
+        for part in (*STORED, "dissipated", "work")
+        if run.has(f"{name}.energy.{part}")
+    ]
+    most = _liveliest(run)
+    if not most:
+        raise Missing("the log holds no kinetic energy")
+    total = np.sum([sign * run.signal(name, window)[1] for name, sign in names], axis=0)
+    return float(np.abs(total - total[0]).max() / most)
+
+
+def _liveliest(run: Evidence) -> float:
+    """Largest kinetic energy of a component, J: of what falls or spins freely it says how much went back and forth."""
+    names = [f"{name}.energy.kinetic" for name in run.instances if run.has(f"{name}.energy.kinetic")]
+    return max((float(run.signal(name)[1].max()) for name in names), default=0.0)
 
 
 def ports(run: Evidence) -> list[Port]:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from orchestrator.difference import differences, worst
 from orchestrator.evidence import Evidence, Missing
 from orchestrator.reader import Log
-from orchestrator.scene import Scene
+from orchestrator.scene import Scene, TrackScene
 
 SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
@@ -33,7 +33,7 @@ class Companions(NamedTuple):
     both: Scene
 
 
-def companions(scene: Scene, internal: float, simulated: float, components: int) -> Companions:
+def companions(scene: TrackScene, internal: float, simulated: float, components: int) -> Companions:
     """Twice the communication step, twice the internal step too; ``internal`` s is what the tracks really took."""
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
@@ -52,7 +52,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
     """Relative errors of a recorded run as a whole and by observable; without companions, why not."""
     steps = [cost["steps"] for name, cost in summary["components"].items() if name.endswith(("track", "chain"))]
     simulated = summary["simulated_time"]
-    if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
+    if not isinstance(scene, TrackScene) or not steps or not all(steps) or simulated < 4.0 * scene.run.step:
         return unknown("the run is too short, or nothing in it has an internal step to double")
     wanted = companions(scene, simulated / max(steps), simulated, len(summary["components"]))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:

@@ -15,7 +15,11 @@ def names() -> list[str]:
     """Names of the packaged scenes, in the order in which the physics grows."""
     folder = resources.files("orchestrator") / "scenes"
     found = {file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")}
-    order = ["hanging_chain", "sprocket_bench", "rig", "settle", "straight"]
+    order = [
+        "hanging_chain", "sprocket_bench", "rig", "settle", "straight",
+        "released_chain", "folded_chain", "spinning_loop",
+        "flexible_pendulum", "elastica", "l_frame", "sliding_mass",
+    ]  # fmt: skip
     return [name for name in order if name in found] + sorted(found.difference(order))
 
 

@@ -21,7 +21,7 @@ class Instance(NamedTuple):
     """One FMU with a name of its own."""
 
     name: str
-    fmu: Path
+    fmu: Path | None  # None: stepped in this process, without an FMU
     parameters: Mapping[str, float | int | str]
     stage: int  # instances of a lower stage step first; those of one stage step at once
 
@@ -73,6 +73,25 @@ class Steppable(Protocol):
 
     def free(self, state: Any) -> None:
         """Forget a saved state."""
+
+
+class Recorded(Steppable, Protocol):
+    """What log and summary need of it besides."""
+
+    links: tuple[str, ...]  # outputs of every link or point
+    integers: tuple[str, ...]
+    y_links: Floats
+    counters: NDArray[np.int32]
+    wall_time: float  # s inside the component
+
+    def unit(self, name: str) -> str:
+        """Of a variable, '1' if it has none."""
+
+    def read_links(self) -> None:
+        """Fetch ``y_links``."""
+
+    def read_counters(self) -> None:
+        """Fetch ``counters``."""
 
 
 class Feed(NamedTuple):

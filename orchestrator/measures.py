@@ -55,14 +55,53 @@ def sag(run: Evidence, of: str, window: Window) -> float:
 
 def end_tension(run: Evidence, of: str, window: Window) -> float:
     """Force in the pin at the end of a hanging chain (the largest of all pins), N."""
-    track = of or run.tracks[0]
-    series = run.log.read(f"/{track}/links")
-    inside = within(series.t, window)
-    forces = [
-        series.values[inside][:, [name.endswith(f"].force.{axis}") for name in series.names]]
-        for axis in "xyz"
-    ]
-    return float(np.sqrt(sum(force**2 for force in forces)).max(axis=1).mean())
+    return float(_joint_forces(run, of, window).max(axis=1).mean())
+
+
+# --- free chains -----------------------------------------------------------------------------------
+
+
+def joint_force(run: Evidence, of: str, window: Window) -> float:
+    """Mean force in the pins, N."""
+    return float(_joint_forces(run, of, window).mean())
+
+
+def joint_force_spread(run: Evidence, of: str, window: Window) -> float:
+    """Largest difference between the force in a pin, at any instant, and the mean, over the mean."""
+    forces = _joint_forces(run, of, window)
+    return float(np.abs(forces / forces.mean() - 1.0).max())
+
+
+def hoop_strain(run: Evidence, of: str, window: Window) -> float:
+    """Mean stretch of the chords between the pins of a loop."""
+    links = _inside(run.links(of or run.tracks[0]), window)
+    chords = np.hypot(*(np.roll(x, -1, axis=1) - x for x in (links.forward, links.up)))
+    return float((chords / run.scene["vehicle"]["track"]["pitch"] - 1.0).mean())
+
+
+def fall_time(run: Evidence, of: str, window: Window) -> float:
+    """When the free end of a chain of length L has dropped most, over sqrt(2 L/g); NaN when it falls on."""
+    t, drop, length, gravity = _fall(run, of, window)
+    k = int(drop.argmax())
+    if not 0 < k < len(t) - 1:
+        return float("nan")
+    top = np.polynomial.Polynomial.fit(t[k - 1 : k + 2], drop[k - 1 : k + 2], 2).deriv().roots()[0]
+    return float(top / np.sqrt(2.0 * length / gravity))
+
+
+def half_fall_time(run: Evidence, of: str, window: Window) -> float:
+    """When the free end of a chain of length L has dropped L/2, over sqrt(L/g)."""
+    t, drop, length, gravity = _fall(run, of, window)
+    k = int(drop.argmax()) + 1
+    half = np.interp(0.5 * length, drop[:k], t[:k], right=np.nan)
+    return float(half / np.sqrt(length / gravity))
+
+
+def behind_free_fall(run: Evidence, of: str, window: Window) -> float:
+    """How far the free end stands above a free fall, at most, until its largest drop, m; 0 when always below."""
+    t, drop, _, gravity = _fall(run, of, window)
+    k = int(drop.argmax()) + 1
+    return float(max(0.0, (0.5 * gravity * t[1:k] ** 2 - drop[1:k]).max()))
 
 
 # --- chain over a sprocket -------------------------------------------------------------------------
@@ -242,6 +281,13 @@ def port_residual(run: Evidence, of: str, window: Window) -> float:
     return books.port / books.work
 
 
+def energy_drift(run: Evidence, of: str, window: Window) -> float:
+    """Largest change of energy held and lost less the work, at any instant, over the largest kinetic energy."""
+    from orchestrator.energy import drift
+
+    return drift(run, window)
+
+
 # --- helpers ---------------------------------------------------------------------------------------
 
 
@@ -279,6 +325,25 @@ def _inside(links: Links, window: Window) -> Links:
     return type(links)(*(column[inside] for column in links))
 
 
+def _joint_forces(run: Evidence, of: str, window: Window) -> Floats:
+    """Force in every pin (m, pins), N."""
+    series = run.log.read(f"/{of or run.tracks[0]}/links")
+    inside = (series.t >= window.start - 1e-9) & (series.t <= window.end + 1e-9)
+    forces = [
+        series.values[inside][:, [name.endswith(f"].force.{axis}") for name in series.names]]
+        for axis in "xyz"
+    ]
+    return np.asarray(np.sqrt(sum(force**2 for force in forces)))
+
+
+def _fall(run: Evidence, of: str, window: Window) -> tuple[Floats, Floats, float, float]:
+    """Times, drop of the last pin, length of the chain, m, and gravity."""
+    links = _inside(run.links(of or run.tracks[0]), window)
+    vehicle = run.scene["vehicle"]
+    length = links.tension.shape[1] * vehicle["track"]["pitch"]
+    return links.t, links.up[0, -1] - links.up[:, -1], length, vehicle["gravity"]
+
+
 def _track(run: Evidence, of: str) -> str:
     return f"{of}_track" if f"{of}_track" in run.tracks else run.tracks[0]
 
@@ -300,6 +365,12 @@ NAMES: dict[str, Measure] = {
     for measure in (
         sag,
         end_tension,
+        joint_force,
+        joint_force_spread,
+        hoop_strain,
+        fall_time,
+        half_fall_time,
+        behind_free_fall,
         pins_passed,
         pins_per_revolution,
         chain_speed_ratio,
@@ -318,5 +389,6 @@ NAMES: dict[str, Measure] = {
         third_law,
         energy_residual,
         port_residual,
+        energy_drift,
     )
 }

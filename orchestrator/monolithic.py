@@ -19,7 +19,7 @@ from orchestrator.coupling.tracks_first import TracksFirst
 from orchestrator.graph import Member, System, wire
 from orchestrator.observers import Logging, ProgressBar
 from orchestrator.recorder import Recorder
-from orchestrator.scene import Scene
+from orchestrator.scene import TrackScene
 from orchestrator.simulate import STATS_PERIOD, contents, strides
 from orchestrator.system import assemble, placed, system
 
@@ -118,7 +118,7 @@ class Whole:
 
 
 def run(
-    scene: Scene,
+    scene: TrackScene,
     path: Path,
     refine: float = 1.0,
     title: str = "",

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from orchestrator.component import Component
+from orchestrator.graph import Recorded
 from orchestrator.recorder import Recorder
 
 REFRESH = 0.2  # s of wall time between updates of the bar
@@ -20,7 +20,7 @@ STATS = ("wall_time",)  # of /stats/<instance>, after the counters
 class Logging:
     """Hands what happened to the recorder: inputs at the step's beginning, outputs and links at its end."""
 
-    def __init__(self, recorder: Recorder, components: Sequence[Component], stats_every: int) -> None:
+    def __init__(self, recorder: Recorder, components: Sequence[Recorded], stats_every: int) -> None:
         self.recorder = recorder
         self.components = components
         self.stats_every = stats_every

@@ -9,7 +9,7 @@ from typing import Any
 
 from fmus.vehicle import BadInput
 from orchestrator import gallery
-from orchestrator.scene import Scene, load
+from orchestrator.scene import Scene, TrackScene, load, tracked
 from orchestrator.system import TRACKS, assemble, build_all, placed
 
 STANDARD = "straight"  # its components carry the plain names
@@ -19,7 +19,7 @@ Product = tuple[str, dict[str, Any], str | None]  # kind, config, name
 
 def of_gallery(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
     """Every distinct FMU of the gallery; the standard vehicle's come first and have no suffix."""
-    ordered = [STANDARD, *(name for name in gallery.names() if name != STANDARD)]
+    ordered = [STANDARD, *(name for name in gallery.names() if name != STANDARD and tracked(name))]
     return of_scenes([load(name, model, settings) for name in ordered for model in models])
 
 
@@ -29,6 +29,8 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
     names: set[str] = set()
     products: list[Product] = []
     for scene in scenes:
+        if not isinstance(scene, TrackScene):
+            continue
         for part in assemble(placed(scene)).parts:
             key = json.dumps([part.kind, part.config], sort_keys=True)
             if key in seen:

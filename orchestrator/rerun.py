@@ -12,7 +12,7 @@ from fmus.vehicle import BadInput
 from orchestrator import replay
 from orchestrator.component import Component
 from orchestrator.reader import Log
-from orchestrator.scene import Scene, from_table
+from orchestrator.scene import TrackScene, from_table
 from orchestrator.simulate import sha256
 from orchestrator.system import TRACKS, Part, assemble, build_all, placed
 
@@ -65,11 +65,14 @@ def opened(path: Path, name: str, other: str | None, logger: Logger | None = Non
 
 def _fmu(table: dict[str, Any], entry: dict[str, Any], other: str | None) -> tuple[Path, replay.Parameters]:
     """File and parameters of the FMU that is to be stepped."""
+    if "path" not in entry:
+        raise BadInput(f"'{entry['name']}' of the log was stepped without an FMU: there is nothing to replay")
     if other is not None and other not in TRACKS:
         if not Path(other).is_file():
             raise BadInput(f"no FMU '{other}': give rigid, flexible or an .fmu file")
         return Path(other), entry["parameters"]
     scene = from_table(table, "the scene of the log")
+    assert isinstance(scene, TrackScene)  # it has FMUs
     if other is not None:
         part = _part(
             scene.model_copy(
@@ -94,5 +97,5 @@ def _fmu(table: dict[str, Any], entry: dict[str, Any], other: str | None) -> tup
     return built, entry["parameters"]
 
 
-def _part(scene: Scene, name: str) -> Part:
+def _part(scene: TrackScene, name: str) -> Part:
     return next(part for part in assemble(placed(scene)).parts if part.name == name)

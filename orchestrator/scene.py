@@ -13,13 +13,15 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.vehicle import BadInput, Distance, Force, In, Part, Vehicle, read_table, sentence
+from fmus.vehicle import BadInput, Distance, Force, In, Mass, Part, Vehicle, read_table, sentence
 from orchestrator import gallery, measures
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
 Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double has no room for contacts
 Every = Annotated[int, Field(ge=1)]
+Elements = Annotated[int, Field(ge=1, le=256)]
+Gravity = Annotated[float, In("m/s^2", ge=0)]
 MOST_STEPS = 2**32 - 1  # a log counts them in 32 bits
 
 
@@ -48,6 +50,7 @@ class Coupling(Part):
         return f"{self.scheme} ({given})" if given else self.scheme
 
 
+SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of theirs
 OPTIONS = {
     "hold": ("jacobi", "gauss_seidel"),
     "tolerance": ("iterative",),
@@ -74,6 +77,7 @@ class Variable(Part):
 
 def _short_coupling(value: object) -> object:
     return {"scheme": value} if isinstance(value, str) else value
+
 
 
 class Run(Part):
@@ -107,14 +111,17 @@ class Start(Part):
     heading: Annotated[float, In("rad")] = 0.0
 
 
+Elasticity = Literal["small_deformation", "general", "engineering"]
+
+
 class Track(Part):
     """Which track model, and what it is told; what is not given is the model's own default."""
 
     model: Literal["flexible", "rigid"]
-    elasticity: Literal["small_deformation", "general", "engineering"] | None = None  # of flexible links
+    elasticity: Elasticity | None = None  # of flexible links
     integrator: str | None = None
     step: Duration | None = None  # largest internal step
-    start: Literal["rest", "displaced", "polygon"] = "rest"
+    start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
     link_outputs: bool = True
 
     @model_validator(mode="after")
@@ -170,19 +177,13 @@ def _short_track(value: object) -> object:
 
 
 class Scene(Part):
-    """What every scene has; its kinds add what they assemble."""
+    """What every scene has."""
 
     name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # names the log
     title: str
     assembly: str
-    vehicle: Vehicle
-    track: Annotated[Track, BeforeValidator(_short_track)]
     run: Run
-    start: Start = Start()
     expect: dict[str, Check] = Field(default_factory=dict)
-    placed: bool = False  # whether the idler stands already where the chain carries its static tension
-
-    drives: ClassVar[tuple[str, ...]] = ()  # the fields that describe drives
 
     @field_validator("expect")
     @classmethod
@@ -196,12 +197,47 @@ class Scene(Part):
         """The scene as plain SI numbers; ``from_table`` makes the same scene of it."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
+    @property
+    def variant(self) -> str | None:
+        """The track model; None where there is no track."""
+        return None
+
+
+class TrackScene(Scene):
+    """A scene of FMUs, a track among them; its kinds add what they assemble."""
+
+    vehicle: Vehicle
+    track: Annotated[Track, BeforeValidator(_short_track)]
+    start: Start = Start()
+    placed: bool = False  # whether the idler stands already where the chain carries its static tension
+
+    drives: ClassVar[tuple[str, ...]] = ()  # the fields that describe drives
+
+    @property
+    def variant(self) -> str:
+        """The track model."""
+        return self.track.model
+
 
 class Chain(Part):
-    """An open chain between two fixed pins at the height of the origin."""
+    """An open chain between two fixed pins at the height of the origin, or held at the first alone, or a free loop."""
 
     links: Annotated[int, Field(ge=2, le=4096)]
-    span: Annotated[float, Field(gt=0, lt=1)]  # distance of the pins over the length of the chain
+    ends: Literal["pinned", "held", "loop"] = "pinned"
+    span: Annotated[float, Field(gt=0, lt=1)] | None = (
+        None  # pinned: distance of the pins over the chain's length
+    )
+    spin: Annotated[float, In("rad/s")] = 0.0  # of a loop about y, at the start; it has no gravity
+
+    @model_validator(mode="after")
+    def _of_its_ends(self) -> Chain:
+        if (self.span is None) == (self.ends == "pinned"):
+            raise ValueError(f"ends = '{self.ends}' {'needs' if self.span is None else 'has no'} span")
+        if self.spin and self.ends != "loop":
+            raise ValueError(f"ends = '{self.ends}' has no spin")
+        if self.ends == "loop" and self.links < 3:
+            raise ValueError(f"a loop needs 3 links, not {self.links}")
+        return self
 
 
 class Bench(Part):
@@ -221,14 +257,14 @@ class Rig(Part):
     tension: Force
 
 
-class ChainScene(Scene):
+class ChainScene(TrackScene):
     """A chain and nothing else."""
 
     assembly: Literal["chain"]
     chain: Chain
 
 
-class BenchScene(Scene):
+class BenchScene(TrackScene):
     """A chain and a driven sprocket."""
 
     assembly: Literal["bench"]
@@ -237,7 +273,7 @@ class BenchScene(Scene):
     drives = ("drive",)
 
 
-class RigScene(Scene):
+class RigScene(TrackScene):
     """A closed chain, a driven sprocket and a braked idler."""
 
     assembly: Literal["rig"]
@@ -247,7 +283,7 @@ class RigScene(Scene):
     drives = ("drive", "idler_drive")
 
 
-class VehicleScene(Scene):
+class VehicleScene(TrackScene):
     """A vehicle on flat ground."""
 
     assembly: Literal["vehicle"]
@@ -256,11 +292,105 @@ class VehicleScene(Scene):
     drives = ("drive",)
 
 
+class Pendulum(Part):
+    """A cable of circular section, pinned at the origin, that lies along x, turns about y and falls along -y."""
+
+    elements: Elements
+    elasticity: Elasticity
+    length: Distance
+    area: Annotated[float, In("m^2", gt=0)]
+    youngs_modulus: Annotated[float, In("Pa", gt=0)]
+    density: Annotated[float, In("kg/m^3", gt=0)]
+    spin: Annotated[float, In("rad/s")]
+    gravity: Gravity
+    step: Duration  # of the integration, Runge-Kutta of order 4
+
+
+class Cantilever(Part):
+    """A cable clamped at the origin along x under a dead load along z at its tip: L = 1 m, EI = 1 N m2."""
+
+    elements: Elements
+    elasticity: Elasticity
+    slenderness: Annotated[float, Field(gt=1, le=1e4)]  # length over height of the square section
+    load_rate: Annotated[float, In("N/s", gt=0)]  # the load grows from 0, in static equilibrium
+
+
+class Frame(Part):
+    """An L-frame, 1 m along x from its clamp and 0.8 m up, of square section and E = 1e7 Pa.
+
+    At its tip acts (P, 0, P); P grows from 0 to 160 h^4 N/m^4 at ``load_time``, in static equilibrium.
+    """
+
+    elements: Elements  # of each member
+    element: Literal["beam", "small_deformation", "general", "engineering"]
+    height: Annotated[float, In("m", gt=0, le=0.1)]
+    corner: Annotated[
+        float, Field(ge=0, le=1e4)
+    ]  # of beams: stiffness of the corner's block over theirs, 0: none
+    load_time: Duration
+
+
+class Slider(Part):
+    """A mass without friction on a smooth flexible beam along x that is pinned at both ends; all at rest."""
+
+    elements: Elements
+    length: Distance
+    line_density: Annotated[float, In("kg/m", gt=0)]
+    axial_stiffness: Annotated[float, In("N", gt=0)]
+    bending_stiffness: Annotated[float, In("N m^2", gt=0)]
+    mass: Mass
+    place: Annotated[float, In("m", gt=0)]  # where on the beam the mass is let go
+    gravity: Gravity
+    step: Duration  # of the integration, which keeps the energy
+
+    @model_validator(mode="after")
+    def _on_its_beam(self) -> Slider:
+        if self.place >= self.length:
+            raise ValueError(f"place = {self.place:g} m must lie on the beam of {self.length:g} m")
+        return self
+
+
+class PieceScene(Scene):
+    """A piece of the mechanics that is stepped directly, without an FMU."""
+
+
+class PendulumScene(PieceScene):
+    """A very flexible cable swings."""
+
+    assembly: Literal["pendulum"]
+    pendulum: Pendulum
+
+
+class CantileverScene(PieceScene):
+    """A cable is bent."""
+
+    assembly: Literal["cantilever"]
+    cantilever: Cantilever
+
+
+class FrameScene(PieceScene):
+    """A frame is bent."""
+
+    assembly: Literal["frame"]
+    frame: Frame
+
+
+class SliderScene(PieceScene):
+    """A mass slides."""
+
+    assembly: Literal["slider"]
+    slider: Slider
+
+
 KINDS: dict[str, type[Scene]] = {
     "chain": ChainScene,
     "bench": BenchScene,
     "rig": RigScene,
     "vehicle": VehicleScene,
+    "pendulum": PendulumScene,
+    "cantilever": CantileverScene,
+    "frame": FrameScene,
+    "slider": SliderScene,
 }
 
 
@@ -268,6 +398,26 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
     """Read a scene of the gallery or a file, with track model and ``KEY=VALUE`` settings; raises BadInput."""
     name, table = gallery.read(scene)
     changes = [_setting(text) for text in settings]
+    if _has_track(table):
+        _complete(table, f"{name}.toml", track, changes)
+    elif track is not None:
+        raise BadInput(f"--track {track}: scene '{name}' has no track")
+    for key, value in changes:
+        _put(table, key, value)
+    return from_table({"name": name, **table}, f"{name}.toml")
+
+
+def tracked(scene: str) -> bool:
+    """Whether a scene of the gallery or a file has a track, and so a track model; raises BadInput."""
+    return _has_track(gallery.read(scene)[1])
+
+
+def _has_track(table: Mapping[str, Any]) -> bool:
+    return issubclass(KINDS.get(str(table.get("assembly")), TrackScene), TrackScene)
+
+
+def _complete(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
+    """Give the table of a scene with a track its whole vehicle; what is said of either goes out of the changes."""
     if track is not None:
         changes.insert(0, ("track.model", track))
     table["track"] = _short_track(table.get("track", {}))
@@ -276,15 +426,8 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
     for key, value in changes:
         if key == "vehicle":
             table["vehicle"] = value
-    table["vehicle"] = _whole_vehicle(table.get("vehicle"), f"{name}.toml")
-    for key, value in changes:
-        if key == "track":
-            key = "track.model"
-        if key == "run.coupling":
-            key = "run.coupling.scheme"
-        if key != "vehicle":
-            _put(table, key, value)
-    return from_table({"name": name, **table}, f"{name}.toml")
+    table["vehicle"] = _whole_vehicle(table.get("vehicle"), where)
+    changes[:] = [(SHORT.get(key, key), value) for key, value in changes if key != "vehicle"]
 
 
 def from_table(table: Mapping[str, Any], where: str) -> Scene:

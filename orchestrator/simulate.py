@@ -22,11 +22,11 @@ from orchestrator.coupling import SCHEMES
 from orchestrator.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
 from orchestrator.coupling.variable_step import VariableStep
 from orchestrator.evidence import Evidence
-from orchestrator.graph import Stages, System, wire
+from orchestrator.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.observers import STATS, Logging, ProgressBar
 from orchestrator.reader import Log, LogUnreadable
 from orchestrator.recorder import LogFailed, Recorder, check_writable
-from orchestrator.scene import Run, Scene
+from orchestrator.scene import Run, Scene, TrackScene
 from orchestrator.system import assemble, placed, system
 
 PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
@@ -64,11 +64,9 @@ def _simulate(
     interrupt: _Interrupt,
 ) -> dict[str, Any]:
     began = time.perf_counter()
-    scene = placed(scene)
-    graph = system(assemble(scene))
-    result = summary.empty(scene.name, scene.track.model)
+    result = summary.empty(scene.name, scene.variant)
     with ExitStack() as stack:
-        components = load(graph, scene.run.stop, stack, logger)
+        scene, graph, components = opened(scene, stack, logger)
         stages = wire(graph, components)
         scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
         pace = paced(scene.run)
@@ -176,11 +174,26 @@ def paced(run: Run) -> master.Clock | VariableStep:
     )
 
 
+def opened(
+    scene: Scene, stack: ExitStack, logger: Logger | None
+) -> tuple[Scene, System, Mapping[str, Recorded]]:
+    """The scene with its wheels in place, its graph, and what is stepped."""
+    if isinstance(scene, TrackScene):
+        scene = placed(scene)
+        graph = system(assemble(scene))
+        return scene, graph, load(graph, scene.run.stop, stack, logger)
+    from orchestrator.pieces import Stepped, piece  # the mechanics, only for scenes that need them here
+
+    name = scene.assembly
+    return scene, System((Instance(name, None, {}, 0),), ()), {name: Stepped(name, piece(scene))}
+
+
 def load(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
     """Load and initialise every instance; they live as long as the stack."""
     components = {
         instance.name: stack.enter_context(Component(instance.fmu, instance.name, logger))
         for instance in graph.instances
+        if instance.fmu is not None
     }
     for instance in graph.instances:
         component = components[instance.name]
@@ -192,8 +205,10 @@ def warm_up(stages: Stages, h: float) -> None:
     """One step and back, bit for bit: what a first step compiles or loads belongs to the start-up."""
     for member in (member for stage in stages for member in stage):
         component = member.component
-        assert isinstance(component, Component)
-        if not component.description.coSimulation.canGetAndSetFMUstate:
+        if (
+            not isinstance(component, Component)
+            or not component.description.coSimulation.canGetAndSetFMUstate
+        ):
             continue
         gather(member)
         state = component.save()
@@ -206,7 +221,7 @@ def warm_up(stages: Stages, h: float) -> None:
 
 
 def contents(
-    scene: Scene, graph: System, components: Mapping[str, Component]
+    scene: Scene, graph: System, components: Mapping[str, Recorded]
 ) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
     """What a log holds before step 0: topics, attachments, metadata."""
     topics: dict[str, list[tuple[str, str]]] = {}
@@ -222,12 +237,13 @@ def contents(
         counters = [(counter, "1") for counter in component.integers]
         topics[f"/stats/{name}"] = counters + [(figure, "s") for figure in STATS]
     for instance in graph.instances:
-        attachments[f"{instance.name}.modelDescription.xml"] = description(instance.fmu)
+        if instance.fmu is not None:
+            attachments[f"{instance.name}.modelDescription.xml"] = description(instance.fmu)
     metadata = {
         "run": {
             "scene": scene.name,
             "title": scene.title,
-            "track": scene.track.model,
+            "track": scene.variant or "none",
             "coupling": str(scene.run.coupling),
             "step": repr(scene.run.step),
             "step_control": "fixed" if scene.run.variable is None else str(scene.run.variable),
@@ -247,9 +263,7 @@ def describe(graph: System) -> dict[str, Any]:
         "instances": [
             {
                 "name": instance.name,
-                "fmu": instance.fmu.name,
-                "path": str(instance.fmu),
-                "sha256": sha256(instance.fmu),
+                **({} if instance.fmu is None else _file(instance.fmu)),
                 "parameters": dict(instance.parameters),
                 "stage": instance.stage,
             }
@@ -257,6 +271,10 @@ def describe(graph: System) -> dict[str, Any]:
         ],
         "connections": [connection._asdict() for connection in graph.connections],
     }
+
+
+def _file(fmu: Path) -> dict[str, str]:
+    return {"fmu": fmu.name, "path": str(fmu), "sha256": sha256(fmu)}
 
 
 def _version(package: str) -> str:
@@ -277,7 +295,7 @@ def sha256(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def strides(scene: Scene, components: Mapping[str, Component]) -> dict[str, int]:
+def strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
     """Every how many steps a topic is recorded."""
     result = {}
     for name, component in components.items():
@@ -287,7 +305,7 @@ def strides(scene: Scene, components: Mapping[str, Component]) -> dict[str, int]
     return result
 
 
-def cost(component: Component) -> dict[str, float | int]:
+def cost(component: Recorded) -> dict[str, float | int]:
     """Wall time and counters of a component."""
     component.read_counters()
     counters = {

@@ -12,7 +12,7 @@ from orchestrator import measures
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Missing, Window
 from orchestrator.reader import NoSuchSignal
-from orchestrator.scene import Check, Scene
+from orchestrator.scene import ChainScene, Check, Scene, VehicleScene
 
 LAST = 1.0  # s: observables are means over the end of a run
 OPEN = 0.05  # of the work: an energy ledger that leaves more is worth a word
@@ -79,8 +79,8 @@ def checks(run: Evidence, scene: Scene, simulated: float) -> dict[str, CheckResu
     results = {}
     for name, check in scene.expect.items():
         end = scene.run.stop if check.end is None else check.end
-        covered = check.start < end <= simulated + 1e-9
-        if not covered or check.track not in (None, scene.track.model):
+        covered = check.start <= end <= simulated + 1e-9
+        if not covered or check.track not in (None, scene.variant):
             continue
         value, note = _value(run, check, Window(check.start, end))
         tolerance = check.tolerance * (abs(check.expected) if check.relative else 1.0)
@@ -124,16 +124,17 @@ def observables(run: Evidence, scene: Scene, simulated: float) -> dict[str, floa
         "tension_max": lambda: max(run.signal(f"{track}.tension.max")[1].max() for track in run.tracks),
         "tension_mean": lambda: float(np.mean([run.mean(f"{each}.tension.mean", last) for each in run.tracks])),
     }
-    if scene.assembly == "vehicle":
+    if isinstance(scene, VehicleScene):
+        vehicle = scene
         wanted |= {
             "distance": lambda: run.signal("chassis.distance")[1][-1],
             "speed": lambda: run.mean("chassis.speed", last),
             "settlement": lambda: run.mean("chassis.settlement", last),
             "ground_force": lambda: measures.ground_force(run, "", last),
-            "weight": lambda: weight(scene),
+            "weight": lambda: weight(vehicle),
             "slip": lambda: measures.slip(run, "", last),
         }
-    elif scene.assembly == "chain" and scene.track.link_outputs:
+    elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
         wanted |= {
             "sag": lambda: measures.sag(run, "", last),
             "end_tension": lambda: measures.end_tension(run, "", last),
@@ -143,7 +144,7 @@ def observables(run: Evidence, scene: Scene, simulated: float) -> dict[str, floa
     return {name: _evaluated(value)[0] for name, value in wanted.items()}
 
 
-def weight(scene: Scene) -> float:
+def weight(scene: VehicleScene) -> float:
     """Weight of everything a vehicle scene carries, N."""
     v = scene.vehicle
     wheels = len(v.road_wheel.x) * (v.road_wheel.mass + v.road_arm.mass)

@@ -14,13 +14,16 @@ from fmus.build import build
 from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
 from orchestrator.graph import Connection, Instance, System
-from orchestrator.scene import BenchScene, ChainScene, Drive, RigScene, Scene, VehicleScene
+from orchestrator.scene import BenchScene, ChainScene, Drive, RigScene, Scene, TrackScene, VehicleScene
 
 TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y
 AXLE = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
 TRACK, DRIVE, CHASSIS = 0, 1, 2  # stages: force sides first
 POSE = 7  # of a wheel's 13: position and orientation, then its rates
+
+CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
+TOUCH = ("contact with wheels and teeth", "contact with the ground")
 
 Parameters = dict[str, float | int | str]
 
@@ -42,7 +45,7 @@ class Assembly(NamedTuple):
     connections: tuple[Connection, ...]
 
 
-def placed(scene: Scene) -> Scene:
+def placed(scene: TrackScene) -> TrackScene:
     """The scene with the idler where the chain carries its static tension, and the push that holds it there.
 
     A placed scene (from a log) stays as it is. Raises BadInput when the track cannot be laid round its wheels
@@ -74,7 +77,7 @@ def _solved(config: str, tension: float) -> tuple[float, float]:
     return tension_wheel(json.loads(config), "idler", tension)
 
 
-def assemble(scene: Scene) -> Assembly:
+def assemble(scene: TrackScene) -> Assembly:
     """The parts and connections of a scene, wheels where it has them, nothing that it does not declare."""
     match scene:
         case ChainScene():
@@ -119,9 +122,15 @@ def build_all(
 
 
 def _chain(scene: ChainScene) -> Assembly:
-    distance = scene.chain.span * scene.chain.links * scene.vehicle.track.pitch
-    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [distance, 0.0]}
-    config = _track_config(scene, links=scene.chain.links, closed=False, wheels=[], ends=ends)
+    chain = scene.chain
+    if chain.ends == "loop":
+        config = _track_config(scene, links=chain.links, closed=True, wheels=[], gravity=0.0)
+        part = _track(scene, "chain", config)
+        return Assembly((part._replace(parameters={**part.parameters, "start.spin": chain.spin}),), ())
+    ends: dict[str, Any] = {"kind": chain.ends, "first": [0.0, 0.0]}
+    if chain.span is not None:
+        ends["last"] = [chain.span * chain.links * scene.vehicle.track.pitch, 0.0]
+    config = _track_config(scene, links=chain.links, closed=False, wheels=[], ends=ends)
     return Assembly((_track(scene, "chain", config),), ())
 
 
@@ -211,7 +220,7 @@ def _vehicle_track(scene: VehicleScene) -> dict[str, Any]:
 
 
 def _track_config(
-    scene: Scene,
+    scene: TrackScene,
     *,
     links: int,
     closed: bool,
@@ -238,9 +247,11 @@ def _track_config(
     }
 
 
-def _track(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
+def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
     track = scene.track
-    parameters: Parameters = {**_start(scene), "start.lateral": lateral, "start": track.start}
+    parameters: Parameters = {**_start(scene), "start.lateral": lateral}
+    if track.start is not None:
+        parameters["start"] = track.start
     if track.elasticity is not None:
         parameters["elasticity"] = track.elasticity
     if track.integrator is not None:
@@ -251,7 +262,7 @@ def _track(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0
 
 
 def _drive(
-    scene: Scene,
+    scene: TrackScene,
     name: str,
     drive: Drive,
     inertia: float,
@@ -277,7 +288,7 @@ def _drive_parameters(drive: Drive) -> Parameters:
     return parameters
 
 
-def _start(scene: Scene) -> Parameters:
+def _start(scene: TrackScene) -> Parameters:
     x, y, z = scene.start.position
     pose = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
     return {**pose, "start.heading": scene.start.heading}
@@ -312,7 +323,6 @@ def _names(ports: Sequence[Any]) -> tuple[str, ...]:
 
 def describe(scene: Scene) -> Iterator[str]:
     """Lines for ``cotrack show``: what is in with its size, and what is left out."""
-    assembly = assemble(scene)
     run = scene.run
     yield f"{scene.name}: {scene.title}"
     if run.variable is None:
@@ -320,19 +330,47 @@ def describe(scene: Scene) -> Iterator[str]:
     else:
         yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
     yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {run.links}"
+    present, absent = _of_fmus(scene) if isinstance(scene, TrackScene) else _of_piece(scene)
     yield "in"
-    for part in assembly.parts:
-        taken = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
-        given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
-        yield f"  {part.name:12} {part.kind:13} {_size(part)}; {taken} values in, {given} out a step"
+    for line in present:
+        yield f"  {line}"
     yield "left out"
-    for line in _absent(scene, assembly):
+    for line in absent:
         yield f"  {line}"
     if scene.expect:
         yield "expected"
         for name, check in scene.expect.items():
             allowed = f"{check.tolerance * 100:g} %" if check.relative else f"{check.tolerance:g}"
             yield f"  {name}: {check.expected:g} +- {allowed} ({check.signal or check.measure})"
+
+
+def _of_fmus(scene: TrackScene) -> tuple[list[str], list[str]]:
+    """Lines of what is in, and of what is not."""
+    assembly, present = assemble(scene), []
+    for part in assembly.parts:
+        taken = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
+        given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
+        present.append(f"{part.name:12} {part.kind:13} {_size(part)}; {taken} values in, {given} out a step")
+    return present, list(_absent(scene, assembly))
+
+
+def _of_piece(scene: Scene) -> tuple[list[str], list[str]]:
+    from orchestrator.pieces import piece
+
+    it = piece(scene)
+    absent = [
+        "FMUs: the mechanics are stepped directly",
+        "both track models",
+        CHASSIS_PARTS,
+        "drives",
+        *TOUCH,
+    ]
+    if "energy.kinetic" not in it.outputs:
+        absent += ["inertia: static equilibrium at every instant"]
+    if not getattr(getattr(scene, scene.assembly), "gravity", 0.0):
+        absent += ["gravity"]
+    present = f"{scene.assembly:12} {it.about}; {len(it.outputs)} outputs, {it.count} points"
+    return [present], absent
 
 
 def _size(part: Part) -> str:
@@ -353,21 +391,21 @@ def _size(part: Part) -> str:
     return f"1 hull, {arms * sides} arms with wheels, {sides} idlers, {sides} mounts{mirrored}"
 
 
-def _absent(scene: Scene, assembly: Assembly) -> Iterator[str]:
+def _absent(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
     kinds = {part.kind for part in assembly.parts}
     tracks = [part.config["track"] for part in assembly.parts if part.stage == TRACK]
     other = "rigid" if scene.track.model == "flexible" else "flexible"
     yield f"the {other} track model ({TRACKS[other]})"
     if "Chassis" not in kinds:
-        yield "the chassis with its suspension, road wheels and tensioners"
+        yield CHASSIS_PARTS
     if "SprocketDrive" not in kinds:
         yield "drives"
     if not any(track["wheels"] for track in tracks):
-        yield "contact with wheels and teeth"
+        yield TOUCH[0]
     elif len(tracks[0]["wheels"]) == 1:
         yield "contact with wheels other than the sprocket"
     if not any(track["ground"] for track in tracks):
-        yield "contact with the ground"
+        yield TOUCH[1]
     if all(isclose(track["gravity"], 0.0) for track in tracks):
         yield "gravity"
     if isinstance(scene, VehicleScene) and scene.symmetric:

@@ -21,11 +21,12 @@ from typing import NamedTuple
 
 from fmus.build import cache_folder
 from fmus.monolith.model import content
+from fmus.vehicle import BadInput
 from orchestrator import monolithic, system
 from orchestrator.difference import Difference, differences
 from orchestrator.evidence import Evidence
 from orchestrator.reader import Log
-from orchestrator.scene import Run, Scene, Track
+from orchestrator.scene import Run, Scene, TrackScene
 
 ORDER = 2
 SAMPLING, LINKS = 1e-3, 10  # s between outputs; links at one in so many
@@ -57,6 +58,8 @@ def truth(scene: Scene, title: str = "") -> Truth:
     Depends on the physics of the scene and on the sources, not on its communication step, nor on how its components
     integrate. Two processes that want the same build it once. Raises TruthFailed, BadInput or ComponentFailed.
     """
+    if not isinstance(scene, TrackScene):
+        raise BadInput(f"truth: scene '{scene.name}' has no track, and is its own reference")
     scene = bare(scene)
     folder = cache_folder() / "truth" / key(scene)
     built = False
@@ -71,16 +74,16 @@ def truth(scene: Scene, title: str = "") -> Truth:
     return Truth(folder / LOGS[0], folder / LOGS[1], **figures, built=built)
 
 
-def bare(scene: Scene) -> Scene:
+def bare(scene: TrackScene) -> TrackScene:
     """The placed scene without what a truth does not depend on; sampled at SAMPLING where its stop allows that."""
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
     sampled = Run(stop=run.stop, step=step, outputs=1, links=LINKS)
-    track = Track(model=scene.track.model, elasticity=scene.track.elasticity, start=scene.track.start)
+    track = scene.track.model_copy(update={"integrator": None, "step": None, "link_outputs": True})
     return system.placed(scene).model_copy(update={"run": sampled, "track": track, "expect": {}})
 
 
-def key(scene: Scene) -> str:
+def key(scene: TrackScene) -> str:
     """Hash of a bare scene and of the sources that make its truth."""
     physics = {name: value for name, value in scene.resolved().items() if name not in ("name", "title")}
     parts = [json.dumps(physics, sort_keys=True), content()]
@@ -88,7 +91,7 @@ def key(scene: Scene) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 
-def _build(scene: Scene, folder: Path, title: str) -> None:
+def _build(scene: TrackScene, folder: Path, title: str) -> None:
     """Both runs side by side and what they differ in, put in place at once."""
     stop = threading.Event()
     fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix="fresh-"))

@@ -32,6 +32,7 @@ GENERIC = (
     "replay.py",
 )
 DOORS = {"fmus.build", "fmus.vehicle", "fmus.ports", "fmus.tensioning", "fmus.monolith.model"}
+TO_PHYSICS = {"pieces", "studies"}  # scenes without an FMU, and studies of the mechanics, need the mechanics
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 
 
@@ -143,18 +144,28 @@ def test_generic_modules_import_nothing_of_fmus(name):
 def test_orchestrator_reaches_into_fmus_through_few_doors():
     for file in sources(ORCHESTRATOR):
         found = ours(imports(file.read_text(encoding="utf-8")), "fmus") - DOORS - {"fmus"}
-        if file.is_relative_to(ORCHESTRATOR / "studies"):  # a study of the mechanics needs the mechanics
+        if file.relative_to(ORCHESTRATOR).parts[0] in TO_PHYSICS:
             found = {module for module in found if not f"{module}.".startswith("fmus.physics.")}
         assert not found, (file, found)
 
 
-def test_the_door_to_the_physics_is_the_studies_alone():
+def test_the_doors_to_the_physics_are_pieces_and_studies_alone():
     behind = {
         file.relative_to(ORCHESTRATOR).parts[0]
         for file in sources(ORCHESTRATOR)
         if any(name.startswith("fmus.physics") for name in imports(file.read_text(encoding="utf-8")))
     }
-    assert behind == {"studies"}
+    assert behind == TO_PHYSICS
+
+
+def test_scenes_of_fmus_know_no_piece():
+    """Nothing imports the pieces when a module is loaded; scene and system do so when a scene asks for one."""
+    for file in sources(ORCHESTRATOR):
+        if file.relative_to(ORCHESTRATOR).parts[0] not in TO_PHYSICS:
+            body = [node for node in ast.parse(file.read_text()).body if isinstance(node, ast.ImportFrom)]
+            assert not [node for node in body if node.module.startswith("orchestrator.pieces")], file
+    for file in sources(ORCHESTRATOR / "pieces"):
+        assert not any(name.startswith("orchestrator.studies") for name in imports(file.read_text())), file
 
 
 def test_the_checks_see_forbidden_imports():

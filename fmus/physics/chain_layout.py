@@ -119,6 +119,23 @@ def chain_of_angles(first: Floats, angles: Floats, pitch: float) -> Floats:
     return np.vstack([first, first + np.cumsum(steps, axis=0)])
 
 
+def regular_polygon(pitch: float, links: int) -> Floats:
+    """Pins (links, 2) of a loop round the origin, turning from x to -z."""
+    angle = -2.0 * np.pi * np.arange(links) / links
+    return pitch / (2.0 * np.sin(np.pi / links)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def folded(first: Floats, pitch: float, links: int) -> Floats:
+    """Pins (links + 1, 2) of a chain that goes down, one link across, and up again to the height of ``first``.
+
+    Raises ValueError for an even number of links.
+    """
+    if links % 2 == 0:
+        raise ValueError(f"a fold with one link across needs an odd number of links, not {links}")
+    down = np.full(links // 2, -np.pi / 2.0)
+    return chain_of_angles(np.asarray(first, float), np.concatenate([down, [0.0], -down]), pitch)
+
+
 def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
     """The open polygon with all link angles scaled by one factor so that it ends at ``last`` (same height as first)."""
     chord = np.diff(pins, axis=0)

@@ -144,8 +144,8 @@ def pin_loads(links, env, q, v, w, by_rate, tangent):
         for a in range(3):
             w.b[0, a] -= env.pull[0, a]
             w.b[nodes - 1, a] -= env.pull[1, a]
-    if env.ends == 1:
-        for i in (0, nodes - 1):
+    for i in (0, nodes - 1):
+        if env.ends == 1 or (env.ends == 3 and i == 0):
             for a in range(3):
                 w.b[i, a] = 0.0
                 if tangent:
@@ -231,8 +231,9 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
             for m in range(4):
                 b[i, k] -= left[i, k, m] * own[i, m]
                 b[j, k] -= left[i, 4 + k, m] * own[i, m]
-    if env.ends == 1:
+    if env.ends == 1 or env.ends == 3:
         b[0, :3] = 0.0
+    if env.ends == 1:
         b[nodes - 1, :3] = 0.0
     return worst, where
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
-from fmus.physics.block_cyclic import solve
+from fmus.physics.block_cyclic import factor, solve
 from fmus.ports import WRENCH, Port
 from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
 from fmus.track_flexible.chain import (
@@ -28,6 +28,9 @@ from fmus.track_flexible.nodes import NODE, gather
 from fmus.track_flexible.sums import POWER
 
 REST = 1e-3  # residual of static equilibrium, N
+SPINNING = 30  # iterations towards the relative equilibrium of a loop
+HOLD = 100.0  # its inertia over that of the spin; the iteration converges while the strain is below 1/HOLD
+ROUNDING = 1e-10  # its last correction of a pin, relative to the pitch
 
 
 class Model(TrackModel):
@@ -110,10 +113,15 @@ class Model(TrackModel):
         self.work = work(self.links_count, self.nodes, m - 1)
         self.stable, self.space, self.factored = LIMIT / highest_frequency(cable), scratch(self.nodes), False
 
-    def settle(self, pins: Floats, rest: bool) -> None:
+    def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """Straight links between the pins, then static equilibrium if wanted."""
         self.settle_pins(pins)
-        if rest:
+        if spin:
+            if rest:
+                self._stretch(spin)
+            for x, z in ((0, 2), (3, 4), (5, 6)):
+                self.v[:, x], self.v[:, z] = spin * self.q[:, z], -spin * self.q[:, x]
+        elif rest:
             partners = self.contacts
             if partners is not None:
                 from fmus.contacts import smooth
@@ -139,8 +147,34 @@ class Model(TrackModel):
         q[:n, 5:7] = chord
         q[(np.arange(n) + 1) % self.nodes, 3:5] = chord
 
+    def _stretch(self, spin: float) -> None:
+        """Relative equilibrium of a free loop that turns at ``spin`` rad/s: Q = spin^2 M q.
+
+        Inertia of the right sign keeps the matrix regular where nothing resists: the loop as one body. It is large
+        enough to leave the loop where it is, and small next to the stiffness, so that Newton's iteration stays fast.
+        """
+        w, acceleration, still = self.work, self.vdot, self.space[0]
+        for _ in range(SPINNING):
+            acceleration[:] = -(spin**2) * self.q
+            evaluate(
+                self.link, None, self.environment, self.q, still, acceleration, 0.0, HOLD * spin**2, w, True
+            )
+            if factor(w.A, w.U, w.L, w.factors, self.closed) >= 0:
+                break
+            solve(w.A, w.U, w.factors, self.closed, w.b)
+            if (
+                correct(self.link, w, self.q, self.v, self.a, 0.0, 0.0, 0.5 * self.pitch)
+                < ROUNDING * self.pitch
+            ):
+                acceleration[:] = 0.0
+                return
+        raise StepFailed(
+            f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
+        )
+
     def _observe(self) -> None:
-        """Wrenches and report of the state as it stands, at rest."""
+        """Wrenches, pin forces and report of the state as it stands."""
+        self._let_go()
         self.work.moved[:] = self.start_rows
         evaluate(
             self.link, self.contacts, self.environment, self.q, self.v, self.vdot, 0.0, 0.0, self.work, False
@@ -151,7 +185,6 @@ class Model(TrackModel):
         measure(self.link, self.environment, self.q, self.v, self.work, self.report)
         self.report[[DISSIPATED, WORK]] = 0.0
         self.publish()
-        self._let_go()
 
     def _let_go(self) -> None:
         """Accelerations of the start: the integrator's order rests on them."""

@@ -11,7 +11,7 @@ from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 from fmus.ports import Port
-from fmus.track import GROUND, TrackModel
+from fmus.track import GROUND, HELD, PINNED, PULLED, TrackModel
 from fmus.track_rigid import chain, explicit
 from fmus.track_rigid.chain import Link
 
@@ -44,8 +44,7 @@ class Model(TrackModel):
         self.link = Link(
             0.5 * self.pitch, v["face"], 0.25 * v["width"], v["mass"], np.array(v["inertia"], dtype=float)
         )
-        held = self._pinned()
-        self.ends = Ends(self.closed, held, held)
+        self.ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         self.views = chain.views(self.chain, n, self.closed, wheels)
         self.work = chain.work(n, self.closed, wheels)
         self.tensions = np.zeros(n)
@@ -54,16 +53,20 @@ class Model(TrackModel):
     def _system(self) -> tuple:
         return self.link, self.ends, self.environment, self.contacts
 
-    def settle(self, pins: Floats, rest: bool) -> None:
-        """Links between the pins, then static equilibrium, or the accelerations of the release."""
+    def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
+        """Links between the pins, then static equilibrium, or the accelerations of the release.
+
+        A regular polygon of rigid links that spins is in relative equilibrium as it is.
+        """
         self.state[:] = 0.0
         s = self.views
         chain.place(self.link, pins, s, self.work)
         start = self.start_rows
-        if rest:
+        if rest and not spin:
             failed = chain.settle(*self._system(), start, s, self.work, self.counters)
         else:
             self.work.rows[:] = start
+            s.v[:, 0], s.v[:, 2], s.v[:, 4] = spin * s.q[:, 2], -spin * s.q[:, 0], spin
             failed = chain.accelerations(*self._system(), s, self.work)
         if failed >= 0:
             raise StepFailed(f"static equilibrium of the track was not found: link {failed + 1}")
@@ -124,5 +127,5 @@ class Model(TrackModel):
         stress[:] = 0.0
         position[:] = self.pins()
         force[:] = -self.views.lam[:, :3]
-        if not (self.closed or self._pinned()):
+        if self.ends_kind == PULLED:
             force[0], force[-1] = self.environment.pull[0], -self.environment.pull[1]

@@ -27,12 +27,6 @@ def of_angles(angles: Floats, pitch: float = P) -> Floats:
     return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
 
 
-def ring(n: int, pitch: float = P) -> Floats:
-    """Pins (n, 2) of a regular polygon round the origin."""
-    angle = -2.0 * np.pi * np.arange(n) / n
-    return pitch / (2.0 * np.sin(np.pi / n)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-
 def rotations(p: Floats) -> Floats:
     """Rotation matrices (n, 3, 3) of quaternions (n, 4)."""
     w, x, y, z = p.T

@@ -101,6 +101,37 @@ def test_spans(upper, lower, speed, sense):
     assert measures.tight_span_enters(run, "", window) == sense
 
 
+def falling(drop, pitch=PITCH, links=10):
+    """A chain whose last pin has dropped, of its length, at times over sqrt(2 L/g) in a second."""
+    length = links * pitch
+    t = np.linspace(0.0, 1.0, 1001)
+    up = np.zeros((len(t), links + 1))
+    up[:, -1] = -length * drop(t)
+    vehicle = {"track": {"pitch": pitch}, "gravity": 2.0 * length}  # sqrt(2 L/g) = 1 s
+    return Record(Links(t, 0.0 * up, up, np.zeros((len(t), links))), vehicle=vehicle)
+
+
+def test_falls():
+    window = Window(0.0, 1.0)
+    ahead = falling(lambda t: 1.4 * t**2 - 0.7 * t**4 / 0.9**2)  # largest at 0.9
+    assert measures.fall_time(ahead, "", window) == pytest.approx(0.9, rel=1e-6)
+    assert measures.behind_free_fall(ahead, "", window) > 0.0, "it slows down before its largest drop"
+    half = np.sqrt((1.4 - np.sqrt(1.4**2 - 4 * 0.7 / 0.81 * 0.5)) / (2 * 0.7 / 0.81))
+    assert measures.half_fall_time(ahead, "", window) == pytest.approx(np.sqrt(2) * half, rel=1e-5)
+    free, slower = falling(lambda t: 1.0001 * t**2), falling(lambda t: 0.97 * t**2)
+    assert measures.behind_free_fall(free, "", window) == 0.0
+    assert measures.behind_free_fall(slower, "", window) == pytest.approx(0.03 * 10 * PITCH)
+    assert np.isnan(measures.fall_time(free, "", window))
+    assert np.isnan(measures.half_fall_time(falling(lambda t: 0.3 * t), "", window))
+
+
+def test_hoop_strain():
+    angle = 2 * np.pi * np.arange(12) / 12
+    radius = 1.001 * PITCH / (2 * np.sin(np.pi / 12))
+    links = Links(np.zeros(1), radius * np.cos(angle)[None], radius * np.sin(angle)[None], np.zeros((1, 12)))
+    assert measures.hoop_strain(Record(links), "", Window(0.0, 0.0)) == pytest.approx(1e-3)
+
+
 def test_sag():
     links = Links(np.zeros(1), np.array([[0.0, 1.0, 2.0]]), np.array([[0.5, -1.5, 0.5]]), np.zeros((1, 2)))
     assert measures.sag(Record(links), "", Window(0.0, 0.0)) == 2.0

@@ -89,6 +89,38 @@ def test_show_names_what_is_left_out():
     assert "contact with the ground" not in whole.split("left out")[1].split("expected")[0]
 
 
+@pytest.mark.parametrize(
+    ("name", "present", "absent"),
+    [
+        ("released_chain", "516 dofs", ("drives", "chassis", "contact with the ground", "contact with wheels")),
+        ("folded_chain", "33 elements", ("drives", "contact with the ground", "second track")),
+        ("spinning_loop", "512 dofs", ("gravity", "contact with the ground", "contact with wheels", "drives")),
+        ("flexible_pendulum", "4 cable elements (engineering), 27 dofs", ("FMUs", "both track models", "drives")),
+        ("elastica", "16 cable elements (small_deformation), 96 dofs", ("FMUs", "inertia", "gravity", "chassis")),
+        ("l_frame", "2 x 24 elements (beam), 576 dofs", ("FMUs", "inertia", "gravity", "contact with the ground")),
+        ("sliding_mass", "6 cable elements on a cubic spline and a mass, 22 dofs", ("FMUs", "contact with wheels")),
+    ],
+)
+def test_show_names_what_a_component_scene_leaves_out(name, present, absent):
+    inside, rest = "\n".join(describe(load(name))).split("left out\n")
+    assert present in inside
+    left = rest.split("expected\n")[0]
+    for word in absent:
+        assert word in left
+    assert ("gravity" in left) == ("gravity" in absent)
+    assert ("inertia" in left) == ("inertia" in absent)
+
+
+def test_ends_of_a_chain_reach_its_fmu():
+    held = parts("released_chain")["chain"]
+    assert held.config["track"]["ends"] == {"kind": "held", "first": [0.0, 0.0]}
+    assert held.parameters["start"] == "straight"
+    assert "start" not in parts("hanging_chain")["chain"].parameters, "the model's own"
+    loop = parts("spinning_loop")["chain"]
+    assert (loop.config["track"]["closed"], loop.config["track"]["ends"]) == (True, None)
+    assert (loop.config["track"]["gravity"], loop.parameters["start.spin"]) == (0.0, 5.0)
+
+
 def test_displaced_start_and_pulled_ends():
     chain = parts("hanging_chain", "track.start=displaced")["chain"]
     assert chain.parameters["start"] == "displaced"

@@ -1,4 +1,4 @@
-"""Meshes that the study of the mechanics measures: lines, chains, corners, frames, a rope with a slider."""
+"""Meshes of scenes without an FMU and of the study of the mechanics: lines, chains, corners, frames, rails."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
 
 Floats = NDArray[np.float64]
-CABLES: dict[str, Any] = {
-    "small deformation (11)-(15)": cable_small,
-    "general (8)-(10)": cable_general,
+ELASTICITIES: dict[str, Any] = {
+    "small_deformation": cable_small,
+    "general": cable_general,
     "engineering": cable_engineering,
 }
 Y = [0.0, 1.0, 0.0]
@@ -81,15 +81,23 @@ def opening(kind: Any, n: int, slender: float, **kind_of: Any) -> float:
     return float(np.linalg.norm(mesh.end(found.q, (n - 1, 1))[0]))
 
 
-def rotating(kind: Any, n: int = 4) -> tuple[Mesh, Floats, Floats]:
-    """A pinned cable of 1 m, soft as rubber, that starts to turn about y under gravity along -y; with q and v."""
-    A, E, rho = 2.5e-5, 1.6e6, 320.0
-    c = Cable(1.0 / n, rho * A, E * A, E * A * A / (4 * np.pi), 0.0, 0.0)
+def round_cable(l: float, area: float, modulus: float, density: float) -> Cable:
+    """A link of ``l`` m of circular section."""
+    return Cable(l, density * area, modulus * area, modulus * area**2 / (4 * np.pi), 0.0, 0.0)
+
+
+RUBBER = round_cable(0.25, 2.5e-5, 1.6e6, 320.0)
+
+
+def rotating(
+    kind: Any, c: Cable = RUBBER, n: int = 4, spin: float = 4.0, gravity: float = 9.81
+) -> tuple[Mesh, Floats, Floats]:
+    """A cable pinned at the origin that starts to turn about y under gravity along -y; with q and v."""
     mesh = line(kind, c, n, [((0, 0), joints.held)])
-    mesh = mesh.loaded(loads.gravity(mesh, [0, -9.81, 0]))
+    mesh = mesh.loaded(loads.gravity(mesh, [0, -gravity, 0]))
     e = mesh.e0.reshape(n, 2, 2, 3)
     rates = np.zeros_like(e)
-    rates[:, :, 0] = np.cross([0, 4.0, 0], e[:, :, 0])
+    rates[:, :, 0] = np.cross([0, spin, 0], e[:, :, 0])
     return mesh, mesh.start(), velocity(mesh, rates)
 
 
@@ -102,6 +110,13 @@ def angular_momentum(mesh: Mesh, q: Floats, v: Floats) -> Floats:
     """About the origin (3)."""
     e, p = mesh.coordinates(q).reshape(-1, 3), (mesh.M_e @ (mesh.B @ v)).reshape(-1, 3)
     return np.asarray(np.cross(e, p).sum(axis=0))
+
+
+def points(mesh: Mesh, q: Floats) -> Floats:
+    """Positions (m, 3) of the first node and of every element's second one."""
+    e = mesh.coordinates(q)
+    places = [mesh.ends[0], *mesh.ends[1::2]]
+    return np.array([e[place.start : place.start + 3] for place in places])
 
 
 # Chains ------------------------------------------------------------------------------------------------------------
@@ -180,9 +195,17 @@ def corner_section(kind: Any, c: Any, name: str, n: int = 2) -> Mesh:
     return Mesh(parts, ties)
 
 
-def frame_tip(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Floats, Floats]:
-    """Tip displacements (x, z) of a clamped L-frame under a small force (1, 0, 1), and Timoshenko's."""
-    L1, L2, E, shear, P = 1.0, 0.8, 1e7, 5 / 6, 0.16 * h**4 * 1e3
+def frame_load(h: float) -> float:
+    """The force on the tip of ``frame`` along x and along z, N: it bends 5 mm."""
+    return 160.0 * h**4
+
+
+def frame(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Mesh, Floats]:
+    """A clamped L-frame of 1 m along x and 0.8 m up, ``n`` elements each, under a small force (1, 0, 1) at its tip.
+
+    With it Timoshenko's displacements (x, z) of the tip. ``rigid``: stiffness of a corner of beams over theirs.
+    """
+    L1, L2, E, shear, P = 1.0, 0.8, 1e7, 5 / 6, frame_load(h)
     A, inertia, kGA = h * h, h**4 / 12, shear * 0.5 * E * h * h
     one: Any
     two: Any
@@ -204,23 +227,40 @@ def frame_tip(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple
     mesh = mesh.loaded(loads.point_force(mesh, (2 * n - 1, 1), [P, 0, P]))
     if kind is beam and rigid:
         mesh = mesh.sprung(corner.block(mesh, (n - 1, 1), h**3, rigid * E))
-    q = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-11).q
-    u = mesh.end(q, (2 * n - 1, 1))[0] - [L1, 0, L2]
     EI, EA = E * inertia, E * A
     # the force P along x bends the column and turns the corner; along z it bends the first member
     corner_turn = P * L2 * L1 / EI - P * L1**2 / (2 * EI)  # of the moment P L2 and of the lift P, about +y
     x = P * L2**3 / (3 * EI) + P * L2 / kGA + corner_turn * L2 + P * L1 / EA
     z = P * L1**3 / (3 * EI) + P * L1 / kGA - P * L2 * L1**2 / (2 * EI) + P * L2 / EA
-    return u[[0, 2]], np.array([x, z])
+    return mesh, np.array([x, z])
+
+
+def frame_tip(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Floats, Floats]:
+    """Tip displacements (x, z) of ``frame``, and Timoshenko's."""
+    mesh, exact = frame(kind, n, h, rigid)
+    q, tip = mesh.start(), (2 * n - 1, 1)
+    bent = statics.equilibrium(mesh, q, steps=1, tolerance=1e-11).q
+    return (mesh.end(bent, tip) - mesh.end(q, tip))[0, [0, 2]], exact
 
 
 # A slider on a rope ------------------------------------------------------------------------------------------------
 
 
-def rope(slider: str, elements: int = 6, place: float = 0.6) -> tuple[Any, Any, Any]:
-    """A straight smooth rail of 2 m along x, pinned at both ends, and a ``point`` or a ``cable`` on it, at rest."""
-    length, mass = 2.0, 1.0
-    c = Cable(length / elements, 0.5, 4e3, 2.0, 0.0, 0.0)
+RAIL = Cable(2.0 / 6, 0.5, 4e3, 2.0, 0.0, 0.0)
+
+
+def rope(
+    slider: str,
+    elements: int = 6,
+    place: float = 0.6,
+    c: Cable = RAIL,
+    mass: float = 1.0,
+    gravity: float = 9.81,
+) -> tuple[Any, Any, Any]:
+    """A straight smooth rail of cables ``c`` along x, pinned at both ends, at rest, and a ``slider`` at ``place`` m.
+
+    That is a ``point`` of ``mass`` kg, or a ``cable`` of 0.2 m and that mass.
+    """
     T = sliding.chain_map(elements, c.l, True)
     size, is_cable = T.shape[2], slider == "cable"
     X = np.zeros((size + (4 if is_cable else 1), 3))
@@ -231,6 +271,6 @@ def rope(slider: str, elements: int = 6, place: float = 0.6) -> tuple[Any, Any, 
         X[size + 1 :, 0] = 1.0, place + 0.2, 1.0
     unit = np.eye(len(X))
     parts = [(c, T), tail] if is_cable else [(c, T)]
-    b, maps = sliding.bodies(parts, [] if is_cable else [mass], 9.81, unit[[0, size - 1]])
+    b, maps = sliding.bodies(parts, [] if is_cable else [mass], gravity, unit[[0, size - 1]])
     r = sliding.rail(c, maps[0], unit[size], unit[size + 1] if is_cable else None)
     return b, r, sliding.at_rest(r, X, place)

@@ -1,0 +1,127 @@
+"""Chains that nothing guides, behind the ports of a track: held at one end, or a free loop; rigid and flexible."""
+
+import numpy as np
+import pytest
+
+from fmus.model import InvalidParameter, StepFailed
+from fmus.physics.chain_layout import folded, regular_polygon
+from fmus.track import HELD, KINETIC, SPEED, STRAIN, T_MEAN
+from fmus.track_flexible.model import Model as Flexible
+from fmus.track_rigid.model import Model as Rigid
+from fmus.vehicle import read_table, vehicle
+
+TABLE = vehicle(*read_table("m113")).model_dump()
+P = TABLE["track"]["pitch"]
+BOTH = pytest.mark.parametrize("kind", [Rigid, Flexible])
+HOLD = {"kind": "held", "first": [1.0, 2.0]}
+
+
+def made(kind, links, ends=None, gravity=9.81, **changes):
+    track = {
+        "links": links,
+        "closed": ends is None,
+        "wheels": [],
+        "ground": False,
+        "gravity": gravity,
+        "ends": ends,
+    }
+    model = kind({"vehicle": TABLE, "track": track, "link_outputs": True})
+    given = {p.name: p.start for p in model.ports if p.causality == "parameter"}
+    assert set(changes) <= set(given)
+    model.initialise(given | changes)
+    return model
+
+
+def allowed(model):
+    return next(port.choices for port in model.ports if port.name == "start")
+
+
+def per_link(model):
+    """Tensions (n), forces of the pins (nodes, 3)."""
+    n, m = model.links_count, model.nodes
+    tension, force = np.empty(n), np.empty((m, 3))
+    model.links(tension, np.empty(n), np.empty((m, 3)), force)
+    return tension, force
+
+
+def test_layouts():
+    ring, fold = regular_polygon(P, 7), folded(np.array([1.0, 2.0]), P, 9)
+    np.testing.assert_allclose(np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1), P, rtol=1e-14)
+    np.testing.assert_allclose(fold[-1], [1.0 + P, 2.0], atol=1e-14)
+    assert fold[:, 1].min() == pytest.approx(2.0 - 4 * P)
+
+
+@BOTH
+def test_starts_are_those_of_the_ends(kind):
+    held, loop = made(kind, 9, HOLD), made(kind, 9, gravity=0.0)
+    assert allowed(held) == ("straight", "folded")
+    assert allowed(loop) == ("rest", "polygon")
+    assert held.environment.ends == HELD
+    np.testing.assert_allclose(held.pins()[-1], [1.0 + 9 * P, 0.0, 2.0], atol=1e-14)
+    np.testing.assert_allclose(
+        made(kind, 9, HOLD, start="folded").pins()[-1], [1.0 + P, 0.0, 2.0], atol=1e-14
+    )
+    with pytest.raises(InvalidParameter, match=r"start = 'folded': a fold .* odd number of links, not 8"):
+        made(kind, 8, HOLD, start="folded")
+    spins = {model: [p.name for p in model.ports if p.name == "start.spin"] for model in (held, loop)}
+    assert [len(names) for names in spins.values()] == [0, 1]
+
+
+def test_force_on_a_bar_that_is_let_go():
+    """One rigid link from the horizontal: its pin carries m g times the inertias about centre over pin."""
+    mass, centre = TABLE["track"]["mass"], TABLE["track"]["inertia"][1]
+    expected = mass * 9.81 * centre / (centre + mass * P**2 / 4)
+    force = per_link(made(Rigid, 1, HOLD))[1]
+    np.testing.assert_allclose(force[0], [0.0, 0.0, expected], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(force[1], 0.0, atol=1e-6)
+
+
+@BOTH
+@pytest.mark.parametrize("integrator", ["generalized_alpha", "runge_kutta"])
+def test_a_held_chain_keeps_its_pin_and_its_energy(kind, integrator):
+    model = made(kind, 8, HOLD, integrator=integrator, step=2e-4)
+    start = model.report[[KINETIC, KINETIC + 1, KINETIC + 2]].sum()
+    for k in range(20):
+        model.step(2e-3 * k, 2e-3, np.zeros(0))
+    np.testing.assert_allclose(model.pins()[0], [1.0, 0.0, 2.0], atol=1e-10)
+    assert model.report[KINETIC] > 1.0
+    assert model.report[[KINETIC, KINETIC + 1, KINETIC + 2]].sum() == pytest.approx(
+        start, abs=1e-4 * model.report[KINETIC]
+    )
+
+
+@BOTH
+def test_a_loop_spins_in_relative_equilibrium(kind):
+    """Joint force m omega^2 Rc / (2 sin(pi/N)); a hundredth more of the spin shows."""
+    links, spin = 64, 5.0
+    model = made(kind, links, gravity=0.0, **{"start.spin": spin})
+    mass = (
+        TABLE["track"]["mass"]
+        if kind is Rigid
+        else TABLE["material"]["density"] * TABLE["section"]["area"] * P
+    )
+    expected = mass * spin**2 * P / (2 * np.tan(np.pi / links)) / (2 * np.sin(np.pi / links))
+    size = np.linalg.norm(per_link(model)[1], axis=1)
+    np.testing.assert_allclose(size, expected, rtol=4e-6)
+    other = made(kind, links, gravity=0.0, **{"start.spin": 1.01 * spin})
+    assert np.abs(np.linalg.norm(per_link(other)[1], axis=1) / expected - 1.0).min() > 0.01
+    assert model.report[SPEED] == pytest.approx(spin * P / (2 * np.tan(np.pi / links)), rel=1e-3)
+    for k in range(100):
+        model.step(1e-3 * k, 1e-3, np.zeros(0))
+    np.testing.assert_allclose(np.linalg.norm(per_link(model)[1], axis=1), expected, rtol=1e-5)
+
+
+def test_a_polygon_that_spins_is_not_yet_stretched():
+    """The twin: without the equilibrium the links carry nothing at first, and the loop rings."""
+    model = made(Flexible, 16, gravity=0.0, start="polygon", **{"start.spin": 5.0})
+    assert model.report[T_MEAN] == pytest.approx(0.0, abs=1e-3)
+    stretched = made(Flexible, 16, gravity=0.0, **{"start.spin": 5.0})
+    assert stretched.report[T_MEAN] > 400.0
+    assert stretched.report[STRAIN] > model.report[STRAIN]
+
+
+def test_links_that_are_too_soft_to_spin():
+    with pytest.raises(
+        StepFailed, match="spins at 50 rad/s has no relative equilibrium: its links are too soft"
+    ):
+        made(Flexible, 16, gravity=0.0, **{"start.spin": 50.0, "material.youngs_modulus": 1e5})
