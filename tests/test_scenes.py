@@ -158,7 +158,7 @@ TWINS = [
     ("elastica", "alpha_10", ("cantilever.elements=2",)),
     ("l_frame", "x", ("frame.corner=0",)),
     ("l_frame", "z", ("frame.elements=6",)),
-    ("sliding_mass", "to_and_fro", ("slider.place=0.45", "run.stop=1.5 s")),
+    ("sliding_mass", "to_and_fro", ("slider.place=0.4", "run.stop=3 s")),
 ]
 
 

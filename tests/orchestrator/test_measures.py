@@ -17,7 +17,7 @@ class Record:
     def __init__(self, links=None, signals=None, **scene):
         self.scene = {"vehicle": RESTING, **scene}
         self.tracks = ("track",)
-        self.instances = ("track", "drive")
+        self.instances, self.sides = ("track", "drive"), ()
         self._links, self._signals = links, signals or {}
 
     def links(self, track):
