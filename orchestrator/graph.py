@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# What a connection carries decides what a receiver that holds it over a step should be given:
+# "value"  of the communication point; "mean" over the step just done; "state" of the communication point, which the
+# receiver moves on itself with the "rate" that comes beside it.
+Kind = Literal["value", "mean", "state", "rate"]
 
 
 class Instance(NamedTuple):
@@ -29,6 +33,8 @@ class Connection(NamedTuple):
     outputs: tuple[str, ...]
     target: str
     inputs: tuple[str, ...]
+    carries: Kind = "value"
+    rates: tuple[str, ...] = ()  # of values: the outputs that are their time derivatives, where the source has them
 
 
 class System(NamedTuple):
@@ -39,7 +45,10 @@ class System(NamedTuple):
 
 
 class Steppable(Protocol):
-    """What the master needs of a loaded component (``component.Component`` is one)."""
+    """What the master needs of a loaded component (``component.Component`` is one).
+
+    Only couplings and step controls that go back in time save and restore.
+    """
 
     name: str
     inputs: tuple[str, ...]
@@ -56,6 +65,15 @@ class Steppable(Protocol):
     def read(self) -> None:
         """Fetch ``y`` from the component."""
 
+    def save(self) -> Any:
+        """Its state with its arrays; raises ComponentFailed where it cannot."""
+
+    def restore(self, state: Any) -> None:
+        """Back to a saved state, which stays good."""
+
+    def free(self, state: Any) -> None:
+        """Forget a saved state."""
+
 
 class Feed(NamedTuple):
     """``u[inputs] = source.y[outputs]``."""
@@ -63,6 +81,8 @@ class Feed(NamedTuple):
     source: Steppable
     outputs: Indices
     inputs: Indices
+    carries: Kind = "value"
+    rates: Indices | None = None  # where the source shows d/dt of the outputs
 
 
 class Member(NamedTuple):
@@ -97,7 +117,10 @@ def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
         source, target = components[connection.source], components[connection.target]
         outputs = _indices(source.outputs, connection.outputs, connection.source, "output")
         inputs = _indices(target.inputs, connection.inputs, connection.target, "input")
-        feeds[connection.target].append(Feed(source, outputs, inputs))
+        rates = _indices(source.outputs, connection.rates, connection.source, "output")
+        feeds[connection.target].append(
+            Feed(source, outputs, inputs, connection.carries, rates if connection.rates else None)
+        )
     return tuple(
         tuple(
             Member(components[instance.name], tuple(feeds[instance.name]))

@@ -20,6 +20,7 @@ TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y
 AXLE = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
 TRACK, DRIVE, CHASSIS = 0, 1, 2  # stages: force sides first
+POSE = 7  # of a wheel's 13: position and orientation, then its rates
 
 Parameters = dict[str, float | int | str]
 
@@ -290,13 +291,15 @@ def _rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
     return {"name": name, "kind": "rim", "radius": radius, "position": [x, z]}
 
 
-def _wheel(giver: str, connector: str, taker: str, taken: str) -> tuple[Connection, Connection]:
-    """Motion from the taker to the giver, mean wrench from the giver to the taker."""
+def _wheel(giver: str, connector: str, taker: str, taken: str) -> tuple[Connection, ...]:
+    """Pose and rates from the taker to the giver, mean wrench from the giver to the taker."""
+    shown, seen = _names(wheel_state(taken, "output")), _names(wheel_state(connector, "input"))
     return (
+        Connection(taker, shown[:POSE], giver, seen[:POSE], "state"),
+        Connection(taker, shown[POSE:], giver, seen[POSE:], "rate"),
         Connection(
-            taker, _names(wheel_state(taken, "output")), giver, _names(wheel_state(connector, "input"))
+            giver, _names(wrench(connector, "output")), taker, _names(wrench(taken, "input")), "mean"
         ),
-        Connection(giver, _names(wrench(connector, "output")), taker, _names(wrench(taken, "input"))),
     )
 
 

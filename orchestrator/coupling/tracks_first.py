@@ -1,49 +1,28 @@
-"""Force side first: stage after stage over the same interval, each with what was just produced for it.
+"""Force side first: with the motion of its peers moved on by their velocity; the other side with the mean force.
 
-Inputs are gathered right before a stage steps. A component whose peer steps later sees the peer's state at t
-(and extrapolates it by the exchanged rates); one whose peer has stepped sees the mean wrench over [t, t + h].
-No rollback, and what leaves one component in a step enters the other in the same step.
+A component whose peer steps later sees the peer's state at t and moves it on by the exchanged rates, or is given the
+value for the middle of the step where only the master can do so; one whose peer has stepped is given the mean over
+[t, t + h]. No rollback, and what leaves one component in a step enters the other in the same step.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
-
-from orchestrator.graph import Member, Stages
-
-ORDER = 2  # of the motion, without damping across the ports
-
-
-def advance(stages: Stages, t: float, h: float, pool: Executor | None) -> None:
-    """Bring every component from t to t + h; raises what a component raises, the first of a stage first."""
-    for stage in stages:
-        for member in stage:
-            gather(member)
-        *others, last = stage
-        if pool is None:
-            for member in stage:
-                step(member, t, h)
-        else:
-            waiting = [pool.submit(step, member, t, h) for member in others]
-            try:
-                step(last, t, h)
-            finally:
-                failures = [future.exception() for future in waiting]
-            for failure in failures:
-                if failure is not None:
-                    raise failure
+from orchestrator.coupling import held
+from orchestrator.coupling.held import Outputs
+from orchestrator.coupling.staged import Staged
+from orchestrator.graph import Feed, Floats
 
 
-def gather(member: Member) -> None:
-    """Copy what the peers show now into the inputs."""
-    u = member.component.u
-    for feed in member.feeds:
-        u[feed.inputs] = feed.source.y[feed.outputs]
+class TracksFirst(Staged):
+    """Stages are force sides first."""
 
+    NAME = "tracks_first"
+    ORDER = 2
 
-def step(member: Member, t: float, h: float) -> None:
-    """One component over [t, t + h]."""
-    component = member.component
-    component.write()
-    component.step(t, h)
-    component.read()
+    def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
+        """Moved on by its velocity."""
+        return held.moved(feed, now, self.past, h)
+
+    def late(self, feed: Feed, now: Outputs) -> Floats:
+        """The mean."""
+        return held.within(feed, now)

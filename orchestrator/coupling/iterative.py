@@ -1,0 +1,120 @@
+"""Iterated with rollback: every step is repeated until each input is the mean of what its peer shows over the step.
+
+Staged sweeps; only what a stage is told of later stages is unknown. Fixed-point iteration accelerated by
+D. G. Anderson, J. ACM 12, 1965, doi 10.1145/321296.321305 (type II, all in units of the largest value that each
+connection has carried), which also converges where plain repetition does not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.coupling import held
+from orchestrator.coupling.held import Outputs
+from orchestrator.coupling.scheme import CouplingFailed, give, needs_states
+from orchestrator.coupling.staged import Staged
+from orchestrator.graph import Feed, Floats, Stages
+
+KEPT = 6  # differences of earlier sweeps that the acceleration looks at
+
+
+class Iterative(Staged):
+    """Converged when no unknown input changes by more than ``tolerance`` of the largest its connection has carried.
+
+    :raises CouplingFailed: here where a component cannot save its state, in ``advance`` after ``iterations`` sweeps.
+    """
+
+    NAME = "iterative"
+    ORDER = 2
+
+    def __init__(
+        self, stages: Stages, tolerance: float = 1e-6, iterations: int = 20, threads: bool = True
+    ) -> None:
+        super().__init__(stages, threads)
+        needs_states(self, "coupling 'iterative'")
+        self.tolerance, self.iterations = tolerance, iterations
+        self.sweeps = 0  # in all
+        stage = {member.component.name: k for k, group in enumerate(stages) for member in group}
+        feeds = [
+            (member.component.name, feed)
+            for member in self.members
+            for feed in member.feeds
+            if feed.carries != "state" and stage[feed.source.name] >= stage[member.component.name]
+        ]
+        ends = np.cumsum([0, *(len(feed.inputs) for _, feed in feeds)])
+        self._feeds = feeds
+        self._place = {
+            id(feed): slice(a, b) for (_, feed), a, b in zip(feeds, ends[:-1], ends[1:], strict=True)
+        }
+        self._largest = np.zeros(len(feeds))
+        self._guess = np.zeros(int(ends[-1]))
+
+    def exchange(self, t: float, h: float, now: Outputs) -> None:
+        """Sweeps until the unknown inputs repeat themselves."""
+        z = self._collect(lambda feed: held.ahead(feed, now, self.past, h))
+        if not len(z):  # no stage looks back
+            super().exchange(t, h, now)
+            return
+        start = self.save()
+        try:
+            history: list[tuple[Floats, Floats]] = []
+            for sweep in range(self.iterations):
+                if sweep:
+                    self.restore(start)
+                self._guess = z
+                super().exchange(t, h, now)
+                self.sweeps += 1
+                residual = self._collect(lambda feed: held.within(feed, now)) - z
+                scale = self._scale(z + residual)
+                history.append((z / scale, residual / scale))
+                if np.abs(residual / scale).max() <= self.tolerance:
+                    return
+                z = scale * anderson(history[-KEPT - 1 :])
+        finally:
+            self.free(start)
+        raise CouplingFailed(self._complaint(t, h, residual / scale))
+
+    def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
+        """The unknown; a state is as of t."""
+        place = self._place.get(id(feed))
+        return held.of_time_t(feed, now) if place is None else self._guess[place]
+
+    def late(self, feed: Feed, now: Outputs) -> Floats:
+        """The mean."""
+        return held.within(feed, now)
+
+    def _collect(self, given: object) -> Floats:
+        parts = [given(feed) for _, feed in self._feeds]  # type: ignore[operator]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _scale(self, z: Floats) -> Floats:
+        """Of every unknown: the largest of its connection so far; 1 where nothing has come yet."""
+        for k, (_, feed) in enumerate(self._feeds):
+            self._largest[k] = max(self._largest[k], float(np.abs(z[self._place[id(feed)]]).max()))
+        sizes = [len(feed.inputs) for _, feed in self._feeds]
+        return np.repeat(np.where(self._largest > 0.0, self._largest, 1.0), sizes)
+
+    def _complaint(self, t: float, h: float, residual: Floats) -> str:
+        worst = int(np.abs(residual).argmax())
+        taker, feed = next(
+            (taker, feed)
+            for taker, feed in self._feeds
+            if self._place[id(feed)].start <= worst < self._place[id(feed)].stop
+        )
+        member = next(member for member in self.members if member.component.name == taker)
+        name = member.component.inputs[feed.inputs[worst - self._place[id(feed)].start]]
+        return (
+            f"coupling 'iterative': {taker}.{name} still changes by {abs(residual[worst]):.2g} of its size after "
+            f"{self.iterations} iterations at t = {t:.6g} s, step {h:.3g} s (allowed {self.tolerance:g})"
+        )
+
+
+def anderson(history: list[tuple[Floats, Floats]]) -> Floats:
+    """The next guess from guesses and residuals (newest last): the combination of least residual, plus its residual."""
+    z, r = history[-1]
+    if len(history) == 1:
+        return z + r
+    dz = np.diff([guess for guess, _ in history], axis=0).T
+    dr = np.diff([residual for _, residual in history], axis=0).T
+    share = np.linalg.lstsq(dr, r, rcond=1e-10)[0]
+    return np.asarray(z + r - (dz + dr) @ share)

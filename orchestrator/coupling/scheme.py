@@ -1,0 +1,132 @@
+"""What all couplings share: the past of the outputs, threads, states to go back to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from types import TracebackType
+from typing import Any, ClassVar, NamedTuple
+
+from orchestrator.component import ComponentFailed
+from orchestrator.coupling.held import Outputs, Past
+from orchestrator.graph import Feed, Floats, Member, Stages
+
+Given = Callable[[Feed], Floats]  # what a feed hands over
+
+
+class CouplingFailed(RuntimeError):
+    """The coupling cannot take a step; the message is one sentence."""
+
+
+class Saved(NamedTuple):
+    """Everything at a communication point: states in the order of the members, and the past."""
+
+    states: tuple[Any, ...]
+    past: Past
+    more: Any = None  # what else a coupling remembers
+
+
+class Scheme:
+    """A coupling of given components; a context manager that owns the threads in which they step side by side.
+
+    :param stages: members by stage; those of a lower one step first where the coupling has an order of stepping.
+    :param threads: components that step at once do so in threads; without, one after the other with the same result.
+    """
+
+    NAME: ClassVar[str]
+    ORDER: int  # of the motion in the communication step
+
+    def __init__(self, stages: Stages, threads: bool = True) -> None:
+        self.stages = stages
+        self.members = tuple(member for stage in stages for member in stage)
+        self.past = Past({}, 0.0, 0.0)
+        self._threads = threads
+        self._pool: ThreadPoolExecutor | None = None
+
+    def __enter__(self) -> Scheme:
+        width = max(len(group) for group in self.groups())
+        if self._threads and width > 1:
+            self._pool = ThreadPoolExecutor(width - 1, "step")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+    def groups(self) -> Stages:
+        """Members that step at once, group after group."""
+        return self.stages
+
+    def advance(self, t: float, h: float) -> None:
+        """Bring every component from t to t + h; raises what a component raises, and CouplingFailed."""
+        now = {member.component.name: member.component.y.copy() for member in self.members}
+        self.exchange(t, h, now)
+        self.past = Past(now, h, self.past.last)
+
+    def exchange(self, t: float, h: float, now: Outputs) -> None:
+        """The step itself; ``now`` holds the outputs at t."""
+        raise NotImplementedError
+
+    def step(self, group: Sequence[Member], t: float, h: float) -> None:
+        """Members of a group over [t, t + h] at once; the first failure of the group is raised when all have ended."""
+        *others, last = group
+        if self._pool is None:
+            for member in group:
+                step(member, t, h)
+            return
+        waiting = [self._pool.submit(step, member, t, h) for member in others]
+        try:
+            step(last, t, h)
+        finally:
+            failures = [future.exception() for future in waiting]
+        for failure in failures:
+            if failure is not None:
+                raise failure
+
+    def save(self) -> Saved:
+        """This communication point, to be restored or freed."""
+        return Saved(tuple(member.component.save() for member in self.members), self.past)
+
+    def restore(self, saved: Saved) -> None:
+        """Back to a saved point, which stays good."""
+        for member, state in zip(self.members, saved.states, strict=True):
+            member.component.restore(state)
+        self.past = saved.past
+
+    def free(self, saved: Saved) -> None:
+        """Forget a saved point."""
+        for member, state in zip(self.members, saved.states, strict=True):
+            member.component.free(state)
+
+
+def needs_states(scheme: Scheme, what: str) -> None:
+    """Raises CouplingFailed unless every component can go back in time."""
+    for member in scheme.members:
+        try:
+            state = member.component.save()
+        except ComponentFailed as failure:
+            raise CouplingFailed(f"{failure}, which {what} needs") from None
+        member.component.free(state)
+
+
+def give(member: Member, given: Given) -> None:
+    """Fill the inputs of a member."""
+    u = member.component.u
+    for feed in member.feeds:
+        u[feed.inputs] = given(feed)
+
+
+def gather(member: Member) -> None:
+    """Copy what the peers show now into the inputs."""
+    give(member, lambda feed: feed.source.y[feed.outputs])
+
+
+def step(member: Member, t: float, h: float) -> None:
+    """One component over [t, t + h]."""
+    component = member.component
+    component.write()
+    component.step(t, h)
+    component.read()
