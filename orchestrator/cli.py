@@ -65,6 +65,7 @@ def _refusals() -> tuple[type[Exception], ...]:
     """What is raised about input before anything ran."""
     from fmus.build import BuildFailed
     from orchestrator.component import ComponentFailed
+    from orchestrator.coupling.scheme import CouplingFailed
     from orchestrator.evidence import Missing
     from orchestrator.graph import Miswired
     from orchestrator.reader import LogUnreadable, NoSuchSignal
@@ -75,6 +76,7 @@ def _refusals() -> tuple[type[Exception], ...]:
         BadInput,
         BuildFailed,
         ComponentFailed,
+        CouplingFailed,
         Miswired,
         LogUnreadable,
         LogFailed,
@@ -146,6 +148,9 @@ def run(
     step: Annotated[
         str | None, typer.Option("--step", metavar="H", help="communication step, '1 ms' or a number")
     ] = None,
+    coupling: Annotated[
+        str | None, typer.Option("--coupling", metavar="NAME", help="the coupling scheme, instead of the scene's")
+    ] = None,
     log: Annotated[
         Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")
     ] = None,
@@ -159,10 +164,8 @@ def run(
     from orchestrator.simulate import simulate
 
     result, status = summary.empty(scene, _model(track)), 2
-    changes = [
-        *(settings or ()),
-        *(f"run.{k}={v}" for k, v in (("stop", stop), ("step", step)) if v is not None),
-    ]
+    told = (("stop", stop), ("step", step), ("coupling", coupling))
+    changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in told if v is not None)]
     try:
         resolved = load(scene, _model(track), changes)
         path = log or Path("logs") / f"{resolved.name}-{resolved.track.model}.mcap"
@@ -372,6 +375,8 @@ def _print_summary(result: dict[str, Any]) -> None:
         f"{r['scene']} ({r['track']}): {r['status']}, {r['simulated_time']:.6g} s in {r['wall_time']:.3g} s"
         f" ({r['real_time_factor']:.3g} x real time), start-up {r['startup_time']:.3g} s"
     )
+    if r["rejected_steps"]:
+        print(f"  {r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back")
     for name, check in r["checks"].items():
         mark = "ok " if check["ok"] else "NOT"
         expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"

@@ -1,17 +1,23 @@
-"""The master: a fixed communication step, a coupling, and observers that look on after every step."""
+"""The master: a coupling that steps, a clock that says how far, and observers that look on after every step."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, Protocol
 
 from orchestrator.component import ComponentFailed
-from orchestrator.coupling import tracks_first
-from orchestrator.graph import Stages
+from orchestrator.coupling.scheme import CouplingFailed, Scheme
 
-Observer = Callable[[int, float], None]  # (k, t): k steps are done, time is t
+Observer = Callable[[int, float, float], None]  # (k, t, h): k steps are done, time is t, the last step took h
+
+
+class Pace(Protocol):
+    """How far the steps go: fixed (``Clock``) or controlled by an error (``coupling.variable_step``)."""
+
+    step: float  # the first one, s
+
+    def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
+        """Step to the end; yields t and the length of the step that led there, once it is done for good."""
 
 
 class Clock(NamedTuple):
@@ -24,6 +30,12 @@ class Clock(NamedTuple):
         """Time after k steps, s."""
         return k * self.step
 
+    def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
+        """Step after step."""
+        for k in range(self.steps):
+            scheme.advance(self.time(k), self.step)
+            yield self.time(k + 1), self.step
+
 
 class Outcome(NamedTuple):
     """How a run ended."""
@@ -31,31 +43,34 @@ class Outcome(NamedTuple):
     status: str  # "ok", "failed" or "interrupted"
     message: str  # one sentence, empty when all is well
     steps: int  # communication steps done by all components
+    time: float  # reached by them, s
 
 
 def run(
-    stages: Stages,
-    clock: Clock,
+    scheme: Scheme,
+    pace: Pace,
     observers: Sequence[Observer],
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Outcome:
     """Step initialised components to the end, a failure or an interruption; observers see k = 0 as well."""
-    threads = max(len(stage) for stage in stages) - 1
-    with ThreadPoolExecutor(threads, "step") if threads else nullcontext() as pool:
-        observe(observers, 0, 0.0)
-        for k in range(clock.steps):
-            t = clock.time(k)
+    k, t = 0, 0.0
+    with scheme:
+        observe(observers, k, t, pace.step)
+        steps = pace.walk(scheme)
+        while True:
             if interrupted():
-                return Outcome("interrupted", f"interrupted at t = {t:.6g} s", k)
+                return Outcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
             try:
-                tracks_first.advance(stages, t, clock.step, pool)
-            except ComponentFailed as failure:
-                return Outcome("failed", str(failure), k)
-            observe(observers, k + 1, clock.time(k + 1))
-    return Outcome("ok", "", clock.steps)
+                t, h = next(steps, (t, 0.0))
+            except (ComponentFailed, CouplingFailed) as failure:
+                return Outcome("failed", str(failure), k, t)
+            if not h:
+                return Outcome("ok", "", k, t)
+            k += 1
+            observe(observers, k, t, h)
 
 
-def observe(observers: Sequence[Observer], k: int, t: float) -> None:
+def observe(observers: Sequence[Observer], k: int, t: float, h: float) -> None:
     """Show the state after k steps to everyone who looks on."""
     for observer in observers:
-        observer(k, t)
+        observer(k, t, h)

@@ -20,21 +20,20 @@ STATS = ("wall_time",)  # of /stats/<instance>, after the counters
 class Logging:
     """Hands what happened to the recorder: inputs at the step's beginning, outputs and links at its end."""
 
-    def __init__(
-        self, recorder: Recorder, components: Sequence[Component], step: float, stats_every: int
-    ) -> None:
+    def __init__(self, recorder: Recorder, components: Sequence[Component], stats_every: int) -> None:
         self.recorder = recorder
         self.components = components
-        self.step = step
         self.stats_every = stats_every
+        self._began = 0.0  # where the next step begins, s
 
-    def __call__(self, k: int, t: float) -> None:
+    def __call__(self, k: int, t: float, h: float) -> None:
         """Record step k - 1's inputs and the outputs that belong to time t."""
-        recorder, h = self.recorder, self.step
+        recorder, began = self.recorder, self._began
+        self._began = t
         for component in self.components:
             name = component.name
             if k:
-                recorder.write(f"/{name}/in", k - 1, (k - 1) * h, h, component.u)
+                recorder.write(f"/{name}/in", k - 1, began, h, component.u)
             if recorder.due(f"/{name}/out", k):
                 recorder.write(f"/{name}/out", k, t, h, component.y)
             if len(component.y_links) and recorder.due(f"/{name}/links", k):
@@ -75,7 +74,7 @@ class ProgressBar:
         if self._bar.console.is_terminal:
             self._bar.stop()
 
-    def __call__(self, k: int, t: float) -> None:
+    def __call__(self, k: int, t: float, h: float) -> None:
         """Show time t, a few times a second."""
         now = time.perf_counter()
         if not k:

@@ -21,11 +21,66 @@ Time = Annotated[float, In("s", ge=0)]
 Every = Annotated[int, Field(ge=1)]
 
 
+class Coupling(Part):
+    """How components are coupled; what is not given is the coupling's own default."""
+
+    scheme: Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"] = "tracks_first"
+    hold: Literal["linear", "constant"] | None = None  # of inputs: extrapolated to the middle of the step, or not
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None  # change of inputs that ends the iteration
+    iterations: Annotated[int, Field(ge=1)] | None = None  # allowed in a step
+
+    @model_validator(mode="after")
+    def _options_fit(self) -> Coupling:
+        for option in self.options():
+            if self.scheme not in OPTIONS[option]:
+                wanted = " or ".join(OPTIONS[option])
+                raise ValueError(f"{option} is an option of {wanted}, not of {self.scheme}")
+        return self
+
+    def options(self) -> dict[str, Any]:
+        """What is given besides the scheme."""
+        return self.model_dump(exclude={"scheme"}, exclude_none=True)
+
+    def __str__(self) -> str:
+        given = ", ".join(f"{key} = {value}" for key, value in self.options().items())
+        return f"{self.scheme} ({given})" if given else self.scheme
+
+
+OPTIONS = {
+    "hold": ("jacobi", "gauss_seidel"),
+    "tolerance": ("iterative",),
+    "iterations": ("iterative",),
+}
+
+
+class Variable(Part):
+    """A communication step that follows an error estimate; ``run.step`` is the first."""
+
+    tolerance: Annotated[float, Field(gt=0, lt=1)]  # error of a step over what its connection has carried
+    shortest: Duration = 1e-5
+    longest: Duration = 0.1
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Variable:
+        if self.shortest > self.longest:
+            raise ValueError(f"shortest = {self.shortest:g} s is longer than longest = {self.longest:g} s")
+        return self
+
+    def __str__(self) -> str:
+        return f"tolerance {self.tolerance:g}, {self.shortest * 1e3:g} to {self.longest * 1e3:g} ms"
+
+
+def _short_coupling(value: object) -> object:
+    return {"scheme": value} if isinstance(value, str) else value
+
+
 class Run(Part):
     """How long, in which steps, and how often results are recorded."""
 
     stop: Duration
     step: Duration  # communication step H
+    coupling: Annotated[Coupling, BeforeValidator(_short_coupling)] = Coupling()
+    variable: Variable | None = None  # without it all steps are of length H
     outputs: Every = 1  # outputs are recorded every n communication steps
     links: Every = 10  # per-link outputs are recorded every n communication steps
 
@@ -212,6 +267,8 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
     if track is not None:
         changes.insert(0, ("track.model", track))
     table["track"] = _short_track(table.get("track", {}))
+    if isinstance(table.get("run"), dict):
+        table["run"]["coupling"] = _short_coupling(table["run"].get("coupling", {}))
     for key, value in changes:
         if key == "vehicle":
             table["vehicle"] = value
@@ -219,6 +276,8 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
     for key, value in changes:
         if key == "track":
             key = "track.model"
+        if key == "run.coupling":
+            key = "run.coupling.scheme"
         if key != "vehicle":
             _put(table, key, value)
     return from_table({"name": name, **table}, f"{name}.toml")

@@ -17,13 +17,15 @@ from typing import Any
 
 from orchestrator import master, summary
 from orchestrator.component import Component, ComponentFailed
-from orchestrator.coupling.tracks_first import gather
+from orchestrator.coupling import SCHEMES
+from orchestrator.coupling.scheme import Scheme, gather, needs_states
+from orchestrator.coupling.variable_step import VariableStep
 from orchestrator.evidence import Evidence
 from orchestrator.graph import Stages, System, wire
 from orchestrator.observers import STATS, Logging, ProgressBar
 from orchestrator.reader import Log
 from orchestrator.recorder import LogFailed, Recorder
-from orchestrator.scene import Scene
+from orchestrator.scene import Run, Scene
 from orchestrator.system import assemble, placed, system
 
 PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
@@ -37,7 +39,7 @@ def simulate(
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; the summary of ``summary.empty``.
 
-    Raises BadInput, BuildFailed or ComponentFailed before the first step (then no log is written); afterwards
+    Raises BadInput, BuildFailed, ComponentFailed or CouplingFailed before the first step (then no log is written); afterwards
     every failure is in the summary's status and message.
     """
     began = time.perf_counter()
@@ -47,30 +49,33 @@ def simulate(
     with ExitStack() as stack:
         components = load(graph, scene.run.stop, stack, logger)
         stages = wire(graph, components)
+        scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
+        pace = paced(scene.run)
+        if isinstance(pace, VariableStep):
+            needs_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
-        clock = master.Clock(scene.run.step, scene.run.steps)
-        outcome, startup, wall = master.Outcome("failed", "", 0), 0.0, 0.0
+        outcome, startup, wall = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0
         try:
             with Recorder(
                 path, *contents(scene, graph, components), every=strides(scene, components)
             ) as recorder:
-                stats_every = max(1, round(STATS_PERIOD / clock.step))
+                stats_every = max(1, round(STATS_PERIOD / pace.step))
                 observers: list[master.Observer] = [
-                    Logging(recorder, list(components.values()), clock.step, stats_every)
+                    Logging(recorder, list(components.values()), stats_every)
                 ]
                 if progress:
                     observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop)))
                 startup = time.perf_counter() - began
                 with _interruptible() as interrupted:
                     try:
-                        outcome = master.run(stages, clock, observers, interrupted)
+                        outcome = master.run(scheme, pace, observers, interrupted)
                     finally:
                         wall = time.perf_counter() - began - startup
                 recorder.close(outcome.status, outcome.message, outcome.steps)
         except LogFailed as failure:
-            outcome = master.Outcome("failed", str(failure), outcome.steps)
+            outcome = outcome._replace(status="failed", message=str(failure))
         result["components"] = {name: cost(component) for name, component in components.items()}
-    simulated = clock.time(outcome.steps)
+    simulated = outcome.time
     result |= {
         "status": "ok" if outcome.status == "ok" else "failed",
         "message": outcome.message,
@@ -79,6 +84,7 @@ def simulate(
         "wall_time": wall,
         "real_time_factor": simulated / wall if wall else 0.0,
         "communication_steps": outcome.steps,
+        "rejected_steps": pace.rejected if isinstance(pace, VariableStep) else 0,
         "log": str(path),
         "log_bytes": path.stat().st_size if path.exists() else 0,
     }
@@ -86,6 +92,15 @@ def simulate(
         result |= summary.evaluate(Evidence(Log(path)), scene, simulated)
         result["message"] = result["message"] or summary.doubt(result["energy"])
     return result
+
+
+def paced(run: Run) -> master.Clock | VariableStep:
+    """The clock of a run."""
+    if run.variable is None:
+        return master.Clock(run.step, run.steps)
+    return VariableStep(
+        run.stop, run.step, run.variable.tolerance, run.variable.shortest, run.variable.longest
+    )
 
 
 def load(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
@@ -140,8 +155,9 @@ def contents(
             "scene": scene.name,
             "title": scene.title,
             "track": scene.track.model,
-            "coupling": "tracks_first",
+            "coupling": str(scene.run.coupling),
             "step": repr(scene.run.step),
+            "step_control": "fixed" if scene.run.variable is None else str(scene.run.variable),
             "stop": repr(scene.run.stop),
         },
         "versions": {

@@ -36,6 +36,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "wall_time": 0.0,
         "real_time_factor": 0.0,
         "communication_steps": 0,
+        "rejected_steps": 0,
         "log": None,
         "log_bytes": 0,
         "components": {},

@@ -315,7 +315,10 @@ def describe(scene: Scene) -> Iterator[str]:
     assembly = assemble(scene)
     run = scene.run
     yield f"{scene.name}: {scene.title}"
-    yield f"  {run.stop:g} s in {run.steps} steps of {run.step * 1e3:g} ms"
+    if run.variable is None:
+        yield f"  {run.stop:g} s in {run.steps} steps of {run.step * 1e3:g} ms, {run.coupling}"
+    else:
+        yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
     yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {run.links}"
     yield "in"
     for part in assembly.parts:

@@ -206,12 +206,12 @@ def energy(o: Oscillator, x: Floats) -> float:
 
 
 def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> Floats:
-    """The matrix of one step in constant steps, on (x_a, x_b, y_a, y_b, y_a and y_b one step before, missed)."""
+    """The matrix of one step in constant steps, on (x_a, x_b, y_a, y_b, y_a and y_b a step before, missed by a)."""
     a, b = sides(cut, o)
     (Pa, Qa, Ra, Sa), (Pb, Qb, Rb, Sb) = a.map(h), b.map(h)
-    sizes = [len(a.x), len(b.x), len(a.C), len(b.C), len(a.C), len(b.C), len(b.C), len(a.C)]
+    sizes = [len(a.x), len(b.x), len(a.C), len(b.C), len(a.C), len(b.C), len(b.C)]
     unit = np.eye(sum(sizes))
-    xa, xb, ya, yb, pa, pb, ma, mb = np.split(unit, np.cumsum(sizes)[:-1])
+    xa, xb, ya, yb, pa, pb, missed = np.split(unit, np.cumsum(sizes)[:-1])
 
     def column(side: Side, value: float, mean: float, rate: float) -> Floats:
         """Weights of each input by what it carries; a state has none."""
@@ -230,8 +230,8 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
 
     ua, ub = foreseen(0, yb, pb), foreseen(1, ya, pa)
     if scheme == "energy_corrected":
-        ua, ub = ua + ma, ub + mb
-    if scheme in ("tracks_first", "gauss_seidel"):
+        ua = ua + missed
+    if scheme in ("tracks_first", "gauss_seidel", "energy_corrected"):
         ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     if scheme == "iterative":  # u_a = y_b + w (y_b' - y_b), where y_b' depends on u_a through y_a'
         gain = within[0] * (Sb @ (within[1] * Sa))
@@ -239,10 +239,9 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
         ua = np.linalg.solve(np.eye(len(gain)) - gain, rest)
         ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     ya_after, yb_after = Ra @ xa + Sa @ ua, Rb @ xb + Sb @ ub
-    returned = [np.array([[kind in ("value", "mean")] for kind in side.given]) for side in (a, b)]
-    ma = returned[0] * (ma + yb + within[0] * (yb_after - yb) - ua)
-    mb = returned[1] * (mb + ya + within[1] * (ya_after - ya) - ub)
-    return np.vstack([Pa @ xa + Qa @ ua, Pb @ xb + Qb @ ub, ya_after, yb_after, ya, yb, ma, mb])
+    returned = np.array([[kind == "value"] for kind in a.given])
+    missed = returned * (missed + yb + within[0] * (yb_after - yb) - ua)
+    return np.vstack([Pa @ xa + Qa @ ua, Pb @ xb + Qb @ ub, ya_after, yb_after, ya, yb, missed])
 
 
 def radius(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> float:

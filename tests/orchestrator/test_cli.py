@@ -17,7 +17,7 @@ from orchestrator.reader import Log
 
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "real_time_factor",
-    "communication_steps", "log", "log_bytes", "components", "energy", "checks", "observables",
+    "communication_steps", "rejected_steps", "log", "log_bytes", "components", "energy", "checks", "observables",
 }  # fmt: skip
 SHORT = ("run", "hanging_chain", "--stop", "0.02", "--json")
 

@@ -1,0 +1,123 @@
+"""A variable communication step: every step is done twice, in one go and in two halves, and the difference judges it.
+
+The two halves are kept: a step of length 2 h in one go is thrown away, two steps of length h stay, so the error of the
+kept ones is the difference over 2^p - 1 with the coupling's order p. Works around any coupling whose components save
+their state, and with the coupling's own past at uneven steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from orchestrator.component import ComponentFailed
+from orchestrator.coupling.held import Outputs
+from orchestrator.coupling.scheme import CouplingFailed, Saved, Scheme
+from orchestrator.graph import Feed, Floats
+
+SAFETY = 0.9
+LEAST, MOST = 0.2, 2.0  # change of the step from one pair to the next
+
+
+class VariableStep:
+    """A pace that keeps the error of a step below a tolerance.
+
+    :param stop: end, s.
+    :param step: length of the first step, s.
+    :param tolerance: of the error of a step over the largest value that a connection has carried; poses and rates of one
+        motion are taken together, means are not looked at, being errors of motion over h.
+    :param shortest: s; a step of this length is kept whatever its error is.
+    :param longest: s.
+    """
+
+    def __init__(self, stop: float, step: float, tolerance: float, shortest: float, longest: float) -> None:
+        self.stop, self.step, self.tolerance = stop, step, tolerance
+        self.shortest, self.longest = shortest, longest
+        self.rejected = 0  # pairs of steps that were taken back
+        self.forced = 0  # pairs kept with too large an error
+
+    def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
+        """Pairs of steps to the end; both are shown when both are good."""
+        t, h = 0.0, self.step
+        largest: dict[tuple[str, str, int], float] = {}
+        while True:
+            h = min(max(h, self.shortest), self.longest)
+            pairs = math.ceil((self.stop - t) / (2.0 * h) - 1e-9)
+            if pairs <= 0:
+                return
+            if pairs <= 2:  # land on the end with even steps
+                h = (self.stop - t) / (2.0 * pairs)
+            start = scheme.save()
+            middle = None
+            try:
+                error, middle = self._pair(scheme, start, t, h, largest)
+            except (ComponentFailed, CouplingFailed):
+                if h <= self.shortest:
+                    raise
+                error = math.inf
+            bad = error > self.tolerance
+            if bad and h > self.shortest:
+                scheme.restore(start)
+                self.rejected += 1
+            else:
+                self.forced += bad
+                assert middle is not None
+                end = scheme.save()
+                scheme.restore(middle)
+                yield t + h, h
+                scheme.restore(end)
+                scheme.free(end)
+                t = t + h + h
+                yield t, h
+            for saved in (start, middle):
+                if saved is not None:
+                    scheme.free(saved)
+            wanted = SAFETY * (self.tolerance / max(error, 1e-300)) ** (1.0 / (scheme.ORDER + 1))
+            h *= min(max(wanted, LEAST), MOST)
+
+    def _pair(
+        self, scheme: Scheme, start: Saved, t: float, h: float, largest: dict[tuple[str, str, int], float]
+    ) -> tuple[float, Saved]:
+        """Both halves done: their error, and the point between them, to be freed."""
+        scheme.advance(t, 2.0 * h)
+        coarse = _outputs(scheme)
+        scheme.restore(start)
+        scheme.advance(t, h)
+        middle = scheme.save()
+        try:
+            scheme.advance(t + h, h)
+        except BaseException:
+            scheme.free(middle)
+            raise
+        return self._error(scheme, coarse, largest) / (2.0**scheme.ORDER - 1.0), middle
+
+    def _error(
+        self, scheme: Scheme, coarse: Outputs, largest: dict[tuple[str, str, int], float]
+    ) -> float:
+        """The largest difference of both ways over what each connection has carried so far."""
+        differences: dict[tuple[str, str, int], float] = {}
+        for member in scheme.members:
+            for place, feed in enumerate(member.feeds):
+                if feed.carries == "mean":
+                    continue
+                key = _motion(member.component.name, feed, place)
+                fine = feed.source.y[feed.outputs]
+                largest[key] = max(largest.get(key, 0.0), _size(fine))
+                difference = _size(fine - coarse[feed.source.name][feed.outputs])
+                differences[key] = max(differences.get(key, 0.0), difference)
+        return max((d / largest[key] for key, d in differences.items() if d), default=0.0)
+
+
+def _motion(taker: str, feed: Feed, place: int) -> tuple[str, str, int]:
+    """What shares a size: all that one component tells another of its motion, and every connection of values."""
+    return (feed.source.name, taker, place if feed.carries == "value" else -1)
+
+
+def _size(values: Floats) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
+def _outputs(scheme: Scheme) -> Outputs:
+    return {member.component.name: member.component.y.copy() for member in scheme.members}
