@@ -15,7 +15,10 @@ from typing import Any, NamedTuple, Protocol
 
 from fmus.vehicle import BadInput
 
-STUDIES = {"mechanics": "elements, joints and chains of the paper against exact and published figures"}
+STUDIES = {
+    "mechanics": "elements, joints and chains of the paper against exact and published figures",
+    "coupling": "orders, energies and largest stable steps of all couplings on two masses",
+}
 
 
 class Case(NamedTuple):

@@ -11,6 +11,8 @@ Masses m1 and m2 on wall springs and dampers (k1, c1), (k2, c2), joined by (k, c
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,7 +51,6 @@ class Side(NamedTuple):
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     given: tuple[Kind, ...]  # what each input carries
-    rates: tuple[str, ...] = ()  # of the peer, for its values
 
     def map(self, h: float) -> tuple[Floats, Floats, Floats, Floats]:
         """x_after = P x + Q u, y_after = R x + S u over a step."""
@@ -161,11 +162,11 @@ def start(a: Side, b: Side) -> tuple[Floats, Floats]:
     return a.C @ a.x + (a.D @ shown if a.mean else 0.0), shown
 
 
-def coupled(cut: str, o: Oscillator) -> tuple[Stages, Slave, Slave]:
+def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[Stages, Slave, Slave]:
     """Both sides, wired."""
     a, b = sides(cut, o)
     ya, yb = start(a, b)
-    one, two = Slave("a", a, yb, ya), Slave("b", b, ya, yb)
+    one, two = Slave("a", a, yb, ya), kind_of_b("b", b, ya, yb)
     connections = [
         Connection(source, (output,), target, (name,), kind)
         for source, target, side, peer in (("b", "a", a, b), ("a", "b", b, a))
@@ -180,9 +181,16 @@ def coupled(cut: str, o: Oscillator) -> tuple[Stages, Slave, Slave]:
     return wire(system, {"a": one, "b": two}), one, two
 
 
-def exact(o: Oscillator, t: float) -> Floats:
-    """x1, v1, x2, v2 of the whole system."""
-    return np.asarray(expm(whole(o) * t) @ np.array(o.start))
+def exact_maps(A: Floats) -> Callable[[float], Floats]:
+    """exp(A h), made once for every h."""
+    made: dict[float, Floats] = {}
+
+    def over(h: float) -> Floats:
+        if h not in made:
+            made[h] = expm(A * h)
+        return made[h]
+
+    return over
 
 
 def whole(o: Oscillator) -> Floats:
@@ -247,3 +255,68 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
 def radius(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> float:
     """Spectral radius of a step."""
     return float(np.abs(np.linalg.eigvals(amplification(scheme, hold, cut, o, h))).max())
+
+
+# Quiet and violent --------------------------------------------------------------------------------------------------
+
+
+class Hammer(NamedTuple):
+    """Half a sine of force on mass 2, between communication points."""
+
+    time: float = 10.0037  # s
+    duration: float = 0.2  # s
+    impulse: float = 1.0  # N s
+
+    def pieces(self, t: float, h: float) -> list[tuple[float, float, bool]]:
+        """Start, length, and whether it strikes, of the parts of [t, t + h]."""
+        first, last = self.time, self.time + self.duration
+        edges = [t, *(e for e in (first, last) if t < e < t + h), t + h]
+        return [(a, b - a, first < 0.5 * (a + b) < last) for a, b in pairwise(edges)]
+
+    def moved(self, A: Floats, x: Floats, place: int, t: float, h: float) -> Floats:
+        """x' = A x over [t, t + h] with the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``; exact."""
+        w, n = np.pi / self.duration, len(A)
+        for a, length, strikes in self.pieces(t, h):
+            if not strikes:
+                x = expm(A * length) @ x
+                continue
+            driven = np.zeros((n + 2, n + 2))  # with sine and cosine
+            driven[:n, :n] = A
+            driven[place, n] = 0.5 * w * self.impulse
+            driven[n, n + 1], driven[n + 1, n] = w, -w
+            phase = w * (a - self.time)
+            x = (expm(driven * length) @ np.array([*x, np.sin(phase), np.cos(phase)]))[:n]
+        return x
+
+
+HAMMER = Hammer()
+
+
+class Struck(Slave):
+    """Side b of the wrench cut under the hammer."""
+
+    def step(self, t: float, h: float) -> None:
+        """Exact for what is given."""
+        if not any(strikes for *_, strikes in HAMMER.pieces(t, h)):
+            super().step(t, h)
+            return
+        A = np.zeros((3, 3))
+        A[:2, :2], A[:2, 2:] = self.side.A, self.side.B
+        self.x = HAMMER.moved(A, np.array([*self.x, *self.u]), 1, t, h)[:2]
+        self._after = self.side.C @ self.x
+        self.steps += 1
+
+
+def struck(o: Oscillator) -> tuple[Stages, Slave, Slave, Callable[[float], Floats]]:
+    """The wrench cut under the hammer, and the exact motion, to be asked forward in time."""
+    stages, a, b = coupled("wrench", o, Struck)
+    now, x, ahead = 0.0, np.array(o.start), exact_maps(whole(o))
+
+    def truth(t: float) -> Floats:
+        nonlocal now, x
+        for start, length, strikes in HAMMER.pieces(now, t - now) if t > now else ():
+            x = HAMMER.moved(whole(o), x, 3, start, length) if strikes else ahead(length) @ x
+        now = t
+        return x
+
+    return stages, a, b, truth

@@ -55,11 +55,13 @@ def test_every_input_of_a_vehicle_is_fed_once():
 
 
 def test_motion_and_wrench_of_a_wheel_go_opposite_ways():
-    found = {(c.source, c.target): c for c in assemble(load("rig")).connections}
-    assert found["drive", "track"].outputs[0] == "sprocket.position.x"
-    assert found["track", "drive"].outputs[0] == "sprocket.force.x"
-    assert found["track", "idler_drive"].outputs[0] == "idler.force.x"
-    assert found["track", "idler_drive"].inputs[0] == "sprocket.force.x"
+    found = {(c.source, c.target, c.carries): c for c in assemble(load("rig")).connections}
+    assert found["drive", "track", "state"].outputs[0] == "sprocket.position.x"
+    assert found["drive", "track", "state"].outputs[-1] == "sprocket.orientation.z"
+    assert found["drive", "track", "rate"].outputs[0] == "sprocket.velocity.x"
+    assert found["track", "drive", "mean"].outputs[0] == "sprocket.force.x"
+    assert found["track", "idler_drive", "mean"].outputs[0] == "idler.force.x"
+    assert found["track", "idler_drive", "mean"].inputs[0] == "sprocket.force.x"
 
 
 def test_what_is_not_declared_does_not_exist():
