@@ -14,7 +14,9 @@ Observer = Callable[[int, float, float], None]  # (k, t, h): k steps are done, t
 class Pace(Protocol):
     """How far the steps go: fixed (``Clock``) or controlled by an error (``coupling.variable_step``)."""
 
-    step: float  # the first one, s
+    @property
+    def step(self) -> float:
+        """Length of the first one, s."""
 
     def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
         """Step to the end; yields t and the length of the step that led there, once it is done for good."""

@@ -39,8 +39,8 @@ def simulate(
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; the summary of ``summary.empty``.
 
-    Raises BadInput, BuildFailed, ComponentFailed or CouplingFailed before the first step (then no log is written); afterwards
-    every failure is in the summary's status and message.
+    Raises BadInput, BuildFailed, ComponentFailed or CouplingFailed before the first step (then no log is written);
+    afterwards every failure is in the summary's status and message.
     """
     began = time.perf_counter()
     scene = placed(scene)

@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.coupling import held
 from orchestrator.coupling.held import Outputs
-from orchestrator.coupling.scheme import CouplingFailed, give, needs_states
+from orchestrator.coupling.scheme import CouplingFailed, Given, needs_states
 from orchestrator.coupling.staged import Staged
 from orchestrator.graph import Feed, Floats, Stages
 
@@ -83,8 +83,8 @@ class Iterative(Staged):
         """The mean."""
         return held.within(feed, now)
 
-    def _collect(self, given: object) -> Floats:
-        parts = [given(feed) for _, feed in self._feeds]  # type: ignore[operator]
+    def _collect(self, given: Given) -> Floats:
+        parts = [given(feed) for _, feed in self._feeds]
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def _scale(self, z: Floats) -> Floats:

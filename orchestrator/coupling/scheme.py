@@ -87,7 +87,7 @@ class Scheme:
                 raise failure
 
     def save(self) -> Saved:
-        """This communication point, to be restored or freed."""
+        """The communication point, to be restored or freed."""
         return Saved(tuple(member.component.save() for member in self.members), self.past)
 
     def restore(self, saved: Saved) -> None:

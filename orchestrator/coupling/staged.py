@@ -13,14 +13,13 @@ class Staged(Scheme):
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """Inputs are filled right before a stage steps."""
         done: set[str] = set()
+
+        def given(feed: Feed) -> Floats:
+            return self.late(feed, now) if feed.source.name in done else self.early(feed, now, h)
+
         for stage in self.stages:
             for member in stage:
-                give(
-                    member,
-                    lambda feed: (
-                        self.late(feed, now) if feed.source.name in done else self.early(feed, now, h)
-                    ),
-                )
+                give(member, given)
             self.step(stage, t, h)
             done |= {member.component.name for member in stage}
 

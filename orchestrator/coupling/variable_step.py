@@ -26,8 +26,8 @@ class VariableStep:
 
     :param stop: end, s.
     :param step: length of the first step, s.
-    :param tolerance: of the error of a step over the largest value that a connection has carried; poses and rates of one
-        motion are taken together, means are not looked at, being errors of motion over h.
+    :param tolerance: of the error of a step over the largest value that a connection has carried; poses and rates of
+        one motion are taken together, means are not looked at, being errors of motion over h.
     :param shortest: s; a step of this length is kept whatever its error is.
     :param longest: s.
     """
@@ -93,9 +93,7 @@ class VariableStep:
             raise
         return self._error(scheme, coarse, largest) / (2.0**scheme.ORDER - 1.0), middle
 
-    def _error(
-        self, scheme: Scheme, coarse: Outputs, largest: dict[tuple[str, str, int], float]
-    ) -> float:
+    def _error(self, scheme: Scheme, coarse: Outputs, largest: dict[tuple[str, str, int], float]) -> float:
         """The largest difference of both ways over what each connection has carried so far."""
         differences: dict[tuple[str, str, int], float] = {}
         for member in scheme.members:

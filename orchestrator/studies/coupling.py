@@ -1,7 +1,7 @@
 """Couplings on the two-mass oscillator: order, energy, largest stable step; fixed and variable steps at equal error.
 
-Predictions come from the exact amplification matrix of each coupling, observations from the coupling code itself on exact
-slaves. Orders and energies without dampers; limits with a coupling spring of 100 N/m, dampers of 1 N s/m (none in the
+Predictions come from the exact amplification matrix of each coupling, observations from the coupling code itself on
+exact slaves. Orders and energies without dampers; limits with a coupling spring of 100 N/m, dampers of 1 N s/m (none in the
 cut "spring") at the port and 0.2 N s/m at the walls.
 """
 
@@ -89,7 +89,12 @@ def grows(variant: str, cut: str, h: float, o: Oscillator = DAMPED, steps: int =
         sizes.append(max(float(np.abs(a.x).max()), float(np.abs(b.x).max())))
 
     with np.errstate(over="ignore", invalid="ignore"):
-        run(couple(variant, stages), Clock(h, steps), [watch], lambda: len(sizes) > 1 and not sizes[-1] < 1e100)
+        run(
+            couple(variant, stages),
+            Clock(h, steps),
+            [watch],
+            lambda: len(sizes) > 1 and not sizes[-1] < 1e100,
+        )
     if len(sizes) < steps:
         return True
     quarter = steps // 4

@@ -183,7 +183,7 @@ def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[St
 
 def exact_maps(A: Floats) -> Callable[[float], Floats]:
     """exp(A h), made once for every h."""
-    made: dict[float, Floats] = {}
+    made: dict[float, Any] = {}
 
     def over(h: float) -> Floats:
         if h not in made:
@@ -227,7 +227,9 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
         return np.array([[weight[kind]] for kind in side.given])
 
     extrapolated = hold == "linear"
-    ahead = [column(side, 0.5, 1.0, 0.0 if scheme == "tracks_first" else 0.5) * extrapolated for side in (a, b)]
+    ahead = [
+        column(side, 0.5, 1.0, 0.0 if scheme == "tracks_first" else 0.5) * extrapolated for side in (a, b)
+    ]
     within = [column(side, 0.5, 1.0, 0.5) if extrapolated else column(side, 1.0, 1.0, 1.0) for side in (a, b)]
 
     def foreseen(side: int, now: Floats, before: Floats) -> Floats:
@@ -247,7 +249,7 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
         ua = np.linalg.solve(np.eye(len(gain)) - gain, rest)
         ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     ya_after, yb_after = Ra @ xa + Sa @ ua, Rb @ xb + Sb @ ub
-    returned = np.array([[kind == "value"] for kind in a.given])
+    returned = np.array([[scheme == "energy_corrected" and kind == "value"] for kind in a.given])
     missed = returned * (missed + yb + within[0] * (yb_after - yb) - ua)
     return np.vstack([Pa @ xa + Qa @ ua, Pb @ xb + Qb @ ub, ya_after, yb_after, ya, yb, missed])
 
@@ -274,7 +276,7 @@ class Hammer(NamedTuple):
         return [(a, b - a, first < 0.5 * (a + b) < last) for a, b in pairwise(edges)]
 
     def moved(self, A: Floats, x: Floats, place: int, t: float, h: float) -> Floats:
-        """x' = A x over [t, t + h] with the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``; exact."""
+        """Solve x' = A x over [t, t + h] with the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``; exact."""
         w, n = np.pi / self.duration, len(A)
         for a, length, strikes in self.pieces(t, h):
             if not strikes:

@@ -1,0 +1,282 @@
+"""Every coupling at every cut of the two masses: order, stable step, energy; real FMUs; scenes; variable steps."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from fmus.vehicle import BadInput
+from orchestrator import rerun
+from orchestrator.component import Component, ComponentFailed
+from orchestrator.coupling import SCHEMES
+from orchestrator.coupling.iterative import Iterative, anderson
+from orchestrator.coupling.jacobi import Jacobi
+from orchestrator.coupling.scheme import CouplingFailed, needs_states
+from orchestrator.coupling.variable_step import VariableStep
+from orchestrator.graph import Connection, Instance, System, wire
+from orchestrator.master import Clock, run
+from orchestrator.reader import Log
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+from orchestrator.studies import coupling as study
+from orchestrator.studies.coupling import DAMPED, FREE, MEMBERS, VARIANTS, couple, grows, predicted_limit, run_free
+from orchestrator.studies.oscillator import amplification, coupled
+
+STEPS = 1600  # of a run that grows or decays
+
+
+def hold(variant):
+    return VARIANTS[variant][1].get("hold", "linear")
+
+
+@pytest.mark.parametrize(("cut", "variant"), MEMBERS)
+def test_order_is_the_declared_one(cut, variant):
+    coarse, fine = run_free(variant, cut, 0.02)[0], run_free(variant, cut, 0.01)[0]
+    declared = couple(variant, coupled(cut, FREE)[0]).ORDER
+    assert math.log2(coarse / fine) == pytest.approx(declared, abs=0.1)
+
+
+def test_a_mean_taken_for_a_value_costs_an_order():
+    errors = []
+    for h in (0.02, 0.01):
+        stages, a, b = coupled("wrench", FREE)
+        stages = tuple(
+            tuple(m._replace(feeds=tuple(f._replace(carries="value", rates=None) for f in m.feeds)) for m in stage)
+            for stage in stages
+        )
+        assert run(Jacobi(stages, threads=False), Clock(h, round(2 / h)), []).status == "ok"
+        truth = expm(study.whole(FREE) * 2.0) @ FREE.start
+        errors.append(abs(b.x[0] - truth[2]))
+    assert math.log2(errors[0] / errors[1]) < 1.3
+
+
+@pytest.mark.parametrize(("cut", "variant"), MEMBERS)
+def test_the_code_does_what_the_matrix_says(cut, variant):
+    h = 0.03
+    stages, a, b = coupled(cut, DAMPED)
+    scheme = couple(variant, stages)
+    matrix = amplification(VARIANTS[variant][0], hold(variant), cut, DAMPED, h)
+
+    def now():
+        past = scheme.past.outputs
+        missed = np.zeros(len(b.y))
+        for feed in stages[0][0].feeds:
+            if getattr(scheme, "missed", {}).get(id(feed)) is not None:
+                missed[feed.outputs] = scheme.missed[id(feed)] / h
+        return np.concatenate([a.x, b.x, a.y, b.y, past["a"], past["b"], missed])
+
+    for k in range(4):
+        scheme.advance(k * h, h)
+    before = now()
+    scheme.advance(4 * h, h)
+    assert now() == pytest.approx(matrix @ before, abs=1e-8 if variant == "iterative" else 1e-12)
+
+
+@pytest.mark.parametrize(("cut", "variant"), MEMBERS)
+def test_stable_below_the_predicted_limit_and_not_above(cut, variant):
+    limit = predicted_limit(variant, cut)
+    if math.isinf(limit):
+        assert not grows(variant, cut, 0.9 * study.LONGEST, steps=200)
+        return
+    assert not grows(variant, cut, 0.95 * limit, steps=STEPS)
+    assert grows(variant, cut, 1.05 * limit, steps=STEPS)
+
+
+def test_the_limit_belongs_to_the_spring():
+    """The twin: a spring that is a fifth stiffer grows where the right one does not."""
+    limit = predicted_limit("jacobi linear", "wrench")
+    assert grows("jacobi linear", "wrench", 0.95 * limit, DAMPED._replace(k=1.2 * DAMPED.k), STEPS)
+
+
+@pytest.mark.parametrize("cut", study.CUTS)
+def test_the_correction_keeps_the_energy_one_order_better(cut):
+    def order(variant):
+        coarse, fine = (abs(run_free(variant, cut, h)[1] - 1.0) for h in (0.05, 0.025))
+        return math.log2(coarse / fine)
+
+    assert order("energy_corrected") == pytest.approx(3.0, abs=0.15)
+    assert order("jacobi linear") < 2.6
+
+
+def test_uneven_steps_keep_the_order():
+    """Lengths in the ratio 1 : 2 : 3; what knows nothing of them is of order 1."""
+    for variant in ("jacobi linear", "gauss_seidel linear", "iterative", "energy_corrected"):
+        errors = []
+        for h in (0.02, 0.01):
+            stages, a, b = coupled("wrench", FREE)
+            scheme, t = couple(variant, stages), 0.0
+            for k in range(round(3.0 / h / 2)):
+                scheme.advance(t, h * (1 + k % 3))
+                t += h * (1 + k % 3)
+            truth = expm(study.whole(FREE) * t) @ FREE.start
+            errors.append(np.hypot(a.x[0] - truth[0], b.x[0] - truth[2]))
+        assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2), variant
+
+
+def test_iteration_that_does_not_converge_says_so():
+    stages, *_ = coupled("spring", DAMPED)
+    outcome = run(Iterative(stages, 1e-12, 2, threads=False), Clock(0.3, 10), [])
+    assert outcome.status == "failed"
+    assert "a.v still changes by" in outcome.message
+    assert "after 2 iterations at t = " in outcome.message
+
+
+def test_acceleration_solves_what_repetition_does_not():
+    matrix, rest = np.array([[3.0, 1.0], [-2.0, 4.0]]), np.array([1.0, -1.0])
+    z, history = np.zeros(2), []
+    for _ in range(4):
+        history.append((z, matrix @ z + rest - z))
+        z = anderson(history)
+    assert matrix @ z + rest == pytest.approx(z, abs=1e-9)
+
+
+class NoWayBack:
+    name, inputs, outputs, u, y = "poor", (), (), np.zeros(0), np.zeros(0)
+
+    def save(self):
+        raise ComponentFailed("poor: the FMU cannot save its state")
+
+
+def test_components_without_states_are_refused():
+    stages = wire(System((Instance("poor", None, {}, 0),), ()), {"poor": NoWayBack()})
+    with pytest.raises(CouplingFailed, match="poor: the FMU cannot save its state, which coupling 'iterative' needs"):
+        Iterative(stages)
+    with pytest.raises(CouplingFailed, match="which a variable step needs"):
+        needs_states(Jacobi(stages), "a variable step")
+
+
+# Real FMUs ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def pair(toy):
+    """Two masses on springs, each pulled with 1 N/m by the position of the other."""
+    with Component(toy, "one") as one, Component(toy, "two") as two:
+        yield one, two
+
+
+def pulled(pair, variant, pace):
+    """Error of both positions at 0.4 s."""
+    for component, x in zip(pair, (0.1, 0.0), strict=True):
+        component.u[0] = 0.1 - x
+        component.initialise({"start.x": x, "substeps": 40, "stiffness": 9.0, "damping": 0.0})
+    links = [Connection(s, ("x",), t, ("force",), "value", ("v",)) for s, t in (("one", "two"), ("two", "one"))]
+    system = System((Instance("one", None, {}, 0), Instance("two", None, {}, 1)), tuple(links))
+    name, options = VARIANTS[variant]
+    outcome = run(SCHEMES[name](wire(system, dict(zip(("one", "two"), pair, strict=True))), **options), pace, [])
+    assert outcome.status == "ok", outcome.message
+    A = np.array([[0, 1, 0, 0], [-9, 0, 1, 0], [0, 0, 0, 1], [1, 0, -9, 0]], dtype=float)
+    truth = expm(A * outcome.time) @ [0.1, 0.0, 0.0, 0.0]
+    return abs(pair[0].y[0] - truth[0]) + abs(pair[1].y[0] - truth[2])
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_two_fmus(pair, variant):
+    coarse, fine = (pulled(pair, variant, Clock(h, round(2.0 / h))) for h in (0.1, 0.05))
+    declared = 1 if variant.endswith("constant") else 2
+    assert math.log2(coarse / fine) == pytest.approx(declared, abs=0.35)
+
+
+def test_two_fmus_in_variable_steps(pair):
+    loose, tight = (pulled(pair, "tracks_first", VariableStep(2.0, 0.05, e, 1e-4, 0.5)) for e in (1e-3, 1e-5))
+    assert tight < 0.2 * loose
+    assert tight < 1e-5
+
+
+# Variable steps -----------------------------------------------------------------------------------------------------
+
+
+def test_variable_steps_land_on_the_end_and_show_every_point_as_it_was():
+    stages, a, b = coupled("wrench", DAMPED)
+    seen = []
+    pace = VariableStep(1.0, 0.5, 1e-4, 1e-5, 1.0)
+    outcome = run(couple("energy_corrected", stages), pace, [lambda k, t, h: seen.append((k, t, h, a.u.copy(), a.x))])
+    assert outcome.status == "ok"
+    assert outcome.time == pytest.approx(1.0, abs=1e-12)
+    assert pace.rejected > 0
+    assert pace.forced == 0
+    assert [k for k, *_ in seen] == list(range(len(seen)))
+    assert all(after[1] == before[1] + after[2] for before, after in pairwise(seen))
+    assert a.steps > len(seen), "tried steps count"
+    stages, again, _ = coupled("wrench", DAMPED)  # side a alone, fed with what was shown
+    for before, after in pairwise(seen):
+        again.u[:] = after[3]
+        again.step(before[1], after[2])
+        assert np.array_equal(again.x, after[4])
+
+
+def test_the_shortest_step_is_kept_and_counted():
+    stages, *_ = coupled("wrench", DAMPED)
+    pace = VariableStep(0.2, 0.01, 1e-12, 0.01, 0.01)
+    assert run(couple("tracks_first", stages), pace, []).steps == 20
+    assert (pace.rejected, pace.forced) == (0, 10)
+
+
+def test_a_failing_step_is_tried_shorter():
+    stages, a, _ = coupled("wrench", DAMPED)
+    step = a.step
+
+    def fussy(t, h):
+        if h > 0.015:
+            raise ComponentFailed(f"a: no convergence at t = {t:g} s")
+        step(t, h)
+
+    a.step = fussy
+    pace = VariableStep(0.3, 0.1, 1e-2, 1e-3, 0.1)
+    assert run(couple("tracks_first", stages), pace, []).status == "ok"
+    assert pace.rejected > 0
+    stages, a, _ = coupled("wrench", DAMPED)
+    a.step = lambda t, h: (_ for _ in ()).throw(ComponentFailed("a: never"))
+    assert run(couple("tracks_first", stages), pace, [])[:3] == ("failed", "a: never", 0)
+
+
+def test_variable_steps_cost_no_more_than_fixed_ones_of_the_same_error():
+    for row in study.work_precision((study.TOLERANCES[2],)):
+        assert row.ok, row
+
+
+# Scenes -------------------------------------------------------------------------------------------------------------
+
+BRIEF = ("run.stop=12 ms", "run.links=1", "drive.ramp_time=0.01 s")
+WAYS = {
+    **{name: (f"run.coupling={name}",) for name in SCHEMES},
+    "held": ("run.coupling=jacobi", "run.coupling.hold=constant"),
+    "variable": ("run.variable.tolerance=1e-4", "run.variable.longest=4 ms"),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_rig_runs_and_replays_with_every_coupling(way, tmp_path):
+    path = tmp_path / "rig.mcap"
+    result = simulate(load("rig", "rigid", (*BRIEF, *WAYS[way])), path)
+    assert (result["status"], result["message"]) == ("ok", "")
+    assert result["simulated_time"] == pytest.approx(0.012)
+    with Log(path) as log:
+        expected = {"held": "jacobi (hold = constant)", "variable": "tracks_first"}.get(way, way)
+        assert log.metadata["run"]["coupling"] == expected
+        h = log.read("/track/in").h
+        assert (np.ptp(h) > 0.0) == (way == "variable")
+        assert log.read("/track/in").t + h == pytest.approx(log.read("/track/out").t[1:], abs=1e-15)
+    for name in ("track", "drive"):
+        with rerun.opened(path, name, None) as again:
+            verdict = again.verify()
+        assert verdict.difference is None, verdict.sentence
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (("run.coupling=jakobi",), "run.coupling.scheme"),
+        (("run.coupling.hold=constant",), "hold is an option of jacobi or gauss_seidel, not of tracks_first"),
+        (("run.coupling.tolerance=1e-3",), "tolerance is an option of iterative, not of tracks_first"),
+        (("run.variable.shortest=1 ms",), "run.variable.tolerance"),
+        (("run.variable.tolerance=1e-3", "run.variable.shortest=1 s"), "is longer than longest"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(settings, said):
+    with pytest.raises(BadInput) as caught:
+        load("rig", None, settings)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
