@@ -187,7 +187,7 @@ def exact_maps(A: Floats) -> Callable[[float], Floats]:
 
     def over(h: float) -> Floats:
         if h not in made:
-            made[h] = expm(A * h)
+            made[h] = np.asarray(expm(A * h))
         return made[h]
 
     return over
@@ -276,7 +276,7 @@ class Hammer(NamedTuple):
         return [(a, b - a, first < 0.5 * (a + b) < last) for a, b in pairwise(edges)]
 
     def moved(self, A: Floats, x: Floats, place: int, t: float, h: float) -> Floats:
-        """Solve x' = A x over [t, t + h] with the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``; exact."""
+        """Solve x' = A x exactly under the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``."""
         w, n = np.pi / self.duration, len(A)
         for a, length, strikes in self.pieces(t, h):
             if not strikes:
