@@ -27,7 +27,9 @@ from orchestrator.studies.oscillator import (
     struck,
     whole,
 )
-from orchestrator.studies.tables import Row, checked
+from orchestrator.studies.tables import Row, checked, failed, missed, to_markdown, write
+
+__all__ = ["TITLE", "Row", "cases", "failed", "measure", "missed", "to_markdown", "write"]
 
 TITLE = "Couplings on two masses: orders, energies, largest stable steps"
 

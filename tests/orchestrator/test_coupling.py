@@ -21,7 +21,16 @@ from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import coupling as study
-from orchestrator.studies.coupling import DAMPED, FREE, MEMBERS, VARIANTS, couple, grows, predicted_limit, run_free
+from orchestrator.studies.coupling import (
+    DAMPED,
+    FREE,
+    MEMBERS,
+    VARIANTS,
+    couple,
+    grows,
+    predicted_limit,
+    run_free,
+)
 from orchestrator.studies.oscillator import amplification, coupled
 
 
@@ -39,7 +48,7 @@ def test_order_is_the_declared_one(cut, variant):
 def test_a_mean_taken_for_a_value_costs_an_order():
     errors = []
     for h in (0.02, 0.01):
-        stages, a, b = coupled("wrench", FREE)
+        stages, _, b = coupled("wrench", FREE)
         stages = tuple(
             tuple(m._replace(feeds=tuple(f._replace(carries="value", rates=None) for f in m.feeds)) for m in stage)
             for stage in stages
@@ -187,7 +196,7 @@ def test_two_fmus_in_variable_steps(pair):
 
 
 def test_variable_steps_land_on_the_end_and_show_every_point_as_it_was():
-    stages, a, b = coupled("wrench", DAMPED)
+    stages, a, _ = coupled("wrench", DAMPED)
     seen = []
     pace = VariableStep(1.0, 0.5, 1e-4, 1e-5, 1.0)
     outcome = run(couple("energy_corrected", stages), pace, [lambda k, t, h: seen.append((k, t, h, a.u.copy(), a.x))])
