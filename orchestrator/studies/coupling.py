@@ -102,7 +102,7 @@ def grows(variant: str, cut: str, h: float, o: Oscillator = DAMPED, steps: int =
     if len(sizes) < steps:
         return True
     quarter = steps // 4
-    return max(sizes[-quarter:]) > max(REST * sizes[0], *sizes[quarter : 2 * quarter])
+    return max(sizes[-quarter:]) > 1.001 * max(REST * sizes[0], *sizes[quarter : 2 * quarter])
 
 
 def predicted_limit(variant: str, cut: str, o: Oscillator = DAMPED) -> float:
