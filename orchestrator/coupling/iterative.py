@@ -66,10 +66,10 @@ class Iterative(Staged):
                 self.sweeps += 1
                 residual = self._collect(lambda feed: held.within(feed, now)) - z
                 scale = self._scale(z + residual)
-                history.append((z / scale, residual / scale))
+                history.append((z, residual))
                 if np.abs(residual / scale).max() <= self.tolerance:
                     return
-                z = scale * anderson(history[-KEPT - 1 :])
+                z = scale * anderson([(guess / scale, rest / scale) for guess, rest in history[-KEPT - 1 :]])
         finally:
             self.free(start)
         raise CouplingFailed(self._complaint(t, h, residual / scale))

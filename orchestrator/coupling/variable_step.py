@@ -47,8 +47,8 @@ class VariableStep:
             pairs = math.ceil((self.stop - t) / (2.0 * h) - 1e-9)
             if pairs <= 0:
                 return
-            if pairs <= 2:  # land on the end with even steps
-                h = (self.stop - t) / (2.0 * pairs)
+            if pairs <= 2:  # land on the end with even steps, never longer ones by a rounding
+                h = min(h, (self.stop - t) / (2.0 * pairs))
             start = scheme.save()
             middle = None
             try:

@@ -27,7 +27,9 @@ from orchestrator.studies.oscillator import (
     struck,
     whole,
 )
-from orchestrator.studies.tables import Row, checked
+from orchestrator.studies.tables import Row, checked, failed, missed, to_markdown, write
+
+__all__ = ["TITLE", "Row", "cases", "failed", "measure", "missed", "to_markdown", "write"]
 
 TITLE = "Couplings on two masses: orders, energies, largest stable steps"
 
@@ -100,7 +102,7 @@ def grows(variant: str, cut: str, h: float, o: Oscillator = DAMPED, steps: int =
     if len(sizes) < steps:
         return True
     quarter = steps // 4
-    return max(sizes[-quarter:]) > max(REST * sizes[0], *sizes[quarter : 2 * quarter])
+    return max(sizes[-quarter:]) > 1.001 * max(REST * sizes[0], *sizes[quarter : 2 * quarter])
 
 
 def predicted_limit(variant: str, cut: str, o: Oscillator = DAMPED) -> float:
