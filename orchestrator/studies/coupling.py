@@ -127,8 +127,11 @@ def predicted_limit(variant: str, cut: str, o: Oscillator = DAMPED) -> float:
 
 
 def observed_limit(variant: str, cut: str, predicted: float) -> float:
-    """The step between 0.8 and 1.25 of the predicted one at which the very coupling begins to grow, to 1 %, s."""
-    low, high = 0.8 * predicted, 1.25 * predicted
+    """The step between 0.9 and 1.08 of the predicted one at which the very coupling begins to grow, to 1 %, s.
+
+    A wider search may end in a second range of stable steps, which some couplings have beyond their limit.
+    """
+    low, high = 0.9 * predicted, 1.08 * predicted
     while high / low > 1.01:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if grows(variant, cut, middle) else (middle, high)

@@ -246,7 +246,7 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
     if scheme == "iterative":  # u_a = y_b + w (y_b' - y_b), where y_b' depends on u_a through y_a'
         gain = within[0] * (Sb @ (within[1] * Sa))
         rest = yb + within[0] * (Rb @ xb + Sb @ (ya + within[1] * (Ra @ xa - ya)) - yb)
-        ua = np.linalg.solve(np.eye(len(gain)) - gain, rest)
+        ua = np.asarray(np.linalg.solve(np.eye(len(gain)) - gain, rest), dtype=np.float64)
         ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     ya_after, yb_after = Ra @ xa + Sa @ ua, Rb @ xb + Sb @ ub
     returned = np.array([[scheme == "energy_corrected" and kind == "value"] for kind in a.given])
