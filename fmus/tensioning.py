@@ -19,10 +19,12 @@ from fmus.vehicle import BadInput
 SLACK, TIGHT = 0.06, 0.06  # how far the wheel is moved from its drawn place, m
 
 
-def tension_wheel(config: Mapping[str, Any], name: str, tension: float) -> tuple[float, float]:
+def tension_wheel(
+    config: Mapping[str, Any], name: str, tension: float, keys: str = "vehicle.track"
+) -> tuple[float, float]:
     """Place of the wheel ``name`` along x, m, for the mean static ``tension``, N, and the push along -x on it, N.
 
-    ``config`` is that of a track. Raises BadInput when the chain cannot carry that tension with the wheel within 60 mm
+    ``config`` is that of a track, ``keys`` the table where the user gave links and tension. Raises BadInput when the chain cannot carry that tension with the wheel within 60 mm
     of its drawn place.
     """
     track = config["track"]
@@ -45,13 +47,15 @@ def tension_wheel(config: Mapping[str, Any], name: str, tension: float) -> tuple
 
     try:
         settled(drawn)
-    except (InvalidParameter, StepFailed) as error:
-        raise BadInput(f"vehicle.track.links = {track['links']}: {error}") from None
+    except InvalidParameter as error:
+        raise BadInput(f"{keys}.links = {track['links']}: {error}") from None
+    except StepFailed as error:
+        raise BadInput(f"the chain does not come to rest on its drawn wheels: {error}") from None
     low, high = drawn - TIGHT, drawn + SLACK
     tight, slack = excess(low), excess(high)
     if not tight > 0.0 > slack:
         raise BadInput(
-            f"vehicle.track.tension = {tension:.6g} N: not reached with the {name} within {TIGHT * 1e3:.0f} mm of "
+            f"{keys}.tension = {tension:.6g} N: not reached with the {name} within {TIGHT * 1e3:.0f} mm of "
             f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)"
         )
     x = round(float(brentq(excess, low, high, xtol=1e-8)), 8)

@@ -56,25 +56,25 @@ def placed(scene: TrackScene) -> TrackScene:
     update: dict[str, Any] = {"placed": True}
     match scene:
         case RigScene():
-            x, _ = _tensioned(_rig_track(scene), scene.rig.tension)
+            x, _ = _tensioned(_rig_track(scene), scene.rig.tension, "rig")
             update["rig"] = scene.rig.model_copy(update={"axle_distance": -x})
         case VehicleScene():
             vehicle = scene.vehicle
-            x, push = _tensioned(_vehicle_track(scene), vehicle.track.tension)
+            x, push = _tensioned(_vehicle_track(scene), vehicle.track.tension, "vehicle.track")
             idler = vehicle.idler.model_copy(update={"x": x})
             tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
             update["vehicle"] = vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})
     return scene.model_copy(update=update)
 
 
-def _tensioned(config: dict[str, Any], tension: float) -> tuple[float, float]:
-    return _solved(json.dumps(config, sort_keys=True), tension)
+def _tensioned(config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:
+    return _solved(json.dumps(config, sort_keys=True), tension, keys)
 
 
 @cache
-def _solved(config: str, tension: float) -> tuple[float, float]:
+def _solved(config: str, tension: float, keys: str) -> tuple[float, float]:
     """Solved once a process: scenes and track models share their idler's place."""
-    return tension_wheel(json.loads(config), "idler", tension)
+    return tension_wheel(json.loads(config), "idler", tension, keys)
 
 
 def assemble(scene: TrackScene) -> Assembly:
