@@ -24,8 +24,8 @@ def tension_wheel(
 ) -> tuple[float, float]:
     """Place of the wheel ``name`` along x, m, for the mean static ``tension``, N, and the push along -x on it, N.
 
-    ``config`` is that of a track, ``keys`` the table where the user gave links and tension. Raises BadInput when the chain cannot carry that tension with the wheel within 60 mm
-    of its drawn place.
+    ``config`` is that of a track, ``keys`` the table where the user gave links and tension. Raises BadInput when the
+    chain cannot carry that tension with the wheel within 60 mm of its drawn place.
     """
     track = config["track"]
     at = next(i for i, wheel in enumerate(track["wheels"]) if wheel["name"] == name)
