@@ -140,7 +140,7 @@ def unpack(fmu: Path) -> Path:
                 if fresh.exists():
                     shutil.rmtree(fresh, ignore_errors=True)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-        raise ComponentFailed(f"'{fmu}' is not an FMU: it is no sound zip archive: {error}") from None
+        raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive that can be read: {error}") from None
     except OSError as error:
         if not folder.is_dir():  # else another process was faster
             raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None

@@ -142,7 +142,12 @@ def test_what_is_not_an_fmu_is_refused_in_one_sentence(toy, tmp_path):
             re.sub(old, new, content, flags=re.S) if name == "modelDescription.xml" else content
         )
 
+    damaged = bytearray(toy.read_bytes())
+    damaged[200:260] = bytes(60)  # of the first packed file
+    flipped = tmp_path / "flipped.fmu"
+    flipped.write_bytes(damaged)
     cases = {
+        flipped: "'{}' is not an FMU: it is not a zip archive that can be read: ",
         tmp_path / "none.fmu": "there is no FMU ",
         tmp_path: "cannot read the FMU ",
         text: "'{}' is not an FMU: it is not a zip archive",
