@@ -65,6 +65,8 @@ REPORT = (
     GROUND,
 ) = range(14)
 SLIP = 16
+REJECTED = 3  # of the counters
+MANY = 5  # halvings in one communication step that are worth a word
 
 # How the ends of a chain are held: LOOP has none, HELD lets the last pin go.
 LOOP, PINNED, PULLED, HELD = range(4)
@@ -228,6 +230,7 @@ class TrackModel:
         self.prepare(p)
         self._start(str(p["start"]), float(p.get("start.spin", 0.0)))
         self._warnings.clear()
+        self.told_slow = False
 
     def _partners(self, p: Mapping[str, Any]) -> Any:
         """What the chain touches (a ``fmus.contacts.Contacts``); None, and nothing of it imported, for nothing."""
@@ -302,7 +305,15 @@ class TrackModel:
         check_steps(t, h, self.max_step)
         read_states(u, self.frame, self.rows)
         self._watch(t)
+        before = int(self.counters[REJECTED])
         self.advance(t, h)
+        halved = int(self.counters[REJECTED]) - before
+        if halved > MANY and not self.told_slow:
+            self.told_slow = True
+            self._warnings.append(
+                f"the internal step was halved {halved} times from t = {t:.4g} s on: contacts or friction are too sharp"
+                " for it, and the run becomes slow"
+            )
 
     def _watch(self, t: float) -> None:
         """A place for a subclass to warn about what its mechanics cannot do."""

@@ -289,6 +289,21 @@ def test_soft_and_hard_chains_find_their_rest(young):
     assert ends[0][2] - ends[1][2] != pytest.approx(1.01 * weight, rel=1e-3)
 
 
+@pytest.mark.parametrize(("halved", "said"), [(5, 0), (6, 1)])
+def test_a_step_halved_again_and_again_is_told_once(monkeypatch, halved, said):
+    model = hanging(links=8)
+
+    def advance(t, h):
+        model.counters[3] += halved
+
+    monkeypatch.setattr(model, "advance", advance)
+    model.step(0.5, 1e-3, np.zeros(0))
+    model.step(0.6, 1e-3, np.zeros(0))
+    warnings = model.warnings()
+    assert len(warnings) == said
+    assert all("halved 6 times from t = 0.5 s on" in warning for warning in warnings)
+
+
 def test_a_cable_warns_once_when_it_is_turned_out_of_its_plane():
     model = carrier()
     u = at_rest(model)
