@@ -168,7 +168,9 @@ class Check(Part):
         if (self.signal is None) == (self.measure is None):
             raise ValueError("needs either signal or measure")
         if self.measure is not None and self.measure not in measures.NAMES:
-            raise ValueError(f"no measure '{self.measure}': one of {', '.join(sorted(measures.NAMES))}")
+            near = get_close_matches(self.measure, measures.NAMES, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"one of {', '.join(sorted(measures.NAMES))}"
+            raise ValueError(f"no measure '{self.measure}': {hint}")
         return self
 
 

@@ -105,7 +105,7 @@ def _simulate(
                 }
                 if outcome.steps:
                     result |= _evaluated(scene, path, outcome)
-                    if estimated and outcome.status == "ok":
+                    if estimated and result["status"] == "ok":
                         result["error"] = estimate.estimate(scene, path, result, _companion(interrupt))
                 recorder.close(outcome.status, outcome.message, outcome.steps, _results(result))
         except LogFailed as failure:

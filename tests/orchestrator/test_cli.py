@@ -18,7 +18,8 @@ from orchestrator.recorder import Recorder
 
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "real_time_factor",
-    "communication_steps", "rejected_steps", "log", "log_bytes", "components", "energy", "checks", "observables",
+    "communication_steps", "rejected_steps", "log", "log_bytes", "components", "energy", "error", "checks",
+    "observables",
 }  # fmt: skip
 SHORT = ("run", "hanging_chain", "--stop", "0.02", "--json")
 

@@ -73,7 +73,7 @@ def test_what_needs_an_fmu_or_a_track_is_refused(cotrack):
             ("replay", "logs/l_frame.mcap", "--component", "frame"),
             "'frame' of the log was stepped without an FMU",
         ),
-        (("view", "logs/l_frame.mcap", "-o", "x.png"), "the log has no track to draw"),
+        (("view", "logs/l_frame.mcap", "-o", "x.png"), "l_frame.mcap holds no links to draw"),
     ):
         status, _, err = cotrack(*arguments)
         assert status == 2
