@@ -282,6 +282,7 @@ class TrackModel:
             self.settle(hanging_arc(first, near, self.pitch, self.links_count), rest=True)
             pins = rescaled(self.pins()[:, [0, 2]], last, self.pitch)
             self.settle(pins, rest=False)
+            self.tighten()
         else:
             self.settle(self.polygon(), rest=start == "rest", spin=spin)
 
@@ -359,6 +360,9 @@ class TrackModel:
         A free loop may turn about the origin at ``spin`` rad/s; its equilibrium is then relative to that.
         """
         raise NotImplementedError
+
+    def tighten(self) -> None:
+        """Give the links of a chain that is let go the tension of that instant; rigid links have it."""
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3) in the track's frame."""

@@ -138,6 +138,20 @@ class Model(TrackModel):
                 )
         self._observe()
 
+    def tighten(self) -> None:
+        """Stretch the links of a chain that is let go, so that no axial wave is born with it."""
+        from fmus.track_flexible.taut import tighten
+
+        def accelerations() -> Floats:
+            self.vdot[:] = 0.0
+            self._let_go()
+            return self.vdot
+
+        if not tighten(self.q, self.pitch, accelerations):
+            raise StepFailed("start = 'displaced': the tension at which the chain is let go was not found")
+        self.vdot[:] = 0.0
+        self._observe()
+
     def settle_pins(self, pins: Floats) -> None:
         """Straight links between the pins (nodes, 2), at rest."""
         self.state[:] = 0.0

@@ -18,6 +18,7 @@ from fmus.vehicle import BadInput
 STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
     "coupling": "orders, energies and largest stable steps of all couplings on two masses",
+    "error-runtime": "error against run time of a scene, over steps, integrators and couplings",
 }
 
 

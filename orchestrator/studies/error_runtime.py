@@ -63,8 +63,8 @@ def equal(*steps: float) -> tuple[tuple[float, float], ...]:
 
 
 ALONE = (  # a component without any other
-    Method("implicit", (), equal(4, 2, 1, 0.5, 0.25, 0.125, 0.0625)),
-    Method("Runge-Kutta", ("track.integrator=runge_kutta",), ((1, 0.008), (1, 0.004))),
+    Method("implicit", (), equal(10, 4, 2, 1, 0.5, 0.25, 0.125, 0.0625)),
+    Method("Runge-Kutta", ("track.integrator=runge_kutta",), ((1, 0.008),)),
 )
 COUPLED = (
     Method("tracks first", (), equal(4, 2, 1, 0.5, 0.25, 0.125)),

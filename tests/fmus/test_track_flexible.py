@@ -7,6 +7,7 @@ from math import pi, sin, tan
 import numpy as np
 import pytest
 
+import fmus.track_rigid.model as track_rigid
 from fmus.model import InvalidParameter
 from fmus.physics.wheels import read_states
 from fmus.track import GROUND, KINETIC, SPEED, STRAIN, T_MAX, TRAVEL
@@ -200,6 +201,36 @@ def test_order_of_the_integrators(integrator, order, steps):
     errors = [np.sqrt(np.mean((state(integrator, step) - truth) ** 2)) for step in steps]
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     assert abs(rates - order).max() < 0.3, rates
+
+
+def swings_of_tension(model: Model) -> float:
+    """Largest change of a link's tension over the first 3 ms of a swing, over the largest tension."""
+    n = model.links_count
+    tension, stress = np.zeros(n), np.zeros(n)
+    pins = np.zeros((2, n + 1, 3))
+    model.links(tension, stress, *pins)
+    first, size = tension.copy(), 0.0
+    for k in range(15):
+        model.step(k * 2e-4, 2e-4, np.zeros(0))
+        model.links(tension, stress, *pins)
+        size = max(size, np.abs(tension - first).max())
+    return size / np.abs(first).max()
+
+
+def test_a_chain_let_go_carries_the_tension_of_that_instant(monkeypatch):
+    """No axial wave: the tension of rigid links at once, and no jump after; a twin let go unstretched rings."""
+    model = hanging(links=16, start="displaced", integrator="runge_kutta")
+    rigid = track_rigid.Model({"vehicle": TABLE, "track": model.config, "link_outputs": True})
+    rigid.initialise(parameters(rigid, start="displaced"))
+    pair = []
+    for one in (model, rigid):
+        tension = np.zeros(16)
+        one.links(tension, np.zeros(16), *np.zeros((2, 17, 3)))
+        pair.append(tension)
+    np.testing.assert_allclose(*pair, rtol=1e-3)
+    assert swings_of_tension(model) < 1e-3
+    monkeypatch.setattr(Model, "tighten", lambda self: None)
+    assert swings_of_tension(hanging(links=16, start="displaced", integrator="runge_kutta")) > 0.5
 
 
 def test_explicit_and_implicit_agree():
