@@ -73,7 +73,7 @@ def _simulate(
         if isinstance(pace, VariableStep):
             needs_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
-        outcome, startup, wall = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0
+        outcome, startup, wall, spent = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0, 0.0
         done, reached = 0, 0.0
 
         def count(k: int, t: float, h: float) -> None:
@@ -91,15 +91,16 @@ def _simulate(
                 ]
                 if progress:
                     observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop)))
-                startup = time.perf_counter() - began
+                startup, spent = time.perf_counter() - began, time.process_time()
                 interrupt.gentle = True
                 try:
                     outcome = master.run(scheme, pace, observers, lambda: interrupt.asked)
                 finally:
-                    wall = time.perf_counter() - began - startup
+                    wall, spent = time.perf_counter() - began - startup, time.process_time() - spent
                 recorder.end()
                 result |= _how_it_ended(outcome, startup, wall)
                 result |= {
+                    "cpu_time": spent,
                     "rejected_steps": pace.rejected if isinstance(pace, VariableStep) else 0,
                     "components": {name: cost(component) for name, component in components.items()},
                 }

@@ -38,6 +38,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "simulated_time": 0.0,
         "startup_time": 0.0,
         "wall_time": 0.0,
+        "cpu_time": 0.0,
         "real_time_factor": 0.0,
         "communication_steps": 0,
         "rejected_steps": 0,

@@ -27,7 +27,12 @@ LEVELS = (1e-2, 1e-3, 1e-4)
 FACTOR = 3.0  # an estimate within it of the true error is right
 MODELS = ("flexible", "rigid")
 LINKS_EVERY = 0.01  # s between outputs per link
-QUICK = {"chain": "run.stop=0.5 s", "vehicle": "run.stop=2.5 s", "rig": "run.stop=3 s", "bench": "run.stop=2 s"}
+QUICK = {
+    "chain": "run.stop=0.5 s",
+    "vehicle": "run.stop=2.5 s",
+    "rig": "run.stop=3 s",
+    "bench": "run.stop=2 s",
+}
 
 
 class Row(NamedTuple):
@@ -39,6 +44,7 @@ class Row(NamedTuple):
     method: str  # the curve it lies on
     settings: tuple[str, ...]
     wall_time: float  # s
+    cpu_time: float  # s, of all threads
     error: float  # the largest relative error of the decisive observables
     estimate: float  # the run's own idea of it
     errors: dict[str, float]  # relative, by observable
@@ -117,7 +123,7 @@ def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
         apart = differences(Evidence(coarse), Evidence(fine))
     share = 1.0 / (2.0**ORDER - 1.0)
     row = Row(
-        "", "", track, "truth", base, found.wall_time, share * worst(apart), math.nan,
+        "", "", track, "truth", base, found.wall_time, math.nan, share * worst(apart), math.nan,
         {name: share * one.relative for name, one in apart.items()}, {},
         {name: share * one.absolute for name, one in apart.items()},
         {name: one.unit for name, one in apart.items()},
@@ -136,13 +142,15 @@ def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: 
         path = Path(folder) / "run.mcap"
         told = simulate(_scene(scene, track, settings), path, estimated=True)
         if told["status"] != "ok":
-            return [failed(scene, "", told["message"])._replace(track=track, method=method, settings=settings)]
+            return [
+                failed(scene, "", told["message"])._replace(track=track, method=method, settings=settings)
+            ]
         with Log(path) as run, Log(exact.log) as reference:
             apart = differences(Evidence(run), Evidence(reference))
     own = told["error"]
     estimates = {name: one["total"] for name, one in own["observables"].items()}
     row = Row(
-        "", "", track, method, settings, told["wall_time"], worst(apart),
+        "", "", track, method, settings, told["wall_time"], told["cpu_time"], worst(apart),
         math.nan if own["total"] is None else own["total"],
         {name: one.relative for name, one in apart.items()}, estimates,
         {name: one.absolute for name, one in apart.items()},
@@ -154,7 +162,7 @@ def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: 
 
 def failed(item: str, case: str, reason: str) -> Row:
     """What is left of a case that ended with an error."""
-    return Row(item, case, "", "", (), math.nan, math.nan, math.nan, {}, {}, {}, {}, False, reason)
+    return Row(item, case, "", "", (), math.nan, math.nan, math.nan, math.nan, {}, {}, {}, {}, False, reason)
 
 
 def missed(rows: Sequence[Row]) -> list[Row]:
@@ -181,7 +189,11 @@ def pareto(rows: Iterable[Row], error: Any = lambda row: row.error) -> list[Row]
 
 def cheapest(rows: Iterable[Row], level: float, observable: str = "") -> Row | None:
     """The fastest run within an error: of one observable, or the largest of all decisive ones."""
-    found = [row for row in runs(rows) if (row.errors.get(observable, math.inf) if observable else row.error) <= level]
+    found = [
+        row
+        for row in runs(rows)
+        if (row.errors.get(observable, math.inf) if observable else row.error) <= level
+    ]
     return min(found, key=lambda row: row.wall_time, default=None)
 
 
@@ -231,7 +243,7 @@ def to_csv(rows: Sequence[Row]) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(
-        ["scene", "case", "track", "method", "settings", "wall time, s", "error", "estimate"]
+        ["scene", "case", "track", "method", "settings", "wall time, s", "CPU time, s", "error", "estimate"]
         + [f"{name} ({kind})" for name in names for kind in ("relative", "absolute", "estimate")]
         + ["note"]
     )
@@ -240,20 +252,21 @@ def to_csv(rows: Sequence[Row]) -> str:
             found.get(name, "") for name in names for found in (row.errors, row.absolute, row.estimates)
         ]
         head = [row.item, row.case, row.track, row.method, " ".join(f"'{s}'" for s in row.settings)]
-        writer.writerow([*head, row.wall_time, row.error, row.estimate, *figures, row.note])
+        writer.writerow([*head, row.wall_time, row.cpu_time, row.error, row.estimate, *figures, row.note])
     return out.getvalue()
 
 
 def to_markdown(rows: Sequence[Row]) -> str:
     """A table for people: relative errors by observable, * on the Pareto front; then what it says."""
     names = list(dict.fromkeys(name for row in rows for name in row.errors))
-    head = ["scene", "case", "run time, s", "error", "own estimate", *names, "note"]
+    head = ["scene", "case", "run time, s", "CPU, s", "error", "own estimate", *names, "note"]
     front = {id(row) for key in {(r.item, r.track) for r in rows} for row in
              pareto(r for r in rows if (r.item, r.track) == key)}  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for row in rows:
         cells = [
-            row.item, row.case + (" *" if id(row) in front else ""), f"{row.wall_time:.3g}", f"{row.error:.2e}",
+            row.item, row.case + (" *" if id(row) in front else ""), f"{row.wall_time:.3g}",
+            "" if math.isnan(row.cpu_time) else f"{row.cpu_time:.3g}", f"{row.error:.2e}",
             "" if math.isnan(row.estimate) else f"{row.estimate:.2e}",
             *(f"{row.errors[name]:.1e}" if name in row.errors else "" for name in names), row.note,
         ]  # fmt: skip
@@ -315,10 +328,17 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
                 [row.wall_time for row in best], [error(row) for row in best], linestyle="none", marker="o",
                 markersize=10, markerfacecolor="none", markeredgecolor="0.3",
             )  # fmt: skip
-        for row in rows:
-            own = row.errors.get(name, math.nan) if name else row.error
-            if row.method == "truth" and own > 0.0:
-                pane.axhline(own, color="0.5", linestyle=":" if row.track == "flexible" else "-.", linewidth=1)
+        own = [error(row) for row in rows if row.method == "truth"]
+        if own and max(own) > 0.0:
+            pane.text(
+                0.98,
+                0.97,
+                f"truth: {max(own):.0e}",
+                fontsize=7,
+                ha="right",
+                va="top",
+                transform=pane.transAxes,
+            )
         pane.set_title(name.replace("_", " ") or "largest of the decisive ones", fontsize=9, loc="left")
         pane.set_xlabel("run time, s", fontsize=8)
         pane.set_ylabel("relative error", fontsize=8)
@@ -327,6 +347,6 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
         pane.set_axis_off()
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=8)
-    figure.suptitle(f"{title} (rings: Pareto front of a track model; dotted: the truth's own error)", fontsize=10)
+    figure.suptitle(f"{title} (rings: Pareto front of a track model)", fontsize=10)
     for file in files:
         figure.savefig(file, dpi=100)

@@ -17,7 +17,8 @@ from orchestrator.reader import Log
 from orchestrator.recorder import Recorder
 
 KEYS = {
-    "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "real_time_factor",
+    "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",
+    "real_time_factor",
     "communication_steps", "rejected_steps", "log", "log_bytes", "components", "energy", "error", "checks",
     "observables",
 }  # fmt: skip

@@ -1,0 +1,174 @@
+"""How wrong a run is: the norm, the run's own estimate, what precision costs, the study of error against run time."""
+
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from fmus.vehicle import BadInput
+from orchestrator import precision
+from orchestrator.cli import main
+from orchestrator.difference import Difference, Observable, Signal, aligned, difference, differences, worst
+from orchestrator.evidence import Evidence
+from orchestrator.precision import Setting, cheapest, fraction, front
+from orchestrator.reader import Log
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+from orchestrator.studies import Case, error_runtime
+
+SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
+LINE = Observable("m", 0.1, lambda run: Signal(np.zeros(1), np.zeros((1, 1))))
+
+
+def signal(step, function, mean=False):
+    t = np.arange(0.0, 1.0 + step / 2, step)
+    return Signal(t, function(t)[:, None], mean)
+
+
+def test_the_norm_of_a_known_difference():
+    run, reference = signal(0.01, lambda t: 2.02 + 0 * t), signal(0.01, lambda t: 2.0 + 0 * t)
+    found = difference(run, reference, LINE)
+    assert found.absolute == pytest.approx(0.02)
+    assert found.relative == pytest.approx(0.01)
+    still = difference(signal(0.01, lambda t: 1e-3 + 0 * t), signal(0.01, lambda t: 0 * t), LINE)
+    assert still.relative == pytest.approx(0.01), "relative to the floor where nothing moves"
+
+
+def test_runs_of_other_steps_meet_at_the_instants_of_the_sparser():
+    a, b = aligned(signal(0.02, lambda t: t), signal(0.005, lambda t: t))
+    assert a.shape == b.shape == (51, 1)
+    np.testing.assert_allclose(a, b, atol=1e-12)
+
+
+def test_means_meet_as_means():
+    """Means of t over steps of 20 and of 5 ms are the same means over 20 ms; instants taken for means are not."""
+    coarse, fine = (signal(h, lambda t, h=h: t - h / 2, mean=True) for h in (0.02, 0.005))
+    a, b = aligned(coarse, fine)
+    np.testing.assert_allclose(a, b, atol=1e-12)
+    a, b = aligned(coarse._replace(mean=False), fine._replace(mean=False))
+    assert np.abs(a - b).max() > 5e-3
+
+
+def test_only_decisive_observables_decide():
+    found = {"a": Difference(1, 0.1, "m", True), "b": Difference(1, 0.5, "m", False)}
+    assert worst(found) == 0.1
+
+
+@pytest.fixture(scope="module")
+def swings(tmp_path_factory):
+    """Short swings of a chain at several steps, each with its own estimate: summaries and logs by step in ms."""
+    folder, found = tmp_path_factory.mktemp("swings"), {}
+    for step in (4.0, 2.0, 0.25):
+        log = folder / f"{step}.mcap"
+        settings = (*SWING, f"run.step={step} ms", f"track.step={step} ms")
+        found[step] = simulate(load("hanging_chain", "flexible", settings), log, estimated=True)
+        assert found[step]["status"] == "ok"
+    return found
+
+
+@pytest.mark.parametrize("step", [4.0, 2.0])
+def test_the_estimate_is_within_a_factor_of_three(swings, step):
+    with Log(swings[step]["log"]) as run, Log(swings[0.25]["log"]) as fine:
+        true = differences(Evidence(run), Evidence(fine))
+    own = swings[step]["error"]
+    assert own["coupling"] == 0.0, "there is nothing to couple"
+    assert own["total"] == own["integration"]
+    for name, one in true.items():
+        assert 1 / 3 < own["observables"][name]["total"] / one.relative < 3, name
+    assert own["total"] / worst(true) < 3
+
+
+def test_the_log_closes_with_error_and_cost(swings):
+    with Log(swings[2.0]["log"]) as log:
+        results = {name: json.loads(text) for name, text in log.closing["results"].items()}
+    assert results["error"] == swings[2.0]["error"]
+    assert results["wall_time"] == swings[2.0]["wall_time"]
+    assert results["energy_residual"] == swings[2.0]["energy"]["residual_relative"]
+
+
+def test_a_run_too_short_says_so(tmp_path):
+    settings = ("chain.links=8", "run.stop=0.002 s")
+    told = simulate(load("hanging_chain", "flexible", settings), tmp_path / "a.mcap", estimated=True)["error"]
+    assert told["total"] is None
+    assert "too short" in told["message"]
+
+
+# --- what precision costs --------------------------------------------------------------------------
+
+ROWS = [
+    Setting("swing", "flexible", ("run.step=4 ms",), 0.1, 1.0),
+    Setting("swing", "flexible", ("run.step=2 ms",), 0.02, 2.0),
+    Setting("swing", "flexible", ("run.step=3 ms",), 0.2, 1.5),
+    Setting("swing", "rigid", ("run.step=1 ms",), 0.001, 9.0),
+]
+
+
+def test_the_cheapest_setting_within_an_error(tmp_path, monkeypatch):
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
+    assert [row.wall_time for row in front(ROWS[:3])] == [1.0, 2.0]
+    precision.write(ROWS, precision.own())
+    precision.write([ROWS[3]._replace(wall_time=8.0)], precision.own())
+    assert cheapest("swing", "flexible", 0.15).wall_time == 1.0
+    assert cheapest("swing", "flexible", 0.05).wall_time == 2.0
+    assert cheapest("swing", "rigid", 0.05).wall_time == 8.0, "the newer study of a track model replaces the older"
+    with pytest.raises(BadInput, match=r"the best has an error of 0\.02"):
+        cheapest("swing", "flexible", 0.01)
+    with pytest.raises(BadInput, match="study error-runtime swung"):
+        cheapest("swung", "flexible", 0.01)
+
+
+def test_fractions():
+    assert fraction("1%") == fraction("0.01") == 0.01
+    for text in ("", "x%", "0", "-1%", "150%"):
+        with pytest.raises(BadInput, match="between 0 and 100 %"):
+            fraction(text)
+
+
+def test_shipped_settings_are_sound():
+    """Every one loads, and their scenes are those of the gallery."""
+    shipped = precision.read(precision.SHIPPED)
+    assert {row.scene for row in shipped} >= {"hanging_chain", "rig", "straight"}
+    for row in shipped:
+        assert load(row.scene, row.track, row.settings).track.model == row.track
+        assert 0.0 < row.error < 1.0
+
+
+# --- the study -------------------------------------------------------------------------------------
+
+
+def test_a_study_of_a_small_swing(tmp_path, monkeypatch, capsys):
+    """From the command to table, picture and the settings that ``--error`` takes."""
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "cache"))
+    base, steps, finer = SWING, ("track.step=4 ms", "run.step=4 ms"), ("track.step=1 ms", "run.step=1 ms")
+    cases = [
+        Case("hanging_chain", "truth", error_runtime.own_error, ("hanging_chain", "flexible", base)),
+        *(
+            Case("hanging_chain", name, error_runtime.point,
+                 ("hanging_chain", "flexible", "implicit", (*base, *settings), base))
+            for name, settings in (("coarse", steps), ("fine", finer))
+        ),
+    ]  # fmt: skip
+    monkeypatch.setattr(error_runtime, "cases", lambda quick, scene: cases)
+    monkeypatch.setattr(
+        sys, "argv", ["cotrack", "study", "error-runtime", "hanging_chain", "-o", str(tmp_path / "found")]
+    )
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr()
+    assert ended.value.code == 0, said.err
+    assert "costs" in said.out
+    rows = [
+        error_runtime.Row(**json.loads(file.read_text())["rows"][0])
+        for file in (tmp_path / "found" / "cases").iterdir()
+    ]
+    by_case = {row.case: row for row in rows}
+    assert by_case["truth"].error < 1e-6 < by_case["fine"].error < by_case["coarse"].error
+    rate = math.log(by_case["coarse"].errors["pins"] / by_case["fine"].errors["pins"], 4)
+    assert abs(rate - 2.0) < 0.3, "generalised-alpha is of order 2"
+    assert (tmp_path / "found" / "error-runtime-hanging_chain.png").read_bytes()[:4] == b"\x89PNG"
+    assert {tuple(s.settings)[-1] for s in precision.read(tmp_path / "found" / "precision.json")} <= {
+        "run.step=4 ms", "run.step=1 ms",
+    }  # fmt: skip
+    assert len(error_runtime.ratios(rows)) >= 4
