@@ -52,7 +52,8 @@ class Track(Part):
     """Which track model, and what it is told; what is not given is the model's own default."""
 
     model: Literal["flexible", "rigid"]
-    elasticity: Literal["small_deformation", "general", "engineering"] | None = None  # of flexible links
+    element: Literal["cable", "beam"] | None = None  # of flexible links
+    elasticity: Literal["small_deformation", "general", "engineering"] | None = None  # of cables
     integrator: str | None = None
     step: Duration | None = None  # largest internal step
     start: Literal["rest", "displaced", "polygon"] = "rest"
@@ -60,10 +61,12 @@ class Track(Part):
 
     @model_validator(mode="after")
     def _rigid_links_have_none(self) -> Track:
-        if self.model == "rigid" and self.elasticity is not None:
-            raise ValueError(
-                f"elasticity = '{self.elasticity}' needs model = 'flexible': rigid links have none"
-            )
+        for key in ("element", "elasticity"):
+            value = getattr(self, key)
+            if self.model == "rigid" and value is not None:
+                raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
+        if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
+            raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
         return self
 
 

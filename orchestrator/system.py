@@ -240,6 +240,8 @@ def _track_config(
 def _track(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
     track = scene.track
     parameters: Parameters = {**_start(scene), "start.lateral": lateral, "start": track.start}
+    if track.element is not None:
+        parameters["element"] = track.element
     if track.elasticity is not None:
         parameters["elasticity"] = track.elasticity
     if track.integrator is not None:
@@ -318,7 +320,7 @@ def describe(scene: Scene) -> Iterator[str]:
     for part in assembly.parts:
         taken = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
         given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
-        yield f"  {part.name:12} {part.kind:13} {_size(part)}; {taken} values in, {given} out a step"
+        yield f"  {part.name:12} {part.kind:13} {_size(scene, part)}; {taken} values in, {given} out a step"
     yield "left out"
     for line in _absent(scene, assembly):
         yield f"  {line}"
@@ -329,12 +331,13 @@ def describe(scene: Scene) -> Iterator[str]:
             yield f"  {name}: {check.expected:g} +- {allowed} ({check.signal or check.measure})"
 
 
-def _size(part: Part) -> str:
+def _size(scene: Scene, part: Part) -> str:
     if part.stage == TRACK:
         track = part.config["track"]
         links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
         if part.kind == TRACKS["flexible"]:
-            size = f"{links} elements, {12 * links - 4 * pins} dofs"
+            own, shared = (24, 6) if scene.track.element == "beam" else (12, 4)
+            size = f"{links} elements, {own * links - shared * pins} dofs"
         else:
             size = f"{links} bodies, {pins} pins"
         return f"{size}, {len(track['wheels'])} wheels, {'ground' if track['ground'] else 'no ground'}"

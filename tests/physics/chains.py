@@ -124,9 +124,7 @@ class Flexible:
     def evaluate(self, q, v, vdot, by_rate=0.0, by_acceleration=0.0, tangent=False, links=None):
         """Residual into ``w.b``, with the held pin's equations replaced by no motion."""
         w = self.w
-        cables.evaluate(
-            links or self.links, None, self.env, q, v, vdot, by_rate, by_acceleration, w, tangent
-        )
+        cables.evaluate(links or self.links, None, self.env, q, v, vdot, by_rate, by_acceleration, w, tangent)
         if self.held:
             w.b[0, :3] = 0.0
             if tangent:
