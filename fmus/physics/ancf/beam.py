@@ -315,7 +315,13 @@ def gather_section(w, y, z, A, H):
 @kernel
 def stiffen(c, e, v, tau, by_rate, K):
     """Exact derivative of force and damping, by coordinates and ``by_rate`` times by rates, added to ``K`` (24, 24)."""
-    N, G, Z, H, Y = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((15, 15)), np.empty(15)
+    N, G, Z, H, Y = (
+        np.empty((5, 8)),
+        np.empty((5, 3)),
+        np.empty((5, 3)),
+        np.empty((15, 15)),
+        np.empty((15, 24)),
+    )
     F, V, E, T, R, A = (
         np.empty((3, 3)),
         np.empty((3, 3)),
@@ -345,16 +351,17 @@ def stiffen(c, e, v, tau, by_rate, K):
                     V[i, j] = (1.0 + tau * by_rate) * F[i, j] + tau * V[i, j]
             slope(moduli, T, F, V, A)
             gather_section(volume * WEIGHTS[GAUSS, p] * share, y, z, A, H)
+        for b in range(8):
+            first, other = SEES[b, 0], SEES[b, 1]
+            for m in range(15):
+                for j in range(3):
+                    Y[m, 3 * b + j] = N[first, b] * H[m, 3 * first + j] + N[other, b] * H[m, 3 * other + j]
         for a in range(8):
             first, other = SEES[a, 0], SEES[a, 1]
+            one, two = N[first, a], N[other, a]
             for i in range(3):
-                for m in range(15):
-                    Y[m] = N[first, a] * H[3 * first + i, m] + N[other, a] * H[3 * other + i, m]
-                row = K[3 * a + i]
-                for b in range(8):
-                    one, two = SEES[b, 0], SEES[b, 1]
-                    for j in range(3):
-                        row[3 * b + j] += N[one, b] * Y[3 * one + j] + N[two, b] * Y[3 * two + j]
+                for m in range(24):
+                    K[3 * a + i, m] += one * Y[3 * first + i, m] + two * Y[3 * other + i, m]
 
 
 @kernel
