@@ -11,7 +11,6 @@ from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.block_cyclic import solve
 from fmus.ports import WRENCH, Port
 from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
-from fmus.track_flexible import cables
 from fmus.track_flexible.assembly import kernels
 from fmus.track_flexible.chain import advance, relax
 from fmus.track_flexible.element import ELASTICITIES
@@ -117,6 +116,8 @@ class Model(TrackModel):
         self.space, self.factored = scratch(self.nodes, width), False
 
     def _cables(self, elasticity: str, young: float, tau: float) -> Any:
+        from fmus.track_flexible.cables import Links
+
         s, v = self.vehicle["section"], self.vehicle
         area, second = s["area"], s["bending"]
         cable = ELASTICITIES[elasticity](
@@ -128,7 +129,7 @@ class Model(TrackModel):
             tau * young * second,
         )
         face, outer = v["track"]["face"], s["outer_fibre"]
-        return cables.Links(self.links_count, int(self.closed), cable, face, outer, area, second)
+        return Links(self.links_count, int(self.closed), cable, face, outer, area, second)
 
     def _beams(self, young: float, tau: float) -> Any:
         """The rectangle with the section's radii of gyration, its density and moduli scaled to the section's area."""
