@@ -432,9 +432,7 @@ def test_bad_parameters_and_hopeless_steps(track):
     rolled.state[:] = state
     u = inputs(rolled, 0.0, 0.0)
     u[5] = np.nan
-    with pytest.raises(
-        StepFailed, match=r"the input sprocket.orientation.y is not a finite number at t = 0 s"
-    ):
+    with pytest.raises(StepFailed, match=r"the input sprocket.orientation.y is not a finite number at t = 0 s"):
         rolled.step(0.0, 1e-3, u)
     kept, u = rolled.contacts, inputs(rolled, 0.0, 0.0)
     rolled.contacts = kept._replace(wheel=kept.wheel._replace(k=1e40))

@@ -24,9 +24,7 @@ def energy(c, e):
     D, first, second = np.empty((2, 4)), np.empty((2, 3)), np.empty((2, 3))
     lines(c, e, 0.0, D, first)
     lines(c, e, 1.0, D, second)
-    square = (
-        0.0  # of r_xx, linear along the element: as a sum of squares it keeps its digits where it vanishes
-    )
+    square = 0.0  # of r_xx, linear along the element: as a sum of squares it keeps its digits where it vanishes
     for i in range(3):
         square += first[1, i] ** 2 + first[1, i] * second[1, i] + second[1, i] ** 2
     eps = cable.strain(c, e, np.empty((4, 3)))
