@@ -413,7 +413,8 @@ class Slave(Fmi2Slave):
         if not self._stale and self._used != self._given():  # a state of a run with other parameters
             self._used = self._given()
             self._model.initialise(self._used)
-        self._model.state[:] = state.state
+        if not self._stale:  # one that is about to start anew has no state, and may yet be of another size
+            self._model.state[:] = state.state
         self._model.counters[:] = state.counters
 
     @staticmethod
