@@ -35,6 +35,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
+from fmus.elsewhere import Elsewhere
 from fmus.jit import source_hash
 from fmus.model import InvalidParameter, Model, StepFailed
 from fmus.ports import UNITS, Port
@@ -51,6 +52,16 @@ class Refused(RuntimeError):
 
     def __repr__(self) -> str:
         return str(self)
+
+
+def _of_another_build(packed: str, name: str = "this FMU") -> Refused:
+    return Refused(
+        f"{name} was built from other sources ({packed[:12]}) than the fmus package "
+        f"of this process ({BUILD[:12]}): build it again, or load it in a process of its own"
+    )
+
+
+sys.meta_path.append(Elsewhere("fmus", BUILD, _of_another_build))
 
 
 class Saved(NamedTuple):
@@ -113,8 +124,9 @@ class Slave(Fmi2Slave):
             model = Model
 
     Beside it, in the FMU's resources, lie ``config.json`` (what the model is made from) and ``build.txt``
-    (hash of the ``fmus`` tree that was packed). In one process all FMUs share the first one's ``fmus``; an
-    FMU from another build is refused, because it would silently run the wrong code.
+    (hash of the ``fmus`` tree that was packed). In one process all FMUs share the first one's ``fmus``, also
+    when its folder is gone (see ``elsewhere``); an FMU from another build is refused, because it would
+    silently run the wrong code.
     """
 
     model: Callable[[Mapping[str, Any]], Model]
@@ -133,12 +145,11 @@ class Slave(Fmi2Slave):
     # ---------------------------------------------------------------- variables
 
     def _load(self, resources: Path) -> None:
+        # before anything is refused: that process ends too
+        _finalise_at_exit(resources.parent / "binaries" / "linux64" / f"{type(self).__name__}.so")
         packed = (resources / "build.txt").read_text().strip()
         if packed != BUILD:
-            raise Refused(
-                f"{type(self).__name__} was built from other sources ({packed[:12]}) than the fmus package "
-                f"of this process ({BUILD[:12]}): build it again, or load it in a process of its own"
-            )
+            raise _of_another_build(packed, type(self).__name__)
         config = (resources / "config.json").read_bytes()
         self.guid = str(
             uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)}".encode() + config).digest()[:16])
@@ -147,7 +158,6 @@ class Slave(Fmi2Slave):
         self._sort_ports(self._model.ports, self._model.link_ports)
         self._stale, self._links_stale = True, False
         self._used: dict[str, float | int | str] = {}  # parameters of the last start
-        _finalise_at_exit(resources.parent / "binaries" / "linux64" / f"{type(self).__name__}.so")
 
     def _sort_ports(self, ports: tuple[Port, ...], link_ports: int) -> None:
         def pick(causality: str, kind: type) -> list[Port]:
@@ -413,7 +423,8 @@ class Slave(Fmi2Slave):
         if not self._stale and self._used != self._given():  # a state of a run with other parameters
             self._used = self._given()
             self._model.initialise(self._used)
-        self._model.state[:] = state.state
+        if not self._stale:  # one that is about to start anew has no state, and may yet be of another size
+            self._model.state[:] = state.state
         self._model.counters[:] = state.counters
 
     @staticmethod

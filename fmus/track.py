@@ -114,14 +114,18 @@ class TrackModel:
         self.ports = self._ports(bool(config.get("link_outputs", True)))
         self.link_ports = (2 * self.links_count + 6 * self.nodes) if config.get("link_outputs", True) else 0
         self.counters = np.zeros(4, dtype=np.int64)
-        size = self.chain_size()
+        self.allocate()
+        self._warnings: list[str] = []
+
+    def allocate(self) -> None:
+        """The state, zeroed, and the views into it; again where a parameter decides on the size of a chain."""
+        wheels, size = len(self.wheel_list), self.chain_size()
         self.state = np.zeros(size + WRENCH * wheels + len(REPORT))
         self.chain = self.state[:size]
         self.wrench = self.state[size : size + WRENCH * wheels].reshape(
             2 * wheels, 3
         )  # force, torque by turns
         self.report = self.state[size + WRENCH * wheels :]
-        self._warnings: list[str] = []
 
     def _ports(self, links: bool) -> tuple[Port, ...]:
         vehicle, ports = self.vehicle, []

@@ -78,7 +78,7 @@ def _fmu(table: dict[str, Any], entry: dict[str, Any], other: str | None) -> tup
             scene.model_copy(
                 update={
                     "track": scene.track.model_copy(
-                        update={"model": other, "integrator": None, "elasticity": None}
+                        update={"model": other, "integrator": None, "element": None, "elasticity": None}
                     )
                 }
             ),

@@ -79,7 +79,6 @@ def _short_coupling(value: object) -> object:
     return {"scheme": value} if isinstance(value, str) else value
 
 
-
 class Run(Part):
     """How long, in which steps, and how often results are recorded."""
 
@@ -118,7 +117,8 @@ class Track(Part):
     """Which track model, and what it is told; what is not given is the model's own default."""
 
     model: Literal["flexible", "rigid"]
-    elasticity: Elasticity | None = None  # of flexible links
+    element: Literal["cable", "beam"] | None = None  # of flexible links
+    elasticity: Elasticity | None = None  # of cables
     integrator: str | None = None
     step: Duration | None = None  # largest internal step
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
@@ -126,10 +126,12 @@ class Track(Part):
 
     @model_validator(mode="after")
     def _rigid_links_have_none(self) -> Track:
-        if self.model == "rigid" and self.elasticity is not None:
-            raise ValueError(
-                f"elasticity = '{self.elasticity}' needs model = 'flexible': rigid links have none"
-            )
+        for key in ("element", "elasticity"):
+            value = getattr(self, key)
+            if self.model == "rigid" and value is not None:
+                raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
+        if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
+            raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
         return self
 
 

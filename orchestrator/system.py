@@ -252,6 +252,8 @@ def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float 
     parameters: Parameters = {**_start(scene), "start.lateral": lateral}
     if track.start is not None:
         parameters["start"] = track.start
+    if track.element is not None:
+        parameters["element"] = track.element
     if track.elasticity is not None:
         parameters["elasticity"] = track.elasticity
     if track.integrator is not None:
@@ -350,7 +352,8 @@ def _of_fmus(scene: TrackScene) -> tuple[list[str], list[str]]:
     for part in assembly.parts:
         taken = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
         given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
-        present.append(f"{part.name:12} {part.kind:13} {_size(part)}; {taken} values in, {given} out a step")
+        size = f"{_size(scene, part)}; {taken} values in, {given} out a step"
+        present.append(f"{part.name:12} {part.kind:13} {size}")
     return present, list(_absent(scene, assembly))
 
 
@@ -373,12 +376,13 @@ def _of_piece(scene: Scene) -> tuple[list[str], list[str]]:
     return [present], absent
 
 
-def _size(part: Part) -> str:
+def _size(scene: TrackScene, part: Part) -> str:
     if part.stage == TRACK:
         track = part.config["track"]
         links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
         if part.kind == TRACKS["flexible"]:
-            size = f"{links} elements, {12 * links - 4 * pins} dofs"
+            own, shared = (24, 6) if scene.track.element == "beam" else (12, 4)
+            size = f"{links} elements, {own * links - shared * pins} dofs"
         else:
             size = f"{links} bodies, {pins} pins"
         return f"{size}, {len(track['wheels'])} wheels, {'ground' if track['ground'] else 'no ground'}"

@@ -60,6 +60,8 @@ def truth(scene: Scene, title: str = "") -> Truth:
     """
     if not isinstance(scene, TrackScene):
         raise BadInput(f"truth: scene '{scene.name}' has no track, and is its own reference")
+    if scene.track.element == "beam":
+        raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
     scene = bare(scene)
     folder = cache_folder() / "truth" / key(scene)
     built = False

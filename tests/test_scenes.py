@@ -141,6 +141,27 @@ def test_models_drive_alike(ran):
         assert found[1][figure] == pytest.approx(found[0][figure], rel=0.01)
 
 
+def test_beams_hang_as_the_scene_expects(ran):
+    result = ran("hanging_chain", "flexible", "track.element=beam", "run.links=100")
+    assert result["status"] == "ok"
+    assert {"sag", "tension", "rest"} == set(result["checks"])
+    assert all(check["ok"] for check in result["checks"].values())
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "figures"),
+    [("settle", ("run.stop=1 s",), ("settlement",)), ("straight", BRIEF, ("distance", "speed"))],
+)
+def test_beams_carry_the_vehicle_as_cables_do(ran, name, settings, figures):
+    found = [ran(name, "flexible", *settings, *more) for more in ((), ("track.element=beam",))]
+    assert [result["status"] for result in found] == ["ok", "ok"]
+    for figure in figures:
+        cables, beams = (result["observables"][figure] for result in found)
+        assert beams == pytest.approx(cables, rel=0.01)
+        assert abs(cables) > 1e-3
+    assert found[0]["observables"]["tension_max"] != found[1]["observables"]["tension_max"]
+
+
 # 2 / 120 instead of 2 / 99
 ELEVEN = ("vehicle.sprocket.teeth=11", "vehicle.sprocket.outer_radius=0.285 m")
 TWINS = [

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.model import Floats
+from fmus.model import Floats, InvalidParameter
 from fmus.monolith.chains import Flexible, Place
 from fmus.physics.chain_speed import chain_speed
 from fmus.track import DISSIPATED, TRAVEL, WORK
-from fmus.track_flexible.chain import measure
+from fmus.track_flexible.assembly import measure
 from fmus.track_flexible.explicit import accelerations
 from fmus.track_flexible.model import Model
 from fmus.track_flexible.nodes import NODE
@@ -19,7 +19,9 @@ MIRROR = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # of a pin's coordinates in the
 
 
 def size(model: Model) -> int:
-    """Coordinates and rates."""
+    """Coordinates and rates; raises InvalidParameter for beams."""
+    if model.element != "cable":
+        raise InvalidParameter(f"element = '{model.element}': the monolith knows chains of cables only")
     return 2 * model.nodes * NODE
 
 

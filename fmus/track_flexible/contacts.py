@@ -15,7 +15,7 @@ from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, reach, wheel_contact
 from fmus.track_flexible.nodes import gather
-from fmus.track_flexible.sums import CONTACT, DEPTH, LOAD, POWER, SLIP
+from fmus.track_flexible.sums import CONTACT, LOAD, SLIP, note
 
 
 @kernel
@@ -112,14 +112,6 @@ def resist(f_rate, side, by_rate, foot, S, C, t0, t2, K):
             K[3 * a, 6 + j] += p0 * last
             K[3 * a + 1, 6 + j] += p1 * last
             K[3 * a + 2, 6 + j] += p2 * last
-
-
-@kernel
-def note(sums, depth, stored, power):
-    """Book a contact."""
-    sums[CONTACT] += stored
-    sums[POWER] += power
-    sums[DEPTH] = max(sums[DEPTH], depth)
 
 
 @kernel

@@ -8,17 +8,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh
 
 from fmus.jit import kernel
 from fmus.model import Floats
-from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 from fmus.track import Environment
-from fmus.track_flexible.chain import Links, Work, correct, evaluate, measure
-from fmus.track_flexible.element import stiffness
+from fmus.track_flexible.assembly import correct, evaluate, kernels, measure
 from fmus.track_flexible.sums import POWER
 
 LIMIT = (
@@ -26,21 +23,22 @@ LIMIT = (
 )
 
 
-def highest_frequency(cable: Cable) -> float:
-    """Of one straight free link, rad/s; by Rayleigh's bound no mode of the chain is higher (contacts apart)."""
-    e = np.array([[0.0, 0, 0], [1, 0, 0], [cable.l, 0, 0], [1, 0, 0]])
-    K, M = np.zeros((12, 12)), np.zeros((4, 4))
-    stiffness(cable, e, np.zeros((4, 3)), 0.0, 0.0, K, np.zeros((4, 3)), np.zeros((4, 3)))
-    mass(cable, M)
-    return float(np.sqrt(eigh(K, np.kron(M, np.eye(3)), eigvals_only=True)[-1]))
-
-
-def factor_mass(links: Links, contacts: Any, env: Environment, q: Floats, still: Floats, w: Work) -> bool:
+def factor_mass(links: Any, contacts: Any, env: Environment, q: Floats, still: Floats, w: Any) -> bool:
     """Factor the chain's mass into ``w``: the iteration matrix of links without stiffness. False: singular."""
-    bare = links._replace(cable=links.cable._replace(EA=0.0, EI=0.0, nuA=0.0, nuI=0.0))
     w.moved[:] = 1e9  # no wheel touches, nor ground
     partners = contacts and contacts._replace(ground=0)
-    evaluate(bare, partners, env._replace(transverse=0.0), q, still, still, 0.0, 1.0, w, True)
+    evaluate(
+        kernels(type(links)).massive(links),
+        partners,
+        env._replace(transverse=0.0),
+        q,
+        still,
+        still,
+        0.0,
+        1.0,
+        w,
+        True,
+    )
     return bool(factor(w.A, w.U, w.L, w.factors, links.closed == 1) < 0)
 
 
@@ -57,22 +55,22 @@ def accelerations(links, contacts, env, q, v, still, scratch, w):
 def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean, report, counters):
     """Integrate over a communication step of ``h`` s in equal steps of at most ``longest`` s.
 
-    ``x`` (2 n): coordinates, then rates, of all pins; ``k`` (4, 2 n), ``scratch`` (2, nodes, 8) are scratch; ``w``
+    ``x`` (2 n): coordinates, then rates, of all pins; ``k`` (4, 2 n), ``scratch`` (2, nodes, width) are scratch; ``w``
     holds the factored mass. ``mean`` (wheels + 1, 6) receives the mean wrenches, weighted as the momentum is.
     Returns 0, or 1 when the motion is no longer finite, and the time done.
     """
     n = x.size // 2
-    nodes = n // 8
+    nodes, width = still.shape
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
     dt = h / steps
     y = np.empty_like(x)
     mean[:] = 0.0
     for step in range(steps):
         before = report[1]
-        first, last = x[:3].copy(), x[n - 8 : n - 5].copy()
+        first, last = x[:3].copy(), x[n - width : n - width + 3].copy()
         for i in range(RK4.b.size):
             stage(RK4, i, dt, x, k, y)
-            q, v = y[:n].reshape(nodes, 8), y[n:].reshape(nodes, 8)
+            q, v = y[:n].reshape(nodes, width), y[n:].reshape(nodes, width)
             move(rows, (step + RK4.c[i]) * dt, w.moved)
             accelerations(links, contacts, env, q, v, still, scratch, w)
             k[i, :n] = y[n:]
@@ -84,16 +82,18 @@ def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean,
         counters[1] += RK4.b.size
         if env.ends == 2:
             for i in range(3):
-                report[11] += env.pull[0, i] * (x[i] - first[i]) + env.pull[1, i] * (x[n - 8 + i] - last[i])
+                report[11] += env.pull[0, i] * (x[i] - first[i]) + env.pull[1, i] * (
+                    x[n - width + i] - last[i]
+                )
         for i in range(2 * n):
             if not abs(x[i]) < 1e9:
                 return 1, (step + 1) * dt
-        q, v = x[:n].reshape(nodes, 8), x[n:].reshape(nodes, 8)
+        q, v = x[:n].reshape(nodes, width), x[n:].reshape(nodes, width)
         measure(links, env, q, v, w, report)
         report[0] += 0.5 * dt * (before + report[1])
     return 0, h
 
 
-def scratch(nodes: int) -> tuple[Floats, Floats, Floats]:
-    """Zeroed ``still`` (nodes, 8), ``scratch`` (2, nodes, 8) and ``k`` (4, 16 nodes) for ``march``."""
-    return np.zeros((nodes, 8)), np.zeros((2, nodes, 8)), np.zeros((4, 16 * nodes))
+def scratch(nodes: int, width: int) -> tuple[Floats, Floats, Floats]:
+    """Zeroed ``still`` (nodes, width), ``scratch`` (2, nodes, width) and ``k`` (4, 2 nodes width) for ``march``."""
+    return np.zeros((nodes, width)), np.zeros((2, nodes, width)), np.zeros((4, 2 * nodes * width))

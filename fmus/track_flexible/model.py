@@ -1,4 +1,4 @@
-"""The flexible track: a chain of steel cable elements behind the ports of a track."""
+"""The flexible track: a chain of steel cables or beams behind the ports of a track."""
 
 from __future__ import annotations
 
@@ -11,42 +11,45 @@ from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.block_cyclic import factor, solve
 from fmus.ports import WRENCH, Port
 from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
-from fmus.track_flexible.chain import (
-    CHORD,
-    Links,
-    advance,
-    axial,
-    correct,
-    evaluate,
-    measure,
-    relax,
-    work,
-)
+from fmus.track_flexible.assembly import kernels
+from fmus.track_flexible.chain import CHORD, advance, relax
 from fmus.track_flexible.element import ELASTICITIES
-from fmus.track_flexible.explicit import LIMIT, factor_mass, highest_frequency, march, scratch
-from fmus.track_flexible.nodes import NODE, gather
+from fmus.track_flexible.explicit import LIMIT, factor_mass, march, scratch
+from fmus.track_flexible.nodes import NODE
 from fmus.track_flexible.sums import POWER
 
 REST = 1e-3  # residual of static equilibrium, N
 SPINNING = 30  # iterations towards the relative equilibrium of a loop
 HOLD = 100.0  # its inertia over that of the spin; the iteration converges while the strain is below 1/HOLD
 ROUNDING = 1e-10  # its last correction of a pin, relative to the pitch
+SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
+ELEMENTS = {"cable": (NODE, 4), "beam": (18, 8)}  # coordinates of a pin, vectors of a link
 
 
 class Model(TrackModel):
-    """Cable elements with pins eliminated, integrated implicitly or explicitly."""
+    """Cables or beams with pins eliminated, integrated implicitly or explicitly."""
 
     integrators = ("generalized_alpha", "runge_kutta")
+    element = "cable"
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Material and integration of the links."""
         m = vehicle["material"]
         return (
             Port(
+                "element",
+                "parameter",
+                "1",
+                "what a link is: cable, one axis and pins that keep their direction; beam, all strains of a solid"
+                " and pins that turn with the vehicle",
+                "cable",
+                tuple(ELEMENTS),
+            ),
+            Port(
                 "elasticity",
                 "parameter",
                 "1",
-                "strains of the links: small_deformation, average strain and r_xx; general, Green strain and"
+                "strains of cables: small_deformation, average strain and r_xx; general, Green strain and"
                 " curvature; engineering, |r_x| - 1 and the angle turned per length",
                 "small_deformation",
                 tuple(ELASTICITIES),
@@ -73,14 +76,20 @@ class Model(TrackModel):
 
     def chain_size(self) -> int:
         """Coordinates, rates, both accelerations; wrenches, their auxiliaries; power; residuals of the links."""
-        wheels = len(self.wheel_list) + 1
-        return 4 * self.nodes * NODE + 2 * wheels * WRENCH + 1 + 12 * self.links_count
+        wheels, (width, vectors) = len(self.wheel_list) + 1, ELEMENTS[self.element]
+        return 4 * self.nodes * width + 2 * wheels * WRENCH + 1 + 3 * vectors * self.links_count
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
-        elasticity = str(p["elasticity"])
+        element, elasticity = str(p["element"]), str(p["elasticity"])
+        if element not in ELEMENTS:
+            raise InvalidParameter(f"element = '{element}': must be one of {', '.join(ELEMENTS)}")
         if elasticity not in ELASTICITIES:
             raise InvalidParameter(f"elasticity = '{elasticity}': must be one of {', '.join(ELASTICITIES)}")
+        if element == "beam" and elasticity != "small_deformation":
+            raise InvalidParameter(
+                f"elasticity = '{elasticity}' needs element = 'cable': a beam has but one, Green's strains"
+            )
         young, tau = float(p["material.youngs_modulus"]), float(p["material.relaxation_time"])
         if not young > 0.0:
             raise InvalidParameter(f"material.youngs_modulus = {young}: must be greater than 0")
@@ -91,6 +100,26 @@ class Model(TrackModel):
             raise InvalidParameter(f"spectral_radius = {self.radius}: must lie between 0 and 1")
         if not 0.0 < self.tolerance <= CHORD:
             raise InvalidParameter(f"tolerance = {self.tolerance}: must be greater than 0 and {CHORD} at most")
+        self.link = self._beams(young, tau) if element == "beam" else self._cables(elasticity, young, tau)
+        self.stiffness = young * self.vehicle["section"]["area"]  # axial, N
+        self.kit = kernels(type(self.link))
+        if element != self.element:
+            self.element = element
+            self.allocate()
+        width, vectors = ELEMENTS[element]
+        n, m = self.nodes * width, len(self.wheel_list) + 1
+        parts = np.split(self.chain, np.cumsum([n, n, n, n, m * WRENCH, m * WRENCH, 1]))
+        self.q, self.v, self.a, self.vdot = (part.reshape(self.nodes, width) for part in parts[:4])
+        self.force, self.aux = parts[4].reshape(m, WRENCH), parts[5].reshape(m, WRENCH)
+        self.power, self.residual = parts[6], parts[7].reshape(self.links_count, vectors, 3)
+        self.mean = np.zeros((m, WRENCH))
+        self.work = self.kit.work(self.links_count, self.nodes, m - 1)
+        self.stable = LIMIT / self.kit.highest_frequency(self.link)
+        self.space, self.factored = scratch(self.nodes, width), False
+
+    def _cables(self, elasticity: str, young: float, tau: float) -> Any:
+        from fmus.track_flexible.cables import Links
+
         s, v = self.vehicle["section"], self.vehicle
         area, second = s["area"], s["bending"]
         cable = ELASTICITIES[elasticity](
@@ -101,17 +130,33 @@ class Model(TrackModel):
             tau * young * area,
             tau * young * second,
         )
-        self.link = Links(
-            self.links_count, int(self.closed), cable, v["track"]["face"], s["outer_fibre"], area, second
+        face, outer = v["track"]["face"], s["outer_fibre"]
+        return Links(self.links_count, int(self.closed), cable, face, outer, area, second)
+
+    def _beams(self, young: float, tau: float) -> Any:
+        """The rectangle with the section's radii of gyration, its density and moduli scaled to the section's area."""
+        from fmus.track_flexible.beams import Beam, Beams
+
+        s, m, track = self.vehicle["section"], self.vehicle["material"], self.vehicle["track"]
+        poisson = 0.5 * m["youngs_modulus"] / m["shear_modulus"] - 1.0
+        if not 0.0 <= poisson < 0.5:
+            raise InvalidParameter(
+                f"material.shear_modulus = {m['shear_modulus']}: with the vehicle's Young's modulus it makes"
+                f" Poisson's ratio {poisson:.3g}, of a beam 0 or more and below 0.5"
+            )
+        width, height = (np.sqrt(12.0 * s[key] / s["area"]) for key in ("lateral_bending", "bending"))
+        scale = s["area"] / (width * height)
+        beam = Beam(self.pitch, width, height, scale * m["density"], scale * young, poisson, SHEAR, True, tau)
+        return Beams(
+            self.links_count,
+            int(self.closed),
+            beam,
+            track["face"],
+            0.25 * track["width"],
+            s["outer_fibre"],
+            s["area"],
+            young,
         )
-        n, m = self.nodes * NODE, len(self.wheel_list) + 1
-        parts = np.split(self.chain, np.cumsum([n, n, n, n, m * WRENCH, m * WRENCH, 1]))
-        self.q, self.v, self.a, self.vdot = (part.reshape(self.nodes, NODE) for part in parts[:4])
-        self.force, self.aux = parts[4].reshape(m, WRENCH), parts[5].reshape(m, WRENCH)
-        self.power, self.residual = parts[6], parts[7].reshape(self.links_count, 4, 3)
-        self.mean = np.zeros((m, WRENCH))
-        self.work = work(self.links_count, self.nodes, m - 1)
-        self.stable, self.space, self.factored = LIMIT / highest_frequency(cable), scratch(self.nodes), False
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """Straight links between the pins, then static equilibrium if wanted."""
@@ -119,8 +164,8 @@ class Model(TrackModel):
         if spin:
             if rest:
                 self._stretch(spin)
-            for x, z in ((0, 2), (3, 4), (5, 6)):
-                self.v[:, x], self.v[:, z] = spin * self.q[:, z], -spin * self.q[:, x]
+            x, z = self.kit.PLANE.T
+            self.v[:, x], self.v[:, z] = spin * self.q[:, z], -spin * self.q[:, x]
         elif rest:
             partners = self.contacts
             if partners is not None:
@@ -128,7 +173,7 @@ class Model(TrackModel):
 
                 partners = smooth(partners)
             # no residual is smaller than what rounding of the places makes of the axial stiffness
-            rest = max(REST, np.finfo(float).eps * self.link.cable.EA * self.links_count)
+            rest = max(REST, np.finfo(float).eps * self.stiffness * self.links_count)
             count, residual = relax(
                 self.link, partners, self.environment, self.start_rows, self.q, rest, self.work
             )
@@ -155,11 +200,7 @@ class Model(TrackModel):
     def settle_pins(self, pins: Floats) -> None:
         """Straight links between the pins (nodes, 2), at rest."""
         self.state[:] = 0.0
-        q, n = self.q, self.links_count
-        q[:, 0], q[:, 2] = pins[:, 0], pins[:, 1]
-        chord = (np.roll(pins, -1, axis=0) - pins)[:n] / self.pitch
-        q[:n, 5:7] = chord
-        q[(np.arange(n) + 1) % self.nodes, 3:5] = chord
+        self.kit.straight(self.link, pins, self.q)
 
     def _stretch(self, spin: float) -> None:
         """Relative equilibrium of a free loop that turns at ``spin`` rad/s: Q = spin^2 M q.
@@ -168,16 +209,17 @@ class Model(TrackModel):
         enough to leave the loop where it is, and small next to the stiffness, so that Newton's iteration stays fast.
         """
         w, acceleration, still = self.work, self.vdot, self.space[0]
+        plane = self.kit.PLANE.ravel()
         for _ in range(SPINNING):
-            acceleration[:] = -(spin**2) * self.q
-            evaluate(
+            acceleration[:, plane] = -(spin**2) * self.q[:, plane]
+            self.kit.evaluate(
                 self.link, None, self.environment, self.q, still, acceleration, 0.0, HOLD * spin**2, w, True
             )
             if factor(w.A, w.U, w.L, w.factors, self.closed) >= 0:
                 break
             solve(w.A, w.U, w.factors, self.closed, w.b)
             if (
-                correct(self.link, w, self.q, self.v, self.a, 0.0, 0.0, 0.5 * self.pitch)
+                self.kit.correct(self.link, w, self.q, self.v, self.a, 0.0, 0.0, 0.5 * self.pitch)
                 < ROUNDING * self.pitch
             ):
                 acceleration[:] = 0.0
@@ -190,13 +232,13 @@ class Model(TrackModel):
         """Wrenches, pin forces and report of the state as it stands."""
         self._let_go()
         self.work.moved[:] = self.start_rows
-        evaluate(
+        self.kit.evaluate(
             self.link, self.contacts, self.environment, self.q, self.v, self.vdot, 0.0, 0.0, self.work, False
         )
         self.force[:] = self.aux[:] = self.mean[:] = self.work.wrench
         self.residual[:] = self.work.R
         self.power[:] = self.work.sums[POWER]
-        measure(self.link, self.environment, self.q, self.v, self.work, self.report)
+        self.kit.measure(self.link, self.environment, self.q, self.v, self.work, self.report)
         self.report[[DISSIPATED, WORK]] = 0.0
         self.publish()
 
@@ -207,9 +249,11 @@ class Model(TrackModel):
             raise StepFailed("the chain's mass matrix is singular at the start")
         self.factored, w = True, self.work
         w.moved[:] = self.start_rows
-        evaluate(self.link, self.contacts, self.environment, self.q, self.v, still, 0.0, 0.0, w, False)
+        self.kit.evaluate(
+            self.link, self.contacts, self.environment, self.q, self.v, still, 0.0, 0.0, w, False
+        )
         solve(w.A, w.U, w.factors, self.closed, w.b)
-        correct(self.link, w, self.vdot, space[1], space[1], 0.0, 0.0, np.inf)
+        self.kit.correct(self.link, w, self.vdot, space[1], space[1], 0.0, 0.0, np.inf)
         self.a[:] = self.vdot
 
     def publish(self) -> None:
@@ -291,12 +335,14 @@ class Model(TrackModel):
 
     def _watch(self, t: float) -> None:
         """Cable links cannot leave their plane: say so once when a wheel's axis does."""
+        if self.element == "beam":
+            return
         off = np.degrees(np.arccos(np.clip(abs(self.rows[:, 10]), 0.0, 1.0)))
         if off.size and off.max() > 0.2 and not self.warned:
             self.warned = True
             self._warnings.append(
                 f"a wheel's axis is {off.max():.2f} degrees off the pin axis at t = {t:.4g} s: cable chains "
-                "drive in their own plane only, take rigid links for turns and side slopes"
+                "drive in their own plane only, take beams or rigid links for turns and side slopes"
             )
 
     warned = False
@@ -304,9 +350,9 @@ class Model(TrackModel):
     def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
         """Per-link arrays from the state; the pin force is the link's own residual at its first pin."""
         for i in range(self.links_count):
-            gather(self.q, i, (i + 1) % self.nodes, self.work.e)
-            tension[i], stress[i] = axial(self.link, self.work)
+            self.kit.gather(self.q, i, (i + 1) % self.nodes, self.work.e)
+            tension[i], stress[i] = self.kit.axial(self.link, self.work)
         position[:] = self.q[:, :3]
         force[: self.links_count] = self.residual[:, 0]
         if not self.closed:
-            force[-1] = -self.residual[-1, 2]
+            force[-1] = -self.residual[-1, ELEMENTS[self.element][1] // 2]

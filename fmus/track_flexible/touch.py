@@ -25,6 +25,13 @@ def touch_pins(contacts, q, v, w, by_rate, tangent) -> None:
     kernels.touch_pins(contacts, q, v, w, by_rate, tangent)
 
 
+def touch_beams(contacts, links, q, v, w, by_rate, tangent) -> None:
+    """See ``beam_contacts.touch``."""
+    from fmus.track_flexible import beam_contacts as kernels
+
+    kernels.touch(contacts, links, q, v, w, by_rate, tangent)
+
+
 @overload(touch_links)
 def _links(contacts, links, q, v, w, by_rate, tangent) -> Any:
     from fmus.track_flexible.contacts import touch_links as compiled
@@ -39,3 +46,12 @@ def _pins(contacts, q, v, w, by_rate, tangent) -> Any:
     from fmus.track_flexible.contacts import touch_pins as compiled
 
     return lambda contacts, q, v, w, by_rate, tangent: compiled(contacts, q, v, w, by_rate, tangent)
+
+
+@overload(touch_beams)
+def _beams(contacts, links, q, v, w, by_rate, tangent) -> Any:
+    from fmus.track_flexible.beam_contacts import touch as compiled
+
+    return lambda contacts, links, q, v, w, by_rate, tangent: compiled(
+        contacts, links, q, v, w, by_rate, tangent
+    )

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.contact.ground import ground_contact
-from fmus.physics.contact.guide import guide_contact
+from fmus.physics.contact.guide import HORN, guide_contact
 from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, reach, wheel_contact
 from fmus.track_rigid.loads import CONTACT, LOAD, SLIP, count, lever, push, resist
-
-HORN = 0.05  # how far a guide horn reaches into a wheel from the inner face, m
 
 # The contact loops below run over the whole chain and take arrays out of the tuples first: handing a tuple of thirty
 # arrays to a kernel a link costs more than the contact itself.

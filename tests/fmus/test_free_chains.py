@@ -12,7 +12,17 @@ from fmus.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
 P = TABLE["track"]["pitch"]
-BOTH = pytest.mark.parametrize("kind", [Rigid, Flexible])
+
+
+
+class Beams(Flexible):
+    """The same made of beams."""
+
+    def initialise(self, parameters):
+        super().initialise({**parameters, "element": "beam"})
+
+
+BOTH = pytest.mark.parametrize("kind", [Rigid, Flexible, Beams])
 HOLD = {"kind": "held", "first": [1.0, 2.0]}
 
 

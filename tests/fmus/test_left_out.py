@@ -64,3 +64,17 @@ def test_a_chain_loads_its_own_elasticity_only(elasticity):
         assert other == own or not other & names
     shared = {"fmus.track_flexible.local_strain", "fmus.physics.ancf.centreline", "fmus.physics.ancf.gauss"}
     assert (shared <= names) if own else not shared & names
+
+
+ELEMENT = {
+    "cable": {"fmus.track_flexible.cables", "fmus.track_flexible.small"},
+    "beam": {"fmus.track_flexible.beams", "fmus.physics.ancf.beam"},
+}
+
+
+@pytest.mark.parametrize(("element", "other"), [("cable", "beam"), ("beam", "cable")])
+def test_a_chain_loads_its_own_element_only(element, other):
+    names = loaded("track_flexible", {}, element=element)
+    assert ELEMENT[element] <= names
+    assert not ELEMENT[other] & names
+    assert not [name for name in names if "contact" in name]

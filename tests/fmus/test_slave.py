@@ -13,8 +13,11 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
+from fmus.build import build
+from fmus.vehicle import read_table, vehicle
 from orchestrator.component import Component, ComponentFailed, unpack
 
+TABLE = vehicle(*read_table("m113")).model_dump()
 H = 1e-3
 
 
@@ -455,3 +458,38 @@ def test_fmu_runs_where_cotrack_is_not_installed_and_finds_its_kernels(toy, envi
     )
     assert done.returncode == 0, done.stderr
     assert float(done.stdout) < 0.1
+
+
+ONE_BY_ONE = """
+import sys
+from fmpy import simulate_fmu
+def said(*of):
+    print(of[-1].decode().strip().splitlines()[-1])
+for fmu in sys.argv[1:]:  # each is unpacked, run and deleted
+    try:
+        rows = simulate_fmu(fmu, stop_time=2e-3, step_size=1e-3, output_interval=1e-3, logger=said, debug_logging=True)
+    except Exception as error:
+        print(error)
+    else:
+        print(len(rows))
+"""
+
+
+def test_fmus_run_one_after_the_other_in_one_process(toy, environment, tmp_path):
+    """Though what the second one imports has gone with the first one's folder; not from another build."""
+    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9144, 0.0]}
+    track = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": ends}
+    config = {"vehicle": TABLE, "track": track, "link_outputs": True}
+    chain = build("TrackFlexible", config)
+    drive = build("SprocketDrive", {"vehicle": TABLE, "drive": {"inertia": 1.0, "mount": [0.0, 0.0, 0.0]}})
+    foreign = tmp_path / "foreign.fmu"
+    with zipfile.ZipFile(drive) as source, zipfile.ZipFile(foreign, "w") as target:
+        for name in source.namelist():
+            target.writestr(name, b"0" * 64 if name == "resources/build.txt" else source.read(name))
+    env = {key: value for key, value in environment.items() if key != "PYTHONPATH"}
+    program = [sys.executable, "-c", ONE_BY_ONE, toy, foreign, drive, chain]
+    done = subprocess.run(program, env=env, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    first, said, *rest = done.stdout.splitlines()
+    assert said.startswith("this FMU was built from other sources (000000000000) than the fmus package")
+    assert [first, *rest] == ["3", "Failed to instantiate model", "3", "3"], done.stderr

@@ -15,7 +15,7 @@ from fmus.physics.ancf.cable import Cable
 from fmus.physics.block_cyclic import factor, solve
 from fmus.track import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
 from fmus.track_flexible import element
-from fmus.track_flexible.chain import correct, evaluate, measure
+from fmus.track_flexible.cables import correct, evaluate, measure
 from fmus.track_flexible.element import ELASTICITIES
 from fmus.track_flexible.nodes import gather
 

@@ -11,7 +11,7 @@ import fmus.track_rigid.model as track_rigid
 from fmus.model import InvalidParameter
 from fmus.physics.wheels import read_states
 from fmus.track import GROUND, KINETIC, SPEED, STRAIN, T_MAX, TRAVEL
-from fmus.track_flexible.chain import OUTER
+from fmus.track_flexible.cables import OUTER
 from fmus.track_flexible.model import Model
 from fmus.vehicle import read_table, vehicle
 

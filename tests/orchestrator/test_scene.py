@@ -5,7 +5,7 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator import gallery
 from orchestrator.scene import Scene, from_table, keys, load, tracked
-from orchestrator.system import assemble
+from orchestrator.system import assemble, describe
 
 BARE = """
 title = "a chain"
@@ -161,6 +161,18 @@ def test_a_piece_has_no_track():
         load("elastica", "rigid")
     assert load("elastica").variant is None
     assert "track" not in load("elastica").resolved()
+
+
+def test_element_is_for_flexible_links():
+    assert "element" not in assemble(load("hanging_chain", "flexible")).parts[0].parameters
+    scene = load("hanging_chain", "flexible", ["track.element=beam"])
+    assert assemble(scene).parts[0].parameters["element"] == "beam"
+    assert any("64 elements, 1158 dofs" in line for line in describe(scene))
+    assert any("64 elements, 516 dofs" in line for line in describe(load("hanging_chain", "flexible")))
+    with pytest.raises(BadInput, match=r"element = 'beam' needs model = 'flexible': rigid links have none$"):
+        load("hanging_chain", "rigid", ["track.element=beam"])
+    with pytest.raises(BadInput, match=r"elasticity = 'general' needs element = 'cable': a beam has but one$"):
+        load("hanging_chain", "flexible", ["track.element=beam", "track.elasticity=general"])
 
 
 def test_elasticity_is_for_flexible_links():

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from fmus.model import InvalidParameter
 from fmus.monolith.model import Monolith
+from fmus.vehicle import BadInput
 from orchestrator import monolithic
 from orchestrator import truth as module
 from orchestrator.cli import app
@@ -208,3 +210,14 @@ def test_both_sides_are_what_one_side_says(model):
         for y, models in zip(shown, ends, strict=True):
             models[name].outputs(y)
         assert np.allclose(*shown, rtol=1e-7, atol=1e-6), name
+
+
+def test_beams_have_no_truth():
+    """The key knows the element all the same."""
+    cable, beam = (load("hanging_chain", "flexible", (f"track.element={e}",)) for e in ("cable", "beam"))
+    assert module.key(module.bare(cable)) != module.key(module.bare(beam))
+    with pytest.raises(BadInput, match=r"^truth: track.element = 'beam': the monolith knows chains of cables"):
+        module.truth(beam)
+    assembly = assemble(beam)
+    with pytest.raises(InvalidParameter, match=r"element = 'beam': the monolith knows chains of cables only$"):
+        Monolith(assembly.parts, assembly.connections)

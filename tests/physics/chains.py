@@ -9,7 +9,7 @@ from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
 from fmus.physics.rigid.augmented import Ends
 from fmus.track import LOOP, Environment
-from fmus.track_flexible import chain as flexible
+from fmus.track_flexible import cables, chain
 from fmus.track_flexible import explicit as flexible_explicit
 from fmus.track_flexible.nodes import gather
 from fmus.track_rigid import chain as rigid
@@ -104,12 +104,12 @@ class Flexible:
 
     def __init__(self, pins, held=False, closed=False, gravity=9.81, cable=STEEL, radius=0.8):
         n, self.closed = (len(pins) if closed else len(pins) - 1), closed
-        self.links = flexible.Links(n, int(closed), cable, 0.029, 0.02, AREA, SECOND)
+        self.links = cables.Links(n, int(closed), cable, 0.029, 0.02, AREA, SECOND)
         self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0)
         self.held, self.radius = held, radius
         self.x = np.zeros((4, len(pins), 8))
         self.q, self.v, self.a, self.vdot = self.x
-        self.w, self.still = flexible.work(n, len(pins), 0), np.zeros((len(pins), 8))
+        self.w, self.still = cables.work(n, len(pins), 0), np.zeros((len(pins), 8))
         self.power, self.report, self.counters = np.zeros(1), np.zeros(17), np.zeros(4, np.int64)
         self.wrench = np.zeros((3, 1, 6))
         self.place(np.asarray(pins, float))
@@ -124,9 +124,7 @@ class Flexible:
     def evaluate(self, q, v, vdot, by_rate=0.0, by_acceleration=0.0, tangent=False, links=None):
         """Residual into ``w.b``, with the held pin's equations replaced by no motion."""
         w = self.w
-        flexible.evaluate(
-            links or self.links, None, self.env, q, v, vdot, by_rate, by_acceleration, w, tangent
-        )
+        cables.evaluate(links or self.links, None, self.env, q, v, vdot, by_rate, by_acceleration, w, tangent)
         if self.held:
             w.b[0, :3] = 0.0
             if tangent:
@@ -147,7 +145,7 @@ class Flexible:
         self.evaluate(self.q, self.v, self.still)
         self.solve(False)
         self.vdot[:], dummy = 0.0, np.zeros_like(self.q)
-        flexible.correct(self.links, self.w, self.vdot, dummy, dummy, 0.0, 0.0, np.inf)
+        cables.correct(self.links, self.w, self.vdot, dummy, dummy, 0.0, 0.0, np.inf)
         self.a[:] = self.vdot
         return self
 
@@ -164,7 +162,7 @@ class Flexible:
             fresh = size > 1e-5
             self.evaluate(self.q, self.v, self.vdot, s.v, s.vdot, fresh)
             self.solve(fresh)
-            size = flexible.correct(self.links, self.w, self.q, self.v, self.vdot, s.v, s.vdot, 0.1)
+            size = cables.correct(self.links, self.w, self.q, self.v, self.vdot, s.v, s.vdot, 0.1)
             if size < 1e-12:
                 break
         assert size < 1e-10
@@ -175,7 +173,7 @@ class Flexible:
             for _ in range(round(time / h)):
                 self.step(h)
         elif integrator == "runge_kutta":
-            space = flexible_explicit.scratch(len(self.q))
+            space = flexible_explicit.scratch(*self.q.shape)
             assert flexible_explicit.factor_mass(self.links, None, self.env, self.q, space[0], self.w)
             failed = flexible_explicit.march(
                 self.links, None, self.env, NO_ROWS, time, h, self.x.reshape(-1)[: 2 * self.q.size], *space,
@@ -183,7 +181,7 @@ class Flexible:
             )  # fmt: skip
             assert not failed[0]
         else:
-            failed = flexible.advance(
+            failed = chain.advance(
                 self.links, None, self.env, NO_ROWS, time, h, self.radius, 1e-12, self.q, self.v, self.a, self.vdot,
                 self.wrench[0], self.wrench[1], self.power, self.w, self.wrench[2], self.report, self.counters,
             )  # fmt: skip
@@ -194,14 +192,14 @@ class Flexible:
         return self.q[:, :3].copy()
 
     def energy(self):
-        flexible.mass(self.links.cable, self.w.M)
-        flexible.measure(self.links, self.env, self.q, self.v, self.w, self.report)
+        cables.mass(self.links.cable, self.w.M)
+        cables.measure(self.links, self.env, self.q, self.v, self.w, self.report)
         return self.report[6:9].sum()
 
     def angular_momentum(self):
         """About the origin (3)."""
         total, e, v = np.zeros(3), np.zeros((4, 3)), np.zeros((4, 3))
-        flexible.mass(self.links.cable, self.w.M)
+        cables.mass(self.links.cable, self.w.M)
         for i in range(self.links.count):
             j = (i + 1) % len(self.q)
             gather(self.q, i, j, e)

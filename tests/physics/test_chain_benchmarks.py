@@ -7,7 +7,7 @@ import pytest
 from chains import AREA, INTEGRATORS, SECOND, STEEL, Flexible, P, Rigid, line, of_angles, ring
 
 from fmus.physics.ancf import cable
-from fmus.track_flexible import chain as flexible
+from fmus.track_flexible import cables
 from fmus.track_flexible.model import Model as FlexibleModel
 from fmus.track_flexible.nodes import gather
 from fmus.track_rigid.model import Model as RigidModel
@@ -65,7 +65,7 @@ def steel_swings(n, cable=STEEL):
         still, other = np.zeros_like(chain.q), np.zeros_like(chain.q)
         chain.evaluate(chain.q, chain.still, chain.still, tangent=True)
         chain.solve(True)
-        size = flexible.correct(chain.links, chain.w, chain.q, still, other, 0.0, 0.0, 0.1)
+        size = cables.correct(chain.links, chain.w, chain.q, still, other, 0.0, 0.0, 0.1)
     assert size < 1e-14
     plane = np.arange(4 * (n + 1)).reshape(-1, 4)[1:, [0, 2]].ravel()
 
@@ -114,7 +114,7 @@ def steel_loop(mass=MASS):
         loop.evaluate(loop.q, loop.still, loop.vdot, 0.0, -(RATE**2), True)
         step = np.linalg.lstsq(loop.blocks(), loop.w.b.ravel(), rcond=1e-12)[0]
         loop.w.b[:] = step.reshape(-1, 4)
-        size = flexible.correct(
+        size = cables.correct(
             loop.links, loop.w, loop.q, np.zeros_like(loop.q), loop.vdot, 0.0, -(RATE**2), 0.1
         )
     assert size < 1e-11

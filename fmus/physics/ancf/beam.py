@@ -29,6 +29,9 @@ GAUSS = 4  # Gauss points along the element
 PAIRS = np.array(
     [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]]
 )  # of directions, in the order of the strains
+SEES = np.array(
+    [[0, 1], [0, 1], [1, 3], [2, 4]] * 2
+)  # which of a section's five vectors a vector of the element changes (r_x is not changed by a second)
 
 
 class Beam(NamedTuple):
@@ -128,99 +131,130 @@ def hooke(moduli, E, T):
 
 @kernel
 def points(c):
-    """Number of integration points: those of the volume, and behind them those of the axis."""
-    return GAUSS * ACROSS * ACROSS + (GAUSS if c.split else 0)
+    """Number of places of a section: the Gauss points of the area, and the axis where the law is split."""
+    return ACROSS * ACROSS + (1 if c.split else 0)
 
 
 @kernel
-def point(c, p, D):
-    """Shape gradients of the integration point ``p`` into ``D``; its weight, m3, and its moduli."""
-    volume = c.l * c.width * c.height
-    if p < GAUSS * ACROSS * ACROSS:
-        i, j, k = p // (ACROSS * ACROSS), p // ACROSS % ACROSS, p % ACROSS
-        y, z = c.width * (POINTS[ACROSS, j] - 0.5), c.height * (POINTS[ACROSS, k] - 0.5)
-        shape_gradients(c, POINTS[GAUSS, i], y, z, D)
-        return volume * WEIGHTS[GAUSS, i] * WEIGHTS[ACROSS, j] * WEIGHTS[ACROSS, k], law(c, False)
-    i = p - GAUSS * ACROSS * ACROSS
-    shape_gradients(c, POINTS[GAUSS, i], 0.0, 0.0, D)
-    return volume * WEIGHTS[GAUSS, i], law(c, True)
+def place(c, k):
+    """Of the place ``k`` of a section: ``y``, ``z``, m, its share of the area, its moduli."""
+    if k == ACROSS * ACROSS:
+        return 0.0, 0.0, 1.0, law(c, True)
+    i, j = k // ACROSS, k % ACROSS
+    share = WEIGHTS[ACROSS, i] * WEIGHTS[ACROSS, j]
+    return c.width * (POINTS[ACROSS, i] - 0.5), c.height * (POINTS[ACROSS, j] - 0.5), share, law(c, False)
 
 
 @kernel
-def add_stress(w, T, D, F, Q):
-    """Virtual work of the stresses ``T`` at a point of weight ``w``, added to ``Q`` (8, 3)."""
+def basis(c, p, N):
+    """What a section sees of an element, G = N e: r_x on the axis, its slopes by y and z, r_y, r_z; ``N`` (5, 8).
+
+    The gradients at y, z of the section are G0 + y G1 + z G2, G3, G4: four sections at five places cost a quarter of
+    twenty points that know nothing of each other.
+    """
+    xi = POINTS[GAUSS, p]
+    N[:] = 0.0
+    ends = N[1]
+    cable.shape_slope(c, xi, ends)
+    N[0, 0], N[0, 1], N[0, 4], N[0, 5] = ends[0], ends[1], ends[2], ends[3]
+    N[1] = 0.0
+    N[1, 2] = N[2, 3] = -1.0 / c.l
+    N[1, 6] = N[2, 7] = 1.0 / c.l
+    N[3, 2] = N[4, 3] = 1.0 - xi
+    N[3, 6] = N[4, 7] = xi
+
+
+@kernel
+def seen(N, e, G):
+    """``G`` (5, 3) = N e, from the difference of positions: distance from the origin costs no digits."""
+    for i in range(3):
+        G[0, i] = N[0, 4] * (e[4, i] - e[0, i]) + N[0, 1] * e[1, i] + N[0, 5] * e[5, i]
+        G[1, i] = N[1, 6] * (e[6, i] - e[2, i])
+        G[2, i] = N[2, 7] * (e[7, i] - e[3, i])
+        G[3, i] = N[3, 2] * e[2, i] + N[3, 6] * e[6, i]
+        G[4, i] = N[4, 3] * e[3, i] + N[4, 7] * e[7, i]
+
+
+@kernel
+def fibre(G, y, z, F):
+    """Gradients at ``y``, ``z`` of a section, in the columns of ``F`` (3, 3)."""
+    for i in range(3):
+        F[i, 0] = G[0, i] + y * G[1, i] + z * G[2, i]
+        F[i, 1], F[i, 2] = G[3, i], G[4, i]
+
+
+@kernel
+def rates(F, V, E):
+    """Rates of the strains at gradients ``F`` that change by ``V`` (3, 3) a second, into ``E`` (6)."""
     for m in range(6):
         i, j = PAIRS[m, 0], PAIRS[m, 1]
-        s = w * T[m]
-        for a in range(8):
-            for n in range(3):
-                Q[a, n] += s * D[a, i] * F[n, j]
-                if i != j:
-                    Q[a, n] += s * D[a, j] * F[n, i]
+        E[m] = F[0, i] * V[0, j] + F[1, i] * V[1, j] + F[2, i] * V[2, j]
+        if i != j:
+            E[m] += V[0, i] * F[0, j] + V[1, i] * F[1, j] + V[2, i] * F[2, j]
 
 
 @kernel
 def energy(c, e):
     """Strain energy of an element at coordinates ``e`` (8, 3), J."""
-    D, F, E, T, U = np.empty((8, 3)), np.empty((3, 3)), np.empty(6), np.empty(6), 0.0
-    for p in range(points(c)):
-        w, moduli = point(c, p, D)
-        gradients(e, D, F)
-        strain(F, E)
-        hooke(moduli, E, T)
-        for m in range(6):
-            U += 0.5 * w * E[m] * T[m]
+    N, G, F, E, T = np.empty((5, 8)), np.empty((5, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
+    volume, U = c.l * c.width * c.height, 0.0
+    for p in range(GAUSS):
+        basis(c, p, N)
+        seen(N, e, G)
+        for k in range(points(c)):
+            y, z, share, moduli = place(c, k)
+            fibre(G, y, z, F)
+            strain(F, E)
+            hooke(moduli, E, T)
+            for m in range(6):
+                U += 0.5 * volume * WEIGHTS[GAUSS, p] * share * E[m] * T[m]
     return U
+
+
+@kernel
+def react(c, e, v, elastic, tau, Q):
+    """Force of ``elastic`` times the elastic stress and ``tau`` s times its rate at rates ``v``, added to ``Q`` (8, 3).
+
+    Returns the power of the latter, W.
+    """
+    N, G, H, P = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((5, 3))
+    F, V, E, T, R = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6), np.empty(6)
+    volume, power = c.l * c.width * c.height, 0.0
+    for p in range(GAUSS):
+        basis(c, p, N)
+        seen(N, e, G)
+        seen(N, v, H)
+        P[:] = 0.0
+        for k in range(points(c)):
+            y, z, share, moduli = place(c, k)
+            w = volume * WEIGHTS[GAUSS, p] * share
+            fibre(G, y, z, F)
+            strain(F, E)
+            hooke(moduli, E, T)
+            fibre(H, y, z, V)
+            rates(F, V, E)
+            hooke(moduli, E, R)
+            for m in range(6):
+                power += tau * w * E[m] * R[m]
+                T[m] = w * (elastic * T[m] + tau * R[m])
+            for i in range(3):
+                along = T[0] * F[i, 0] + T[3] * F[i, 1] + T[4] * F[i, 2]  # first Piola-Kirchhoff
+                P[0, i] += along
+                P[1, i] += y * along
+                P[2, i] += z * along
+                P[3, i] += T[3] * F[i, 0] + T[1] * F[i, 1] + T[5] * F[i, 2]
+                P[4, i] += T[4] * F[i, 0] + T[5] * F[i, 1] + T[2] * F[i, 2]
+        for a in range(8):
+            first, other = SEES[a, 0], SEES[a, 1]
+            for i in range(3):
+                Q[a, i] += N[first, a] * P[first, i] + N[other, a] * P[other, i]
+    return power
 
 
 @kernel
 def force(c, e, Q):
     """Elastic force, gradient of the energy, added to ``Q`` (8, 3)."""
-    D, F, E, T = np.empty((8, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
-    for p in range(points(c)):
-        w, moduli = point(c, p, D)
-        gradients(e, D, F)
-        strain(F, E)
-        hooke(moduli, E, T)
-        add_stress(w, T, D, F, Q)
-
-
-@kernel
-def add_tangent(w, moduli, T, D, F, B, H, K):
-    """Second derivatives of the energy of a point, added to ``K`` (24, 24); ``B``, ``H`` (24, 6) are scratch."""
-    for a in range(8):
-        for n in range(3):
-            for m in range(6):
-                i, j = PAIRS[m, 0], PAIRS[m, 1]
-                B[3 * a + n, m] = D[a, i] * F[n, j] + (D[a, j] * F[n, i] if i != j else 0.0)
-            hooke(moduli, B[3 * a + n], H[3 * a + n])
-    for p in range(24):
-        for q in range(24):
-            s = 0.0
-            for m in range(6):
-                s += B[p, m] * H[q, m]
-            K[p, q] += w * s
-    for a in range(8):
-        for b in range(8):
-            s = 0.0
-            for m in range(6):
-                i, j = PAIRS[m, 0], PAIRS[m, 1]
-                s += T[m] * (D[a, i] * D[b, j] + (D[a, j] * D[b, i] if i != j else 0.0))
-            for n in range(3):
-                K[3 * a + n, 3 * b + n] += w * s
-
-
-@kernel
-def tangent(c, e, K):
-    """Exact derivative of the force, added to ``K`` (24, 24)."""
-    D, F, E, T = np.empty((8, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
-    B, H = np.empty((24, 6)), np.empty((24, 6))
-    for p in range(points(c)):
-        w, moduli = point(c, p, D)
-        gradients(e, D, F)
-        strain(F, E)
-        hooke(moduli, E, T)
-        add_tangent(w, moduli, T, D, F, B, H, K)
+    react(c, e, e, 1.0, 0.0, Q)
 
 
 @kernel
@@ -229,21 +263,111 @@ def damping(c, e, v, Q):
 
     The paper damps its cable only, (16)-(21); this is (16) for all six strains, which no rigid motion changes.
     """
-    D, F, V, E, T, power = np.empty((8, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6), 0.0
-    for p in range(points(c)):
-        w, moduli = point(c, p, D)
-        gradients(e, D, F)
-        gradients(v, D, V)
-        for m in range(6):
-            i, j = PAIRS[m, 0], PAIRS[m, 1]
-            E[m] = 0.0
+    return react(c, e, v, 0.0, c.tau, Q)
+
+
+@kernel
+def slope(moduli, T, F, B, A):
+    """Derivatives of the columns of F S by those of F, into ``A`` (9, 9): S of ``T`` (6), its change by rates of ``B``.
+
+    Rows and columns: r_x, r_y, r_z. ``B`` is F where the stress is elastic alone.
+    """
+    direct, lateral, shear, section = moduli
+    for j in range(3):
+        for k in range(3):
+            s = T[j] if j == k else T[j + k + 2]
+            if j == k:
+                # the two shears of this direction
+                i, l = (j + 1) % 3, (j + 2) % 3
+                g, h = (shear if i + j < 3 else section), (shear if l + j < 3 else section)
+                for n in range(3):
+                    for m in range(3):
+                        A[3 * j + n, 3 * j + m] = (
+                            direct * F[n, j] * B[m, j] + g * F[n, i] * B[m, i] + h * F[n, l] * B[m, l]
+                        )
+            else:
+                g = shear if j + k < 3 else section
+                for n in range(3):
+                    for m in range(3):
+                        A[3 * j + n, 3 * k + m] = lateral * F[n, j] * B[m, k] + g * F[n, k] * B[m, j]
             for n in range(3):
-                E[m] += F[n, i] * V[n, j] + (V[n, i] * F[n, j] if i != j else 0.0)
-        hooke(moduli, E, T)
-        add_stress(c.tau * w, T, D, F, Q)
-        for m in range(6):
-            power += c.tau * w * E[m] * T[m]
-    return power
+                A[3 * j + n, 3 * k + n] += s
+
+
+@kernel
+def gather_section(w, y, z, A, H):
+    """Add ``A`` (9, 9) of a place of a section to ``H`` (15, 15), by what the section sees of the element."""
+    lever = (w, w * y, w * z)
+    for n in range(3):
+        for a in range(3):
+            for b in range(3):
+                s = lever[a] * (1.0 if b == 0 else (y if b == 1 else z))
+                for m in range(3):
+                    H[3 * a + n, 3 * b + m] += s * A[n, m]
+            for m in range(3, 9):
+                H[3 * a + n, 6 + m] += lever[a] * A[n, m]
+                H[6 + m, 3 * a + n] += lever[a] * A[m, n]
+    for n in range(3, 9):
+        for m in range(3, 9):
+            H[6 + n, 6 + m] += w * A[n, m]
+
+
+@kernel
+def stiffen(c, e, v, tau, by_rate, K):
+    """Exact derivative of force and damping, by coordinates and ``by_rate`` times by rates, added to ``K`` (24, 24)."""
+    N, G, Z, H, Y = (
+        np.empty((5, 8)),
+        np.empty((5, 3)),
+        np.empty((5, 3)),
+        np.empty((15, 15)),
+        np.empty((15, 24)),
+    )
+    F, V, E, T, R, A = (
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty(6),
+        np.empty(6),
+        np.empty(6),
+        np.empty((9, 9)),
+    )
+    volume = c.l * c.width * c.height
+    for p in range(GAUSS):
+        basis(c, p, N)
+        seen(N, e, G)
+        seen(N, v, Z)
+        H[:] = 0.0
+        for k in range(points(c)):
+            y, z, share, moduli = place(c, k)
+            fibre(G, y, z, F)
+            strain(F, E)
+            hooke(moduli, E, T)
+            fibre(Z, y, z, V)
+            rates(F, V, E)
+            hooke(moduli, E, R)
+            for m in range(6):
+                T[m] += tau * R[m]
+            for i in range(3):
+                for j in range(3):
+                    V[i, j] = (1.0 + tau * by_rate) * F[i, j] + tau * V[i, j]
+            slope(moduli, T, F, V, A)
+            gather_section(volume * WEIGHTS[GAUSS, p] * share, y, z, A, H)
+        for b in range(8):
+            first, other = SEES[b, 0], SEES[b, 1]
+            for m in range(15):
+                for j in range(3):
+                    Y[m, 3 * b + j] = N[first, b] * H[m, 3 * first + j] + N[other, b] * H[m, 3 * other + j]
+        for a in range(8):
+            first, other = SEES[a, 0], SEES[a, 1]
+            one, two = N[first, a], N[other, a]
+            for i in range(3):
+                for m in range(24):
+                    K[3 * a + i, m] += one * Y[3 * first + i, m] + two * Y[3 * other + i, m]
+
+
+@kernel
+def tangent(c, e, K):
+    """Exact derivative of the force, added to ``K`` (24, 24)."""
+    stiffen(c, e, e, 0.0, 0.0, K)
 
 
 @kernel

@@ -10,6 +10,8 @@ from fmus.jit import kernel
 from fmus.physics.contact.friction import touch
 from fmus.physics.contact.partner import slide
 
+HORN = 0.05  # how far a guide horn reaches into a wheel from the inner face, m
+
 
 @kernel
 def guide_contact(law, share, play, row, x, v, s, tangent):

@@ -1,0 +1,49 @@
+"""What acts on the pins of a chain from outside: damping across it, forces on its ends, ends that are held."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.track_flexible.sums import POWER
+
+
+@kernel
+def pin_loads(closed, env, held, q, v, w, by_rate, tangent):
+    """Transverse damping and end loads on the pins; the residual goes into ``w.b``, the matrix into ``w.A``.
+
+    Pinned ends keep the first ``held`` coordinates of their pins.
+    """
+    nodes = q.shape[0]
+    if env.transverse > 0.0:
+        for i in range(nodes):
+            before, after = max(i - 1, 0), min(i + 1, nodes - 1)
+            if closed:
+                before, after = (i - 1) % nodes, (i + 1) % nodes
+            t0, t2 = q[after, 0] - q[before, 0], q[after, 2] - q[before, 2]
+            size = np.sqrt(t0 * t0 + t2 * t2)
+            n0, n2 = -t2 / size, t0 / size
+            across = n0 * v[i, 0] + n2 * v[i, 2]
+            w.sums[POWER] += env.transverse * (across * across + v[i, 1] * v[i, 1])
+            w.b[i, 0] += env.transverse * across * n0
+            w.b[i, 1] += env.transverse * v[i, 1]
+            w.b[i, 2] += env.transverse * across * n2
+            if tangent:
+                d = by_rate * env.transverse
+                w.A[i, 0, 0] += d * n0 * n0
+                w.A[i, 0, 2] += d * n0 * n2
+                w.A[i, 2, 0] += d * n0 * n2
+                w.A[i, 2, 2] += d * n2 * n2
+                w.A[i, 1, 1] += d
+    if env.ends == 2:
+        for a in range(3):
+            w.b[0, a] -= env.pull[0, a]
+            w.b[nodes - 1, a] -= env.pull[1, a]
+    for i in (0, nodes - 1):
+        if env.ends == 1 or (env.ends == 3 and i == 0):
+            for a in range(held):
+                w.b[i, a] = 0.0
+                if tangent:
+                    for b in range(w.b.shape[1]):
+                        w.A[i, a, b] = w.U[i, a, b] = w.L[i, a, b] = 0.0
+                    w.A[i, a, a] = 1.0
