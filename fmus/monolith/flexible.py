@@ -52,7 +52,7 @@ def take(model: Model, place: Place, x: Floats, h: float) -> None:
     q, v = x.reshape(2, model.nodes, NODE)
     model.q[:], model.v[:] = q, v
     model.mean[:] = place.impulse / h
-    model.residual[:] = model.work.R
+    model.settle_forces()
     measure(model.link, model.environment, model.q, model.v, model.work, model.report)
     model.report[[DISSIPATED, WORK, TRAVEL]] += place.books
     model.publish()

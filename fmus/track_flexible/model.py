@@ -14,7 +14,7 @@ from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
 from fmus.track_flexible.assembly import kernels
 from fmus.track_flexible.chain import CHORD, advance, relax
 from fmus.track_flexible.element import ELASTICITIES
-from fmus.track_flexible.explicit import LIMIT, factor_mass, march, scratch
+from fmus.track_flexible.explicit import LIMIT, accelerations, factor_mass, march, scratch
 from fmus.track_flexible.nodes import NODE
 from fmus.track_flexible.sums import POWER
 
@@ -184,7 +184,9 @@ class Model(TrackModel):
         self._observe()
 
     def tighten(self) -> None:
-        """Stretch the links of a chain that is let go, so that no axial wave is born with it."""
+        """Deform the links of a chain that is let go, so that no wave is born with it; beams are let go straight."""
+        if self.element != "cable":
+            return
         from fmus.track_flexible.taut import tighten
 
         def accelerations() -> Floats:
@@ -302,6 +304,15 @@ class Model(TrackModel):
                 f"the explicit integration of the chain blew up at t = {t + done:.6g} s: take a smaller step than "
                 f"{min(self.max_step, self.stable):.3g} s"
             )
+        self.settle_forces()
+
+    def settle_forces(self) -> None:
+        """Residuals of the links, and so the pin forces, with the accelerations of the state as it stands."""
+        still, space, _ = self.space
+        args = (self.link, self.contacts, self.environment, self.q, self.v)
+        accelerations(*args, still, space, self.work)
+        self.kit.evaluate(*args, space[0], 0.0, 0.0, self.work, False)
+        self.residual[:] = self.work.R
 
     def _advance(self, t: float, h: float) -> None:
         failure, done, link, residual = advance(
