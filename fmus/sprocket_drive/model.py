@@ -28,6 +28,7 @@ from fmus.sprocket_drive.dynamics import (
     profile,
     substeps,
 )
+from fmus.start import start
 
 Floats = NDArray[np.float64]
 
@@ -104,15 +105,10 @@ class Model:
         """The sprocket at its start angle and speed on a mount that stands still at the start pose."""
         values = {name: parameters.get(name, port.start) for name, port in self._defaults.items()}
         self.drive = self._checked(values)
-        place_x, place_y, place_z = self._place
-        place_y += float(values["start.lateral"])
-        heading = float(values["start.heading"])
-        c, s = np.cos(heading), np.sin(heading)
-        origin = [float(values[f"start.position.{axis}"]) for axis in "xyz"]
-        self.standing[:3] = origin[0] + c * place_x - s * place_y, origin[1] + s * place_x + c * place_y, \
-            origin[2] + place_z  # fmt: skip
-        self.standing[3:] = 0.0
-        self.standing[3], self.standing[6] = np.cos(0.5 * heading), np.sin(0.5 * heading)
+        pose, (x, y, z) = start(values), self._place
+        self.standing[:3] = pose.place(x, y + float(values["start.lateral"]), z)
+        self.standing[3:7] = pose.quaternion
+        self.standing[7:] = 0.0
         self.state[:] = 0.0
         self.state[ANGLE] = float(values["start.angle"])
         self.state[RATE] = profile(self.drive, 0.0)[0]
