@@ -32,7 +32,7 @@ class Ground(NamedTuple):
 
 
 def bumpy(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> Ground:
-    """Ground with a bump from x = ``start`` on, that rises by ``rise`` at the angle ``slope`` and is flat for ``length``.
+    """Ground with a bump that begins at ``start``, rises by ``rise`` at the angle ``slope``, flat for ``length``.
 
     Raises ValueError when the edges are too round for the bump's height.
     """
