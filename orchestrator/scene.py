@@ -168,6 +168,8 @@ class Drive(Part):
     speed: Annotated[float, In("rad/s")] = 0.0
     ramp_start: Time = 0.0
     ramp_time: Time = 1.0
+    stop: Time | None = None  # when the sprocket is stopped for good, after the ramp
+    stop_time: Duration = 1e-3
     torque: Annotated[float, In("N m")] = 0.0
     torque_limit: Annotated[float, In("N m", gt=0)] | None = None
     brake: Annotated[float, In("N m", ge=0)] = 0.0

@@ -307,6 +307,8 @@ def _drive_parameters(drive: Drive) -> Parameters:
         "torque.drive": drive.torque,
         "brake.torque": drive.brake,
     }
+    if drive.stop is not None:
+        parameters |= {"stop.start": drive.stop, "stop.time": drive.stop_time}
     if drive.torque_limit is not None:
         parameters["torque.limit"] = drive.torque_limit
     return parameters

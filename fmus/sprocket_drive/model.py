@@ -50,6 +50,8 @@ def parameter_ports() -> list[Port]:
         Port("speed.end", "parameter", "rad/s", "speed against the mount after the ramp"),
         Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
         Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0),
+        Port("stop.start", "parameter", "s", "time at which the speed goes to 0 for good, below 0 for never", -1.0),
+        Port("stop.time", "parameter", "s", "how long that takes, along half a cosine", 1e-3),
         Port("torque.drive", "parameter", "N.m", "constant torque of the motor in mode torque"),
         Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed"),
         Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1),
@@ -166,6 +168,10 @@ class Model:
             raise InvalidParameter(f"brake.speed = {values['brake.speed']} rad/s must be positive")
         if values["ramp.end"] < values["ramp.start"]:
             raise InvalidParameter(f"ramp.end = {values['ramp.end']} s must not be before ramp.start")
+        if values["stop.time"] <= 0.0:
+            raise InvalidParameter(f"stop.time = {values['stop.time']} s must be positive")
+        if 0.0 <= values["stop.start"] < values["ramp.end"]:
+            raise InvalidParameter(f"stop.start = {values['stop.start']} s must not be before ramp.end")
         return Drive(
             inertia=self._inertia,
             mode=MODES.index(values["mode"]),
@@ -180,4 +186,6 @@ class Model:
             integral=float(values["controller.integral"]),
             limit=float(values["torque.limit"]),
             accelerated=EXTRAPOLATIONS.index(values["extrapolation"]),
+            stop_start=float(values["stop.start"]),
+            stop_time=float(values["stop.time"]),
         )

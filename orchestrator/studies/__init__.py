@@ -18,6 +18,7 @@ from fmus.vehicle import BadInput
 STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
     "coupling": "orders, energies and largest stable steps of all couplings on two masses",
+    "stability": "stiff and extreme cases: what becomes of them, the margin to the limit, and a map",
 }
 
 
