@@ -114,14 +114,14 @@ class Start(Part):
 class VehicleStart(Start):
     """A vehicle may also begin above its place on the ground, and pitched: upside down by half a turn."""
 
-    height: Length = 0.0  # of the sprocket axle over its drawn place on the ground
+    height: Place = 0.0  # of the sprocket axle over its drawn place on the ground
     pitch: Annotated[float, In("rad")] = 0.0  # about the sprocket axle, nose down positive
 
 
 class Bump(Part):
     """A trapezoid across the way, its edges rounded, in the frame of the start."""
 
-    start: Length  # where it begins, ahead of the sprocket axle
+    start: Place  # where it begins, ahead of the sprocket axle
     rise: Distance
     slope: Annotated[float, In("rad", gt=0, lt=1.5)]  # of both ramps
     length: Annotated[float, In("m", ge=0)]  # of the flat top

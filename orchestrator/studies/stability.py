@@ -28,7 +28,7 @@ from orchestrator import measures, summary
 from orchestrator.component import ComponentFailed
 from orchestrator.evidence import Evidence, Missing, Window
 from orchestrator.reader import Log
-from orchestrator.scene import ChainScene, Scene, VehicleScene, load
+from orchestrator.scene import ChainScene, TrackScene, VehicleScene, load
 from orchestrator.simulate import simulate
 from orchestrator.studies import Case
 from orchestrator.studies.limits import Pair, coupling_limit, explicit_limit
@@ -79,28 +79,29 @@ def _last(run: Evidence, seconds: float = 1.0) -> Window:
     return Window(max(0.0, end - seconds), end)
 
 
-def weight(run: Evidence, scene: Scene) -> Answer:
+def weight(run: Evidence, scene: TrackScene, within: float = 0.03) -> Answer:
     """The mean ground reaction of the last second is the weight."""
+    assert isinstance(scene, VehicleScene)
     heavy = summary.weight(scene)
-    return measures.ground_force(run, "", _last(run)), heavy, 0.03 * heavy
+    return measures.ground_force(run, "", _last(run)), heavy, within * heavy
 
 
-def afloat(run: Evidence, scene: Scene) -> Answer:
+def afloat(run: Evidence, scene: TrackScene) -> Answer:
     """Without gravity it drifts off as slowly as its tracks push it away when they settle on their wheels."""
     return float(abs(run.signal("chassis.settlement")[1]).max()), 0.0, 0.05
 
 
-def speed(run: Evidence, scene: Scene) -> Answer:
+def speed(run: Evidence, scene: TrackScene) -> Answer:
     """Vehicle speed over teeth x pitch x omega / 2 pi of the last half second, less 1."""
     return measures.speed_excess(run, "", _last(run, 0.5)), 0.02, 0.04
 
 
-def stays(run: Evidence, scene: Scene) -> Answer:
+def stays(run: Evidence, scene: TrackScene) -> Answer:
     """Without friction on the ground the vehicle stays where it is, but for its rocking."""
     return run.mean("chassis.speed", _last(run)), 0.0, 0.03
 
 
-def sliding(run: Evidence, scene: Scene) -> Answer:
+def sliding(run: Evidence, scene: TrackScene) -> Answer:
     """With locked sprockets the vehicle slides: its deceleration is friction times gravity."""
     assert isinstance(scene, VehicleScene)
     t, v = run.signal("chassis.speed", Window(float(scene.drive.stop or 0.0) + 0.3, scene.run.stop))
@@ -109,7 +110,7 @@ def sliding(run: Evidence, scene: Scene) -> Answer:
     return float(-np.polyfit(t[moving], v[moving], 1)[0]), wanted, 0.1 * wanted
 
 
-def climbs(run: Evidence, scene: Scene) -> Answer:
+def climbs(run: Evidence, scene: TrackScene) -> Answer:
     """The centre of mass rises by most of the obstacle's height, or more where the nose rears up, and gets across."""
     assert isinstance(scene, VehicleScene)
     assert scene.ground.bump
@@ -118,13 +119,12 @@ def climbs(run: Evidence, scene: Scene) -> Answer:
     return (float(-run.signal("chassis.settlement")[1].min()) if across else 0.0), rise, 0.35 * rise
 
 
-def at_rest(run: Evidence, scene: Scene) -> Answer:
-    """It ends lying still: the mean ground reaction of the last second is the weight."""
-    heavy = summary.weight(scene)
-    return measures.ground_force(run, "", _last(run)), heavy, 0.06 * heavy
+def at_rest(run: Evidence, scene: TrackScene) -> Answer:
+    """It ends lying still, but for the contacts' last swings."""
+    return weight(run, scene, 0.06)
 
 
-def sag(run: Evidence, scene: Scene) -> Answer:
+def sag(run: Evidence, scene: TrackScene) -> Answer:
     """Sag of the discrete catenary of rigid links: tan(angle) = weight from the middle on over the pull."""
     assert isinstance(scene, ChainScene)
     n, pitch = scene.chain.links, scene.vehicle.track.pitch
@@ -136,12 +136,12 @@ def sag(run: Evidence, scene: Scene) -> Answer:
     return measures.sag(run, "", _last(run)), float(depth), 2e-3 * float(depth)
 
 
-def ledger(run: Evidence, scene: Scene) -> Answer:
+def ledger(run: Evidence, scene: TrackScene) -> Answer:
     """The energy ledger closes to 5 %, and that is all that is asked."""
     return 0.0, 0.0, 0.0
 
 
-ASKED: dict[str, tuple[Callable[[Evidence, Scene], Answer], str]] = {
+ASKED: dict[str, tuple[Callable[[Evidence, TrackScene], Answer], str]] = {
     "weight": (weight, "ground reaction, last second, N: the weight, 3 %"),
     "afloat": (afloat, "largest way up or down, m: 0 to 0.05"),
     "speed": (speed, "speed over that of the sprocket, less 1, last 0.5 s"),
@@ -154,10 +154,16 @@ ASKED: dict[str, tuple[Callable[[Evidence, Scene], Answer], str]] = {
 }
 
 
+def _load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> TrackScene:
+    found = load(scene, track, settings)
+    assert isinstance(found, TrackScene)
+    return found
+
+
 # --- one run ------------------------------------------------------------------------------------------
 
 
-def judged(scene: Scene, asked: str) -> Row:
+def judged(scene: TrackScene, asked: str) -> Row:
     """Run a scene and judge it; nothing but the row is kept."""
     began = time.perf_counter()
     row = Row("", "", math.nan, MUTE, True, ASKED[asked][1], step=scene.run.step)
@@ -204,7 +210,7 @@ def _finite(run: Evidence) -> bool:
 # --- predicted limits ---------------------------------------------------------------------------------
 
 
-def pairs(scene: Scene) -> dict[str, Pair]:
+def pairs(scene: VehicleScene) -> dict[str, Pair]:
     """The places where a vehicle is cut, as two masses on a contact; loads are those of the vehicle at rest."""
     v = scene.vehicle
     contact, ground, link = v.contact.wheel, v.contact.ground, v.track.mass
@@ -228,7 +234,7 @@ def pairs(scene: Scene) -> dict[str, Pair]:
     }  # fmt: skip
 
 
-def link_frequency(scene: Scene) -> float:
+def link_frequency(scene: TrackScene) -> float:
     """Highest frequency of one free straight link, rad/s: no mode of its chain is higher."""
     v = scene.vehicle
     E, A, I, rho = v.material.youngs_modulus, v.section.area, v.section.bending, v.material.density
@@ -240,7 +246,7 @@ def link_frequency(scene: Scene) -> float:
     return float(np.sqrt(eigh(K, np.kron(M, np.eye(3)), eigvals_only=True)[-1]))
 
 
-def predicted(scene: Scene) -> tuple[float, str]:
+def predicted(scene: TrackScene) -> tuple[float, str]:
     """Longest step, s, and what limits it; NaN where nothing does (implicit links alone)."""
     if scene.track.integrator == "runge_kutta" and scene.track.model == "flexible":
         return explicit_limit(link_frequency(scene), scene.vehicle.material.relaxation_time), "highest mode of a link"
@@ -273,12 +279,12 @@ LAWS = ("sprocket", "wheel", "ground")
 
 
 def _laws(key: str, factor: float, scene: str = "settle") -> list[str]:
-    contact = load(scene).vehicle.contact
+    contact = _load(scene).vehicle.contact
     return [f"vehicle.contact.{law}.{key}={factor * getattr(getattr(contact, law), key)}" for law in LAWS]
 
 
 def _heavy(factor: float) -> list[str]:
-    v = load("settle").vehicle
+    v = _load("settle").vehicle
     inertia = [factor * part for part in v.track.inertia]
     return [
         f"vehicle.track.mass={factor * v.track.mass}", f"vehicle.track.inertia={inertia}",
@@ -287,7 +293,7 @@ def _heavy(factor: float) -> list[str]:
 
 
 def _fast(kmh: float) -> list[str]:
-    v = load("straight").vehicle
+    v = _load("straight").vehicle
     omega = kmh / 3.6 * 2 * math.pi / (v.sprocket.teeth * v.track.pitch)
     ramp = max(1.5, 0.7 * kmh / 3.6)  # peak of the half cosine below the friction of 0.3
     stop = math.ceil(ramp + 2.0)
@@ -403,7 +409,7 @@ def one(number: int, value: float) -> list[Row]:
     sensible = family.sensible[0] <= value <= family.sensible[1]
     row = Row("", "", value, MUTE, sensible, ASKED[asked][1])
     try:
-        scene = load(family.scene, family.track, family.settings(value))
+        scene = _load(family.scene, family.track, family.settings(value))
     except BadInput as refusal:
         return [row._replace(verdict=CLEAN, note=str(refusal))]
     limit, cause = predicted(scene)
@@ -414,12 +420,12 @@ def bisected(number: int) -> list[Row]:
     """The longest step that a run takes rightly, between 1 and 100 times the given one; the predicted one beside it."""
     _, scene, track, settings, key, least = BISECTED[number]
     asked = "weight" if scene == "settle" else "ledger"
-    limit, cause = predicted(load(scene, track, settings))
-    stop = load(scene, track, settings).run.stop
+    limit, cause = predicted(_load(scene, track, settings))
+    stop = _load(scene, track, settings).run.stop
 
     def run(step: float) -> Row:
         whole = stop / round(stop / step) if key == "run.step" else step
-        return judged(load(scene, track, [*settings, f"{key}={whole!r}"]), asked)._replace(step=whole)
+        return judged(_load(scene, track, [*settings, f"{key}={whole!r}"]), asked)._replace(step=whole)
 
     low, high = run(least), run(min(100.0 * least, stop))
     if low.verdict == RIGHT and high.verdict != RIGHT:
