@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.model import InvalidParameter
+from fmus.physics.contact.ground import Ground, bumpy
 from fmus.physics.contact.law import Law
 from fmus.physics.contact.teeth import Teeth, teeth
 
@@ -20,7 +21,7 @@ class Contacts(NamedTuple):
     profile: Teeth  # the outline of the teeth
     clearance: float  # lateral play of the guides on each side, m
     ground: int  # 1 where there is a ground
-    height: float  # of the ground in the track's frame, m
+    shape: Ground  # of the ground in the track's frame
     sprocket: Law
     wheel: Law
     soil: Law
@@ -30,15 +31,14 @@ def contacts(
     vehicle: Mapping[str, Any],
     wheels: Sequence[Mapping[str, Any]],
     ground: bool,
+    bump: Mapping[str, float] | None,
     parameters: Mapping[str, Any],
 ) -> Contacts:
     """Partners from the vehicle table, the wheels of a track's config and the FMI parameters.
 
     Raises InvalidParameter with the key, the value and what is allowed.
     """
-    laws = {
-        pair: _law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")
-    }
+    laws = {pair: law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
     s, track = vehicle["sprocket"], vehicle["track"]
     shape = (
         s["teeth"],
@@ -54,22 +54,33 @@ def contacts(
         raise InvalidParameter(f"sprocket: {error}") from None
     toothed = np.array([w["kind"] == "teeth" for w in wheels], dtype=np.int64)
     radius = np.array([profile.top if w["kind"] == "teeth" else w["radius"] for w in wheels], dtype=float)
-    # pads just touch the ground under the road wheels of the drawn position
-    height = vehicle["road_wheel"]["z"] - vehicle["road_wheel"]["radius"] - 2.0 * track["face"]
     return Contacts(
         toothed,
         radius,
         profile,
         vehicle["guide"]["clearance"],
         int(ground),
-        height,
+        ground_shape(vehicle, float(parameters["start.height"]), bump),
         laws["sprocket"],
         laws["wheel"],
         laws["ground"],
     )
 
 
-def _law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, float]) -> Law:
+def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, float] | None) -> Ground:
+    """The ground in the frame of a vehicle that starts ``height`` above its drawn place; ``bump`` as in ``bumpy``.
+
+    Without height the pads just touch it under the road wheels of the drawn position. Raises InvalidParameter.
+    """
+    wheel, face = vehicle["road_wheel"], vehicle["track"]["face"]
+    level = wheel["z"] - wheel["radius"] - 2.0 * face - height
+    try:
+        return bumpy(level, **bump) if bump else Ground(level)
+    except ValueError as error:
+        raise InvalidParameter(f"ground.bump: {error}") from None
+
+
+def law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, float]) -> Law:
     """A law from its parameters, or from the table where the track has no such partner."""
     values = []
     for key in ("stiffness", "damping", "friction", "friction_velocity"):

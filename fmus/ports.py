@@ -108,4 +108,6 @@ def start_pose() -> list[Port]:
             for axis in "xyz"
         ),
         Port("start.heading", "parameter", "rad", "heading of the vehicle at the start, about z"),
+        Port("start.height", "parameter", "m", "height of the vehicle over its drawn place on the ground"),
+        Port("start.pitch", "parameter", "rad", "pitch of the vehicle at the start, about its sprocket axle"),
     ]

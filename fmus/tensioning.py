@@ -59,4 +59,7 @@ def tension_wheel(
             f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)"
         )
     x = round(float(brentq(excess, low, high, xtol=1e-8)), 8)
-    return x, round(float(settled(x).wrench[2 * at, 0]), 3)
+    try:
+        return x, round(float(settled(x).wrench[2 * at, 0]), 3)
+    except StepFailed as error:
+        raise BadInput(f"vehicle.track.tension = {tension:.6g} N: {error}") from None

@@ -23,6 +23,7 @@ from fmus.physics.chain_layout import (
 )
 from fmus.physics.wheels import WIDTH, read_states, to_world
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
+from fmus.start import start
 
 # Outputs of a chain after the wrenches, in the order of its report: name, unit, text.
 REPORT = (
@@ -212,23 +213,18 @@ class TrackModel:
         p = parameters
         if not float(p["step"]) > 0.0:
             raise InvalidParameter(f"step = {p['step']}: must be greater than 0")
-        heading, lateral = float(p["start.heading"]), float(p["start.lateral"])
-        c, s = np.cos(heading), np.sin(heading)
-        self.frame[:] = (
-            float(p["start.position.x"]) - lateral * s,
-            float(p["start.position.y"]) + lateral * c,
-            float(p["start.position.z"]),
-            c,
-            s,
-        )
+        self.pose = start(p)
+        centre = self.pose.place(0.0, float(p["start.lateral"]), 0.0)
+        self.frame[:] = *centre, np.cos(self.pose.heading), np.sin(self.pose.heading)
         self.max_step = float(p["step"])
         self.integrator = str(p["integrator"])
         self.contacts = self._partners(p)
         self.environment = self._environment()
         self.start_rows[:] = 0.0
         for row, wheel in zip(self.start_rows, self.wheel_list, strict=True):
-            row[0], row[2] = wheel["position"]
-            row[10] = row[12] = 1.0
+            row[0], row[2] = self.pose.pitched(*wheel["position"])
+            row[10] = 1.0
+            row[12], row[14] = self.pose.pitched(1.0, 0.0)
         self.counters[:] = 0
         self.state[:] = 0.0
         self.prepare(p)
@@ -242,7 +238,9 @@ class TrackModel:
             return None
         from fmus.contacts import contacts
 
-        return contacts(self.vehicle, self.wheel_list, bool(self.config["ground"]), p)
+        return contacts(
+            self.vehicle, self.wheel_list, bool(self.config["ground"]), self.config.get("bump"), p
+        )
 
     def _environment(self) -> Environment:
         ends = self.config.get("ends")
@@ -277,10 +275,10 @@ class TrackModel:
         except ValueError as error:
             raise InvalidParameter(f"the track cannot be laid out: {error}") from None
 
-    def _start(self, start: str, spin: float) -> None:
-        if start in ("straight", "folded"):
-            self.settle(self._released(start), rest=False)
-        elif start == "displaced":
+    def _start(self, layout: str, spin: float) -> None:
+        if layout in ("straight", "folded"):
+            self.settle(self._released(layout), rest=False)
+        elif layout == "displaced":
             first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
             near = first + (last - first) * 0.7 * self.links_count * self.pitch / np.hypot(*(last - first))
             self.settle(hanging_arc(first, near, self.pitch, self.links_count), rest=True)
@@ -288,12 +286,13 @@ class TrackModel:
             self.settle(pins, rest=False)
             self.tighten()
         else:
-            self.settle(self.polygon(), rest=start == "rest", spin=spin)
+            pins = np.stack(self.pose.pitched(*self.polygon().T), axis=1)
+            self.settle(pins, rest=layout == "rest", spin=spin)
 
-    def _released(self, start: str) -> Floats:
+    def _released(self, layout: str) -> Floats:
         """Pins (nodes, 2) of a chain that is let go, held at its first one."""
         first = np.array(self.config["ends"]["first"], dtype=float)
-        if start == "straight":
+        if layout == "straight":
             return chain_of_angles(first, np.zeros(self.links_count), self.pitch)
         try:
             return folded(first, self.pitch, self.links_count)

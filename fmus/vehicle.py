@@ -89,6 +89,7 @@ class Chassis(Part):  # noqa: D101
     mass: Mass
     inertia: tuple[Inertia, Inertia, Inertia]  # roll, pitch, yaw
     centre: tuple[Length, Length, Length]
+    hull: tuple[tuple[Length, Length, Length], ...] = ()  # points that can touch the ground
 
 
 class Sprocket(Part):  # noqa: D101

@@ -190,8 +190,9 @@ def tight_span_enters(run: Evidence, of: str, window: Window) -> float:
 
 
 def ground_force(run: Evidence, of: str, window: Window) -> float:
-    """Vertical ground reaction of all tracks, mean, N."""
-    return sum(run.copies(track) * run.mean(f"{track}.ground.force.z", window) for track in run.tracks)
+    """Vertical ground reaction of all tracks, and of the chassis where it touches the ground, mean, N."""
+    touching = [name for name in (*run.tracks, "chassis") if run.has(f"{name}.ground.force.z")]
+    return sum(run.copies(name) * run.mean(f"{name}.ground.force.z", window) for name in touching)
 
 
 def slip(run: Evidence, of: str, window: Window) -> float:

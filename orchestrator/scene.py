@@ -110,6 +110,30 @@ class Start(Part):
     heading: Annotated[float, In("rad")] = 0.0
 
 
+class VehicleStart(Start):
+    """A vehicle may also begin above its place on the ground, and pitched: upside down by half a turn."""
+
+    height: Place = 0.0  # of the sprocket axle over its drawn place on the ground
+    pitch: Annotated[float, In("rad")] = 0.0  # about the sprocket axle, nose down positive
+
+
+class Bump(Part):
+    """A trapezoid across the way, its edges rounded, in the frame of the start."""
+
+    start: Place  # where it begins, ahead of the sprocket axle
+    rise: Distance
+    slope: Annotated[float, In("rad", gt=0, lt=1.5)]  # of both ramps
+    length: Annotated[float, In("m", ge=0)]  # of the flat top
+    radius: Distance  # of the four edges
+
+
+class Ground(Part):
+    """What the ground has beside its level, and what can touch it beside the tracks."""
+
+    hull: bool = False  # the points vehicle.chassis.hull
+    bump: Bump | None = None
+
+
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
@@ -146,6 +170,8 @@ class Drive(Part):
     speed: Annotated[float, In("rad/s")] = 0.0
     ramp_start: Time = 0.0
     ramp_time: Time = 1.0
+    stop: Time | None = None  # when the sprocket is stopped for good, after the ramp
+    stop_time: Duration = 1e-3
     torque: Annotated[float, In("N m")] = 0.0
     torque_limit: Annotated[float, In("N m", gt=0)] | None = None
     brake: Annotated[float, In("N m", ge=0)] = 0.0
@@ -288,12 +314,28 @@ class RigScene(TrackScene):
 
 
 class VehicleScene(TrackScene):
-    """A vehicle on flat ground."""
+    """A vehicle on its ground."""
 
     assembly: Literal["vehicle"]
+    start: VehicleStart = VehicleStart()
+    tracks: tuple[Literal["left", "right"], ...] = ("left", "right")  # a side without one has no drive either
+    ground: Ground = Ground()
     drive: Drive  # of both sides
     symmetric: bool = False  # only the left half runs, the right one mirrors it in the vehicle's own plane
     drives = ("drive",)
+
+    @field_validator("tracks")
+    @classmethod
+    def _a_side_once(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(value)) < len(value):
+            raise ValueError("names a side twice")
+        return value
+
+    @model_validator(mode="after")
+    def _mirror_has_two_sides(self) -> VehicleScene:
+        if self.symmetric and len(self.tracks) == 1:
+            raise ValueError("symmetric = true needs both tracks or none")
+        return self
 
 
 class Pendulum(Part):

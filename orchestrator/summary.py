@@ -149,5 +149,5 @@ def weight(scene: VehicleScene) -> float:
     """Weight of everything a vehicle scene carries, N."""
     v = scene.vehicle
     wheels = len(v.road_wheel.x) * (v.road_wheel.mass + v.road_arm.mass)
-    side = v.sprocket.mass + v.idler.mass + wheels + v.track.links * v.track.mass
-    return v.gravity * (v.chassis.mass + 2.0 * side)
+    side = v.sprocket.mass + v.idler.mass + wheels
+    return v.gravity * (v.chassis.mass + 2.0 * side + len(scene.tracks) * v.track.links * v.track.mass)

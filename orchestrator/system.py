@@ -14,7 +14,16 @@ from fmus.build import build
 from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
 from orchestrator.graph import Connection, Instance, System
-from orchestrator.scene import BenchScene, ChainScene, Drive, RigScene, Scene, TrackScene, VehicleScene
+from orchestrator.scene import (
+    BenchScene,
+    ChainScene,
+    Drive,
+    RigScene,
+    Scene,
+    TrackScene,
+    VehicleScene,
+    VehicleStart,
+)
 
 TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y
@@ -182,7 +191,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     wiring: list[Connection] = []
     tracks, drives = [], []
     sides = list(SIDES)[: 1 if scene.symmetric else 2]
-    for side in sides:
+    for side in (side for side in scene.tracks if side in sides):
         sign = SIDES[side]
         track, drive, lateral = f"{side}_track", f"{side}_drive", sign * vehicle.track.lateral
         tracks.append(_track(scene, track, config, lateral))
@@ -191,9 +200,22 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         for roller in rollers:
             wiring += _wheel(track, roller, "chassis", f"{side}.{roller}")
         wiring += _wheel(drive, "mount", "chassis", f"{side}.sprocket")
-    config = {"vehicle": vehicle.model_dump(), "chassis": {"sides": sides}}
+    config = {"vehicle": vehicle.model_dump(), "chassis": {"sides": sides, **_touching(scene)}}
     chassis = Part("chassis", "Chassis", config, _start(scene), CHASSIS)
     return Assembly((*tracks, *drives, chassis), tuple(wiring))
+
+
+def _touching(scene: VehicleScene) -> dict[str, Any]:
+    """Config of what the chassis itself touches: the hull where declared, wheels that have no track."""
+    bare = [side for side in SIDES if side not in scene.tracks]
+    if not bare and not scene.ground.hull:
+        return {}
+    return {"ground": {"hull": scene.ground.hull, "bare": bare, **_bump(scene)}}
+
+
+def _bump(scene: VehicleScene) -> dict[str, Any]:
+    bump = scene.ground.bump
+    return {} if bump is None else {"bump": bump.model_dump()}
 
 
 def _vehicle_track(scene: VehicleScene) -> dict[str, Any]:
@@ -206,7 +228,7 @@ def _vehicle_track(scene: VehicleScene) -> dict[str, Any]:
         ),
         _rim("idler", vehicle.idler.radius, vehicle.idler.x, vehicle.idler.z),
     ]
-    return _track_config(
+    config = _track_config(
         scene,
         links=vehicle.track.links,
         closed=True,
@@ -214,6 +236,8 @@ def _vehicle_track(scene: VehicleScene) -> dict[str, Any]:
         ground=True,
         tension=vehicle.track.tension,
     )
+    config["track"] |= _bump(scene)
+    return config
 
 
 # --- parts -----------------------------------------------------------------------------------------
@@ -285,6 +309,8 @@ def _drive_parameters(drive: Drive) -> Parameters:
         "torque.drive": drive.torque,
         "brake.torque": drive.brake,
     }
+    if drive.stop is not None:
+        parameters |= {"stop.start": drive.stop, "stop.time": drive.stop_time}
     if drive.torque_limit is not None:
         parameters["torque.limit"] = drive.torque_limit
     return parameters
@@ -292,8 +318,11 @@ def _drive_parameters(drive: Drive) -> Parameters:
 
 def _start(scene: TrackScene) -> Parameters:
     x, y, z = scene.start.position
-    pose = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
-    return {**pose, "start.heading": scene.start.heading}
+    pose: Parameters = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
+    pose["start.heading"] = scene.start.heading
+    if isinstance(scene.start, VehicleStart):
+        pose |= {"start.height": scene.start.height, "start.pitch": scene.start.pitch}
+    return pose
 
 
 def _sprocket() -> dict[str, Any]:

@@ -11,10 +11,13 @@ from orchestrator.simulate import simulate
 from orchestrator.system import assemble, placed
 
 
-@pytest.mark.parametrize("model", ["flexible", "rigid"])
-def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model):
+@pytest.mark.parametrize(
+    ("model", "height", "pitch"), [("flexible", 0.0, 0.0), ("rigid", 0.0, 0.0), ("rigid", 2.0, 2.8)]
+)
+def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model, height, pitch):
     x, y, z, heading = 5.0, -2.0, 0.25, 0.6
     settings = [f"start.position=[{x}, {y}, {z}]", f"start.heading={heading}"]
+    settings += [f"start.height={height}", f"start.pitch={pitch}"]
     scene = placed(load("straight", model, [*settings, "run.stop=2e-3"]))
     path = tmp_path / "start.mcap"
     simulate(scene, path)
@@ -25,7 +28,9 @@ def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model):
         if part.kind.startswith("Track"):
             lateral = part.parameters["start.lateral"]
             for wheel in part.config["track"]["wheels"]:
-                forward, up = wheel["position"]
+                ahead, over = wheel["position"]
+                forward = np.cos(pitch) * ahead + np.sin(pitch) * over
+                up = np.cos(pitch) * over - np.sin(pitch) * ahead + height
                 expected = x + c * forward - s * lateral, y + s * forward + c * lateral, z + up
                 for axis, value in zip("xyz", expected, strict=True):
                     series = log.read(f"/{part.name}/in")
@@ -33,3 +38,34 @@ def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model):
                     assert found == pytest.approx(value, abs=1e-9), (part.name, wheel["name"], axis)
                     checked += 1
     assert checked == 2 * 7 * 3
+
+
+def ended(tmp_path, *settings):
+    """Summary and components of a run with rigid links."""
+    path = tmp_path / "run.mcap"
+    result = simulate(load("settle", "rigid", settings), path)
+    assert result["status"] == "ok", result["message"]
+    return result, set(result["components"])
+
+
+def test_a_side_without_a_track_stands_on_its_wheels(tmp_path):
+    result, components = ended(tmp_path, 'tracks=["left"]', "run.stop=1.5")
+    assert components == {"left_track", "left_drive", "chassis"}
+    seen = result["observables"]
+    assert seen["weight"] == pytest.approx(155896.4 - 64 * 18.02 * 9.81, rel=1e-6)
+    assert seen["ground_force"] == pytest.approx(seen["weight"], rel=0.02)
+    assert abs(result["energy"]["residual_relative"]) < 0.02
+
+
+def test_a_vehicle_falls_as_a_whole_until_it_touches(tmp_path):
+    """Upside down too: the common centre of mass falls by g t^2 / 2; and the ground is met where it is."""
+    settings = ("start.height=2.5", "start.pitch=180 deg", "ground.hull=true")
+    result, _ = ended(tmp_path, *settings, "run.stop=0.3")
+    log = Log(tmp_path / "run.mcap")
+    heights = [log.signal(f"{name}.energy.gravity")[1] for name in ("chassis", "left_track", "right_track")]
+    fallen = sum(height[0] - height[-1] for height in heights) / result["observables"]["weight"]
+    assert fallen == pytest.approx(0.5 * 9.81 * 0.3**2, rel=1e-6)
+    assert not log.signal("chassis.ground.force.z")[1].any()
+    assert not log.signal("left_track.ground.force.z")[1].any()
+    ended(tmp_path, "start.height=0.7", "start.pitch=180 deg", "ground.hull=true", "run.stop=0.1")
+    assert Log(tmp_path / "run.mcap").signal("chassis.ground.force.z")[1][-1] > 1e4

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fmus.chassis.touch import touch
 from fmus.jit import kernel
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise, quat_to_matrix
@@ -94,8 +95,8 @@ def solve_symmetric(M, b):
 
 
 @kernel
-def rates(tree, x, u, out):
-    """Write dx/dt at the state x under the world wrenches u on the units."""
+def rates(tree, contacts, x, u, out):
+    """Write dx/dt at the state x under the world wrenches u on the units, and the ground's where there are contacts."""
     n = len(tree.turns)
     A = quat_to_matrix(x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
@@ -103,6 +104,9 @@ def rates(tree, x, u, out):
     Q, g = np.empty((n, 6)), np.empty(n)  # columns that couple leaves to the root, over the leaves' masses
     d, spin, rate, spin_rate = ROOT, ROOT + n, ROOT + 2 * n, ROOT + 3 * n
     dissipated, power, momentum = 0.0, 0.0, 0.0
+    if contacts is not None:
+        touch(contacts, tree, x, A, v, w)
+        dissipated += contacts.sums[1]
 
     # the free body with the sprockets (6)
     c = vector(tree.centre, 0)
@@ -114,6 +118,8 @@ def rates(tree, x, u, out):
         mount = vector(tree.sprocket[side], 0)
         F, T = add(F, f), add(T, add(torque, cross(mount, f)))
         power += dot(f, add(v, cross(w, mount))) + dot(torque, w)
+    if contacts is not None:
+        F, T = add(F, vector(contacts.f, 6 * n)), add(T, vector(contacts.f, 6 * n + 3))
 
     for k in range(n):
         q, qd, y = x[d + k], x[rate + k], float(tree.turns[k])
@@ -125,6 +131,8 @@ def rates(tree, x, u, out):
         wheel = add(hinge, r)
         power += dot(f, add(add(v, cross(w, wheel)), scale(qd, dr)))
         power += torque[0] * w[0] + torque[1] * x[spin_rate + k] + torque[2] * w[2]
+        if contacts is not None:
+            f, torque = add(f, vector(contacts.f, 6 * k)), add(torque, vector(contacts.f, 6 * k + 3))
 
         # acceleration and torque that motion alone makes (7), the wheel's wrench without its spin part (8)
         bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), bend)
@@ -199,13 +207,13 @@ def fault(tree, x):
 
 
 @kernel
-def advance(tree, x, u, h, steps):
+def advance(tree, contacts, x, u, h, steps):
     """Integrate x in place over ``steps`` steps of h under constant u; steps done, fault of the last."""
     k, y = np.empty((len(RK4.b), len(x))), np.empty(len(x))
     for done in range(steps):
         for i in range(len(RK4.b)):
             stage(RK4, i, h, x, k, y)
-            rates(tree, y, u, k[i])
+            rates(tree, contacts, y, u, k[i])
         finish(RK4, h, x, k)
         code = fault(tree, x)
         if code != FINE:

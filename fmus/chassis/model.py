@@ -24,6 +24,7 @@ from fmus.chassis.tree import tree
 from fmus.model import InvalidParameter, StepFailed, check_steps
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import Port, start_pose, wheel_state, wrench
+from fmus.start import start
 
 Floats = NDArray[np.float64]
 
@@ -66,11 +67,21 @@ def chassis_ports() -> list[Port]:
     ]
 
 
+def touch_ports() -> list[Port]:
+    """Outputs of a chassis that touches the ground."""
+    force = "of the ground on hull and bare wheels, world"
+    return [
+        Port("energy.contact", "output", "J", "energy stored in contact springs"),
+        *(Port(f"ground.force.{axis}", "output", "N", f"{axis} force {force}") for axis in "xyz"),
+    ]
+
+
 class Model:
     """Chassis, road arms, springs, wheels, idlers, sprocket masses, on the sides that have ports.
 
-    ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"]}}. With
+    ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
     the left side alone the right side exists all the same, and receives the left side's wrenches mirrored.
+    ``ground``, where the chassis itself touches it: see ``contacts.contacts``.
     """
 
     link_ports = 0
@@ -81,6 +92,7 @@ class Model:
             raise InvalidParameter(f"chassis.sides = {sides} must be ['left', 'right'] or ['left']")
         self._sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
         self.tree = tree(vehicle, len(sides))
+        self._vehicle, self._ground, self._contacts = vehicle, config["chassis"].get("ground"), None
         self._centre = np.array(vehicle["chassis"]["centre"])
         places = [f"{side}.{name}" for side in sides for name in stations(self._wheels)]
         self.ports: tuple[Port, ...] = (
@@ -93,10 +105,12 @@ class Model:
             Port("energy.spring", "output", "J", "energy of suspension and tensioner springs"),
             Port("energy.dissipated", "output", "J", "work done on the dampers since the start"),
             Port("port.work", "output", "J", "work of the input wrenches since the start"),
+            *(touch_ports() if self._ground else ()),
             Port("solver.steps", "output", "1", "internal steps since the start", 0),
             Port("solver.evaluations", "output", "1", "evaluations of the accelerations since the start", 0),
             *start_pose(),
-            Port("step", "parameter", "s", "largest internal step", 1e-3),
+            # friction of a loaded wheel is fast: mu N R^2 / (v_reg I) = 1e3 1/s for 10 kN
+            Port("step", "parameter", "s", "largest internal step", 1e-4 if self._ground else 1e-3),
             Port("suspension.preload", "parameter", "N", "push of each suspension spring when drawn",
                  float(vehicle["suspension"]["preload"])),
             Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn",
@@ -118,13 +132,15 @@ class Model:
         self._step = values["step"]
         preload = np.where(self.tree.turns == 1, values["suspension.preload"], values["tensioner.preload"])
         self.tree = self.tree._replace(preload=preload)
-        heading, (x, y, z) = values["start.heading"], self._centre
-        c, s = np.cos(heading), np.sin(heading)
-        place = [values[f"start.position.{axis}"] for axis in "xyz"]
-        self._start[:] = [place[0] + c * x - s * y, place[1] + s * x + c * y, place[2] + z, heading]
+        pose = start(values)
+        self._start[:] = *pose.place(*self._centre), pose.heading
+        if self._ground:
+            from fmus.chassis.contacts import contacts
+
+            self._contacts = contacts(self._vehicle, self._ground, pose, values)
         self.state[:] = 0.0
         self.state[:3] = self._start[:3]
-        self.state[3], self.state[6] = np.cos(0.5 * heading), np.sin(0.5 * heading)
+        self.state[3:7] = pose.quaternion
         self.counters[:] = 0
         self.gravity = energies(self.tree, self.state)[1]
 
@@ -133,7 +149,7 @@ class Model:
         check_steps(t, h, self._step)
         steps = max(1, int(np.ceil(h / self._step - 1e-9)))
         state = self.state.copy()
-        done, code = advance(self.tree, state, u, h / steps, steps)
+        done, code = advance(self.tree, self._contacts, state, u, h / steps, steps)
         if code != FINE:
             raise StepFailed(f"at t = {t + done * h / steps:.6g} s {self.complaint(code, state, u)}")
         self.state[:] = state
@@ -141,7 +157,7 @@ class Model:
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs, in port order."""
-        observe(self.tree, self.state, self._start, self.gravity, len(self._sides), y)
+        observe(self.tree, self._contacts, self.state, self._start, self.gravity, len(self._sides), y)
 
     def link_outputs(self, y: Floats) -> None:
         """None here."""

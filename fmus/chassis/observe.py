@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.chassis.dynamics import ROOT, compression, energies, wheel_offset
+from fmus.chassis.touch import touch
 from fmus.jit import kernel
 from fmus.physics.rotation import quat_multiply, quat_to_matrix
-from fmus.physics.vector import add, cross, dot, put, scale, to_world, vector
+from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
 
 @kernel
@@ -72,7 +73,7 @@ def put_springs(tree, x, sides, y, i):
 
 
 @kernel
-def observe(tree, x, start, gravity, sides, y):
+def observe(tree, contacts, x, start, gravity, sides, y):
     """Write all outputs of the state x into y; ``gravity`` is the gravity energy at the start, J."""
     i = put_sides(tree, x, sides, y, 0)
     i = put_chassis(x, start, y, i)
@@ -80,3 +81,8 @@ def observe(tree, x, start, gravity, sides, y):
     y[i], y[i + 1], y[i + 2] = energies(tree, x)
     y[i + 1] -= gravity
     y[i + 3], y[i + 4] = x[-2], x[-1]
+    if contacts is not None:
+        A = quat_to_matrix(x[3:7])
+        touch(contacts, tree, x, A, to_body(A, vector(x, 7)), vector(x, 10))
+        y[i + 5] = contacts.sums[0]
+        y[i + 6 : i + 9] = contacts.sums[2:5]

@@ -107,7 +107,7 @@ def rates(chains, drives, tree, plan, t, x, k):
     if tree is not None:
         for j in range(plan.inputs.size):
             u[6 * j : 6 * j + 6] = wrench[6 * plan.inputs[j] : 6 * plan.inputs[j] + 6]
-        chassis_rates(tree, x[plan.body : plan.spin], u, k[plan.body : plan.spin])
+        chassis_rates(tree, None, x[plan.body : plan.spin], u, k[plan.body : plan.spin])
     if drives is not None:
         for d in range(len(drives)):
             p, at, m, i = drives[d], plan.spin + SPIN * d, 13 * plan.mount[d], 6 * plan.chain[d]

@@ -74,6 +74,8 @@ class Monolith:
         self._chassis = next((p.name for p in own if p.kind == "Chassis"), None)
         if not self._chains:
             raise InvalidParameter("a monolith needs a chain")
+        if any("ground" in part.config["chassis"] for part in own if part.kind == "Chassis"):
+            raise InvalidParameter("a monolith has no contact of hull and bare wheels with the ground")
         flexible = any(p.kind == "TrackFlexible" for p in own)
         if flexible:
             from fmus.monolith import flexible as kind

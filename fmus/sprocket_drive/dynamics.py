@@ -47,11 +47,27 @@ class Drive(NamedTuple):
     integral: float  # gain of the controller, N m/rad
     limit: float  # largest torque of the controller, N m
     accelerated: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
+    stop_start: float = -1.0  # s, after the ramp; below 0: it never stops
+    stop_time: float = 1e-3  # s
 
 
 @kernel
 def profile(p, t):
-    """Speed of the profile at t, rad/s, and angle since ramp_start, rad, of a half-cosine ramp. (1)"""
+    """Speed of the profile at t, rad/s, and angle since ramp_start, rad: a half-cosine ramp, and one to a stop. (1)"""
+    speed, angle = ramp(p, t)
+    past = t - p.stop_start
+    if p.stop_start < 0.0 or past <= 0.0:
+        return speed, angle
+    if past >= p.stop_time:
+        return 0.0, angle - p.end_speed * (past - 0.5 * p.stop_time)
+    s = past / p.stop_time
+    shape = 0.5 * (s - np.sin(np.pi * s) / np.pi)
+    return 0.5 * speed * (1.0 + np.cos(np.pi * s)), angle - p.end_speed * p.stop_time * shape
+
+
+@kernel
+def ramp(p, t):
+    """Speed and angle of the ramp alone."""
     length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
     rise = p.end_speed - p.start_speed
     angle = p.start_speed * past

@@ -28,6 +28,7 @@ from fmus.sprocket_drive.dynamics import (
     profile,
     substeps,
 )
+from fmus.start import start
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +50,8 @@ def parameter_ports() -> list[Port]:
         Port("speed.end", "parameter", "rad/s", "speed against the mount after the ramp"),
         Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
         Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0),
+        Port("stop.start", "parameter", "s", "time at which the speed goes to 0 for good, below 0 for never", -1.0),
+        Port("stop.time", "parameter", "s", "how long that takes, along half a cosine", 1e-3),
         Port("torque.drive", "parameter", "N.m", "constant torque of the motor in mode torque"),
         Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed"),
         Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1),
@@ -104,15 +107,10 @@ class Model:
         """The sprocket at its start angle and speed on a mount that stands still at the start pose."""
         values = {name: parameters.get(name, port.start) for name, port in self._defaults.items()}
         self.drive = self._checked(values)
-        place_x, place_y, place_z = self._place
-        place_y += float(values["start.lateral"])
-        heading = float(values["start.heading"])
-        c, s = np.cos(heading), np.sin(heading)
-        origin = [float(values[f"start.position.{axis}"]) for axis in "xyz"]
-        self.standing[:3] = origin[0] + c * place_x - s * place_y, origin[1] + s * place_x + c * place_y, \
-            origin[2] + place_z  # fmt: skip
-        self.standing[3:] = 0.0
-        self.standing[3], self.standing[6] = np.cos(0.5 * heading), np.sin(0.5 * heading)
+        pose, (x, y, z) = start(values), self._place
+        self.standing[:3] = pose.place(x, y + float(values["start.lateral"]), z)
+        self.standing[3:7] = pose.quaternion
+        self.standing[7:] = 0.0
         self.state[:] = 0.0
         self.state[ANGLE] = float(values["start.angle"])
         self.state[RATE] = profile(self.drive, 0.0)[0]
@@ -170,6 +168,10 @@ class Model:
             raise InvalidParameter(f"brake.speed = {values['brake.speed']} rad/s must be positive")
         if values["ramp.end"] < values["ramp.start"]:
             raise InvalidParameter(f"ramp.end = {values['ramp.end']} s must not be before ramp.start")
+        if values["stop.time"] <= 0.0:
+            raise InvalidParameter(f"stop.time = {values['stop.time']} s must be positive")
+        if 0.0 <= values["stop.start"] < values["ramp.end"]:
+            raise InvalidParameter(f"stop.start = {values['stop.start']} s must not be before ramp.end")
         return Drive(
             inertia=self._inertia,
             mode=MODES.index(values["mode"]),
@@ -184,4 +186,6 @@ class Model:
             integral=float(values["controller.integral"]),
             limit=float(values["torque.limit"]),
             accelerated=EXTRAPOLATIONS.index(values["extrapolation"]),
+            stop_start=float(values["stop.start"]),
+            stop_time=float(values["stop.time"]),
         )

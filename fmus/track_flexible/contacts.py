@@ -169,16 +169,16 @@ def touch_links(contacts, links, q, v, w, by_rate, tangent):
             sums[CONTACT] += bulge(contacts.wheel, radius, cable.l, low, high)
     if not contacts.ground:
         return
-    reach_down = 1.1 * links.face + 0.1 * cable.l
+    reach_down, summit = 1.1 * links.face + 0.1 * cable.l, contacts.shape.height + contacts.shape.rise
     for i in range(links.count):
         j = i + 1 if i + 1 < nodes else 0
-        if min(q[i, 2], q[j, 2]) - reach_down > contacts.height:
+        if min(q[i, 2], q[j, 2]) - reach_down > summit:
             continue
         open_link(q, v, i, w)
         for side in (-1.0, 1.0):
             t0, t2 = locate(cable, e, de, 0.5 + side * GAUSS, links.face, S, C, x, u)
             depth, normal, stored, power, _ = ground_contact(
-                contacts.soil, 0.5, contacts.height, x, u, s, tangent
+                contacts.soil, 0.5, contacts.shape, x, u, s, tangent
             )
             if depth > 0.0:
                 note(sums, depth, stored, power)

@@ -125,17 +125,17 @@ def _guides(link, law, contacts, s, w, by_v, tangent):
 
 
 @kernel
-def _soil(link, law, height, s, w, by_v, tangent):
+def _soil(link, law, ground, s, w, by_v, tangent):
     """Four points of each outer face on the ground."""
     A, r, K, p, N, c = w.system.A, w.system.r, w.system.K, w.point, w.N, w.contact
     q, v, F, tally = s.q, s.v, s.F[w.rows.shape[0]], s.tally
     for i in range(q.shape[0]):
-        if q[i, 2] - link.face - link.half > height:
+        if q[i, 2] - link.face - link.half > ground.height + ground.rise:
             continue
         for g in range(4):
             along, lateral = 2.0 * (2 * (g // 2) - 1) * GAUSS * link.half, (2 * (g % 2) - 1) * link.lateral
             lever(A[i], v[i], q[i], along, lateral, link.face, p)
-            depth, force, energy, power, _ = ground_contact(law, 0.25, height, p[0], p[1], c, tangent)
+            depth, force, energy, power, _ = ground_contact(law, 0.25, ground, p[0], p[1], c, tangent)
             if depth > 0.0:
                 count(tally, depth, energy, power)
                 tally[LOAD] += force
@@ -153,4 +153,4 @@ def touch(contacts, link, closed, s, w, by_v, tangent):
         _teeth(link, closed, contacts.sprocket, contacts, s, w, by_v, tangent)
         _guides(link, contacts.wheel, contacts, s, w, by_v, tangent)
     if contacts.ground != 0:
-        _soil(link, contacts.soil, contacts.height, s, w, by_v, tangent)
+        _soil(link, contacts.soil, contacts.shape, s, w, by_v, tangent)

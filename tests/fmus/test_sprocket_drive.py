@@ -93,6 +93,21 @@ def test_prescribed_speed_and_angle_are_exact_at_any_step(h):
     assert probe["angle"] != pytest.approx(0.3 + 1.01 * turned, abs=1e-3)
 
 
+def test_a_stop_is_a_half_cosine_too():
+    """Speed and angle across the stop at steps that fall into it and over it."""
+
+    def end(time, h):
+        probe = Probe(**RAMP, **{"stop.start": 6.5, "stop.time": 0.2})
+        return probe.run(time, h)["speed"], probe["angle"]
+
+    way = 20.0 * (0.5 * 4.0 + 0.5)
+    assert end(6.6, 0.1) == pytest.approx((10.0, way + 20.0 * (0.05 + 0.1 / np.pi)), rel=1e-9)
+    assert end(7.5, 0.5) == pytest.approx((0.0, way + 20.0 * 0.1), rel=1e-9, abs=1e-12)
+    assert end(7.5, 0.5)[1] != pytest.approx(way + 20.0 * 0.11, rel=1e-3)
+    with pytest.raises(InvalidParameter, match="must not be before"):
+        Probe(**RAMP, **{"stop.start": 5.0})
+
+
 def test_prescribed_speed_needs_the_torque_that_the_chain_takes_and_the_spin_keeps():
     probe = Probe(**RAMP).run(4.0)
     speeds = half_cosine(np.array([3.999, 4.0]))

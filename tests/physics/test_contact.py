@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.physics.contact.ground import ground_contact
+from fmus.physics.contact.ground import Ground, bumpy, ground_contact, level
 from fmus.physics.contact.law import Law
 from fmus.physics.contact.normal import normal
 from fmus.physics.contact.partner import collect, slide
@@ -30,7 +30,14 @@ def wheel_row(tilt: float = 0.0) -> np.ndarray:
 
 
 def on_ground(x, v, s):
-    return ground_contact(LAW, 0.5, 0.01, x, v, s, True)
+    return ground_contact(LAW, 0.5, Ground(0.01), x, v, s, True)
+
+
+BUMP = bumpy(0.01, 0.4, 0.5, 0.6, 0.8, 0.3)  # from x = 0.4
+
+
+def on_bump(x, v, s):
+    return ground_contact(LAW, 0.5, BUMP, x, v, s, True)
 
 
 def on_rim(x, v, s):
@@ -48,6 +55,10 @@ def at(angle: float, radius: float) -> np.ndarray:
 
 CASES = [
     (on_ground, np.array([0.1, 0.2, 0.004])),
+    (on_bump, np.array([0.45, 0.2, 0.01])),  # lower edge
+    (on_bump, np.array([0.9, 0.2, 0.19])),  # ramp
+    (on_bump, np.array([1.2, 0.2, 0.48])),  # upper edge
+    (on_bump, np.array([2 * BUMP.middle - 1.2, 0.2, 0.48])),  # the other one
     (on_rim, np.array([0.32, 0.03, -0.4])),
     (on_teeth, at(0.004, 0.243)),  # seat
     (on_teeth, at(2.0 * np.pi / 10 + 0.045, 0.257)),  # flank
@@ -85,7 +96,7 @@ def test_power_of_the_force_is_dissipation_and_storage(contact, x):
     """Power taken from the point, relative to the face, = dissipated + growth of the stored energy."""
     s, v, h = scratch(), np.array([0.3, -0.2, 0.4]), 1e-7
     _, _, _, power, _ = contact(x, v, s)
-    if contact is on_ground:
+    if contact in (on_ground, on_bump):
         w = v
     else:
         w = np.zeros(3)
@@ -204,3 +215,39 @@ def test_reaction_on_the_wheel():
     collect(row, x, f, wrench)
     np.testing.assert_allclose(wrench[:3], -f)
     np.testing.assert_allclose(wrench[3:], np.cross(x - row[:3], -f))
+
+
+def test_depth_below_a_bump_is_the_true_distance():
+    """Against the nearest of many points of the profile, its arcs and ramps drawn by hand."""
+    rise, slope, half, radius = 0.5, 0.6, 0.4, 0.3
+    turn = np.linspace(0.0, slope, 4000)
+    top = np.stack([half + radius * np.sin(turn), rise - radius + radius * np.cos(turn)], axis=1)
+    foot = BUMP.foot
+    low = np.stack([foot - radius * np.sin(turn), radius - radius * np.cos(turn)], axis=1)[::-1]
+    ramp = np.linspace(top[-1], low[0], 4000)
+    right = np.concatenate(
+        [np.stack([np.linspace(0, half, 4000), np.full(4000, rise)], axis=1), top, ramp, low]
+    )
+    flat = np.stack([np.linspace(foot, foot + 1.0, 4000), np.zeros(4000)], axis=1)
+    right = np.concatenate([right, flat])
+    assert np.hypot(*np.diff(right, axis=0).T).max() < 1e-3, "a closed line"
+    profile = np.concatenate([right * [-1, 1], right]) + np.array([BUMP.middle, BUMP.height])
+    assert BUMP.middle - foot == pytest.approx(0.4)
+    rng, checked = np.random.default_rng(3), 0
+    for x, z in zip(rng.uniform(0.0, 2.8, 200), rng.uniform(-0.1, 0.7, 200), strict=True):
+        depth, n0, n2, _ = level(BUMP, x, z)
+        if abs(depth) < 0.1:
+            gap = np.hypot(*(profile - [x, z]).T)
+            assert abs(depth) == pytest.approx(gap.min(), abs=2e-6)
+            nearest = profile[gap.argmin()] - [x, z]
+            assert np.array([n0, n2]) * depth == pytest.approx(nearest, abs=1e-3)
+            checked += 1
+    assert checked > 30
+    assert level(BUMP, 1.0, 0.0)[0] != pytest.approx(
+        level(bumpy(0.01, 0.4, 0.5, 0.63, 0.8, 0.3), 1.0, 0.0)[0], abs=1e-3
+    )
+
+
+def test_edges_too_round_for_their_bump_are_refused():
+    with pytest.raises(ValueError, match="alone rise more than"):
+        bumpy(0.0, 1.0, 0.1, 1.0, 1.0, 0.5)

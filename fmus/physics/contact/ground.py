@@ -1,6 +1,14 @@
-"""Contact of a point with the level ground."""
+"""Contact of a point with the ground: level, or with one bump across the way.
+
+The bump is a trapezoid with rounded edges, alike at both ends: a top, ramps, and arcs of one radius between top, ramp
+and level. Depths are true distances, so the normal force has a potential on the arcs too, and a round wheel
+touches where its centre is nearer than its radius.
+"""
 
 from __future__ import annotations
+
+from math import cos, sin, tan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,21 +18,70 @@ from fmus.physics.contact.friction import touch
 STILL = np.zeros(3)
 
 
+class Ground(NamedTuple):
+    """Shape of the ground in its own frame: x ahead, z up; the same at every y."""
+
+    height: float  # of the level part, m
+    rise: float = 0.0  # of the bump's top over it, m; 0: no bump
+    middle: float = 0.0  # x of the bump's middle, m
+    top: float = 0.0  # half the length of the flat top, m
+    foot: float = 0.0  # half the length of the whole bump, m
+    radius: float = 0.0  # of the rounded edges, m
+    sine: float = 0.0  # of the ramps' angle
+    cosine: float = 1.0
+
+
+def bumpy(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> Ground:
+    """Ground with a bump that begins at ``start``, rises by ``rise`` at the angle ``slope``, flat for ``length``.
+
+    Raises ValueError when the edges are too round for the bump's height.
+    """
+    straight = rise - 2.0 * radius * (1.0 - cos(slope))
+    if straight < 0.0:
+        raise ValueError(f"edges of radius {radius:g} m alone rise more than {rise:g} m at {slope:g} rad")
+    foot = 0.5 * length + 2.0 * radius * sin(slope) + straight / tan(slope)
+    return Ground(height, rise, start + foot, 0.5 * length, foot, radius, sin(slope), cos(slope))
+
+
 @kernel
-def ground_contact(law, share, height, x, v, s, tangent):
-    """Force of the ground (level, at ``height``) on a point at ``x`` (3) with velocity ``v`` (3), into ``s``.
+def level(ground, x, z):
+    """Depth of (x, z) below the surface (negative above), normal (x, z) there, its curvature 1/m, convex positive."""
+    if ground.rise == 0.0:
+        return ground.height - z, 0.0, 1.0, 0.0
+    side = 1.0 if x >= ground.middle else -1.0
+    a, up, radius = side * (x - ground.middle), z - ground.height, ground.radius
+    da, dz = a - ground.top, up - ground.rise + radius  # from the centre of the upper edge
+    if da <= 0.0:
+        return ground.rise - up, 0.0, 1.0, 0.0
+    if da * ground.cosine < dz * ground.sine:
+        rho = np.hypot(da, dz)
+        return radius - rho, side * da / rho, dz / rho, 1.0 / rho
+    along = ground.sine * (da - radius * ground.sine) + ground.cosine * (dz - radius * ground.cosine)
+    da, dz = ground.foot - a, radius - up  # to the centre of the lower edge
+    if da <= 0.0:
+        return -up, 0.0, 1.0, 0.0
+    if da * ground.cosine < dz * ground.sine:
+        rho = np.hypot(da, dz)
+        return rho - radius, side * da / rho, dz / rho, -1.0 / rho
+    return -along, side * ground.sine, ground.cosine, 0.0
+
+
+@kernel
+def ground_contact(law, share, ground, x, v, s, tangent):
+    """Force of the ground (a ``Ground``) on a point at ``x`` (3) with velocity ``v`` (3), into ``s``.
 
     Returns penetration m (not positive: no contact, nothing written), normal force N, stored energy J,
     dissipated power W, slip speed m/s.
     """
-    depth = height - x[2]
+    depth, n0, n2, curvature = level(ground, x[0], x[2])
     if depth <= 0.0:
         return depth, 0.0, 0.0, 0.0, 0.0
     for i in range(3):
-        s.n[i] = 0.0
         s.w[i] = v[i]
         for j in range(3):
             s.n_x[i, j] = 0.0
-    s.n[2] = 1.0
+    s.n[0], s.n[1], s.n[2] = n0, 0.0, n2
+    s.n_x[0, 0], s.n_x[2, 2] = curvature * n2 * n2, curvature * n0 * n0
+    s.n_x[0, 2] = s.n_x[2, 0] = -curvature * n0 * n2
     force, energy, power, slip = touch(law, share, depth, STILL, s, tangent)
     return depth, force, energy, power, slip

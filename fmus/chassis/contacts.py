@@ -1,0 +1,118 @@
+"""What of the chassis touches the ground: points of the hull, and wheels that have no track.
+
+The laws are those of the links (``fmus.physics.contact``): every hull point has the stiffness of one link, every wheel
+too, half of it on either edge of its rim. Imported only where a scene declares such contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.chassis.dynamics import ROOT, wheel_offset
+from fmus.contacts import ground_shape, law
+from fmus.jit import kernel
+from fmus.physics.contact.ground import Ground, ground_contact, level
+from fmus.physics.contact.law import Law
+from fmus.physics.point import Scratch, scratch
+from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
+from fmus.start import Start
+
+STORED, POWER, FORCE = 0, 1, 2  # of the sums; the force is the first of three
+
+
+class Contacts(NamedTuple):
+    """Partners, constant through a run, and scratch; n leaves."""
+
+    ground: Ground  # in the frame of the start
+    law: Law
+    frame: np.ndarray  # (5) origin of that frame in the world, cosine and sine of its heading
+    points: np.ndarray  # (m, 3) of the hull, frame B, m
+    radius: np.ndarray  # (n) of wheels without a track, 0 for others, m
+    half_width: np.ndarray  # (n) of their rims, m
+    f: np.ndarray  # (6 n + 6) force and torque, in B: on wheels about their centres, then on the hull about O
+    sums: np.ndarray  # (5) stored energy J, dissipated power W, force of the ground N, world
+    x: np.ndarray  # (3) a point, and its velocity
+    v: np.ndarray  # (3)
+    s: Scratch
+
+
+def contacts(
+    vehicle: Mapping[str, Any], ground: Mapping[str, Any], pose: Start, parameters: Mapping[str, Any]
+) -> Contacts:
+    """From the vehicle table and what the config declares: {"hull": bool, "bare": sides without a track, "bump"}.
+
+    Raises InvalidParameter.
+    """
+    wheel, idler, origin = vehicle["road_wheel"], vehicle["idler"], np.array(vehicle["chassis"]["centre"])
+    hull = vehicle["chassis"]["hull"] if ground["hull"] else []
+    bare = [1.0 if side in ground["bare"] else 0.0 for side in ("left", "right")]
+    count, z = len(wheel["x"]), np.zeros
+    leaves = 2 * (count + 1)
+    return Contacts(
+        ground_shape(vehicle, float(parameters["start.height"]), ground.get("bump")),
+        law("ground", parameters, vehicle["contact"]["ground"]),
+        np.array([*pose.origin, np.cos(pose.heading), np.sin(pose.heading)]),
+        np.array(hull, dtype=float).reshape(-1, 3) - origin,
+        np.kron(bare, [*[wheel["radius"]] * count, idler["radius"]]),
+        0.5 * np.kron(bare, [*[wheel["width"]] * count, idler["width"]]),
+        z(6 * leaves + 6),
+        z(5),
+        z(3),
+        z(3),
+        scratch(),
+    )
+
+
+@kernel
+def _touch(contacts, A, share, at, p, velocity, centre):
+    """Contact of a point ``p`` (world, its ``velocity``); its force and torque about ``centre`` go to f[at:at + 6]."""
+    frame, x, v, sums, f = contacts.frame, contacts.x, contacts.v, contacts.sums, contacts.f
+    c, s = frame[3], frame[4]
+    d0, d1 = p[0] - frame[0], p[1] - frame[1]
+    x[0], x[1], x[2] = c * d0 + s * d1, c * d1 - s * d0, p[2] - frame[2]
+    v[0], v[1], v[2] = c * velocity[0] + s * velocity[1], c * velocity[1] - s * velocity[0], velocity[2]
+    depth, _, stored, power, _ = ground_contact(contacts.law, share, contacts.ground, x, v, contacts.s, False)
+    if depth <= 0.0:
+        return
+    g = contacts.s.f
+    force = (c * g[0] - s * g[1], s * g[0] + c * g[1], g[2])
+    sums[STORED] += stored
+    sums[POWER] += power
+    put(sums, FORCE, add(vector(sums, FORCE), force))
+    torque = cross(add(p, scale(-1.0, centre)), force)
+    put(f, at, add(vector(f, at), to_body(A, force)))
+    put(f, at + 3, add(vector(f, at + 3), to_body(A, torque)))
+
+
+@kernel
+def touch(contacts, tree, x, A, v, w):
+    """All contacts of the state x; A, v, w: its rotation, velocity and angular velocity in B. Fills f and sums."""
+    n, O, frame = len(tree.turns), vector(x, 0), contacts.frame
+    contacts.f[:] = 0.0
+    contacts.sums[:] = 0.0
+    for i in range(contacts.points.shape[0]):
+        r = vector(contacts.points[i], 0)
+        _touch(contacts, A, 1.0, 6 * n, add(O, to_world(A, r)), to_world(A, add(v, cross(w, r))), O)
+    axle = (A[0, 1], A[1, 1], A[2, 1])
+    for k in range(n):
+        if contacts.radius[k] == 0.0:
+            continue
+        r, dr = wheel_offset(tree, k, x[ROOT + k])
+        r = add(vector(tree.hinge[k], 0), r)
+        centre = add(O, to_world(A, r))
+        velocity = to_world(A, add(add(v, cross(w, r)), scale(x[ROOT + 2 * n + k], dr)))
+        turning = to_world(A, (w[0], x[ROOT + 3 * n + k], w[2]))
+        # the rim is deepest along the ground's normal under the centre
+        ahead = frame[3] * (centre[0] - frame[0]) + frame[4] * (centre[1] - frame[1])
+        _, n0, n2, _ = level(contacts.ground, ahead, centre[2] - frame[2])
+        down = (-n0 * frame[3], -n0 * frame[4], -n2)
+        down = add(down, scale(-dot(down, axle), axle))
+        length = np.sqrt(dot(down, down))
+        if length < 1e-3:  # it lies flat
+            continue
+        for side in (-1.0, 1.0):
+            arm = add(scale(contacts.radius[k] / length, down), scale(side * contacts.half_width[k], axle))
+            _touch(contacts, A, 0.5, 6 * k, add(centre, arm), add(velocity, cross(turning, arm)), centre)

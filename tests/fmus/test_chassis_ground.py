@@ -1,0 +1,161 @@
+"""What of the chassis touches the ground: hull points and bare wheels; weight, momentum, friction, ledger."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from fmus.chassis.dynamics import ROOT
+from fmus.chassis.model import Model
+from fmus.vehicle import read_table, vehicle
+
+TABLE = vehicle(*read_table("m113")).model_dump()
+G, LEAVES = 9.81, 12
+MASS = 15891.58 - 128 * 18.02
+WHEEL = TABLE["road_wheel"]
+RIDGE = {"start": 0.5, "rise": 0.3, "slope": 0.4, "length": 1.0, "radius": 0.5}
+
+
+class Body:
+    """A chassis on the ground, its wheels bare; what is not said of a law is the table's."""
+
+    def __init__(self, hull=False, bare=("left", "right"), bump=None, law=(), start=(), **parameters):
+        table = {
+            **TABLE,
+            "contact": {**TABLE["contact"], "ground": {**TABLE["contact"]["ground"], **dict(law)}},
+        }
+        ground = {"hull": hull, "bare": list(bare), **({"bump": bump} if bump else {})}
+        self.model = Model({"vehicle": table, "chassis": {"sides": ["left", "right"], "ground": ground}})
+        self.names = [
+            p.name for p in self.model.ports if p.causality == "output" and isinstance(p.start, float)
+        ]
+        self.y, self.u, self.t = np.zeros(len(self.names)), np.zeros(6 * (LEAVES + 2)), 0.0
+        self.model.initialise({f"start.{key}": value for key, value in dict(start).items()} | parameters)
+        self.whole = self.energy
+
+    def __getitem__(self, name):
+        self.model.outputs(self.y)
+        return self.y[self.names.index(name)]
+
+    def run(self, duration, h=1e-3):
+        for _ in range(round(duration / h)):
+            self.model.step(self.t, h, self.u)
+            self.t += h
+        return self
+
+    @property
+    def energy(self):
+        """All of it, with what was lost."""
+        return sum(
+            self[f"energy.{part}"] for part in ("kinetic", "gravity", "spring", "contact", "dissipated")
+        )
+
+
+def test_bare_wheels_carry_the_weight():
+    body = Body().run(4.0)
+    assert body["ground.force.z"] == pytest.approx(MASS * G, rel=1e-5)
+    assert body["ground.force.z"] != pytest.approx(1.01 * MASS * G, rel=1e-3)
+    assert abs(body["roll"]) < 1e-12
+    sunk = WHEEL["z"] - WHEEL["radius"] - 2 * TABLE["track"]["face"]  # of the level ground
+    depths = [
+        sunk - body[f"{s}.road_wheel[{i}].position.z"] + WHEEL["radius"]
+        for s in ("left", "right")
+        for i in range(1, 6)
+    ]
+    assert 2e6 * sum(depths) == pytest.approx(MASS * G, rel=1e-5)
+
+
+def test_one_bare_side_alone_lets_the_vehicle_down_on_it():
+    body = Body(bare=["right"]).run(0.3)
+    assert body["roll"] < -0.01  # left side down
+    assert body["left.road_wheel[3].position.z"] < body["right.road_wheel[3].position.z"]
+
+
+def test_a_vehicle_on_its_roof():
+    """Dropped upside down it comes to rest on the corners of its roof, within the energy it had."""
+    start = {"pitch": np.pi, "height": 0.75}
+    body = Body(hull=True, bare=(), start=start, law={"damping": 1e5}).run(3.0)
+    assert body["ground.force.z"] == pytest.approx(MASS * G, rel=2e-3)
+    assert abs(abs(body["pitch"]) % np.pi) < 0.1
+    assert body.energy == pytest.approx(body.whole, abs=1e-4 * body["energy.dissipated"])
+
+
+def test_a_hull_slides_as_far_as_friction_says():
+    """v^2 / 2 mu g, on the hull's floor: wheels and idlers pulled up out of the way."""
+    v, mu = 3.0, 0.3
+
+    def way(**law):
+        body = Body(
+            hull=True,
+            bare=(),
+            law={"friction": mu, "friction_velocity": 1e-3, **law},
+            start={"height": -0.40},
+        )
+        x = body.model.state
+        body.run(2.0)
+        x[7] += v  # at rest on its floor: all of it is pushed
+        before = x[0]
+        body.run(2.0)
+        assert abs(x[7]) < 1e-3
+        return x[0] - before
+
+    assert way() == pytest.approx(v * v / (2 * mu * G), rel=0.01)
+    assert way(friction=1.04 * mu) != pytest.approx(v * v / (2 * mu * G), rel=0.02)
+
+
+def test_sliding_wheels_spin_up_to_rolling():
+    """Angular momentum about the ground: v = v0 / (1 + sum I / (m R^2)), wherever the friction has acted."""
+    v0 = 2.0
+    inertia = 10 * WHEEL["spin_inertia"] / WHEEL["radius"] ** 2
+
+    def end(factor=1.0):
+        body = Body().run(3.0)
+        x = body.model.state
+        x[7] += v0 * factor
+        body.run(2.0)
+        rim = x[ROOT + 3 * LEAVES] * WHEEL["radius"]
+        assert rim == pytest.approx(x[7], rel=1e-3)
+        return x[7]
+
+    assert end() == pytest.approx(v0 / (1 + inertia / MASS), rel=2e-3)
+    assert end(1.02) != pytest.approx(v0 / (1 + inertia / MASS), rel=1e-2)
+
+
+@pytest.mark.parametrize("bump", [None, RIDGE])
+def test_ledger_closes_over_an_impact_and_a_bump(bump):
+    def left(**changes):
+        body = Body(hull=True, bump=bump, start={"height": 0.3, "heading": 0.7}, **changes)
+        body.model.state[7:9] = 3.0 * np.cos(0.7), 3.0 * np.sin(0.7)
+        body.whole = body.energy
+        body.run(1.2)
+        assert body["energy.dissipated"] > 1e4
+        return abs(body.energy - body.whole) / body["energy.dissipated"]
+
+    assert left() < 1e-4
+    assert left(step=1e-3) > 2 * left()
+
+
+def test_the_way_over_a_bump_is_the_same_at_every_heading():
+    def end(heading):
+        body = Body(bump=RIDGE, start={"heading": heading, "position.x": 3.0, "position.y": -1.0})
+        body.model.state[7:9] = 4.0 * np.cos(heading), 4.0 * np.sin(heading)
+        body.run(0.8)
+        return [body[name] for name in ("distance", "pitch", "settlement", "energy.dissipated")]
+
+    np.testing.assert_allclose(end(0.9), end(0.0), rtol=1e-8, atol=1e-8)
+    assert end(0.0)[2] < 0.0  # it has climbed
+
+
+@pytest.mark.parametrize(("ground", "loaded"), [("", False), ('"ground": {"hull": True, "bare": []}', True)])
+def test_a_chassis_in_free_air_loads_no_contact_code(ground, loaded):
+    program = f"""
+import sys, numpy as np
+from fmus.chassis.model import Model
+model = Model({{"vehicle": {TABLE!r}, "chassis": {{"sides": ["left", "right"], {ground}}}}})
+model.initialise({{}})
+model.step(0.0, 1e-3, np.zeros({6 * (LEAVES + 2)}))
+print(any("contact" in name for name in sys.modules if name.startswith("fmus")))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str(loaded)

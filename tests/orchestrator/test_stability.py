@@ -1,0 +1,160 @@
+"""The study of stability: its limits against closed forms, its verdicts on fast cases, its table and map."""
+
+import csv
+import io
+import math
+
+import numpy as np
+import pytest
+
+from fmus.vehicle import BadInput
+from orchestrator.component import ComponentFailed
+from orchestrator.scene import load
+from orchestrator.studies import limits, stability
+from orchestrator.studies.limits import Pair
+from orchestrator.studies.stability import BLOWN, CLEAN, MUTE, RIGHT, WRONG, Row
+
+# --- limits ---
+
+
+def test_a_wheel_on_a_chain_that_stands_still():
+    """By hand: the mean force of k (x + v h / 2) + c v is unstable from k h^2 / 2 m + c h / m = 2 on."""
+    k, c, m = 5.4e6, 1.35e4, 430.0
+    exact = (-c + math.sqrt(c * c + 4.0 * k * m)) / k
+    pair = Pair(k, c, 1.0, m, bed=1e13, bed_damping=1e5)
+    assert limits.coupling_limit(pair) == pytest.approx(exact, rel=1e-3)
+    assert limits.coupling_limit(pair._replace(k=1.05 * k)) != pytest.approx(exact, rel=1e-2)
+    undamped = Pair(k, 0.0, 1.0, m, bed=1e13, bed_damping=1e5)
+    assert limits.coupling_limit(undamped) == pytest.approx(2.0 * math.sqrt(m / k), rel=1e-3)
+
+
+def test_two_free_masses_keep_their_momentum_across_the_cut():
+    pair = Pair(1e5, 300.0, 20.0, 50.0)
+    weights = np.array([0.0, pair.chain, 0.0, pair.wheel])
+    np.testing.assert_allclose(weights @ limits.amplification(pair, 3e-3), weights, rtol=1e-9, atol=1e-6)
+
+
+def test_short_steps_follow_the_exact_motion():
+    """Order 2 of the coupling: error over a fixed time falls fourfold with half the step."""
+    p = Pair(1e5, 0.0, 20.0, 50.0, 1e4, 0.0, 2e4)
+    K = np.array([[p.k + p.bed, -p.k], [-p.k, p.k + p.spring]])
+    A = np.zeros((4, 4))
+    A[0, 1] = A[2, 3] = 1.0
+    A[1, ::2], A[3, ::2] = -K[0] / p.chain, -K[1] / p.wheel
+    exact = limits.expm(A * 0.05)
+
+    def error(steps):
+        made = np.linalg.matrix_power(limits.amplification(p, 0.05 / steps), steps)
+        return np.linalg.norm(made - exact)
+
+    assert 1.8 < math.log2(error(50) / error(100)) < 2.2
+
+
+@pytest.mark.parametrize(("frequency", "relaxation"), [(3e5, 0.0), (3e5, 1e-6), (3e5, 1e-5), (10.0, 0.3)])
+def test_explicit_limit_is_where_the_method_begins_to_grow(frequency, relaxation):
+    """Against the method itself on the damped oscillator, a little below and above."""
+    A = np.array([[0.0, 1.0], [-(frequency**2), -relaxation * frequency**2]])
+
+    def radius(h):
+        z = A * h
+        step = np.eye(2) + z @ (np.eye(2) + z / 2 @ (np.eye(2) + z / 3 @ (np.eye(2) + z / 4)))
+        return abs(np.linalg.eigvals(step)).max()
+
+    limit = limits.explicit_limit(frequency, relaxation)
+    assert radius(0.99 * limit) < 1.0 < radius(1.01 * limit)
+
+
+def test_margins_fall_with_stiffness_and_friction():
+    calm = stability.predicted(load("settle"))
+    assert calm[1] == "idler in its bend"
+    stiff = [f"vehicle.contact.wheel.stiffness={2e8}"]
+    assert stability.predicted(load("settle", None, stiff))[0] < 0.2 * calm[0]
+    sticky = ["vehicle.contact.wheel.friction_velocity=1e-4"]
+    limit, cause = stability.predicted(load("settle", None, sticky))
+    assert (limit < 0.1 * calm[0], cause) == (True, "friction that spins a road wheel")
+    assert math.isnan(stability.predicted(load("hanging_chain"))[0])
+
+
+# --- verdicts ---
+
+CHAIN = ("chain.links=8", "run.stop=0.05 s", "run.links=1")
+
+
+def test_a_right_run_and_a_wrong_one(monkeypatch):
+    scene = load("hanging_chain", "rigid", CHAIN)
+    row = stability.judged(scene, "sag")
+    assert row.verdict == RIGHT, row.note
+    assert row.found == pytest.approx(row.expected, rel=1e-4)
+    shorter = load("hanging_chain", "rigid", [*CHAIN, "chain.span=0.81"])
+    expects = stability.ASKED["sag"]
+    monkeypatch.setitem(stability.ASKED, "sag", (lambda run, _: expects[0](run, shorter), expects[1]))
+    row = stability.judged(scene, "sag")
+    assert row.verdict == WRONG
+    assert row.note.startswith("sag, m: ")
+
+
+def told(monkeypatch, **result):
+    def fake(scene, path):
+        for value in result.values():
+            if isinstance(value, Exception):
+                raise value
+        return {"status": "failed", "message": "", "communication_steps": 0, "energy": None} | result
+
+    monkeypatch.setattr(stability, "simulate", fake)
+    return stability.judged(load("hanging_chain", "rigid", CHAIN), "ledger")
+
+
+def test_ends_that_are_not_right(monkeypatch):
+    assert told(monkeypatch, refused=BadInput("no")).verdict == CLEAN
+    assert told(monkeypatch, refused=ComponentFailed("left_track: lost")).note == "left_track: lost"
+    assert told(monkeypatch, message="Newton at t = 1 s").verdict == CLEAN
+    assert told(monkeypatch, message="").verdict == MUTE
+    with pytest.raises(ZeroDivisionError):  # the pool makes a row of it, and that row is missed
+        told(monkeypatch, refused=ZeroDivisionError("bug"))
+
+
+def test_an_explicit_step_beyond_its_limit_fails_with_a_sentence():
+    settings = [*CHAIN, "track.start=displaced", "track.integrator=runge_kutta"]
+    damped = load("hanging_chain", "flexible", [*settings, "vehicle.material.relaxation_time=1e-5 s"])
+    assert stability.predicted(damped)[0] < 4e-6
+    row = stability.judged(damped, "ledger")
+    assert (row.verdict, "take a smaller step" in row.note) == (CLEAN, True), row
+
+
+def test_cases():
+    quick, whole = stability.cases(True), stability.cases(False)
+    assert {case.item for case in quick} <= {case.item for case in whole}
+    assert len({(case.item, case.name) for case in whole}) == len(whole) > 3 * len(quick) - 10
+    for family in stability.FAMILIES:
+        assert set(family.quick or ()) <= set(family.values), family.name
+        for value in family.values:
+            asked = family.asked if isinstance(family.asked, str) else family.asked(value)
+            assert asked in stability.ASKED
+    for number in (0, 12, 14, 17, 19, 20, 21):  # settings that a scene takes
+        family = stability.FAMILIES[number]
+        load(family.scene, family.track, family.settings(family.values[-1]))
+
+
+ROWS = [
+    Row("a, m", "1", 1.0, RIGHT, True, "x", 1.0, 1.0, 0.1, step=1e-3, predicted=1e-2, cause="idler"),
+    Row("a, m", "2", 2.0, WRONG, False, "x", 2.0, 1.0, 0.1, step=1e-3, predicted=1e-3, note="x | y"),
+    Row("b", "1", 1.0, CLEAN, False, "x", note="Newton"),
+    Row("b", "2", 2.0, CLEAN, True, "x", note="Newton"),
+    Row("b", "3", 3.0, BLOWN, False, "x"),
+    stability.failed("c", "1", "took longer than 600 s"),
+]
+
+
+def test_table_and_map(tmp_path):
+    assert [row.case for row in stability.missed(ROWS)] == ["2", "1"]
+    assert ROWS[0].margin == pytest.approx(10.0)
+    lines = stability.to_markdown(ROWS).splitlines()
+    assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability.HEAD) + 1}
+    assert lines[-1] == (
+        "6 cases: 1 stable and right, 1 stable and wrong, 2 failed cleanly, 1 blown up, 1 no sentence."
+    )
+    read = list(csv.DictReader(io.StringIO(stability.to_csv(ROWS))))
+    assert (read[0]["margin"], read[2]["margin"], read[5]["what happened"]) == ("10", "", "took longer than 600 s")
+    made = stability.write(tmp_path, "stability", ROWS, stability.TITLE)
+    assert [file.suffix for file in made] == [".csv", ".md", ".png", ".svg"]
+    assert all(file.stat().st_size > 300 for file in made)
