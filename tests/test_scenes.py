@@ -150,7 +150,7 @@ def test_beams_hang_as_the_scene_expects(ran):
 
 @pytest.mark.parametrize(
     ("name", "settings", "figures"),
-    [("settle", ("run.stop=1 s",), ("settlement",)), ("straight", BRIEF, ("distance", "speed"))],
+    [("settle", ("run.stop=0.4 s",), ("settlement",)), ("straight", BRIEF, ("distance", "speed"))],
 )
 def test_beams_carry_the_vehicle_as_cables_do(ran, name, settings, figures):
     found = [ran(name, "flexible", *settings, *more) for more in ((), ("track.element=beam",))]

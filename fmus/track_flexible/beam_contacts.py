@@ -135,18 +135,18 @@ def _soil(contacts, links, q, v, w, by_rate, tangent):
     """Four points of each outer face on the ground."""
     e, de, S, x, u, sums, s = w.e, w.v, w.S, w.x, w.u, w.sums, w.contact
     wrench, R, K, beam = w.wrench[w.moved.shape[0]], w.load, w.stiffening, links.beam
-    nodes = q.shape[0]
+    nodes, summit = q.shape[0], contacts.shape.height + contacts.shape.rise
     for i in range(links.count):
         j = i + 1 if i + 1 < nodes else 0
         lean = links.lateral * max(abs(q[i, 5]), abs(q[j, 5]))  # a pin's ends, by the rise of its axis
-        if min(q[i, 2], q[j, 2]) - lean - 1.1 * links.face - 0.1 * beam.l > contacts.height:
+        if min(q[i, 2], q[j, 2]) - lean - 1.1 * links.face - 0.1 * beam.l > summit:
             continue
         open_link(q, v, i, w)
         for g in range(4):
             xi = 0.5 + (2 * (g // 2) - 1) * GAUSS
             locate(beam, e, de, xi, (2 * (g % 2) - 1) * links.lateral, links.face, S, x, u)
             depth, normal, stored, power, _ = ground_contact(
-                contacts.soil, 0.25, contacts.height, x, u, s, tangent
+                contacts.soil, 0.25, contacts.shape, x, u, s, tangent
             )
             if depth > 0.0:
                 note(sums, depth, stored, power)
