@@ -48,6 +48,23 @@ Settings = Annotated[
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
 
 
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"cotrack {version('cotrack')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="what is installed")
+    ] = False,
+) -> None:
+    pass
+
+
 def main() -> None:
     """Run the command line; what a user gave wrong ends as one sentence and exit status 2."""
     logging.basicConfig(format="cotrack: %(message)s", level=logging.WARNING, stream=sys.stderr)
@@ -218,7 +235,10 @@ def replay(
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model's answer")
     ] = None,
 ) -> None:
-    """Feed a component the recorded inputs bit by bit: is it equal, or how does another model answer?"""
+    """Feed a component its recorded inputs: is it equal?
+
+    Bit by bit; or, with another model in its place, how does that one answer.
+    """
     from orchestrator import rerun
 
     with rerun.opened(log, component, other, _warn) as again:
@@ -233,6 +253,24 @@ def replay(
 
 
 @app.command()
+def compare(
+    run: Annotated[Path, typer.Argument(metavar="A", help="an MCAP log")],
+    reference: Annotated[Path, typer.Argument(metavar="B", help="the log that A is held against")],
+) -> None:
+    """How far two runs of a scene are apart, by observable."""
+    from orchestrator.difference import differences
+    from orchestrator.evidence import Evidence
+    from orchestrator.reader import Log
+
+    with Log(run) as one, Log(reference) as other:
+        found = differences(Evidence(one), Evidence(other))
+    print(f"{'observable':18} {'RMS':>10}       {'relative':>9}")
+    for name, apart in found.items():
+        note = "" if apart.decisive else "  instant by instant: sensitive"
+        print(f"{name:18} {apart.absolute:10.3g} {apart.unit:5} {apart.relative:9.2g}{note}")
+
+
+@app.command()
 def view(
     log: LogPath,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="a picture, .png or .svg")],
@@ -240,7 +278,10 @@ def view(
         list[float] | None, typer.Option("--at", metavar="T", help="an instant, s; repeatable")
     ] = None,
 ) -> None:
-    """Side view with the links coloured by tension, at three instants or those given."""
+    """Side view, links coloured by their tension.
+
+    At three instants or those given.
+    """
     from orchestrator import picture
 
     picture.draw(log, output, times or None)
@@ -268,8 +309,9 @@ def study(
         typer.Option("--scheduler", metavar="ADDRESS", help="a Dask scheduler, instead of processes"),
     ] = None,
 ) -> None:
-    """Many cases side by side, as tables and figures: exit 1 when a row is not as it should be.
+    """Many cases side by side, as tables and figures.
 
+    Exit 1 when a row is not as it should be.
     Started again with the same folder, it goes on where it was interrupted.
     """
     from orchestrator import studies
@@ -323,7 +365,10 @@ def truth(
         bool, typer.Option("--json", help="the last line on stdout is one JSON object")
     ] = False,
 ) -> None:
-    """The scene without co-simulation, converged, with its own error: built once, then found."""
+    """The scene without co-simulation, converged.
+
+    With its own error; built once, then found.
+    """
     from orchestrator import truth as module
     from orchestrator.scene import load
 
@@ -356,7 +401,10 @@ def truth(
     print(f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; RMS errors:")
     for name, each in observables.items():
         line = f"  {name:18} {each['error']:9.2g} {each['unit']:4}"
-        print(line + (f" {against} is off by {each['off']:.3g}, {each['off_relative']:.2%}" if "off" in each else ""))
+        print(
+            line
+            + (f" {against} is off by {each['off']:.3g}, {each['off_relative']:.2%}" if "off" in each else "")
+        )
 
 
 @log_app.command("info")

@@ -414,7 +414,9 @@ def _size(scene: TrackScene, part: Part) -> str:
             size = f"{links} elements, {own * links - shared * pins} dofs"
         else:
             size = f"{links} bodies, {pins} pins"
-        return f"{size}, {len(track['wheels'])} wheels, {'ground' if track['ground'] else 'no ground'}"
+        count = len(track["wheels"])
+        wheels = "1 wheel" if count == 1 else f"{count} wheels"
+        return f"{size}, {wheels}, {'ground' if track['ground'] else 'no ground'}"
     if part.stage == DRIVE:
         return f"spin inertia {part.config['drive']['inertia']:g} kg m2"
     vehicle = part.config["vehicle"]

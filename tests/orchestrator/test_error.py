@@ -95,6 +95,23 @@ def test_a_run_too_short_says_so(tmp_path):
     assert "too short" in told["message"]
 
 
+def test_compare_and_version(swings, monkeypatch, capsys):
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code or 0, capsys.readouterr()
+
+    status, said = call("compare", swings[4.0]["log"], swings[2.0]["log"])
+    assert status == 0, said.err
+    assert [line.split()[0] for line in said.out.splitlines()] == ["observable", "pins", "tension"]
+    status, said = call("compare", swings[4.0]["log"], "nothing.mcap")
+    assert status == 2
+    assert len(said.err.splitlines()) == 1
+    status, said = call("--version")
+    assert (status, said.out.split()[0]) == (0, "cotrack")
+
+
 # --- what precision costs --------------------------------------------------------------------------
 
 ROWS = [
