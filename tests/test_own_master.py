@@ -1,4 +1,4 @@
-"""The master of the examples drives the standard FMUs to the same bits as ``cotrack run``."""
+"""A master of one's own drives the standard FMUs to the same bits as ``cotrack run``."""
 
 import ast
 import subprocess
@@ -12,7 +12,7 @@ from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 
-EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+HERE = Path(__file__).resolve().parent
 PROGRAM = """
 import sys
 sys.path.insert(0, sys.argv[1])
@@ -27,7 +27,7 @@ BRIEF = ("run.stop=0.05 s", "run.outputs=1", "drive.ramp_start=0 s", "drive.ramp
 def test_a_master_of_ones_own_does_what_cotrack_does(model, kind, environment, tmp_path):
     products.build_to(tmp_path, products.of_scenes([load(products.STANDARD, model)]))
     alone = {key: value for key, value in environment.items() if key != "PYTHONPATH"}
-    program = [sys.executable, "-c", PROGRAM, str(EXAMPLES), str(tmp_path), kind]
+    program = [sys.executable, "-c", PROGRAM, str(HERE), str(tmp_path), kind]
     done = subprocess.run(program, env=alone, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     found, faster = map(ast.literal_eval, done.stdout.splitlines())

@@ -1,6 +1,6 @@
 """A master of one's own: the vehicle drives off, with fmpy and the four standard FMUs alone.
 
-``cotrack build -o FOLDER``, then ``python examples/own_master.py FOLDER [TrackFlexible|TrackRigid] [STOP]``.
+``cotrack build -o FOLDER``, then ``python tests/own_master.py FOLDER [TrackFlexible|TrackRigid] [STOP]``.
 """
 
 import sys
