@@ -86,7 +86,7 @@ class Environment(NamedTuple):
 
     gravity: float  # m/s2
     ends: int  # LOOP, PINNED, PULLED or HELD
-    pull: np.ndarray  # (2, 3) force on the first and on the last pin, N
+    pull: np.ndarray  # (2, 3) force on the first and on the last pin, N; (2, 2) of x and z of a planar chain
     transverse: float  # damping of each pin across the chain, N s/m
 
 

@@ -13,7 +13,7 @@ BEND = 0.1  # rad between a link's neighbours from which on the link counts litt
 def chain_speed(x, v, closed):
     """Mean velocity along itself of the straight parts of a chain, m/s, along the index.
 
-    x, v (nodes, 3): positions and velocities of the pins. Where a chain runs straight, all pins of a link move along it
+    x, v (nodes, 2 or 3): positions and velocities of the pins. Where a chain runs straight, all pins of a link move along it
     at the pitch times the pins that pass; round a wheel the chords lie askew to the velocities and show less, so links
     are weighted down with the angle between their two neighbours.
     """
@@ -29,7 +29,7 @@ def chain_speed(x, v, closed):
         j = i + 1 if i + 1 < nodes else 0
         # of the angle between the neighbours: its cosine
         dot = size_before = size_after = size = speed = 0.0
-        for k in range(3):
+        for k in range(x.shape[1]):
             before, after, here = x[i, k] - x[a, k], x[b, k] - x[j, k], x[j, k] - x[i, k]
             if a == i:
                 before = here

@@ -1,7 +1,7 @@
 """The door from a chain to what it is made of: the class of its links says which, and only that one is imported.
 
 Kernels call kernels by import; these stand-ins choose theirs when they are compiled, by type. The siblings behind the
-door are ``cables`` and ``beams``.
+door are ``cables``, ``planar`` and ``beams``.
 """
 
 from __future__ import annotations
@@ -17,6 +17,10 @@ def kernels(links: type) -> Any:
         from fmus.track_flexible import beams
 
         return beams
+    if links.__name__ == "Planar":
+        from fmus.track_flexible import planar
+
+        return planar
     from fmus.track_flexible import cables
 
     return cables

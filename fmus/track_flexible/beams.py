@@ -31,6 +31,7 @@ END = np.array([0, 6, 3, 9])  # where an ending link's lie in its second pin
 OUTER = np.array([0, 1, 2, 6, 7, 8, 12, 13, 14, 18, 19, 20])  # of an element's 24: shared with its neighbours
 INNER = OUTER + 3  # those of its own
 TWELVE = (0,) * 12  # size of its own part, for the inversion
+AXES = np.arange(3)  # of the three axes: those that a vector of this chain has
 PLANE = np.arange(NODE).reshape(6, 3)[:, [0, 2]]  # of a pin: components along x and z of each of its vectors
 HELD = 6  # of a pin those that a pinned end has from the ground: position and axis
 

@@ -33,6 +33,7 @@ FROM = np.array([0, 1, 2, 5, 7, 6])  # where a beginning link's (position, slope
 TO = np.array([0, 1, 2, 3, 7, 4])  # where an ending link's lie in its second pin
 FOUR = (0,) * 4  # size of a block, for the inversion
 SHARED = np.array([0, 1, 2, 7])  # of a pin: what its two links share
+AXES = np.arange(3)  # of the three axes: those that a vector of this chain has
 PLANE = np.array([[0, 2], [3, 4], [5, 6]])  # of a pin: components along x and z of each of its vectors
 HELD = 3  # of them those that a pinned end has from the ground: the position
 

@@ -139,7 +139,7 @@ def advance(
         report[10] += 0.5 * dt * (power[0] + w.sums[POWER])
         power[0] = w.sums[POWER]
         if env.ends == 2:
-            for k in range(3):
+            for k in range(env.pull.shape[1]):
                 report[11] += env.pull[0, k] * (q[0, k] - q0[0, k])
                 report[11] += env.pull[1, k] * (q[-1, k] - q0[-1, k])
         before = report[1]

@@ -67,7 +67,8 @@ def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean,
     mean[:] = 0.0
     for step in range(steps):
         before = report[1]
-        first, last = x[:3].copy(), x[n - width : n - width + 3].copy()
+        dims = env.pull.shape[1]
+        first, last = x[:dims].copy(), x[n - width : n - width + dims].copy()
         for i in range(RK4.b.size):
             stage(RK4, i, dt, x, k, y)
             q, v = y[:n].reshape(nodes, width), y[n:].reshape(nodes, width)
@@ -81,7 +82,7 @@ def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean,
         counters[0] += 1
         counters[1] += RK4.b.size
         if env.ends == 2:
-            for i in range(3):
+            for i in range(dims):
                 report[11] += env.pull[0, i] * (x[i] - first[i]) + env.pull[1, i] * (
                     x[n - width + i] - last[i]
                 )

@@ -16,6 +16,7 @@ from fmus.track_flexible.chain import CHORD, advance, relax
 from fmus.track_flexible.element import ELASTICITIES
 from fmus.track_flexible.explicit import LIMIT, accelerations, factor_mass, march, scratch
 from fmus.track_flexible.nodes import NODE
+from fmus.track_flexible.planar_nodes import NODE as PLANAR_NODE
 from fmus.track_flexible.sums import POWER
 
 REST = 1e-3  # residual of static equilibrium, N
@@ -23,7 +24,8 @@ SPINNING = 30  # iterations towards the relative equilibrium of a loop
 HOLD = 100.0  # its inertia over that of the spin; the iteration converges while the strain is below 1/HOLD
 ROUNDING = 1e-10  # its last correction of a pin, relative to the pitch
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
-ELEMENTS = {"cable": (NODE, 4), "beam": (18, 8)}  # coordinates of a pin, vectors of a link
+# coordinates of a pin, vectors of a link, components of a vector
+ELEMENTS = {"cable": (NODE, 4, 3), "planar": (PLANAR_NODE, 4, 2), "beam": (18, 8, 3)}
 
 
 class Model(TrackModel):
@@ -40,8 +42,8 @@ class Model(TrackModel):
                 "element",
                 "parameter",
                 "1",
-                "what a link is: cable, one axis and pins that keep their direction; beam, all strains of a solid"
-                " and pins that turn with the vehicle",
+                "what a link is: cable, one axis and pins that keep their direction; planar, the cable without its"
+                " lateral dofs; beam, all strains of a solid and pins that turn with the vehicle",
                 "cable",
                 tuple(ELEMENTS),
             ),
@@ -76,8 +78,8 @@ class Model(TrackModel):
 
     def chain_size(self) -> int:
         """Coordinates, rates, both accelerations; wrenches, their auxiliaries; power; residuals of the links."""
-        wheels, (width, vectors) = len(self.wheel_list) + 1, ELEMENTS[self.element]
-        return 4 * self.nodes * width + 2 * wheels * WRENCH + 1 + 3 * vectors * self.links_count
+        wheels, (width, vectors, axes) = len(self.wheel_list) + 1, ELEMENTS[self.element]
+        return 4 * self.nodes * width + 2 * wheels * WRENCH + 1 + axes * vectors * self.links_count
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
@@ -86,9 +88,9 @@ class Model(TrackModel):
             raise InvalidParameter(f"element = '{element}': must be one of {', '.join(ELEMENTS)}")
         if elasticity not in ELASTICITIES:
             raise InvalidParameter(f"elasticity = '{elasticity}': must be one of {', '.join(ELASTICITIES)}")
-        if element == "beam" and elasticity != "small_deformation":
+        if element != "cable" and elasticity != "small_deformation":
             raise InvalidParameter(
-                f"elasticity = '{elasticity}' needs element = 'cable': a beam has but one, Green's strains"
+                f"elasticity = '{elasticity}' needs element = 'cable': a {element} chain has but one"
             )
         young, tau = float(p["material.youngs_modulus"]), float(p["material.relaxation_time"])
         if not young > 0.0:
@@ -100,25 +102,32 @@ class Model(TrackModel):
             raise InvalidParameter(f"spectral_radius = {self.radius}: must lie between 0 and 1")
         if not 0.0 < self.tolerance <= CHORD:
             raise InvalidParameter(f"tolerance = {self.tolerance}: must be greater than 0 and {CHORD} at most")
-        self.link = self._beams(young, tau) if element == "beam" else self._cables(elasticity, young, tau)
+        self.link = self._beams(young, tau) if element == "beam" else self._cables(element, elasticity, young, tau)
         self.stiffness = young * self.vehicle["section"]["area"]  # axial, N
         self.kit = kernels(type(self.link))
         if element != self.element:
             self.element = element
             self.allocate()
-        width, vectors = ELEMENTS[element]
+        self.environment = self.environment._replace(
+            pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES])
+        )
+        width, vectors, axes = ELEMENTS[element]
         n, m = self.nodes * width, len(self.wheel_list) + 1
         parts = np.split(self.chain, np.cumsum([n, n, n, n, m * WRENCH, m * WRENCH, 1]))
         self.q, self.v, self.a, self.vdot = (part.reshape(self.nodes, width) for part in parts[:4])
         self.force, self.aux = parts[4].reshape(m, WRENCH), parts[5].reshape(m, WRENCH)
-        self.power, self.residual = parts[6], parts[7].reshape(self.links_count, vectors, 3)
+        self.power, self.residual = parts[6], parts[7].reshape(self.links_count, vectors, axes)
         self.mean = np.zeros((m, WRENCH))
         self.work = self.kit.work(self.links_count, self.nodes, m - 1)
         self.stable = LIMIT / self.kit.highest_frequency(self.link)
         self.space, self.factored = scratch(self.nodes, width), False
 
-    def _cables(self, elasticity: str, young: float, tau: float) -> Any:
-        from fmus.track_flexible.cables import Links
+    def _cables(self, element: str, elasticity: str, young: float, tau: float) -> Any:
+        kind: Any
+        if element == "planar":
+            from fmus.track_flexible.planar import Planar as kind
+        else:
+            from fmus.track_flexible.cables import Links as kind
 
         s, v = self.vehicle["section"], self.vehicle
         area, second = s["area"], s["bending"]
@@ -131,7 +140,7 @@ class Model(TrackModel):
             tau * young * second,
         )
         face, outer = v["track"]["face"], s["outer_fibre"]
-        return Links(self.links_count, int(self.closed), cable, face, outer, area, second)
+        return kind(self.links_count, int(self.closed), cable, face, outer, area, second)
 
     def _beams(self, young: float, tau: float) -> Any:
         """The rectangle with the section's radii of gyration, its density and moduli scaled to the section's area."""
@@ -265,7 +274,9 @@ class Model(TrackModel):
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3)."""
-        return self.q[:, :3].copy()
+        places = np.zeros((self.nodes, 3))
+        places[:, self.kit.AXES] = self.q[:, : len(self.kit.AXES)]
+        return places
 
     def advance(self, t: float, h: float) -> None:
         """Integrate over the communication step."""
@@ -363,7 +374,8 @@ class Model(TrackModel):
         for i in range(self.links_count):
             self.kit.gather(self.q, i, (i + 1) % self.nodes, self.work.e)
             tension[i], stress[i] = self.kit.axial(self.link, self.work)
-        position[:] = self.q[:, :3]
-        force[: self.links_count] = self.residual[:, 0]
+        position[:] = self.pins()
+        force[:] = 0.0
+        force[: self.links_count, self.kit.AXES] = self.residual[:, 0]
         if not self.closed:
-            force[-1] = -self.residual[-1, ELEMENTS[self.element][1] // 2]
+            force[-1, self.kit.AXES] = -self.residual[-1, ELEMENTS[self.element][1] // 2]

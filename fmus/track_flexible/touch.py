@@ -32,6 +32,13 @@ def touch_beams(contacts, links, q, v, w, by_rate, tangent) -> None:
     kernels.touch(contacts, links, q, v, w, by_rate, tangent)
 
 
+def touch_plane(contacts, links, q, v, w, by_rate, tangent) -> None:
+    """See ``planar_contacts.touch_plane``."""
+    from fmus.track_flexible import planar_contacts as kernels
+
+    kernels.touch_plane(contacts, links, q, v, w, by_rate, tangent)
+
+
 @overload(touch_links)
 def _links(contacts, links, q, v, w, by_rate, tangent) -> Any:
     from fmus.track_flexible.contacts import touch_links as compiled
@@ -51,6 +58,15 @@ def _pins(contacts, q, v, w, by_rate, tangent) -> Any:
 @overload(touch_beams)
 def _beams(contacts, links, q, v, w, by_rate, tangent) -> Any:
     from fmus.track_flexible.beam_contacts import touch as compiled
+
+    return lambda contacts, links, q, v, w, by_rate, tangent: compiled(
+        contacts, links, q, v, w, by_rate, tangent
+    )
+
+
+@overload(touch_plane)
+def _plane(contacts, links, q, v, w, by_rate, tangent) -> Any:
+    from fmus.track_flexible.planar_contacts import touch_plane as compiled
 
     return lambda contacts, links, q, v, w, by_rate, tangent: compiled(
         contacts, links, q, v, w, by_rate, tangent

@@ -66,6 +66,36 @@ def teeth(
 
 
 @kernel
+def outline(t, a, b, rho):
+    """Where a pin's centre at ``a``, ``b`` >= 0 of its gap, ``rho`` from the axle, meets the profile.
+
+    Returns penetration m (not positive: no contact), the normal in a and b, and its bend 1/m (concave: negative).
+    """
+    pa, pb = a - t.seat_a, b
+    climb = pa * t.flank_a + pb * t.flank_b
+    if climb <= 0.0:  # seat: concave arc
+        distance = np.sqrt(pa * pa + pb * pb)
+        depth = distance - t.clearance
+        na, nb = (-pa / distance, -pb / distance) if distance > 0.0 else (1.0, 0.0)
+        bend = -1.0 / distance if distance > 0.0 else 0.0
+    elif climb < t.flank_length:  # flank: straight
+        na, nb = t.flank_b, -t.flank_a
+        depth = -(pa * na + pb * nb) - t.clearance
+        bend = 0.0
+    elif np.arctan2(b, a) < t.tip_angle:  # rounding: convex arc
+        qa, qb = a - t.tip_a, b - t.tip_b
+        distance = np.sqrt(qa * qa + qb * qb)
+        depth = t.tip_radius - distance
+        na, nb = (qa / distance, qb / distance) if distance > 0.0 else (1.0, 0.0)
+        bend = 1.0 / distance if distance > 0.0 else 0.0
+    else:  # land
+        depth = t.top - rho
+        na, nb = a / rho, b / rho
+        bend = 1.0 / rho
+    return depth, na, nb, bend
+
+
+@kernel
 def teeth_contact(law, share, t, row, x, v, s, tangent):
     """Force of the teeth ``t`` of the sprocket ``row`` on a pin with its centre at ``x`` (3), into ``s``.
 
@@ -92,27 +122,7 @@ def teeth_contact(law, share, t, row, x, v, s, tangent):
     b = d0 * b0 + d1 * b1 + d2 * b2
     if b < 0.0:
         b, b0, b1, b2 = -b, -b0, -b1, -b2
-    pa, pb = a - t.seat_a, b
-    climb = pa * t.flank_a + pb * t.flank_b
-    if climb <= 0.0:  # seat: concave arc
-        distance = np.sqrt(pa * pa + pb * pb)
-        depth = distance - t.clearance
-        na, nb = (-pa / distance, -pb / distance) if distance > 0.0 else (1.0, 0.0)
-        bend = -1.0 / distance if distance > 0.0 else 0.0
-    elif climb < t.flank_length:  # flank: straight
-        na, nb = t.flank_b, -t.flank_a
-        depth = -(pa * na + pb * nb) - t.clearance
-        bend = 0.0
-    elif np.arctan2(b, a) < t.tip_angle:  # rounding: convex arc
-        qa, qb = a - t.tip_a, b - t.tip_b
-        distance = np.sqrt(qa * qa + qb * qb)
-        depth = t.tip_radius - distance
-        na, nb = (qa / distance, qb / distance) if distance > 0.0 else (1.0, 0.0)
-        bend = 1.0 / distance if distance > 0.0 else 0.0
-    else:  # land
-        depth = t.top - rho
-        na, nb = a / rho, b / rho
-        bend = 1.0 / rho
+    depth, na, nb, bend = outline(t, a, b, rho)
     if depth <= 0.0:
         return depth, 0.0, 0.0, 0.0, 0.0
     s.n[0], s.n[1], s.n[2] = na * a0 + nb * b0, na * a1 + nb * b1, na * a2 + nb * b2
