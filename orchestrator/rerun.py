@@ -77,6 +77,7 @@ def _fmu(table: dict[str, Any], entry: dict[str, Any], other: str | None) -> tup
         part = _part(
             scene.model_copy(
                 update={
+                    "planar": False,
                     "track": scene.track.model_copy(
                         update={"model": other, "integrator": None, "element": None, "elasticity": None}
                     )

@@ -240,8 +240,20 @@ class TrackScene(Scene):
     track: Annotated[Track, BeforeValidator(_short_track)]
     start: Start = Start()
     placed: bool = False  # whether the idler stands already where the chain carries its static tension
+    planar: bool = False  # chains of cables without their lateral dofs: all motion is in the plane of the track
 
     drives: ClassVar[tuple[str, ...]] = ()  # the fields that describe drives
+
+    @model_validator(mode="after")
+    def _in_its_plane(self) -> TrackScene:
+        if not self.planar:
+            return self
+        if self.track.model == "rigid":
+            raise ValueError("planar = true needs track.model = 'flexible': rigid links keep their six coordinates")
+        for key, only in (("element", "cable"), ("elasticity", "small_deformation")):
+            if getattr(self.track, key) not in (None, only):
+                raise ValueError(f"planar = true needs track.{key} = '{only}', not '{getattr(self.track, key)}'")
+        return self
 
     @property
     def variant(self) -> str:
@@ -335,6 +347,12 @@ class VehicleScene(TrackScene):
     def _mirror_has_two_sides(self) -> VehicleScene:
         if self.symmetric and len(self.tracks) == 1:
             raise ValueError("symmetric = true needs both tracks or none")
+        return self
+
+    @model_validator(mode="after")
+    def _rolls_with_two_tracks(self) -> VehicleScene:
+        if self.planar and not self.symmetric:
+            raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks of its own may roll and yaw")
         return self
 
 

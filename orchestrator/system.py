@@ -276,7 +276,9 @@ def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float 
     parameters: Parameters = {**_start(scene), "start.lateral": lateral}
     if track.start is not None:
         parameters["start"] = track.start
-    if track.element is not None:
+    if scene.planar:
+        parameters["element"] = "planar"
+    elif track.element is not None:
         parameters["element"] = track.element
     if track.elasticity is not None:
         parameters["elasticity"] = track.elasticity

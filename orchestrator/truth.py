@@ -82,7 +82,8 @@ def bare(scene: TrackScene) -> TrackScene:
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
     sampled = Run(stop=run.stop, step=step, outputs=1, links=LINKS)
     track = scene.track.model_copy(update={"integrator": None, "step": None, "link_outputs": True})
-    return system.placed(scene).model_copy(update={"run": sampled, "track": track, "expect": {}})
+    same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # the motion of a planar chain is no other
+    return system.placed(scene).model_copy(update=same)
 
 
 def key(scene: TrackScene) -> str:

@@ -23,6 +23,7 @@ REST = 1e-3  # residual of static equilibrium, N
 SPINNING = 30  # iterations towards the relative equilibrium of a loop
 HOLD = 100.0  # its inertia over that of the spin; the iteration converges while the strain is below 1/HOLD
 ROUNDING = 1e-10  # its last correction of a pin, relative to the pitch
+ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which on cables leave their plane
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 # coordinates of a pin, vectors of a link, components of a vector
 ELEMENTS = {"cable": (NODE, 4, 3), "planar": (PLANAR_NODE, 4, 2), "beam": (18, 8, 3)}
@@ -194,7 +195,7 @@ class Model(TrackModel):
 
     def tighten(self) -> None:
         """Deform the links of a chain that is let go, so that no wave is born with it; beams are let go straight."""
-        if self.element != "cable":
+        if self.element == "beam":
             return
         from fmus.track_flexible.taut import tighten
 
@@ -203,7 +204,7 @@ class Model(TrackModel):
             self._let_go()
             return self.vdot
 
-        if not tighten(self.q, self.pitch, accelerations):
+        if not tighten(self.q, self.kit.PLANE, self.pitch, accelerations):
             raise StepFailed("start = 'displaced': the tension at which the chain is let go was not found")
         self.vdot[:] = 0.0
         self._observe()
@@ -357,13 +358,13 @@ class Model(TrackModel):
 
     def _watch(self, t: float) -> None:
         """Cable links cannot leave their plane: say so once when a wheel's axis does."""
-        if self.element == "beam":
+        if self.element == "beam" or self.warned or not self.rows.size:
             return
-        off = np.degrees(np.arccos(np.clip(abs(self.rows[:, 10]), 0.0, 1.0)))
-        if off.size and off.max() > 0.2 and not self.warned:
+        along = abs(self.rows[:, 10]).min()
+        if along < ALONG:
             self.warned = True
             self._warnings.append(
-                f"a wheel's axis is {off.max():.2f} degrees off the pin axis at t = {t:.4g} s: cable chains "
+                f"a wheel's axis is {np.degrees(np.arccos(along)):.2f} degrees off the pin axis at t = {t:.4g} s: cable chains "
                 "drive in their own plane only, take beams or rigid links for turns and side slopes"
             )
 

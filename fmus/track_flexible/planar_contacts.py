@@ -6,6 +6,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import shape, shape_slope
+from fmus.physics.contact.ground import level
 from fmus.physics.contact.plane import Face, collect, press, reach, slide, tooth_face, touch
 from fmus.physics.contact.wheel import GAUSS, bulge
 from fmus.track_flexible.planar_nodes import gather
@@ -154,18 +155,18 @@ def touch_plane(contacts, links, q, v, w, by_rate, tangent):
             sums[CONTACT] += bulge(contacts.wheel, radius, cable.l, low, high)
     if not contacts.ground:
         return
-    reach_down = 1.1 * links.face + 0.1 * cable.l
+    reach_down, summit = 1.1 * links.face + 0.1 * cable.l, contacts.shape.height + contacts.shape.rise
     for i in range(links.count):
         j = i + 1 if i + 1 < nodes else 0
-        if min(q[i, 1], q[j, 1]) - reach_down > contacts.height:
+        if min(q[i, 1], q[j, 1]) - reach_down > summit:
             continue
         open_link(q, v, i, w)
         for side in (-1.0, 1.0):
             x0, x2, u0, u2, t0, t2 = locate(cable, e, de, 0.5 + side * GAUSS, links.face, S, C)
-            depth = contacts.height - x2
+            depth, n0, n2, bend = level(contacts.shape, x0, x2)
             if depth <= 0.0:
                 continue
-            f = touch(contacts.soil, 0.5, depth, Face(0.0, 1.0, 0.0, u0, u2, 0.0), by_rate)
+            f = touch(contacts.soil, 0.5, depth, Face(n0, n2, bend, u0, u2, 0.0), by_rate)
             note(sums, depth, f.energy, f.power)
             sums[LOAD] += f.normal
             sums[SLIP] -= f.normal * u0

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 from scipy.optimize import brentq
 
@@ -19,12 +20,16 @@ PROBE = 1e-7  # deformation by which the response is found; it is linear
 ROUNDS = 20
 STILL = 1e-5  # of the accelerations that undeformed links have; rounding leaves 2e-6 of those of steel
 
-Accelerations = Callable[[], Floats]  # (nodes, 8) of the chain as it stands, at rest
+Accelerations = Callable[[], Floats]  # (nodes, width) of the chain as it stands, at rest
 
 
-def tighten(q: Floats, pitch: float, accelerations: Accelerations) -> bool:
-    """Deform the straight links of an open chain in place, ends where they are; q (nodes, 8). False: not found."""
-    pins = q[:, [0, 2]].copy()
+def tighten(q: Floats, plane: NDArray[np.int64], pitch: float, accelerations: Accelerations) -> bool:
+    """Deform the straight links of an open chain in place, ends where they are. False: not found.
+
+    q (nodes, width); ``plane`` (3, 2) says where x and z of a pin's position, ending and beginning slope lie.
+    """
+    place, ending, beginning = plane
+    pins = q[:, place].copy()
     n = len(pins) - 1
     chord = np.diff(pins, axis=0)
     angles = np.arctan2(chord[:, 1], chord[:, 0])
@@ -35,11 +40,11 @@ def tighten(q: Floats, pitch: float, accelerations: Accelerations) -> bool:
         along = np.stack([np.cos(factor * angles), np.sin(factor * angles)], axis=1)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
         steps = pitch * (1.0 + d[0])[:, None] * along
-        q[:, [0, 2]] = pins[0] + np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
-        q[:n, 5:7] = (1.0 + d[1])[:, None] * along + d[3][:, None] * across
-        q[1:, 3:5] = (1.0 + d[2])[:, None] * along + d[4][:, None] * across
+        q[:, place] = pins[0] + np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+        q[:n, beginning] = (1.0 + d[1])[:, None] * along + d[3][:, None] * across
+        q[1:, ending] = (1.0 + d[2])[:, None] * along + d[4][:, None] * across
         a = accelerations()
-        chords, first, last = np.diff(a[:, [0, 2]], axis=0), pitch * a[:n, 5:7], pitch * a[1:, 3:5]
+        chords, first, last = np.diff(a[:, place], axis=0), pitch * a[:n, beginning], pitch * a[1:, ending]
         stretching = [np.sum(part * along, axis=1) for part in (chords, first, last)]
         turning = [np.sum((part - chords) * across, axis=1) for part in (first, last)]
         return np.stack(stretching + turning)
@@ -49,7 +54,7 @@ def tighten(q: Floats, pitch: float, accelerations: Accelerations) -> bool:
         now = deforming(d, factor)
         undeformed = undeformed or float(np.abs(now).max())
         if np.abs(now).max() < STILL * undeformed:
-            q[-1, [0, 2]] = pins[-1]
+            q[-1, place] = pins[-1]
             return True
         if response is None or np.abs(now).max() > 0.1 * before:
             columns = []
