@@ -125,9 +125,9 @@ def scenes() -> None:
 def show(scene: SceneName, track: TrackOption = None, settings: Settings = None) -> None:
     """What is in, what is left out, sizes."""
     from orchestrator.scene import load
-    from orchestrator.system import describe
+    from orchestrator.show import lines
 
-    for line in describe(load(scene, _model(track), settings or ())):
+    for line in lines(load(scene, _model(track), settings or ())):
         print(line)
 
 

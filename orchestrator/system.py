@@ -31,6 +31,7 @@ AXLE = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
 TRACK, DRIVE, CHASSIS = 0, 1, 2  # stages: force sides first
 POSE = 7  # of a wheel's 13: position and orientation, then its rates
 
+DOFS = {"cable": (12, 4), "planar": (8, 2), "beam": (24, 6)}  # coordinates of a link, equations of a pin
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
 TOUCH = ("contact with wheels and teeth", "contact with the ground")
 
@@ -412,7 +413,7 @@ def _size(scene: TrackScene, part: Part) -> str:
         track = part.config["track"]
         links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
         if part.kind == TRACKS["flexible"]:
-            own, shared = (24, 6) if scene.track.element == "beam" else (12, 4)
+            own, shared = DOFS["planar" if scene.planar else scene.track.element or "cable"]
             size = f"{links} elements, {own * links - shared * pins} dofs"
         else:
             size = f"{links} bodies, {pins} pins"
@@ -443,11 +444,13 @@ def _absent(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
         yield "contact with wheels other than the sprocket"
     if not any(track["ground"] for track in tracks):
         yield TOUCH[1]
-    if all(isclose(track["gravity"], 0.0) for track in tracks):
+    if tracks and all(isclose(track["gravity"], 0.0) for track in tracks):
         yield "gravity"
     if isinstance(scene, VehicleScene) and scene.symmetric:
         yield "the right track, drive and ports: the right half mirrors the left"
     elif len(tracks) == 1:
         yield "a second track"
+    if scene.planar:
+        yield "lateral dofs of the chain: y of pins, lateral slopes, lateral parts of the contact laws"
     if not scene.track.link_outputs:
         yield "outputs per link"

@@ -31,7 +31,7 @@ GENERIC = (
     "compare.py",
     "replay.py",
 )
-DOORS = {"fmus.build", "fmus.vehicle", "fmus.ports", "fmus.tensioning", "fmus.monolith.model"}
+DOORS = {"fmus.build", "fmus.contents", "fmus.vehicle", "fmus.ports", "fmus.tensioning", "fmus.monolith.model"}
 TO_PHYSICS = {"pieces", "studies"}  # scenes without an FMU, and studies of the mechanics, need the mechanics
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 

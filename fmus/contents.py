@@ -1,0 +1,85 @@
+"""What components really load: their models are started in a child process, as Python, and its modules counted.
+
+Nothing is compiled: the doors between kernels open for Python as they do for the compiler, so that a cold cache makes
+no difference. A chain is laid out as a polygon, for its equilibrium loads nothing more; one that is let go is short.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from fmus.jit import ROOT, sources
+
+SHORT = 4  # links of a chain that is let go
+Part = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
+
+
+class Contents(NamedTuple):
+    """What a set of components consists of."""
+
+    modules: tuple[str, ...]  # of fmus that are loaded
+    left_out: tuple[str, ...]  # of fmus that are not
+    outputs: tuple[int, ...]  # of each component, those of links apart
+    link_outputs: tuple[int, ...]
+    state: tuple[int, ...]  # numbers in the state of each
+
+
+def contents(parts: Sequence[Part]) -> Contents:
+    """Start the parts and look; raises BuildFailed with the child's last words."""
+    from fmus.build import KINDS, BuildFailed  # which the child has no use for
+
+    shells = [(KINDS[kind].removesuffix(".py").replace("/", "."), *rest) for kind, *rest in parts]
+    child = subprocess.run(
+        [sys.executable, "-m", "fmus.contents"],
+        input=json.dumps(shells),
+        text=True,
+        capture_output=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT.parent), "NUMBA_DISABLE_JIT": "1"},
+    )
+    if child.returncode:
+        raise BuildFailed((child.stderr.strip() or "no message").splitlines()[-1])
+    found = json.loads(child.stdout)
+    loaded = tuple(sorted(found["modules"]))
+    everything = {".".join(("fmus", *file.relative_to(ROOT).with_suffix("").parts)) for file in sources()}
+    rest = (name for name in everything if not name.endswith(".__init__") and name not in loaded)
+    return Contents(
+        loaded, tuple(sorted(rest)), *(tuple(found[key]) for key in ("outputs", "link_outputs", "state"))
+    )
+
+
+def _child() -> None:
+    found: dict[str, list[Any]] = {"outputs": [], "link_outputs": [], "state": []}
+    for shell, config, parameters in json.load(sys.stdin):
+        model = _started(shell, config, parameters)
+        reals = sum(port.causality == "output" and isinstance(port.start, float) for port in model.ports)
+        found["outputs"].append(reals - model.link_ports)
+        found["link_outputs"].append(model.link_ports)
+        found["state"].append(model.state.size)
+    modules = [name for name in sys.modules if name.startswith("fmus.") and name != __name__]
+    folders = {name.rpartition(".")[0] for name in modules}
+    print(json.dumps({**found, "modules": [name for name in modules if name not in folders]}))
+
+
+def _started(shell: str, config: dict[str, Any], parameters: dict[str, Any]) -> Any:
+    import_module(f"fmus.{shell}")
+    model_of = import_module(f"fmus.{shell.partition('.')[0]}.model").Model
+    model = model_of(config)
+    given = {port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters
+    if given.get("start") == "displaced":
+        track = config["track"]
+        ends = {**track["ends"], "last": [x * SHORT / track["links"] for x in track["ends"]["last"]]}
+        model_of({**config, "track": {**track, "links": SHORT, "ends": ends}}).initialise(given)
+    if given.get("start") in ("rest", "displaced"):
+        given["start"] = "polygon"
+    model.initialise(given)
+    return model
+
+
+if __name__ == "__main__":
+    _child()
