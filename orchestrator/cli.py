@@ -334,7 +334,7 @@ def study(
     if scene is not None and not timed:
         raise BadInput(f"study {name} takes no scene")
     make: Any = chosen.cases
-    cases = make(quick, scene or "straight") if timed else make(quick)
+    cases = make(quick, scene) if scene is not None else make(quick)
     workers = workers or (1 if timed else 2)
     try:
         with Watched(name, len(cases)) as done:

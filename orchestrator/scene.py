@@ -352,7 +352,7 @@ class VehicleScene(TrackScene):
     @model_validator(mode="after")
     def _rolls_with_two_tracks(self) -> VehicleScene:
         if self.planar and not self.symmetric:
-            raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks of its own may roll and yaw")
+            raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         return self
 
 

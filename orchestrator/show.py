@@ -1,4 +1,4 @@
-"""``cotrack show``: what is in a scene and what is left out, down to coordinates, contact pairs, outputs and modules."""
+"""``cotrack show``: what is in a scene and what is left out, down to contact pairs, outputs and modules."""
 
 from __future__ import annotations
 

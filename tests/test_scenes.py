@@ -225,6 +225,20 @@ def test_displaced_start_swings(ran):
         assert log.signal("chain.energy.kinetic")[1].max() > 10.0
 
 
+def alike(a, b, topic):
+    """The same motion and forces in two logs, to the growth of rounding."""
+    names = [n for n in b.read(topic).names if n.endswith((".x", ".z", "tension"))]
+    names = [n for n in names if ".torque" not in n and "angular" not in n and "orientation" not in n]
+    assert len(names) > 30
+    columns = [[series.names.index(n) for n in names] for series in (a.read(topic), b.read(topic))]
+    one, other = a.read(topic).values[:, columns[0]], b.read(topic).values[:, columns[1]]
+    apart = np.abs(other - one).max(axis=0) / np.maximum(np.abs(one).max(axis=0), 1e-3)
+    # a link of 3e9 N/m turns the rounding of a coordinate, 1e-15 m, into microns of a newton, ever again
+    force = np.array([n.endswith("tension") or ".force" in n for n in names])
+    assert apart[~force].max() < 1e-9
+    assert apart[force].max(initial=0.0) < 1e-8
+
+
 HALF = ("run.stop=0.3 s", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run.outputs=1", "symmetric=true")
 
 
@@ -234,19 +248,40 @@ def test_half_a_vehicle_moves_like_the_whole(ran):
     with Log(whole["log"]) as a, Log(half["log"]) as b:
         assert not any(topic.startswith(("/right", "/stats/right")) for topic in b.topics)
         for topic in ("/chassis/out", "/left_track/links"):
-            names = [n for n in b.read(topic).names if n.endswith((".x", ".z", "tension"))]
-            names = [n for n in names if ".torque" not in n and "angular" not in n and "orientation" not in n]
-            assert len(names) > 30
-            columns = [[series.names.index(n) for n in names] for series in (a.read(topic), b.read(topic))]
-            full, mirrored = a.read(topic).values[:, columns[0]], b.read(topic).values[:, columns[1]]
-            apart = np.abs(mirrored - full).max(axis=0) / np.maximum(np.abs(full).max(axis=0), 1e-3)
-            # a link of 3e9 N/m turns the rounding of a coordinate, 1e-15 m, into microns of a newton, ever again
-            force = np.array([n.endswith("tension") or ".force" in n for n in names])
-            assert apart[~force].max() < 1e-9
-            assert apart[force].max(initial=0.0) < 1e-8
+            alike(a, b, topic)
     for figure in ("distance", "speed", "ground_force", "slip"):
         assert half["observables"][figure] == pytest.approx(whole["observables"][figure], rel=1e-9)
     for figure in ("work", "change", "dissipated", "port", "residual"):
         assert half["energy"][figure] == pytest.approx(whole["energy"][figure], rel=1e-6)
     heavier = ran("straight", "flexible", *HALF, "vehicle.chassis.mass=5600")
     assert heavier["observables"]["distance"] != pytest.approx(whole["observables"]["distance"], rel=1e-3)
+
+
+def test_a_planar_half_vehicle_moves_like_the_half(ran):
+    """No lateral dofs, a smaller state: the same chassis, pins and forces; heading is of no account."""
+    half, planar = ran("straight", "flexible", *HALF), ran("straight", "flexible", *HALF, "planar=true")
+    with Log(half["log"]) as a, Log(planar["log"]) as b:
+        for topic in ("/chassis/out", "/left_track/links"):
+            alike(a, b, topic)
+    for figure in ("distance", "speed", "ground_force"):
+        assert planar["observables"][figure] == pytest.approx(half["observables"][figure], rel=1e-9)
+    for figure in ("work", "change", "dissipated"):
+        assert planar["energy"][figure] == pytest.approx(half["energy"][figure], rel=1e-6)
+    turned = ran("straight", "flexible", *HALF, "planar=true", "start.heading=37 deg")
+    assert turned["observables"]["distance"] == pytest.approx(planar["observables"]["distance"], rel=1e-9)
+    harder = ran("straight", "flexible", *HALF, "planar=true", "vehicle.contact.ground.stiffness=2.1e6 N/m")
+    assert harder["observables"]["ground_force"] != pytest.approx(half["observables"]["ground_force"], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["rig", "sprocket_bench"])
+def test_a_planar_chain_runs_like_one_in_space(ran, name):
+    brief = ("run.stop=0.3 s", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run.links=50")
+    space, plane = ran(name, "flexible", *brief), ran(name, "flexible", *brief, "planar=true")
+    with Log(space["log"]) as a, Log(plane["log"]) as b:
+        alike(a, b, "/track/links")
+    assert plane["energy"]["work"] == pytest.approx(space["energy"]["work"], rel=1e-8)
+
+
+def test_a_planar_loop_spins_as_expected(ran):
+    result = ran("spinning_loop", "flexible", "planar=true")
+    assert all(check["ok"] for check in result["checks"].values())

@@ -13,9 +13,9 @@ BEND = 0.1  # rad between a link's neighbours from which on the link counts litt
 def chain_speed(x, v, closed):
     """Mean velocity along itself of the straight parts of a chain, m/s, along the index.
 
-    x, v (nodes, 2 or 3): positions and velocities of the pins. Where a chain runs straight, all pins of a link move along it
-    at the pitch times the pins that pass; round a wheel the chords lie askew to the velocities and show less, so links
-    are weighted down with the angle between their two neighbours.
+    x, v (nodes, 2 or 3): positions and velocities of the pins. Where a chain runs straight, all pins of a link move
+    along it at the pitch times the pins that pass; round a wheel the chords lie askew to the velocities and show less,
+    so links are weighted down with the angle between their two neighbours.
     """
     nodes = x.shape[0]
     links = nodes if closed else nodes - 1

@@ -124,12 +124,14 @@ class Model(TrackModel):
         self.space, self.factored = scratch(self.nodes, width), False
 
     def _cables(self, element: str, elasticity: str, young: float, tau: float) -> Any:
-        kind: Any
         if element == "planar":
-            from fmus.track_flexible.planar import Planar as kind
-        else:
-            from fmus.track_flexible.cables import Links as kind
+            from fmus.track_flexible.planar import Planar
 
+            kind: Any = Planar
+        else:
+            from fmus.track_flexible.cables import Links
+
+            kind = Links
         s, v = self.vehicle["section"], self.vehicle
         area, second = s["area"], s["bending"]
         cable = ELASTICITIES[elasticity](
@@ -364,8 +366,8 @@ class Model(TrackModel):
         if along < ALONG:
             self.warned = True
             self._warnings.append(
-                f"a wheel's axis is {np.degrees(np.arccos(along)):.2f} degrees off the pin axis at t = {t:.4g} s: cable chains "
-                "drive in their own plane only, take beams or rigid links for turns and side slopes"
+                f"a wheel's axis is {np.degrees(np.arccos(along)):.2f} degrees off the pin axis at"
+                f" t = {t:.4g} s: cable chains drive in their own plane only, take beams or rigid links for turns and side slopes"
             )
 
     warned = False

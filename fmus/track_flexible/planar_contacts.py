@@ -1,4 +1,4 @@
-"""What the links and pins of a planar chain touch: ``contacts`` in the plane x, z, with the laws of ``contact.plane``."""
+"""What the links and pins of a planar chain touch: ``contacts`` in the plane x, z, by the laws of ``contact.plane``."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def open_link(q, v, i, w):
 
 @kernel
 def touch_plane(contacts, links, q, v, w, by_rate, tangent):
-    """Contacts of faces with rims and ground into ``w.load``, ``w.stiffening``; of pins with teeth into ``w.b``, ``w.A``."""
+    """Faces on rims and ground into ``w.load``, ``w.stiffening``; pins in teeth into ``w.b``, ``w.A``."""
     e, de, S, C, sums, cable = w.e, w.v, w.S, w.C, w.sums, links.cable
     nodes, m = q.shape[0], contacts.radius.size
     w.touched[:] = False

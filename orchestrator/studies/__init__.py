@@ -19,6 +19,7 @@ STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
     "coupling": "orders, energies and largest stable steps of all couplings on two masses",
     "error-runtime": "error against run time of a scene, over steps, integrators and couplings",
+    "leaving-out": "what each thing that a scene leaves out saves, at results that do not change",
     "stability": "stiff and extreme cases: what becomes of them, the margin to the limit, and a map",
 }
 

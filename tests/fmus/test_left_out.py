@@ -66,6 +66,38 @@ def test_a_chain_loads_its_own_elasticity_only(elasticity):
     assert (shared <= names) if own else not shared & names
 
 
+def test_a_planar_chain_loads_no_lateral_code():
+    names = loaded("track_flexible", {}, element="planar")
+    assert {"fmus.track_flexible.planar", "fmus.physics.ancf.cable_planar"} <= names
+    others = {"fmus.track_flexible.cables", "fmus.track_flexible.small", "fmus.track_flexible.beams"}
+    assert not names & others
+    assert not [name for name in names if "contact" in name]
+
+
+def test_contents_are_what_a_component_loads():
+    """A child that compiles nothing loads all that a real step loads, and neither loads the rest."""
+    from fmus.contents import contents
+    from fmus.vehicle import read_table, vehicle
+
+    table = vehicle(*read_table("m113")).model_dump()
+    for track, parameters in (({}, {"element": "planar"}), ({"ground": True}, {"start": "displaced"})):
+        base = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": HANGING}
+        config = {"vehicle": table, "track": base | track}
+        found = contents([("TrackFlexible", config, parameters)])
+        real = {name for name in loaded("track_flexible", track, **parameters) if name not in FOLDERS}
+        assert real - {"fmus.build", "fmus.vehicle"} <= set(found.modules)
+        assert set(found.left_out) >= {"fmus.chassis.model", "fmus.track_rigid.chain", "fmus.physics.contact.guide"}
+        assert not set(found.left_out) & set(found.modules)
+        assert ("fmus.physics.contact.ground" in found.modules) == bool(track)
+        assert ("fmus.track_flexible.taut" in found.modules) == (parameters.get("start") == "displaced")
+        assert (found.outputs, found.link_outputs) == ((17,), (2 * 8 + 6 * 9,))
+
+
+FOLDERS = {
+    "fmus", "fmus.physics", "fmus.physics.ancf", "fmus.physics.integrate", "fmus.physics.contact", "fmus.track_flexible"
+}  # fmt: skip
+
+
 ELEMENT = {
     "cable": {"fmus.track_flexible.cables", "fmus.track_flexible.small"},
     "beam": {"fmus.track_flexible.beams", "fmus.physics.ancf.beam"},

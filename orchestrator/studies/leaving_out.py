@@ -1,0 +1,339 @@
+"""What each thing that a scene leaves out saves, at results that do not change.
+
+A case is a pair of runs, one with the thing and one without. Time: both in turn in one fresh process, kernels warm; the
+ratio is the median of the pairs', its spread their least and largest. Memory: the peak of a fresh process for each.
+What no scene could declare in vain (a chassis beside a rig, a ground far below it) is put into the assembly here.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator import master
+from orchestrator.coupling import SCHEMES
+from orchestrator.graph import wire
+from orchestrator.observers import Logging
+from orchestrator.reader import Log
+from orchestrator.recorder import Recorder
+from orchestrator.scene import TrackScene, load
+from orchestrator.simulate import contents, paced, simulate, strides, warm_up
+from orchestrator.simulate import load as load_components
+from orchestrator.studies import Case
+from orchestrator.system import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
+
+TITLE = "What leaving out saves"
+WORKERS = 1  # a timed pair has the machine to itself
+PAIRS = 5
+MOTION, FORCE = 1e-9, 1e-8  # differences allowed; a link of 3e9 N/m makes newtons of nanometres
+SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; the others are forces, stresses and energies
+DEPTH = 1000.0  # m from a chain to a ground that it never touches
+BRIEF = "run.stop=10 ms"
+
+
+class Row(NamedTuple):
+    """A thing, with and without it."""
+
+    item: str  # scene
+    case: str  # what is left out
+    cpu: tuple[float, float]  # s of all threads while stepping and recording
+    wall: tuple[float, float]  # s
+    memory: tuple[float, float]  # peak, MB
+    log: tuple[int, int]  # bytes
+    cpu_ratio: tuple[float, float, float]  # without over with: median, least, largest
+    wall_ratio: tuple[float, float, float]
+    motion: float  # largest difference of results in common, relative to the largest of their unit
+    force: float
+    ok: bool | None = None
+    note: str = ""
+
+
+class Side(NamedTuple):
+    """One run of a pair."""
+
+    settings: tuple[str, ...] = ()
+    added: str = ""  # to the assembly, a name in ADDED
+    estimated: bool = False
+
+
+ADDED: dict[str, Callable[[TrackScene, Assembly], Assembly]] = {
+    "chassis": lambda scene, a: a._replace(parts=(*a.parts, _idle_chassis(scene))),
+    "ground": lambda scene, a: a._replace(parts=tuple(_over_ground(part) for part in a.parts)),
+}
+
+HALF, PLANAR = Side(("symmetric=true",)), Side(("symmetric=true", "planar=true"))
+NO_LINKS = Side(("track.link_outputs=false",))
+ALONE = (  # of chains with no vehicle on them
+    ("lateral dofs", Side(), Side(("planar=true",))),
+    ("a chassis that nothing touches", Side(added="chassis"), Side()),
+    ("a ground out of reach", Side(added="ground"), Side()),
+    ("outputs per link every 10 steps", Side(), NO_LINKS),
+)
+RAMP = ("drive.ramp_start=0 s",)  # no rest before
+# scene: end of a quick and of a full run, s, common settings, what is left out with both sides
+SCENES: dict[str, tuple[float, float, tuple[str, ...], tuple[tuple[str, Side, Side], ...]]] = {
+    "straight": (
+        0.5,
+        2.0,
+        RAMP,
+        (
+            ("the right half", Side(), HALF),
+            ("lateral dofs", HALF, PLANAR),
+            ("right half and lateral dofs", Side(), PLANAR),
+            ("outputs per link every 20 steps", Side(), NO_LINKS),
+            ("outputs per link every step", Side(("run.links=1",)), NO_LINKS),
+            ("nine outputs of ten", Side(), Side(("run.outputs=10",))),
+            ("the estimate of the error", Side(estimated=True), Side()),
+        ),
+    ),
+    "settle": (0.5, 2.0, (), (("the right half", Side(), HALF), ("lateral dofs", HALF, PLANAR))),
+    "rig": (1.0, 3.0, RAMP, ALONE),
+    "hanging_chain": (0.5, 1.0, ("track.start=displaced",), ALONE),
+}
+
+
+def cases(quick: bool, scene: str | None = None) -> list[Case]:
+    """Pairs on four scenes, or on one of them; quick ones are shorter. Raises BadInput."""
+    if scene is not None and scene not in SCENES:
+        raise BadInput(f"study leaving-out: scene '{scene}' must be one of {', '.join(SCENES)}")
+    found = []
+    for name, (brief, long, base, things) in SCENES.items():
+        if scene not in (None, name):
+            continue
+        stop = brief if quick else long
+        common = (f"run.stop={stop} s", "run.outputs=1", *base)
+        for thing, *sides in things:
+            pair = [side._replace(settings=(*common, *side.settings)) for side in sides]
+            found.append(Case(name, thing, compare, (name, *pair, 3 if quick else PAIRS), 20.0 * stop))
+    return found
+
+
+def measure(case: Case) -> list[Row]:
+    """The row of a case."""
+    return [row._replace(item=case.item, case=case.name) for row in case.function(*case.arguments)]
+
+
+def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
+    """Both sides timed in turn, each one's memory, and what their logs differ in."""
+    sides = (Side(*first), Side(*second))
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        timed = _child({"scene": scene, "sides": sides, "pairs": pairs, "folder": folder})
+        peaks = [_child({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
+        motion, force = difference(*(Path(folder) / f"{k}.mcap" for k in (0, 1)))
+    costs = np.array(timed["costs"])  # (pairs, side, (cpu, wall))
+    ratios = np.sort(costs[:, 1] / costs[:, 0], axis=0)
+    cpu, wall = ((float(median(r)), float(r[0]), float(r[-1])) for r in ratios.T)
+    spent = np.median(costs, axis=0)
+    ok = motion <= MOTION and force <= FORCE
+    pair = (float(spent[0, 0]), float(spent[1, 0])), (float(spent[0, 1]), float(spent[1, 1]))
+    return [Row("", "", *pair, (peaks[0], peaks[1]), tuple(timed["log"]), cpu, wall, motion, force, ok)]
+
+
+def difference(one: Path, other: Path) -> tuple[float, float]:
+    """Largest differences of motion and of forces in the series of two logs, at the times that both have."""
+    worst = [0.0, 0.0]
+    with Log(one) as a, Log(other) as b:
+        for topic in sorted(set(a.topics) & set(b.topics)):
+            if topic.startswith("/stats"):
+                continue
+            left, right = a.read(topic), b.read(topic)
+            names = [name for name in left.names if name in right.names]
+            _, i, j = np.intersect1d(np.rint(left.t * 1e9), np.rint(right.t * 1e9), return_indices=True)
+            x = left.values[i][:, [left.names.index(name) for name in names]]
+            y = right.values[j][:, [right.names.index(name) for name in names]]
+            units = np.array([a.topics[topic].units[left.names.index(name)] for name in names])
+            for unit in set(units):
+                same = units == unit
+                scale = float(np.abs(x[:, same]).max(initial=0.0))
+                apart = float(np.abs(x[:, same] - y[:, same]).max(initial=0.0))
+                if apart:
+                    which = 0 if unit in SOFT else 1
+                    worst[which] = max(worst[which], apart / max(scale, 1e-300))
+    return worst[0], worst[1]
+
+
+# --- runs, in a process of their own ---------------------------------------------------------------
+
+
+def _child(work: dict[str, Any]) -> dict[str, Any]:
+    done = subprocess.run(
+        [sys.executable, "-m", "orchestrator.studies.leaving_out"],
+        input=json.dumps(work),
+        text=True,
+        capture_output=True,
+    )
+    if done.returncode:
+        raise RuntimeError((done.stderr.strip() or "no message").splitlines()[-1])
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def _main() -> None:
+    work = json.load(sys.stdin)
+    sides = [Side(tuple(settings), *rest) for settings, *rest in work["sides"]]
+    paths = [Path(work["folder"]) / f"{k}.mcap" for k in range(len(sides))]
+    if not work["pairs"]:
+        run(work["scene"], sides[0], Path(work["folder"]) / "peak.mcap")
+        print(json.dumps({"peak": peak()}))
+        return
+    for side in sides:
+        brief = side._replace(settings=(*side.settings, BRIEF), estimated=False)
+        run(work["scene"], brief, Path(work["folder"]) / "warm.mcap")
+    costs = []
+    for k in range(work["pairs"]):
+        order = (0, 1) if k % 2 == 0 else (1, 0)
+        cost = {i: run(work["scene"], sides[i], paths[i]) for i in order}
+        costs.append([cost[0], cost[1]])
+    print(json.dumps({"costs": costs, "log": [path.stat().st_size for path in paths]}))
+
+
+def run(name: str, side: Side, path: Path) -> tuple[float, float]:
+    """CPU and wall time, s, of a scene that is stepped and recorded; with an estimate, of all that it does."""
+    scene = load(name, "flexible", side.settings)
+    assert isinstance(scene, TrackScene)
+    if side.estimated:
+        cpu, wall = time.process_time(), time.perf_counter()
+        told = simulate(scene, path, estimated=True)
+        if told["status"] != "ok":
+            raise RuntimeError(told["message"])
+        cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+        return cpu, wall
+    scene = placed(scene)
+    assembly = assemble(scene)
+    if side.added:
+        assembly = ADDED[side.added](scene, assembly)
+    with ExitStack() as stack:
+        graph = system(assembly)
+        components = load_components(graph, scene.run.stop, stack)
+        stages = wire(graph, components)
+        scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
+        warm_up(stages, scene.run.step)
+        described = contents(scene, graph, components)
+        with Recorder(path, *described, every=strides(scene, components)) as recorder:
+            cpu, wall = time.process_time(), time.perf_counter()
+            outcome = master.run(scheme, paced(scene.run), [Logging(recorder, list(components.values()), 100)])
+            recorder.close(outcome.status, outcome.message, outcome.steps)
+            cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    if outcome.status != "ok":
+        raise RuntimeError(outcome.message)
+    return cpu, wall
+
+
+def _idle_chassis(scene: TrackScene) -> Part:
+    config = {"vehicle": scene.vehicle.model_dump(), "chassis": {"sides": ["left", "right"]}}
+    return Part("chassis", "Chassis", config, {}, CHASSIS)
+
+
+def _over_ground(part: Part) -> Part:
+    if part.stage != TRACK:
+        return part
+    config = {**part.config, "track": {**part.config["track"], "ground": True}}
+    return part._replace(config=config, parameters={**part.parameters, "start.height": DEPTH})
+
+
+def peak() -> float:
+    """Largest memory of this process so far, MB."""
+    try:  # unlike getrusage, not that of the process that it was forked from
+        status = Path("/proc/self/status").read_text(encoding="utf-8")
+        return float(status.partition("VmHWM:")[2].split()[0]) / 1024.0
+    except (OSError, IndexError):
+        import resource
+
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2.0**20 if sys.platform == "darwin" else 1024.0)
+
+
+# --- tables ----------------------------------------------------------------------------------------
+
+
+def failed(item: str, case: str, reason: str) -> Row:
+    """What is left of a case that ended with an error."""
+    pair, three = (math.nan, math.nan), (math.nan, math.nan, math.nan)
+    return Row(item, case, pair, pair, pair, (0, 0), three, three, math.nan, math.nan, False, reason)
+
+
+def missed(rows: Sequence[Row]) -> list[Row]:
+    """Rows whose results changed, or that failed."""
+    return [row for row in rows if row.ok is False]
+
+
+HEAD = (
+    "scene", "left out", "CPU with, s", "without, s", "CPU ratio", "least", "largest", "wall ratio", "least", "largest",
+    "peak with, MB", "without, MB", "log with, kB", "without, kB", "motion differs", "forces differ", "ok", "note",
+)  # fmt: skip
+
+
+def _cells(row: Row) -> list[str]:
+    numbers = [f"{x:.3f}" for x in (*row.cpu, *row.cpu_ratio, *row.wall_ratio)]
+    sizes = [f"{x:.0f}" for x in (*row.memory, *(size / 1000 for size in row.log))]
+    verdict = {True: "ok", False: "NOT", None: ""}[row.ok]
+    return [row.item, row.case, *numbers, *sizes, f"{row.motion:.1e}", f"{row.force:.1e}", verdict, row.note]
+
+
+def to_markdown(rows: Sequence[Row]) -> str:
+    """A table for people."""
+    lines = ["| " + " | ".join(HEAD) + " |", "|" + " --- |" * len(HEAD)]
+    for row in rows:
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in _cells(row)) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def to_csv(rows: Sequence[Row]) -> str:
+    """All digits."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(HEAD)
+    for r in rows:
+        writer.writerow([r.item, r.case, *r.cpu, *r.cpu_ratio, *r.wall_ratio, *r.memory,
+                         *(size / 1000 for size in r.log), r.motion, r.force, _cells(r)[-2], r.note])  # fmt: skip
+    return out.getvalue()
+
+
+def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
+    """Bars of what remains: CPU time with its spread, log size."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    shown = [row for row in rows if math.isfinite(row.cpu_ratio[0])][::-1]
+    figure = Figure(figsize=(9.0, 1.2 + 0.42 * len(shown)), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    at = np.arange(len(shown))
+    middle, low, high = (np.array([row.cpu_ratio[k] for row in shown]) for k in range(3))
+    axes.barh(at + 0.2, middle, 0.38, xerr=(middle - low, high - middle), color="tab:blue", label="CPU time")
+    axes.barh(at - 0.2, [row.log[1] / max(row.log[0], 1) for row in shown], 0.38, color="tab:orange", label="log")
+    axes.set_yticks(at, [f"{row.item}: {row.case}" for row in shown], fontsize=8)
+    axes.axvline(1.0, color="0.5", linewidth=0.8)
+    axes.set_xlabel("without over with")
+    axes.set_title(title, fontsize=10)
+    axes.legend(fontsize=8)
+    for file in files:
+        figure.savefig(file, dpi=100)
+
+
+def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
+    """Table and figure; raises OSError when the folder cannot be written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = {f"{name}.csv": to_csv(rows), f"{name}.md": f"# {title}\n\n{to_markdown(rows)}"}
+    for file, text in texts.items():
+        (folder / file).write_text(text, encoding="utf-8")
+    pictures = [folder / f"{name}.png", folder / f"{name}.svg"]
+    draw(rows, pictures, title)
+    return [*(folder / file for file in texts), *pictures]
+
+
+if __name__ == "__main__":
+    _main()

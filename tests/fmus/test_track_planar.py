@@ -1,0 +1,227 @@
+"""The planar chain is the chain of cables without what is zero: element, contacts, whole scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.model import InvalidParameter
+from fmus.physics.ancf import cable, cable_planar
+from fmus.physics.contact import plane
+from fmus.physics.contact.friction import press, touch
+from fmus.physics.contact.ground import bumpy, level
+from fmus.physics.contact.law import Law
+from fmus.physics.contact.teeth import teeth, teeth_contact
+from fmus.physics.point import scratch
+from tests.fmus.test_track_flexible import PITCH, at_rest, carrier, hanging, make
+
+XZ = [0, 2]
+LIFT = np.array([0, 2, 3, 4, 5, 6])  # where the six coordinates of a planar pin stand among the cable's eight
+RANDOM = np.random.default_rng(7)
+
+
+def same(a, b, of: float = 1e-12) -> bool:
+    return bool(np.abs(np.asarray(a) - np.asarray(b)).max() <= of * np.abs(b).max())
+
+
+def link(bending: float = 1.0) -> cable.Cable:
+    return cable.Cable(PITCH, 118.0, 3e9, 4e5 * bending, 3e3, 0.4)
+
+
+def bent() -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates and rates (4, 3) of a bent and stretched link in its plane."""
+    e, v = np.zeros((4, 3)), np.zeros((4, 3))
+    e[:, XZ] = np.array([[0.0, 0.0], [0.9, 0.5], [0.8 * PITCH, 0.6 * PITCH], [0.7, 0.7]])
+    e[:, XZ] += 1e-3 * RANDOM.standard_normal((4, 2))
+    v[:, XZ] = RANDOM.standard_normal((4, 2))
+    return e, v
+
+
+def forces(c: cable.Cable, e: np.ndarray, v: np.ndarray) -> tuple:
+    """Force, matrix, power, energy and end moments of the cable, and of the planar one at the same motion."""
+    Q, K, W, V = np.zeros((4, 3)), np.zeros((12, 12)), np.zeros((4, 3)), np.zeros((4, 3))
+    cable.stiffness(c, e, v, 2e3, 4e6, K, W, V)
+    solid = (Q, K, cable.force(c, e, v, Q, W, V), cable.energy(c, e, W, V), cable.end_moments(c, e))
+    p, u = np.ascontiguousarray(e[:, XZ]), np.ascontiguousarray(v[:, XZ])
+    q, k, w = np.zeros((4, 2)), np.zeros((8, 8)), np.zeros((4, 2))
+    cable_planar.stiffness(c, p, u, 2e3, 4e6, k, w)
+    flat = (q, k, cable_planar.force(c, p, u, q, w), cable_planar.energy(c, p, w), cable_planar.end_moments(c, p))
+    return solid, flat
+
+
+def test_the_element_is_the_cable_in_its_plane():
+    e, v = bent()
+    in_plane = (3 * np.arange(4)[:, None] + np.array(XZ)).ravel()
+    (Q, K, *rest), (q, k, *flat) = forces(link(), e, v)
+    assert same(q, Q[:, XZ])
+    assert same(k, K[np.ix_(in_plane, in_plane)])
+    for a, b in zip(flat, rest, strict=True):
+        assert same(a, b)
+    stiffer = forces(link(1.03), e, v)[1]
+    assert not same(stiffer[0], q, 1e-8)
+    assert not same(stiffer[1], k, 1e-8)
+
+
+LAW = Law(2e6, 8e3, 0.3, 0.01)
+BY_RATE = 1.5e3
+
+
+def solid_face(angle: float, bend: float, w: np.ndarray) -> plane.Face:
+    return plane.Face(np.sin(angle), np.cos(angle), bend, w[0], w[1], 3.0)
+
+
+def of_solid(face: plane.Face) -> tuple[np.ndarray, ...]:
+    """Normal, its derivative and slip of ``scratch`` from a face in the plane."""
+    n, t = np.array([face.n0, 0.0, face.n2]), np.array([-face.n2, 0.0, face.n0])
+    return n, face.bend * np.outer(t, t), np.array([face.w0, 0.0, face.w2])
+
+
+@pytest.mark.parametrize("depth", [4e-4, 5e-3])
+@pytest.mark.parametrize("own", [0.0, 1.0])
+def test_friction_in_the_plane(depth, own):
+    for _ in range(5):
+        face = solid_face(RANDOM.uniform(-3, 3), RANDOM.uniform(-4, 4), 0.02 * RANDOM.standard_normal(2))
+        s, omega = scratch(), np.array([0.0, face.spin, 0.0])
+        s.n[:], s.n_x[:], s.w[:] = of_solid(face)
+        if own:
+            normal, energy, power, _ = touch(LAW, 0.5, depth, omega, s, True)
+            flat = plane.touch(LAW, 0.5, depth, face, BY_RATE)
+        else:
+            normal, energy, power, _ = press(LAW, 0.5, depth, 0.07, 0.0, omega, s, True)
+            flat = plane.press(LAW, 0.5, depth, 0.07, 0.0, face, BY_RATE)
+        G = (s.f_x + BY_RATE * s.f_v)[np.ix_(XZ, XZ)].ravel()
+        assert same((flat.f0, flat.f2), s.f[XZ])
+        assert same((flat.g00, flat.g02, flat.g20, flat.g22), G)
+        assert same((flat.normal, flat.energy, flat.power), (normal, energy, power))
+        if not own:
+            assert same((flat.r0, flat.r2), s.f_rate[XZ])
+        other = plane.press(LAW._replace(mu=0.31), 0.5, depth, 0.07, own, face, BY_RATE)
+        assert not same((other.f0, other.f2), s.f[XZ], 1e-4), "a twin with another friction"
+
+
+def test_teeth_in_the_plane():
+    profile = teeth(10, PITCH, 0.015, 0.26, 0.002, 0.35, 0.02)
+    row = np.zeros(15)
+    row[[1, 7, 10, 12]] = 0.0, 2.0, 1.0, 1.0
+    found = 0
+    for _ in range(200):
+        angle, rho = RANDOM.uniform(-3, 3), RANDOM.uniform(0.24, 0.28)
+        x, v = rho * np.array([np.cos(angle), 0.0, np.sin(angle)]), np.array([0.3, 0.0, -0.2])
+        s = scratch()
+        depth, _, energy, power, _ = teeth_contact(LAW, 1.0, profile, row, x, v, s, True)
+        flat_depth, face = plane.tooth_face(profile, row, x[0], x[2], v[0], v[2])
+        assert flat_depth == pytest.approx(depth, abs=1e-15)
+        if depth > 1e-6:
+            found += 1
+            flat = plane.touch(LAW, 1.0, flat_depth, face, BY_RATE)
+            assert same((flat.f0, flat.f2), s.f[XZ], 1e-10)
+            assert same((flat.energy, flat.power), (energy, power), 1e-10)
+            G = (s.f_x + BY_RATE * s.f_v)[np.ix_(XZ, XZ)].ravel()
+            assert same((flat.g00, flat.g02, flat.g20, flat.g22), G, 1e-9)
+    assert found > 50
+
+
+def lifted(model) -> tuple:
+    """The cable model in the state of a planar one."""
+    solid = carrier()
+    for name in ("q", "v", "a", "vdot"):
+        getattr(solid, name)[:] = 0.0
+        getattr(solid, name)[:, LIFT] = getattr(model, name)
+    solid.rows[:] = model.rows
+    solid.work.moved[:] = model.rows
+    return solid
+
+
+def test_a_moving_chain_has_the_same_residual_and_matrix():
+    """On all its wheels and the ground, everything in motion, with ``by_rate`` and ``by_acceleration``."""
+    model = carrier(element="planar")
+    u = at_rest(model)
+    for k in range(len(model.wheel_list)):
+        u[13 * k + 7 : 13 * k + 10], u[13 * k + 11] = (0.5, 0.0, -0.2), 3.0
+    model.step(0.0, 1e-3, u)
+    model.v[:] += 0.05 * RANDOM.standard_normal(model.v.shape)
+    model.work.moved[:] = model.rows
+    solid = lifted(model)
+    for m in (model, solid):
+        m.kit.evaluate(m.link, m.contacts, m.environment, m.q, m.v, m.vdot, 2e3, 4e6, m.work, True)
+        m.kit.measure(m.link, m.environment, m.q, m.v, m.work, m.report)
+    flat, full = model.work, solid.work
+    assert flat.touched.sum() > 20
+    assert same(flat.R, full.R[:, :, XZ], 1e-9)
+    assert same(flat.b, full.b[:, XZ], 1e-9)
+    for name in ("A", "U", "L"):
+        blocks = getattr(full, name)
+        assert same(getattr(flat, name), blocks[:, XZ][:, :, XZ], 1e-11)
+        assert np.abs(blocks[:, 1, XZ]).max() == np.abs(blocks[:, XZ, 1]).max() == 0.0, "the plane is its own"
+    assert same(flat.wrench, full.wrench, 1e-11)
+    assert same(flat.sums, full.sums, 1e-11)
+    tight = np.abs(model.report[1:] - solid.report[1:]) <= 1e-8 * np.abs(solid.report[1:]) + 1e-12
+    assert tight.all()
+    solid.q[5, 0] += 1e-9  # the twin: a nanometre
+    solid.kit.evaluate(*_arguments(solid))
+    assert not same(flat.b, full.b[:, XZ], 1e-5)
+
+
+def _arguments(m) -> tuple:
+    return m.link, m.contacts, m.environment, m.q, m.v, m.vdot, 2e3, 4e6, m.work, True
+
+
+def test_coordinates_and_time():
+    """64 x 8 less 64 x 2; a chain let go falls as the cables do, and its outputs have their y back."""
+    assert carrier(element="planar").q.size == 384
+    flat, solid = (hanging(start="displaced", element=element) for element in ("planar", "cable"))
+    assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
+    seen = []
+    for model in (flat, solid):
+        for k in range(100):
+            model.step(k * 1e-3, 1e-3, np.zeros(0))
+        links = np.zeros(model.link_ports)
+        model.link_outputs(links)
+        seen.append(links)
+    assert np.abs(flat.pins() - solid.pins()).max() < 1e-9
+    assert np.abs(flat.pins() - solid.pins()[::-1]).max() > 1e-2
+    assert same(seen[0][:64], seen[1][:64], 1e-8)
+    assert np.array_equal(flat.counters, solid.counters)
+
+
+@pytest.mark.parametrize("start", ["rest", "polygon"])
+def test_ends_that_are_pulled_work_alike(start):
+    """The bench: sprocket, constant pulls, damping across; the work of the pulls is the same."""
+    ends = {"kind": "pulled", "first": [-15e3, 0.0], "last": [-14e3, 0.0]}
+    wheel = {"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]}
+    track = {"links": 24, "closed": False, "wheels": [wheel], "gravity": 0.0, "ends": ends, "transverse_damping": 300.0}
+    flat, solid = (make(track, element=element, start=start) for element in ("planar", "cable"))
+    u = at_rest(flat)
+    u[11] = 0.9
+    for model in (flat, solid):
+        for k in range(50):
+            turned = u.copy()
+            turned[[3, 5]] = np.cos(0.45e-3 * k), np.sin(0.45e-3 * k)
+            model.step(k * 1e-3, 1e-3, turned)
+    assert abs(solid.report[11]) > 1.0
+    assert same(flat.report, solid.report, 1e-9)
+    assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
+
+
+def test_the_same_explicitly():
+    flat, solid = (hanging(links=8, element=e, integrator="runge_kutta", start="displaced") for e in ("planar", "cable"))
+    for model in (flat, solid):
+        for k in range(10):
+            model.step(k * 1e-3, 1e-3, np.zeros(0))
+    assert flat.stable == pytest.approx(solid.stable, rel=1e-9)
+    assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
+
+
+def test_only_small_deformations_are_planar():
+    with pytest.raises(InvalidParameter, match="elasticity = 'general' needs element = 'cable'"):
+        hanging(element="planar", elasticity="general")
+
+
+def test_a_bump_has_the_normal_of_the_plane():
+    """``level`` turns its normal by the curvature along t: what ``plane.Face`` calls bend."""
+    ground = bumpy(0.0, 0.0, 0.2, 0.5, 0.4, 0.3)
+    for x, z in ((0.1, 0.02), (0.5, 0.15)):
+        _, n0, n2, bend = level(ground, x, z)
+        step = 1e-7
+        _, m0, m2, _ = level(ground, x - step * n2, z + step * n0)
+        assert ((m0 - n0) / step, (m2 - n2) / step) == pytest.approx((-bend * n2, bend * n0), abs=1e-5)
