@@ -367,7 +367,8 @@ class Model(TrackModel):
             self.warned = True
             self._warnings.append(
                 f"a wheel's axis is {np.degrees(np.arccos(along)):.2f} degrees off the pin axis at"
-                f" t = {t:.4g} s: cable chains drive in their own plane only, take beams or rigid links for turns and side slopes"
+                f" t = {t:.4g} s: cable chains drive in their own plane only, take beams or rigid links for turns and"
+                " side slopes"
             )
 
     warned = False
