@@ -63,7 +63,7 @@ def _child() -> None:
         found["state"].append(model.state.size)
     modules = [name for name in sys.modules if name.startswith("fmus.") and name != __name__]
     folders = {name.rpartition(".")[0] for name in modules}
-    print(json.dumps({**found, "modules": [name for name in modules if name not in folders]}))
+    json.dump({**found, "modules": [name for name in modules if name not in folders]}, sys.stdout)
 
 
 def _started(shell: str, config: dict[str, Any], parameters: dict[str, Any]) -> Any:

@@ -188,7 +188,7 @@ def _main() -> None:
     paths = [Path(work["folder"]) / f"{k}.mcap" for k in range(len(sides))]
     if not work["pairs"]:
         run(work["scene"], sides[0], Path(work["folder"]) / "peak.mcap")
-        print(json.dumps({"peak": peak()}))
+        json.dump({"peak": peak()}, sys.stdout)
         return
     for side in sides:
         brief = side._replace(settings=(*side.settings, BRIEF), estimated=False)
@@ -198,7 +198,7 @@ def _main() -> None:
         order = (0, 1) if k % 2 == 0 else (1, 0)
         cost = {i: run(work["scene"], sides[i], paths[i]) for i in order}
         costs.append([cost[0], cost[1]])
-    print(json.dumps({"costs": costs, "log": [path.stat().st_size for path in paths]}))
+    json.dump({"costs": costs, "log": [path.stat().st_size for path in paths]}, sys.stdout)
 
 
 def run(name: str, side: Side, path: Path) -> tuple[float, float]:
@@ -241,8 +241,10 @@ def _idle_chassis(scene: TrackScene) -> Part:
 def _over_ground(part: Part) -> Part:
     if part.stage != TRACK:
         return part
-    config = {**part.config, "track": {**part.config["track"], "ground": True}}
-    return part._replace(config=config, parameters={**part.parameters, "start.height": DEPTH})
+    vehicle = part.config["vehicle"]  # the ground lies where road wheels would stand
+    wheel = {**vehicle["road_wheel"], "z": vehicle["road_wheel"]["z"] - DEPTH}
+    track = {**part.config["track"], "ground": True}
+    return part._replace(config={**part.config, "track": track, "vehicle": {**vehicle, "road_wheel": wheel}})
 
 
 def peak() -> float:

@@ -1,0 +1,102 @@
+"""What leaving out saves: the pairs, the measure of their difference, the table; what show says of a scene."""
+
+import math
+
+import pytest
+
+from fmus.vehicle import BadInput
+from orchestrator.reader import Log
+from orchestrator.scene import load
+from orchestrator.show import lines, pairs
+from orchestrator.studies import leaving_out
+from orchestrator.studies.leaving_out import MOTION, Row, Side, cases, difference, run
+from orchestrator.system import assemble
+
+BRIEF = ("run.stop=20 ms", "track.start=displaced", "chain.links=8")
+
+
+def test_pairs_of_the_study():
+    quick, full = cases(True), cases(False)
+    assert [case[:2] for case in quick] == [case[:2] for case in full]
+    assert {case.item for case in full} == {"straight", "settle", "rig", "hanging_chain"}
+    assert {case.item for case in cases(True, "rig")} == {"rig"}
+    for case in full:
+        for side in case.arguments[1:3]:
+            load(case.item, "flexible", side.settings)
+    with pytest.raises(BadInput, match="must be one of straight, settle"):
+        cases(True, "elastica")
+
+
+def test_what_is_added_in_vain_changes_nothing(tmp_path):
+    bare, kept = tmp_path / "bare.mcap", []
+    run("hanging_chain", Side(BRIEF), bare)
+    for added in ("chassis", "ground"):
+        kept.append(tmp_path / f"{added}.mcap")
+        cpu, wall = run("hanging_chain", Side(BRIEF, added), kept[-1])
+        assert 0.0 < cpu < 10.0 * wall
+        assert difference(bare, kept[-1]) == (0.0, 0.0)
+    with Log(kept[0]) as log:
+        assert "/chassis/out" in log.topics
+    heavier = tmp_path / "heavier.mcap"
+    run("hanging_chain", Side((*BRIEF, "vehicle.gravity=9.9")), heavier)
+    assert min(difference(bare, heavier)) > 1e-4 > MOTION
+    silent = tmp_path / "silent.mcap"
+    run("hanging_chain", Side((*BRIEF, "track.link_outputs=false", "run.outputs=4")), silent)
+    with Log(silent) as log:
+        assert set(log.topics) == {"/chain/in", "/chain/out", "/stats/chain"}
+        assert len(log.read("/chain/out").t) == 6
+    assert difference(bare, silent) == (0.0, 0.0)
+
+
+def test_memory_is_that_of_a_process():
+    assert 20.0 < leaving_out.peak() < 20_000.0
+
+
+def test_table_and_figure(tmp_path):
+    one = (0.5, 0.45, 0.55)
+    row = Row("rig", "half", (2.0, 1.0), (2.0, 1.0), (300.0, 200.0), (2000, 1000), one, one, 1e-12, 1e-10, True)
+    lost = leaving_out.failed("rig", "other", "no reason")
+    files = leaving_out.write(tmp_path, "leaving-out", [row, lost], "Title")
+    assert [file.suffix for file in files] == [".csv", ".md", ".png", ".svg"]
+    assert "| rig | half | 2.000 | 1.000 | 0.500 |" in files[1].read_text()
+    assert leaving_out.missed([row, lost]) == [lost]
+    assert math.isnan(lost.motion)
+
+
+def test_show_counts_pairs_outputs_and_modules():
+    scene = load("straight", "flexible", ("symmetric=true", "planar=true", "track.link_outputs=false"))
+    inside, evaluated = "\n".join(lines(scene)).split("contact pairs\n")
+    assert "64 elements, 384 dofs" in inside
+    assert "lateral dofs of the chain" in inside.split("left out")[1]
+    touching, rest = evaluated.split("outputs\n", 1)
+    assert "teeth: 1 sprocket x 64 pins" in touching
+    assert "rims: 6 wheels x 64 links" in touching
+    assert "ground: 64 links" in touching
+    shown, loaded, left = rest.split("modules of fmus:")
+    assert "left_track   59 a step; " in shown
+    assert "planar_contacts" in loaded
+    assert "planar_contacts" not in left
+    assert "fmus.physics.rigid: augmented, body, pin" in left
+    assert "beams" in left
+
+
+def test_pairs_of_other_scenes():
+    rigid = load("rig", "rigid")
+    track = assemble(rigid).parts[0]
+    assert any(pair.startswith("guides: 1 wheels x 64 links") for pair in pairs(rigid, track))
+    hanging = load("hanging_chain", "flexible")
+    assert pairs(hanging, assemble(hanging).parts[0]) == []
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings", "says"),
+    [
+        ("straight", ("planar=true",), "planar = true needs symmetric = true"),
+        ("rig", ("planar=true", "track=rigid"), "planar = true needs track.model = 'flexible'"),
+        ("rig", ("planar=true", "track.element=beam"), "planar = true needs track.element = 'cable', not 'beam'"),
+        ("rig", ("planar=true", "track.elasticity=general"), "needs track.elasticity = 'small_deformation'"),
+    ],
+)
+def test_what_is_not_planar_is_refused(scene, settings, says):
+    with pytest.raises(BadInput, match=says):
+        load(scene, "flexible", settings)
