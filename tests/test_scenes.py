@@ -225,16 +225,18 @@ def test_displaced_start_swings(ran):
         assert log.signal("chain.energy.kinetic")[1].max() > 10.0
 
 
-def alike(a, b, topic):
-    """The same motion and forces in two logs, to the growth of rounding."""
+def alike(a, b, topic, least=0.0):
+    """The same motion and forces in two logs, to the growth of rounding; forces over ``least`` of the largest."""
     names = [n for n in b.read(topic).names if n.endswith((".x", ".z", "tension"))]
     names = [n for n in names if ".torque" not in n and "angular" not in n and "orientation" not in n]
     assert len(names) > 30
     columns = [[series.names.index(n) for n in names] for series in (a.read(topic), b.read(topic))]
     one, other = a.read(topic).values[:, columns[0]], b.read(topic).values[:, columns[1]]
-    apart = np.abs(other - one).max(axis=0) / np.maximum(np.abs(one).max(axis=0), 1e-3)
     # a link of 3e9 N/m turns the rounding of a coordinate, 1e-15 m, into microns of a newton, ever again
     force = np.array([n.endswith("tension") or ".force" in n for n in names])
+    scale = np.maximum(np.abs(one).max(axis=0), 1e-3)
+    scale[force] = np.maximum(scale[force], least * scale[force].max(initial=0.0))
+    apart = np.abs(other - one).max(axis=0) / scale
     assert apart[~force].max() < 1e-9
     assert apart[force].max(initial=0.0) < 1e-8
 
@@ -278,7 +280,7 @@ def test_a_planar_chain_runs_like_one_in_space(ran, name):
     brief = ("run.stop=0.3 s", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run.links=50")
     space, plane = ran(name, "flexible", *brief), ran(name, "flexible", *brief, "planar=true")
     with Log(space["log"]) as a, Log(plane["log"]) as b:
-        alike(a, b, "/track/links")
+        alike(a, b, "/track/links", least=0.05)  # in straight spans little force is vertical
     assert plane["energy"]["work"] == pytest.approx(space["energy"]["work"], rel=1e-8)
 
 
