@@ -14,11 +14,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fmus.vehicle import BadInput
 from orchestrator import precision
 from orchestrator.difference import differences, worst
 from orchestrator.evidence import Evidence
 from orchestrator.reader import Log
-from orchestrator.scene import ChainScene, Scene, load
+from orchestrator.scene import ChainScene, Scene, TrackScene, load
 from orchestrator.studies import Case
 
 TITLE = "Error against run time"
@@ -86,6 +87,8 @@ COUPLED = (
 def cases(quick: bool, scene: str = "straight") -> list[Case]:
     """The truth of each track model, then every way to run the scene."""
     found = load(scene)
+    if not isinstance(found, TrackScene):
+        raise BadInput(f"study error-runtime: scene '{scene}' has no track, and its reference is in its checks")
     base = (QUICK[found.assembly],) if quick else ()
     if isinstance(found, ChainScene) and found.chain.ends == "pinned" and found.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # at rest there is nothing to be wrong about

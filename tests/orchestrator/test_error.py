@@ -152,6 +152,12 @@ def test_shipped_settings_are_sound():
         assert 0.0 < row.error < 1.0
 
 
+def test_the_study_needs_a_track():
+    with pytest.raises(BadInput, match="'elastica' has no track"):
+        error_runtime.cases(True, "elastica")
+    assert len({case.name for case in error_runtime.cases(False, "rig")}) == len(error_runtime.cases(False, "rig"))
+
+
 # --- the study -------------------------------------------------------------------------------------
 
 
