@@ -39,7 +39,10 @@ from orchestrator.system import CHASSIS, TRACK, Assembly, Part, assemble, placed
 TITLE = "What leaving out saves"
 WORKERS = 1  # a timed pair has the machine to itself
 PAIRS = 5
-MOTION, FORCE = 1e-9, 1e-8  # differences allowed; a link of 3e9 N/m makes newtons of nanometres
+# Differences allowed. Pin forces are what Newton's last evaluation found, corrections of up to 1e-9 m before the end;
+# a link of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
+MOTION, FORCE = 1e-9, 1e-6
+LEAST = 1e-3  # of a scale: what is smaller in SI units is nothing
 SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; the others are forces, stresses and energies
 DEPTH = 1000.0  # m from a chain to a ground that it never touches
 BRIEF = "run.stop=10 ms"
@@ -144,26 +147,27 @@ def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
 
 
 def difference(one: Path, other: Path) -> tuple[float, float]:
-    """Largest differences of motion and of forces in the series of two logs, at the times that both have."""
-    worst = [0.0, 0.0]
+    """Largest differences of motion and of forces in the series of two logs, at the times that both have.
+
+    Relative to the largest value of the same unit in all that they share.
+    """
+    scale: dict[str, float] = {}
+    apart: dict[str, float] = {}
     with Log(one) as a, Log(other) as b:
         for topic in sorted(set(a.topics) & set(b.topics)):
             if topic.startswith("/stats"):
                 continue
             left, right = a.read(topic), b.read(topic)
-            names = [name for name in left.names if name in right.names]
             _, i, j = np.intersect1d(np.rint(left.t * 1e9), np.rint(right.t * 1e9), return_indices=True)
-            x = left.values[i][:, [left.names.index(name) for name in names]]
-            y = right.values[j][:, [right.names.index(name) for name in names]]
-            units = np.array([a.topics[topic].units[left.names.index(name)] for name in names])
-            for unit in set(units):
-                same = units == unit
-                scale = float(np.abs(x[:, same]).max(initial=0.0))
-                apart = float(np.abs(x[:, same] - y[:, same]).max(initial=0.0))
-                if apart:
-                    which = 0 if unit in SOFT else 1
-                    worst[which] = max(worst[which], apart / max(scale, 1e-300))
-    return worst[0], worst[1]
+            for name in set(left.names) & set(right.names):
+                at = left.names.index(name)
+                x, y = left.values[i, at], right.values[j, right.names.index(name)]
+                unit = a.topics[topic].units[at]
+                scale[unit] = max(scale.get(unit, 0.0), float(np.abs(x).max(initial=0.0)))
+                apart[unit] = max(apart.get(unit, 0.0), float(np.abs(x - y).max(initial=0.0)))
+    relative = {unit: by / max(scale[unit], LEAST) for unit, by in apart.items()}
+    soft = (by for unit, by in relative.items() if unit in SOFT)
+    return max(soft, default=0.0), max((by for unit, by in relative.items() if unit not in SOFT), default=0.0)
 
 
 # --- runs, in a process of their own ---------------------------------------------------------------

@@ -411,7 +411,7 @@ def test_the_component_of_beams():
 
 
 def test_what_cannot_be_is_refused():
-    with pytest.raises(InvalidParameter, match="element = 'shell': must be one of cable, beam"):
+    with pytest.raises(InvalidParameter, match="element = 'shell': must be one of cable, planar, beam"):
         hanging(links=8, element="shell")
     with pytest.raises(InvalidParameter, match="elasticity = 'general' needs element = 'cable'"):
         hanging(links=8, element="beam", elasticity="general")
