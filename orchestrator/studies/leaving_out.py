@@ -42,7 +42,7 @@ PAIRS = 5
 # Differences allowed. Pin forces are what Newton's last evaluation found, corrections of up to 1e-9 m before the end;
 # a link of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
 MOTION, FORCE = 1e-9, 1e-6
-LEAST = 1e-3  # of a scale: what is smaller in SI units is nothing
+LEAST = 1e-2  # of a scale: a unit of which a run has no more, in SI, is one that it hardly has
 SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; the others are forces, stresses and energies
 DEPTH = 1000.0  # m from a chain to a ground that it never touches
 BRIEF = "run.stop=10 ms"
