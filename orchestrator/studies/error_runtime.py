@@ -227,13 +227,14 @@ def sentences(rows: Sequence[Row]) -> list[str]:
                 said.append(
                     f"{scene}, {track}: {level:.2%} costs {row.wall_time:.3g} s (error {row.error:.2g}): {row.case}"
                 )
-    found = ratios(rows)
-    if found:
-        right = sum(1.0 / FACTOR <= ratio <= FACTOR for ratio in found)
-        said.append(
-            f"own estimates within a factor of {FACTOR:g} of the true error: {right} of {len(found)}"
-            f" ({right / len(found):.0%}); median ratio {sorted(found)[len(found) // 2]:.2f}"
-        )
+    whole = [row.estimate / row.error for row in runs(rows) if row.error > 0.0 and row.estimate > 0.0]
+    for what, found in (("of whole runs", whole), ("by observable", ratios(rows))):
+        if found:
+            right = sum(1.0 / FACTOR <= ratio <= FACTOR for ratio in found)
+            said.append(
+                f"own estimates {what} within a factor of {FACTOR:g} of the true error: {right} of {len(found)}"
+                f" ({right / len(found):.0%}); median ratio {sorted(found)[len(found) // 2]:.2f}"
+            )
     return said
 
 
@@ -287,7 +288,7 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"]
     draw(rows, pictures, f"{title}: {scenes}")
     settings = [
-        precision.Setting(row.item, row.track, row.settings, row.error, row.wall_time) for row in runs(rows)
+        precision.Setting(row.item, row.track, means(row), row.error, row.wall_time) for row in runs(rows)
     ]
     tables = [folder / "precision.json"]
     if not any(setting.startswith("run.stop") for row in rows for setting in row.settings):
@@ -295,6 +296,11 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     for table in tables:
         precision.write(settings, table)
     return [*(folder / file for file in texts), *pictures, *tables]
+
+
+def means(row: Row) -> tuple[str, ...]:
+    """Of a row's settings, how the scene is run; what it is stays with the scene."""
+    return tuple(s for s in row.settings if not s.startswith(("run.stop", "track.start", "chain.")))
 
 
 def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:

@@ -235,6 +235,7 @@ def test_stress_of_a_bent_link(elasticity):
     assert model.report[STRESS] == pytest.approx(young * model.link.outer_fibre / radius, rel=1e-4)
 
 
+@pytest.mark.study  # a minute of compilation: contacts with links of another elasticity
 def test_a_closed_track_settles_on_its_wheels():
     """Steel links: the same tensions, and nothing moves, whatever the elasticity."""
     found = {}

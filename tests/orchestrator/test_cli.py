@@ -188,6 +188,7 @@ def test_checks_that_cannot_be_made_say_why(cotrack):
 @pytest.mark.parametrize("phase", ["build", "initialise", "warm up"])
 def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
     """Also where a component takes the interruption for a failure of its own."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 
     def interrupted(*_):
         try:
@@ -203,12 +204,15 @@ def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
         "warm up": (Component, "step"),
     }[phase]
     monkeypatch.setattr(owner, name, interrupted)
-    status, out, err = cotrack(*SHORT)
+    try:
+        status, out, err = cotrack(*SHORT)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert status == 1
     assert err.startswith("cotrack: interrupted")
     assert len(err.splitlines()) == 1
     assert last(out)["status"] == "failed"
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_full_disk_fails_the_run(cotrack):
