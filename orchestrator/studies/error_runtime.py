@@ -308,6 +308,7 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
     from matplotlib import colormaps
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     shown = runs(rows)
     names = ["", *dict.fromkeys(name for row in shown for name in row.errors)]
@@ -351,7 +352,9 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
         pane.set_title(name.replace("_", " ") or "largest of the decisive ones", fontsize=9, loc="left")
         pane.set_xlabel("run time, s", fontsize=8)
         pane.set_ylabel("relative error", fontsize=8)
-        pane.grid(True, which="major", color="0.9")
+        pane.xaxis.set_minor_formatter(NullFormatter())
+        pane.yaxis.set_minor_formatter(NullFormatter())
+        pane.grid(True, which="both", color="0.93")
     for pane in axes[len(names) :]:
         pane.set_axis_off()
     handles, labels = axes[0].get_legend_handles_labels()
