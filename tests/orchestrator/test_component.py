@@ -187,9 +187,12 @@ def test_fmu_is_unpacked_once_by_content(toy, fresh_cache, tmp_path):
 
 
 def test_cache_may_lie_anywhere(tmp_path, monkeypatch):
-    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "a b" / "größe [1] 50%"))
+    place = tmp_path / "a b" / "größe [1] 50%"
+    monkeypatch.setenv("COTRACK_CACHE", str(place))
     with Component(build_toy(), "toy") as component:
         component.initialise({})
+        component.step(0.0, H)
+    assert len(list((place / "unpacked").iterdir())) == 1
 
 
 def test_closed_component_says_so(toy):
