@@ -23,7 +23,7 @@ from orchestrator.scene import Scene, TrackScene
 SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
 
-Run = Callable[[Scene, Path], dict[str, Any]]  # records a scene and gives its summary
+Run = Callable[[Scene, Path], dict[str, Any]]  # records a scene, there or elsewhere, and gives its summary
 
 
 class Companions(NamedTuple):
@@ -34,7 +34,7 @@ class Companions(NamedTuple):
 
 
 def companions(scene: TrackScene, internal: float, simulated: float, components: int) -> Companions:
-    """Twice the communication step, twice the internal step too; ``internal`` s is what the tracks really took."""
+    """Twice the communication step, twice the internal step too; ``internal`` s is what the tracks set out to take."""
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
     run = scene.run.model_copy(
@@ -54,18 +54,19 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
     simulated = summary["simulated_time"]
     if not isinstance(scene, TrackScene) or not steps or not all(steps) or simulated < 4.0 * scene.run.step:
         return unknown("the run is too short, or nothing in it has an internal step to double")
-    wanted = companions(scene, simulated / max(steps), simulated, len(summary["components"]))
+    count = summary["communication_steps"]
+    pieces = max(1, round(max(steps) / count))  # of a communication step; the few that were halved are not counted
+    wanted = companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         logs, spent = {}, 0.0
         for name, companion in zip(wanted._fields, wanted, strict=True):
             if companion is None:
                 continue
-            path = Path(folder) / f"{name}.mcap"
-            told = record(companion, path)
+            told = record(companion, Path(folder) / f"{name}.mcap")
             spent += told["wall_time"]
             if told["status"] != "ok":
                 return unknown(f"the run at twice the step failed: {told['message']}")
-            logs[name] = path
+            logs[name] = Path(told["log"])
         try:
             with Log(log) as fine, Log(logs["both"]) as both, Log(logs.get("coupling", log)) as coupling:
                 runs = [Evidence(each) for each in (fine, coupling, both)]

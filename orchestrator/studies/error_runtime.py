@@ -1,7 +1,8 @@
 """Error against run time: ways to run a scene, each held against the truth of its track model.
 
 A case times one run of the scene on its own, compares it with the truth (``truth``) in the norm of ``difference``, and
-asks the run for its own estimate. Run time is that of the steps, without start-up and without the estimate.
+asks the run for its own estimate, whose coarser companions are often other points of the study and not run again. Run
+time is that of the steps, without start-up and without the estimate.
 """
 
 from __future__ import annotations
@@ -9,18 +10,17 @@ from __future__ import annotations
 import csv
 import io
 import math
-import tempfile
 from collections.abc import Iterable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput
 from orchestrator import precision
-from orchestrator.difference import differences, worst
-from orchestrator.evidence import Evidence
-from orchestrator.reader import Log
+from orchestrator.difference import worst
 from orchestrator.scene import ChainScene, Scene, TrackScene, load
 from orchestrator.studies import Case
+from orchestrator.studies.runs import Runs
 
 TITLE = "Error against run time"
 WORKERS = 1  # a timed run has the machine to itself
@@ -119,17 +119,16 @@ def _scene(scene: str, track: str, settings: Sequence[str]) -> Scene:
 
 def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
     """The truth held against its own coarser half."""
-    from orchestrator.truth import ORDER, truth
+    from orchestrator.truth import ORDER, apart, truth
 
     found = truth(load(scene, track, base))
-    with Log(found.coarse_log) as coarse, Log(found.log) as fine:
-        apart = differences(Evidence(coarse), Evidence(fine))
+    between = apart(found.coarse_log, found.log)
     share = 1.0 / (2.0**ORDER - 1.0)
     row = Row(
-        "", "", track, "truth", base, found.wall_time, math.nan, share * worst(apart), math.nan,
-        {name: share * one.relative for name, one in apart.items()}, {},
-        {name: share * one.absolute for name, one in apart.items()},
-        {name: one.unit for name, one in apart.items()},
+        "", "", track, "truth", base, found.wall_time, math.nan, share * worst(between), math.nan,
+        {name: share * one.relative for name, one in between.items()}, {},
+        {name: share * one.absolute for name, one in between.items()},
+        {name: one.unit for name, one in between.items()},
         note=f"internal step {found.internal_step * 1e6:.3g} us",
     )  # fmt: skip
     return [row]
@@ -137,30 +136,33 @@ def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
 
 def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Row]:
     """One run, timed, against the truth, with its own estimate."""
-    from orchestrator.simulate import simulate
-    from orchestrator.truth import truth
+    from orchestrator.estimate import estimate
+    from orchestrator.truth import apart, truth
 
     exact = truth(load(scene, track, base))
-    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        path = Path(folder) / "run.mcap"
-        told = simulate(_scene(scene, track, settings), path, estimated=True)
-        if told["status"] != "ok":
-            return [
-                failed(scene, "", told["message"])._replace(track=track, method=method, settings=settings)
-            ]
-        with Log(path) as run, Log(exact.log) as reference:
-            apart = differences(Evidence(run), Evidence(reference))
-    own = told["error"]
+    timed = _scene(scene, track, settings)
+    told = _runs().record(timed)
+    if told["status"] != "ok":
+        return [failed(scene, "", told["message"])._replace(track=track, method=method, settings=settings)]
+    log = Path(told["log"])
+    off = apart(log, exact.log)
+    own = estimate(timed, log, told, _runs().record)
     estimates = {name: one["total"] for name, one in own["observables"].items()}
     row = Row(
-        "", "", track, method, settings, told["wall_time"], told["cpu_time"], worst(apart),
+        "", "", track, method, settings, told["wall_time"], told["cpu_time"], worst(off),
         math.nan if own["total"] is None else own["total"],
-        {name: one.relative for name, one in apart.items()}, estimates,
-        {name: one.absolute for name, one in apart.items()},
-        {name: one.unit for name, one in apart.items()},
+        {name: one.relative for name, one in off.items()}, estimates,
+        {name: one.absolute for name, one in off.items()},
+        {name: one.unit for name, one in off.items()},
         note=own["message"],
     )  # fmt: skip
     return [row]
+
+
+@cache
+def _runs() -> Runs:
+    """Those of this process."""
+    return Runs()
 
 
 def failed(item: str, case: str, reason: str) -> Row:

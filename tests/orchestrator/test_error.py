@@ -11,12 +11,14 @@ from fmus.vehicle import BadInput
 from orchestrator import precision
 from orchestrator.cli import main
 from orchestrator.difference import Difference, Observable, Signal, aligned, difference, differences, worst
+from orchestrator.estimate import estimate
 from orchestrator.evidence import Evidence
 from orchestrator.precision import Setting, cheapest, fraction, front
 from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import Case, error_runtime
+from orchestrator.studies.runs import Runs
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
 LINE = Observable("m", 0.1, lambda run: Signal(np.zeros(1), np.zeros((1, 1))))
@@ -78,6 +80,32 @@ def test_the_estimate_is_within_a_factor_of_three(swings, step):
     for name, one in true.items():
         assert 1 / 3 < own["observables"][name]["total"] / one.relative < 3, name
     assert own["total"] / worst(true) < 3
+
+
+def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
+    """A track that took 12 steps more than 1000 set out to take one a communication step: its double is 8 ms."""
+    asked = []
+
+    def record(scene, path):
+        asked.append((scene.run.step, scene.track.step))
+        return {"status": "failed", "message": "not run", "wall_time": 0.0}
+
+    scene = load("straight", "flexible", ("run.step=4 ms", "track.step=4 ms", "run.stop=4 s"))
+    costs = {"left_track": {"steps": 1012}, "right_track": {"steps": 1000}, "chassis": {"steps": 0}}
+    summary = {"components": costs, "simulated_time": 4.0, "communication_steps": 1000}
+    assert estimate(scene, tmp_path / "no.mcap", summary, record)["total"] is None
+    summary["components"]["left_track"]["steps"] = 2012
+    estimate(scene, tmp_path / "no.mcap", summary, record)
+    assert asked == [(0.008, 0.004), (0.008, 0.002)]
+
+
+def test_a_study_makes_no_run_twice():
+    runs = Runs()
+    scene, other = (load("hanging_chain", "flexible", (*SWING, f"run.step={h} ms")) for h in (4, 2))
+    first, again, second = runs.record(scene), runs.record(scene.model_copy()), runs.record(other)
+    assert again is first
+    assert second["log"] != first["log"]
+    assert second["communication_steps"] == 2 * first["communication_steps"]
 
 
 def test_the_log_closes_with_error_and_cost(swings):

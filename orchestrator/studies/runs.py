@@ -1,0 +1,37 @@
+"""Runs of a study, each made once: the coarser companion of one point of a curve is another of its points."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from fmus.build import BuildFailed
+from orchestrator.component import ComponentFailed
+from orchestrator.coupling.scheme import CouplingFailed
+from orchestrator.recorder import LogFailed
+from orchestrator.scene import Scene
+from orchestrator.simulate import simulate
+
+
+class Runs:
+    """Logs and summaries by scene, kept as long as the process."""
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="cotrack-runs-")
+        self._known: dict[str, dict[str, Any]] = {}
+
+    def record(self, scene: Scene, path: Path | None = None) -> dict[str, Any]:
+        """The summary of a run, its log where ``log`` says; raises KeyboardInterrupt when it is interrupted."""
+        key = json.dumps(scene.resolved(), sort_keys=True)
+        if key not in self._known:
+            path = Path(self._folder.name) / f"{len(self._known)}.mcap"
+            try:
+                told = simulate(scene, path)
+            except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
+                told = {"status": "failed", "message": str(failure), "wall_time": 0.0}
+            if told["message"].startswith("interrupted"):
+                raise KeyboardInterrupt
+            self._known[key] = told
+        return self._known[key]
