@@ -12,6 +12,7 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -57,7 +58,7 @@ class Row(NamedTuple):
 
 
 class Method(NamedTuple):
-    """A curve: common settings, and the steps (communication, internal) in ms that its points take."""
+    """A curve: common settings, and the steps (communication, internal) in ms of its points; 0: the stable one."""
 
     name: str
     settings: tuple[str, ...]
@@ -77,10 +78,12 @@ COUPLED = (
     Method("tracks first", (), equal(4, 2, 1, 0.5, 0.25, 0.125)),
     Method("tracks first, H = 2 h", (), ((4, 2), (2, 1), (1, 0.5), (0.5, 0.25))),
     Method("tracks first, H = 4 h", (), ((4, 1), (2, 0.5), (1, 0.25))),
-    Method("Jacobi", ("run.coupling=jacobi",), equal(1, 0.5, 0.25)),
     Method("Gauss-Seidel", ("run.coupling=gauss_seidel",), equal(1, 0.5, 0.25)),
+    Method("Gauss-Seidel, H = 2 h", ("run.coupling=gauss_seidel",), ((4, 2), (2, 1), (1, 0.5), (0.5, 0.25))),
+    Method("Gauss-Seidel, H = 4 h", ("run.coupling=gauss_seidel",), ((4, 1), (2, 0.5), (1, 0.25))),
+    Method("Jacobi", ("run.coupling=jacobi",), equal(1, 0.5, 0.25)),
     Method("iterative", ("run.coupling=iterative",), equal(2, 1, 0.5)),
-    Method("Runge-Kutta, tracks first", ("track.integrator=runge_kutta",), ((1, 0.008), (0.25, 0.008))),
+    Method("Runge-Kutta", ("track.integrator=runge_kutta",), ((0.25, 0),)),
 )
 
 
@@ -88,7 +91,9 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     """The truth of each track model, then every way to run the scene."""
     found = load(scene)
     if not isinstance(found, TrackScene):
-        raise BadInput(f"study error-runtime: scene '{scene}' has no track, and its reference is in its checks")
+        raise BadInput(
+            f"study error-runtime: scene '{scene}' has no track, and its reference is in its checks"
+        )
     base = (QUICK[found.assembly],) if quick else ()
     if isinstance(found, ChainScene) and found.chain.ends == "pinned" and found.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # at rest there is nothing to be wrong about
@@ -100,8 +105,10 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
             for step, internal in method.steps[: 4 if quick else None]:
                 if quick and "Runge" in method.name and found.assembly != "chain":
                     continue
-                settings = (*base, *method.settings, f"run.step={step} ms", f"track.step={internal} ms")
-                name = f"{model}, {method.name}, H = {step:g} ms, h = {internal:g} ms"
+                settings = (*base, *method.settings, f"run.step={step} ms")
+                settings += (f"track.step={internal} ms",) if internal else ()
+                own = f"{internal:g} ms" if internal else "the stable one"
+                name = f"{model}, {method.name}, H = {step:g} ms, h = {own}"
                 wanted.append(Case(scene, name, point, (scene, model, method.name, settings, base), 30.0))
     return wanted
 
@@ -310,6 +317,7 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
     from matplotlib import colormaps
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
     from matplotlib.ticker import NullFormatter
 
     shown = runs(rows)
@@ -319,22 +327,25 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
     figure = Figure(figsize=(5.2 * across, 4.2 * down + 1.4), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(down, across, squeeze=False).ravel()
-    curves = list(dict.fromkeys((row.track, row.method) for row in shown))
+    methods = list(dict.fromkeys(row.method for row in shown))
+    tracks = list(dict.fromkeys(row.track for row in shown))
+    lines: dict[str, Any] = dict(zip(tracks, ("-", "--"), strict=False))
     for pane, name in zip(axes, names, strict=False):
 
         def error(row: Row, name: str = name) -> float:
             return row.errors.get(name, math.nan) if name else row.error
 
-        for k, (track, method) in enumerate(curves):
-            points = sorted(
+        for track, (k, method) in product(tracks, enumerate(methods)):
+            points = [
                 (row.wall_time, error(row)) for row in shown if (row.track, row.method) == (track, method)
-            )
+            ]
+            if not points:
+                continue
             pane.loglog(
-                *zip(*points, strict=True), marker="os^vDP*X"[k % 8], markersize=4, linewidth=1,
-                linestyle="-" if track == "flexible" else "--", color=colormaps["tab10"](k % 10),
-                label=f"{track}, {method}",
+                *zip(*points, strict=True), marker="os^vDP*Xp"[k % 9], markersize=4, linewidth=1,
+                linestyle=lines[track], color=colormaps["tab10"](k % 10),
             )  # fmt: skip
-        for track in dict.fromkeys(row.track for row in shown):
+        for track in tracks:
             best = pareto((row for row in shown if row.track == track), error)
             pane.loglog(
                 [row.wall_time for row in best], [error(row) for row in best], linestyle="none", marker="o",
@@ -342,15 +353,8 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
             )  # fmt: skip
         own = [error(row) for row in rows if row.method == "truth"]
         if own and max(own) > 0.0:
-            pane.text(
-                0.98,
-                0.97,
-                f"truth: {max(own):.0e}",
-                fontsize=7,
-                ha="right",
-                va="top",
-                transform=pane.transAxes,
-            )
+            corner = {"ha": "right", "va": "top", "transform": pane.transAxes, "fontsize": 7}
+            pane.text(0.98, 0.97, f"truth: {max(own):.0e}", **corner)
         pane.set_title(name.replace("_", " ") or "largest of the decisive ones", fontsize=9, loc="left")
         pane.set_xlabel("run time, s", fontsize=8)
         pane.set_ylabel("relative error", fontsize=8)
@@ -359,8 +363,14 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
         pane.grid(True, which="both", color="0.93")
     for pane in axes[len(names) :]:
         pane.set_axis_off()
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), fontsize=8)
-    figure.suptitle(f"{title} (rings: Pareto front of a track model)", fontsize=10)
+    keys = [
+        Line2D([], [], color=colormaps["tab10"](k % 10), marker="os^vDP*Xp"[k % 9], label=method)
+        for k, method in enumerate(methods)
+    ]
+    keys += [
+        Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in lines.items()
+    ]
+    figure.legend(handles=keys, loc="outside lower center", ncols=min(4, len(keys)), fontsize=10)
+    figure.suptitle(f"{title} (rings: Pareto front of a track model)", fontsize=12)
     for file in files:
         figure.savefig(file, dpi=100)
