@@ -1,6 +1,6 @@
 """The command ``cotrack``. Results go to stdout, messages and progress to stderr.
 
-Exit status: 0 done and every check made is ok, 1 failed or a check not ok, 2 bad input.
+Exit status: 0 done and every check made is ok, 1 failed, a check not ok or an energy ledger left open, 2 bad input.
 """
 
 from __future__ import annotations
@@ -206,8 +206,8 @@ def run(
             resolved = load(scene, _model(track), [*chosen, *changes])
         path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
         result = simulate(resolved, path, _warn, progress=True, estimated=estimate)
-        sound = result["status"] == "ok" and all(check["ok"] for check in result["checks"].values())
-        status = 0 if sound else 1
+        checked = all(check["ok"] for check in result["checks"].values())
+        status = 0 if result["status"] == "ok" and checked and not summary.doubt(result["energy"]) else 1
     except _refusals() as error:
         result["message"] = str(error)
     except KeyboardInterrupt:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -55,6 +56,19 @@ def test_show(cotrack):
     assert status == 0
     assert "TrackRigid" in out
     assert "left out" in out
+
+
+def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
+    """A chain that falls 20 cm a step: nothing is asked of it, yet it cannot be right."""
+    text = (Path(gallery.__file__).parent / "scenes" / "released_chain.toml").read_text(encoding="utf-8")
+    (tmp_path / "fall.toml").write_text(text.partition("[expect")[0], encoding="utf-8")
+    fall = ("run", "fall.toml", "--no-estimate", "--set", "chain.links=8", "--stop", "0.6", "--json")
+    for step, wanted in (("50 ms", 1), ("2 ms", 0)):
+        status, out, err = cotrack(*fall, "--step", step, "--set", f"track.step={step}")
+        told = last(out)
+        assert (told["status"], told["checks"]) == ("ok", {})
+        assert status == wanted, (step, told["energy"])
+        assert ("ledger" in err) == bool(wanted)
 
 
 def test_run_ends_with_one_json_object(cotrack, tmp_path):
