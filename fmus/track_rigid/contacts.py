@@ -7,8 +7,9 @@ from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.guide import HORN, guide_contact
 from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
-from fmus.physics.contact.wheel import GAUSS, bulge, closing, reach, wheel_contact
-from fmus.track_rigid.loads import CONTACT, LOAD, SLIP, count, lever, push, resist
+from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, wheel_contact
+from fmus.physics.vector import dot
+from fmus.track_rigid.loads import CONTACT, COVERING, LOAD, SLIP, count, lever, push, resist
 
 # The contact loops below run over the whole chain and take arrays out of the tuples first: handing a tuple of thirty
 # arrays to a kernel a link costs more than the contact itself.
@@ -27,12 +28,13 @@ def _rims(link, law, contacts, s, w, by_v, tangent):
         for i in range(q.shape[0]):
             if (q[i, 0] - row[0]) ** 2 + (q[i, 1] - row[1]) ** 2 + (q[i, 2] - row[2]) ** 2 > near:
                 continue
-            for j in range(3):
-                p[0, j] = q[i, j] - link.half * A[i, j, 0]
-                p[1, j] = q[i, j] + link.half * A[i, j, 0]
-            low, high, foot = reach(row, radius, p[0], p[1], link.face, c.side)
+            lever(A[i], v[i], q[i], -link.half, 0.0, 0.0, N[0])
+            lever(A[i], v[i], q[i], link.half, 0.0, 0.0, N[1])
+            part = reach(row, radius, N[0, 0], N[1, 0], link.face, c.side)
+            low, high, foot = part
             if high <= low:
                 continue
+            ends = creeping(row, radius, (N[0, 0], N[0, 1]), (N[1, 0], N[1, 1]), link.face, c.side, part, c.w)
             lever(A[i], v[i], q[i], (2.0 * foot - 1.0) * link.half, 0.0, 0.0, p)
             rate = closing(row, p[1], c.side)
             share = 0.25 * (high - low)
@@ -44,11 +46,15 @@ def _rims(link, law, contacts, s, w, by_v, tangent):
                 )
                 if depth > 0.0:
                     count(tally, depth, energy, power)
+                    slope = -2.0 * link.half * dot(c.n, A[i, :, 0])
+                    tally[COVERING] += covered(law, share, depth, slope, part, ends, g // 2)
                     collect(row, p[0], c.f, F[k])
                     push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
                     if tangent:
                         resist(A[i], N[0], (2.0 * foot - 1.0) * link.half, c, by_v, K[i])
-            tally[CONTACT] += bulge(law, radius, 2.0 * link.half, low, high)
+            energy, power = bulge(law, radius, 2.0 * link.half, low, high, ends)
+            tally[CONTACT] += energy
+            tally[COVERING] += power
 
 
 @kernel
@@ -106,20 +112,24 @@ def _guides(link, law, contacts, s, w, by_v, tangent):
                 continue
             if square - off * off > (radius + link.face + link.half) ** 2:
                 continue
-            for j in range(3):
-                p[0, j] = q[i, j] - link.half * A[i, j, 0]
-                p[1, j] = q[i, j] + link.half * A[i, j, 0]
-            low, high, _ = reach(row, radius, p[0], p[1], link.face, c.side)
+            lever(A[i], v[i], q[i], -link.half, 0.0, 0.0, N[0])
+            lever(A[i], v[i], q[i], link.half, 0.0, 0.0, N[1])
+            part = reach(row, radius, N[0, 0], N[1, 0], link.face, c.side)
+            low, high, foot = part
             if high <= low:
                 continue
+            ends = creeping(row, radius, (N[0, 0], N[0, 1]), (N[1, 0], N[1, 1]), link.face, c.side, part, c.w)
+            share = 0.5 * (high - low)
             for g in range(2):
                 along = 2.0 * (low + (high - low) * (0.5 + (2 * g - 1) * GAUSS)) - 1.0
                 lever(A[i], v[i], q[i], along * link.half, 0.0, -link.face, p)
                 depth, _, energy, power, _ = guide_contact(
-                    law, 0.5 * (high - low), contacts.clearance, row, p[0], p[1], c, tangent
+                    law, share, contacts.clearance, row, p[0], p[1], c, tangent
                 )
                 if depth > 0.0:
                     count(tally, depth, energy, power)
+                    slope = -2.0 * link.half * dot(c.n, A[i, :, 0])
+                    tally[COVERING] += covered(law, share, depth, slope, part, ends, g)
                     collect(row, p[0], c.f, F[k])
                     push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
 

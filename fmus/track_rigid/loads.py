@@ -5,8 +5,8 @@ from __future__ import annotations
 from fmus.jit import kernel
 
 # tally: sums over the run, then figures of the last evaluation
-TRAVEL, DISSIPATED, WORK, POWER, LOAD_POWER, CONTACT, DEPTH, SLIP, LOAD = range(9)
-TALLY = 9
+TRAVEL, DISSIPATED, WORK, COVERED, POWER, LOAD_POWER, COVERING, CONTACT, DEPTH, SLIP, LOAD = range(11)
+TALLY = 11
 
 
 @kernel

@@ -14,6 +14,7 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.contact.friction import press
 from fmus.physics.contact.partner import slide
+from fmus.physics.vector import cross, dot
 
 GAUSS = 0.5 / np.sqrt(3.0)  # two-point abscissae 1/2 -+ GAUSS on the unit interval
 
@@ -78,12 +79,61 @@ def wheel_contact(law, share, radius, row, x, v, rate, s, tangent):
 
 
 @kernel
-def bulge(law, radius, length, low, high):
+def bulge(law, radius, length, low, high, rates):
     """Energy, J, that the parabola of penetration from ``low`` to ``high`` stores beyond its two Gauss points.
 
     With the depth m + g eta - c (eta^2 - 1/3) over eta from -1 to 1, the mean of its square is
-    m^2 + g^2 / 3 + 4 c^2 / 45; the Gauss points hold the first two terms.
+    m^2 + g^2 / 3 + 4 c^2 / 45; the Gauss points hold the first two terms. It grows with the fifth power of the part.
+    Returns also the power W that it loses as the ends of the part move at ``rates`` (2).
     """
     half = 0.5 * (high - low) * length
     c = half * half / (2.0 * radius)
-    return 0.5 * law.k * (high - low) * 4.0 * c * c / 45.0
+    energy = 0.5 * law.k * (high - low) * 4.0 * c * c / 45.0
+    return energy, -5.0 * energy * (rates[1] - rates[0]) / (high - low)
+
+
+@kernel
+def creep(radius, length, offset, part, first, last):
+    """Rates, 1/s, at which both ends of the part of a face inside the rim move along the link.
+
+    ``part``: low, high and foot of ``reach``. ``first`` and ``last``: velocities (normal, along) of the link's pins
+    relative to the wheel's material. An end that is the link's own stays.
+    """
+    low, high, foot = part
+    if low <= 0.0 and high >= 1.0:
+        return 0.0, 0.0
+    half = max(foot - low, high - foot) * length
+    height = np.sqrt(max(radius * radius - half * half, 0.0))
+    swing = offset * (last[0] - first[0]) / length  # of the face about the pin line
+    n0, t0, n, t = first[0], first[1] + swing, last[0] - first[0], last[1] - first[1]
+    at_low = at_high = 0.0
+    if low > 0.0:  # the place stays on the rim: its radius does not change
+        at_low = (height * (n0 + low * n) - half * (t0 + low * t)) / (half * length)
+    if high < 1.0:
+        at_high = -(height * (n0 + high * n) + half * (t0 + high * t)) / (half * length)
+    return at_low, at_high
+
+
+@kernel
+def creeping(row, radius, first, last, offset, side, part, w):
+    """``creep`` in space: position and velocity (3) of the pins, ``side`` (3) of ``reach``; ``w`` (3) is scratch."""
+    if part[0] <= 0.0 and part[1] >= 1.0:
+        return 0.0, 0.0
+    along = cross(row[9:12], side)
+    length = dot(along, last[0]) - dot(along, first[0])
+    slide(row, first[0], first[1], w)
+    a = dot(side, w), dot(along, w)
+    slide(row, last[0], last[1], w)
+    return creep(radius, length, offset, part, a, (dot(side, w), dot(along, w)))
+
+
+@kernel
+def covered(law, share, depth, slope, part, rates, second):
+    """Power W that a Gauss point loses, the first or the ``second`` (0 or 1), as the ends of its part move at ``rates``.
+
+    The point then has another share and another place on the link, where the depth changes by ``slope``: its energy
+    share k depth^2 / 2 changes although no force does work.
+    """
+    widen = rates[1] - rates[0]
+    shift = 0.5 * (rates[0] + rates[1]) + (2 * second - 1) * GAUSS * widen
+    return -law.k * share * depth * (0.5 * depth * widen / (part[1] - part[0]) + slope * shift)
