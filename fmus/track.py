@@ -48,6 +48,7 @@ REPORT = (
         "m/s",
         "rearward velocity of the ground contact points in the vehicle's heading, weighted by their load",
     ),
+    ("energy.covered", "J", "energy lost so far as spread contacts come to cover other parts of a link"),
 )
 (
     TRAVEL,
@@ -65,7 +66,7 @@ REPORT = (
     DEPTH,
     GROUND,
 ) = range(14)
-SLIP = 16
+SLIP, COVERED = 16, 17
 REJECTED = 3  # of the counters
 MANY = 5  # halvings in one communication step that are worth a word
 

@@ -1,10 +1,12 @@
 """The energy ledger: what the drives put in, where it is, what was lost, and what the coupling made of it.
 
 For each component, with the powers of its ports as it felt them itself,
-    integration part = work put in + received through ports - change of stored energy - dissipated.
+    integration part = work put in + received through ports - change of stored energy - dissipated - covered.
 A port between a giver of wrenches and their taker makes
     port part = wrench . (motion the giver extrapolated - motion the taker made).
-The residual is the sum of all of these: work - change - dissipated.
+The residual is the sum of all of these: work - change - dissipated - covered.
+What is covered is what contacts spread along a link lose (or gain) as they come to cover another part of it:
+``fmus/physics/README.md``.
 """
 
 from __future__ import annotations
@@ -36,6 +38,7 @@ class Ledger(NamedTuple):
     work: float
     change: float
     dissipated: float
+    covered: float
     residual: float
     residual_relative: (
         float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
@@ -69,16 +72,18 @@ def ledger(run: Evidence) -> Ledger:
         )
 
     work, change, dissipated = total("work"), total(*STORED), total("dissipated")
-    residual = work - change - dissipated
+    covered = total("covered")
+    residual = work - change - dissipated - covered
     scale = max(abs(work), abs(change), abs(dissipated), _liveliest(run), LEAST)
     integration = {
         name: book.get("work", 0.0)
         + received[name]
         - sum(book.get(p, 0.0) for p in STORED)
         - book.get("dissipated", 0.0)
+        - book.get("covered", 0.0)
         for name, book in books.items()
     }
-    return Ledger(work, change, dissipated, residual, residual / scale, lost, integration)
+    return Ledger(work, change, dissipated, covered, residual, residual / scale, lost, integration)
 
 
 def drift(run: Evidence, window: Window) -> float:
@@ -89,7 +94,7 @@ def drift(run: Evidence, window: Window) -> float:
     names = [
         (f"{name}.energy.{part}", -1.0 if part == "work" else 1.0)
         for name in run.instances
-        for part in (*STORED, "dissipated", "work")
+        for part in (*STORED, "dissipated", "covered", "work")
         if run.has(f"{name}.energy.{part}")
     ]
     most = _liveliest(run)

@@ -24,7 +24,7 @@ class Place(NamedTuple):
     frame: np.ndarray  # (5) of the track, see fmus.physics.wheels
     rows: np.ndarray  # (m, 15) its wheels now
     impulse: np.ndarray  # (m + 1, 6) of its wrenches over the step
-    books: np.ndarray  # (3) dissipated J, work of the loads on its ends J, travel m, over the step
+    books: np.ndarray  # (4) dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
 
 
 class Flexible(NamedTuple):
@@ -63,8 +63,8 @@ def wrenches(c) -> Floats:
     return _kernels(type(c)).wrenches(c)
 
 
-def powers(c) -> tuple[float, float]:
-    """Dissipated power and power of the loads on the ends, of the last evaluation, W."""
+def powers(c) -> tuple[float, float, float]:
+    """Dissipated power, power of the loads on the ends, power that covered parts lose, of the last evaluation, W."""
     return _kernels(type(c)).powers(c)
 
 

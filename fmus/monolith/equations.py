@@ -130,10 +130,11 @@ def rates(chains, drives, tree, plan, t, x, k):
 def gather(chains, drives, plan, share):
     """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
     for c in chains:
-        dissipated, load = powers(c)
+        dissipated, load, covering = powers(c)
         c.place.impulse[:] += share * wrenches(c)
         c.place.books[0] += share * dissipated
         c.place.books[1] += share * load
+        c.place.books[2] += share * covering
     if drives is not None:
         for d in range(len(drives)):
             i = 6 * plan.chain[d]
@@ -171,7 +172,7 @@ def march(chains, drives, tree, plan, t, h, steps, x, y, k):
             if not close(c):
                 return CHAIN_FAILED, step, 0
             now = speed(c)
-            c.place.books[2] += 0.5 * dt * (before[n] + now)
+            c.place.books[3] += 0.5 * dt * (before[n] + now)
             before[n] = now
         if tree is not None:
             at = plan.body + 3

@@ -8,12 +8,12 @@ from fmus.jit import kernel
 from fmus.model import Floats, InvalidParameter
 from fmus.monolith.chains import Flexible, Place
 from fmus.physics.chain_speed import chain_speed
-from fmus.track import DISSIPATED, TRAVEL, WORK
+from fmus.track import COVERED, DISSIPATED, TRAVEL, WORK
 from fmus.track_flexible.assembly import measure
 from fmus.track_flexible.explicit import accelerations
 from fmus.track_flexible.model import Model
 from fmus.track_flexible.nodes import NODE
-from fmus.track_flexible.sums import POWER
+from fmus.track_flexible.sums import COVERING, POWER
 
 MIRROR = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # of a pin's coordinates in the plane of the track
 
@@ -54,7 +54,7 @@ def take(model: Model, place: Place, x: Floats, h: float) -> None:
     model.mean[:] = place.impulse / h
     model.settle_forces()
     measure(model.link, model.environment, model.q, model.v, model.work, model.report)
-    model.report[[DISSIPATED, WORK, TRAVEL]] += place.books
+    model.report[[DISSIPATED, WORK, COVERED, TRAVEL]] += place.books
     model.publish()
 
 
@@ -91,7 +91,7 @@ def powers(c):
     if c.env.ends == 2:
         for i in range(3):
             load += c.env.pull[0, i] * c.v[0, i] + c.env.pull[1, i] * c.v[-1, i]
-    return c.w.sums[POWER], load
+    return c.w.sums[POWER], load, c.w.sums[COVERING]
 
 
 @kernel

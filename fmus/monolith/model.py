@@ -143,7 +143,7 @@ class Monolith:
                     model.frame,
                     self._kind.rows(model),
                     np.zeros((m + 1, WRENCH)),
-                    np.zeros(3),
+                    np.zeros(4),
                 )
             )
             start, block = start + size, block + m + 1

@@ -11,7 +11,7 @@ from fmus.track import GROUND
 from fmus.track_rigid import explicit
 from fmus.track_rigid.chain import accelerations, chain_speed_of
 from fmus.track_rigid.explicit import normalise, project, rates
-from fmus.track_rigid.loads import DISSIPATED, LOAD_POWER, POWER, TRAVEL, WORK
+from fmus.track_rigid.loads import COVERED, COVERING, DISSIPATED, LOAD_POWER, POWER, TRAVEL, WORK
 from fmus.track_rigid.model import Model
 
 POSE = np.array([1.0, -1, 1, 1, -1, 1, -1])  # what a mirror in the plane of the track makes of a pose
@@ -49,7 +49,7 @@ def take(model: Model, place: Place, x: Floats, h: float) -> None:
     """The state after a step of ``h``, evaluated, into the model and its report."""
     s, n = model.views, model.links_count
     s.q[:], s.v[:] = x[: 7 * n].reshape(n, 7), x[7 * n :].reshape(n, 6)
-    s.tally[[DISSIPATED, WORK, TRAVEL]] += place.books
+    s.tally[[DISSIPATED, WORK, COVERED, TRAVEL]] += place.books
     model.work.impulse[:] = place.impulse
     model.publish(h)
 
@@ -86,7 +86,7 @@ def wrenches(c):
 @kernel
 def powers(c):
     """See ``chains``."""
-    return c.s.tally[POWER], c.s.tally[LOAD_POWER]
+    return c.s.tally[POWER], c.s.tally[LOAD_POWER], c.s.tally[COVERING]
 
 
 @kernel

@@ -13,9 +13,9 @@ from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.guide import HORN, guide_contact
 from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
-from fmus.physics.contact.wheel import GAUSS, bulge, closing, reach, wheel_contact
+from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, wheel_contact
 from fmus.track_flexible.beams import gather
-from fmus.track_flexible.sums import CONTACT, LOAD, SLIP, note
+from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SLIP, note
 
 
 @kernel
@@ -68,6 +68,12 @@ def open_link(q, v, i, w):
         w.stiffening[i] = 0.0
 
 
+@kernel
+def _steeper(first, last, n):
+    """How fast a depth along ``n`` grows by the fraction of the link between two pins; of its bending nothing."""
+    return n[0] * (first[0] - last[0]) + n[1] * (first[1] - last[1]) + n[2] * (first[2] - last[2])
+
+
 # The contact loops run over the whole chain: handing a tuple of thirty arrays to a kernel a link costs more than the
 # contact itself.
 
@@ -93,39 +99,51 @@ def _wheels(contacts, links, q, v, w, by_rate, tangent):
             if square > far:
                 continue
             if not toothed:
-                low, high, foot = reach(row, radius, q[i, :3], q[j, :3], links.face, s.side)
+                part = reach(row, radius, q[i, :3], q[j, :3], links.face, s.side)
+                low, high, foot = part
                 if high > low:
                     open_link(q, v, i, w)
                     for a in range(3):
                         u[a] = (1.0 - foot) * de[0, a] + foot * de[4, a]
                     rate = closing(row, u, s.side)
+                    ends = creeping(row, radius, (q[i], de[0]), (q[j], de[4]), links.face, s.side, part, s.w)
+                    share = 0.25 * (high - low)
                     for g in range(4):
                         xi = low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)
                         locate(beam, e, de, xi, (2 * (g % 2) - 1) * links.lateral, -links.face, S, x, u)
                         depth, _, stored, power, _ = wheel_contact(
-                            contacts.wheel, 0.25 * (high - low), radius, row, x, u, rate, s, tangent
+                            contacts.wheel, share, radius, row, x, u, rate, s, tangent
                         )
                         if depth > 0.0:
                             note(sums, depth, stored, power)
+                            slope = _steeper(q[i], q[j], s.n)
+                            sums[COVERING] += covered(contacts.wheel, share, depth, slope, part, ends, 2 * (g // 2) - 1)
                             collect(row, x, s.f, wrench[k])
                             push(s, by_rate, tangent, S, R[i], K[i])
                             if tangent:
                                 resist(s, by_rate, foot, S, K[i])
-                    sums[CONTACT] += bulge(contacts.wheel, radius, beam.l, low, high)
+                    stored, power = bulge(contacts.wheel, radius, beam.l, low, high, ends)
+                    sums[CONTACT] += stored
+                    sums[COVERING] += power
             if abs(off) + abs(lean) <= contacts.clearance:
                 continue
-            low, high, _ = reach(row, disc, q[i, :3], q[j, :3], links.face, s.side)
+            part = reach(row, disc, q[i, :3], q[j, :3], links.face, s.side)
+            low, high, _ = part
             if high <= low:
                 continue
             open_link(q, v, i, w)
+            ends = creeping(row, disc, (q[i], de[0]), (q[j], de[4]), links.face, s.side, part, s.w)
+            share = 0.5 * (high - low)
             for side in (-1.0, 1.0):
                 xi = 0.5 * (low + high) + side * GAUSS * (high - low)
                 locate(beam, e, de, xi, 0.0, -links.face, S, x, u)
                 depth, _, stored, power, _ = guide_contact(
-                    contacts.wheel, 0.5 * (high - low), contacts.clearance, row, x, u, s, tangent
+                    contacts.wheel, share, contacts.clearance, row, x, u, s, tangent
                 )
                 if depth > 0.0:
                     note(sums, depth, stored, power)
+                    slope = _steeper(q[i], q[j], s.n)
+                    sums[COVERING] += covered(contacts.wheel, share, depth, slope, part, ends, side)
                     collect(row, x, s.f, wrench[k])
                     push(s, by_rate, tangent, S, R[i], K[i])
 

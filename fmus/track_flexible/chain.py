@@ -12,7 +12,7 @@ from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
 from fmus.physics.wheels import move
 from fmus.track_flexible.assembly import correct, evaluate, length, measure
-from fmus.track_flexible.sums import POWER
+from fmus.track_flexible.sums import COVERING, POWER
 
 CHORD = 1e-5  # m: below such a correction the iteration matrix is kept
 
@@ -81,7 +81,7 @@ def advance(
 ):
     """Integrate by generalised-alpha over a communication step of ``h`` s, internal steps of at most ``longest`` s.
 
-    q, v, a, vdot (nodes, width) and wrench0, aux (wheels + 1, 6), power (1) are the state. ``mean`` (wheels + 1, 6)
+    q, v, a, vdot (nodes, width) and wrench0, aux (wheels + 1, 6), power (2) are the state. ``mean`` (wheels + 1, 6)
     receives the mean wrenches, through the same recursion as the momentum of the chain. A step that Newton cannot do
     is halved.
     Returns 0, or 1 (Newton failed) or 2 (singular), with the time reached, the link and the residual.
@@ -137,7 +137,8 @@ def advance(
                 mean[i, k] += dt / h * ((1.0 - coef.gamma) * old + coef.gamma * aux[i, k])
                 wrench0[i, k] = w.wrench[i, k]
         report[10] += 0.5 * dt * (power[0] + w.sums[POWER])
-        power[0] = w.sums[POWER]
+        report[17] += 0.5 * dt * (power[1] + w.sums[COVERING])
+        power[0], power[1] = w.sums[POWER], w.sums[COVERING]
         if env.ends == 2:
             for k in range(env.pull.shape[1]):
                 report[11] += env.pull[0, k] * (q[0, k] - q0[0, k])

@@ -13,9 +13,9 @@ from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
-from fmus.physics.contact.wheel import GAUSS, bulge, closing, reach, wheel_contact
+from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, wheel_contact
 from fmus.track_flexible.nodes import gather
-from fmus.track_flexible.sums import CONTACT, LOAD, SLIP, note
+from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SLIP, note
 
 
 @kernel
@@ -146,27 +146,34 @@ def touch_links(contacts, links, q, v, w, by_rate, tangent):
             d0, d2 = 0.5 * (q[i, 0] + q[j, 0]) - row[0], 0.5 * (q[i, 2] + q[j, 2]) - row[2]
             if d0 * d0 + d2 * d2 > far:
                 continue
-            low, high, foot = reach(row, radius, q[i], q[j], links.face, s.side)
+            part = reach(row, radius, q[i], q[j], links.face, s.side)
+            low, high, foot = part
             if high <= low:
                 continue
             open_link(q, v, i, w)
             for a in range(3):
                 u[a] = (1.0 - foot) * de[0, a] + foot * de[2, a]
             rate = closing(row, u, s.side)
+            ends = creeping(row, radius, (q[i], de[0]), (q[j], de[2]), links.face, s.side, part, s.w)
+            share = 0.5 * (high - low)
             for side in (-1.0, 1.0):
                 xi = 0.5 * (low + high) + side * GAUSS * (high - low)
                 t0, t2 = locate(cable, e, de, xi, -links.face, S, C, x, u)
                 depth, _, stored, power, _ = wheel_contact(
-                    contacts.wheel, 0.5 * (high - low), radius, row, x, u, rate, s, tangent
+                    contacts.wheel, share, radius, row, x, u, rate, s, tangent
                 )
                 if depth > 0.0:
                     note(sums, depth, stored, power)
+                    slope = -cable.l * (s.n[0] * t0 + s.n[2] * t2)
+                    sums[COVERING] += covered(contacts.wheel, share, depth, slope, part, ends, side)
                     collect(row, x, s.f, wrench[k])
                     push(s.f, S, C, t0, t2, R[i])
                     if tangent:
                         stiffen(s.f_x, s.f_v, by_rate, S, C, t0, t2, K[i])
                         resist(s.f_rate, s.side, by_rate, foot, S, C, t0, t2, K[i])
-            sums[CONTACT] += bulge(contacts.wheel, radius, cable.l, low, high)
+            stored, power = bulge(contacts.wheel, radius, cable.l, low, high, ends)
+            sums[CONTACT] += stored
+            sums[COVERING] += power
     if not contacts.ground:
         return
     reach_down, summit = 1.1 * links.face + 0.1 * cable.l, contacts.shape.height + contacts.shape.rise

@@ -16,7 +16,7 @@ from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 from fmus.track import Environment
 from fmus.track_flexible.assembly import correct, evaluate, kernels, measure
-from fmus.track_flexible.sums import POWER
+from fmus.track_flexible.sums import COVERING, POWER
 
 LIMIT = (
     2.4  # step times highest frequency, within the stability region of the method for lightly damped modes
@@ -78,6 +78,7 @@ def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean,
             k[i, n:] = scratch[0].ravel()
             mean += RK4.b[i] / steps * w.wrench
             report[10] += dt * RK4.b[i] * w.sums[POWER]
+            report[17] += dt * RK4.b[i] * w.sums[COVERING]
         finish(RK4, dt, x, k)
         counters[0] += 1
         counters[1] += RK4.b.size

@@ -10,14 +10,14 @@ import numpy as np
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.block_cyclic import factor, solve
 from fmus.ports import WRENCH, Port
-from fmus.track import DISSIPATED, GROUND, WORK, TrackModel
+from fmus.track import COVERED, DISSIPATED, GROUND, WORK, TrackModel
 from fmus.track_flexible.assembly import kernels
 from fmus.track_flexible.chain import CHORD, advance, relax
 from fmus.track_flexible.element import ELASTICITIES
 from fmus.track_flexible.explicit import LIMIT, accelerations, factor_mass, march, scratch
 from fmus.track_flexible.nodes import NODE
 from fmus.track_flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.track_flexible.sums import POWER
+from fmus.track_flexible.sums import COVERING, POWER
 
 REST = 1e-3  # residual of static equilibrium, N
 SPINNING = 30  # iterations towards the relative equilibrium of a loop
@@ -78,9 +78,9 @@ class Model(TrackModel):
         )
 
     def chain_size(self) -> int:
-        """Coordinates, rates, both accelerations; wrenches, their auxiliaries; power; residuals of the links."""
+        """Coordinates, rates, both accelerations; wrenches, their auxiliaries; powers; residuals of the links."""
         wheels, (width, vectors, axes) = len(self.wheel_list) + 1, ELEMENTS[self.element]
-        return 4 * self.nodes * width + 2 * wheels * WRENCH + 1 + axes * vectors * self.links_count
+        return 4 * self.nodes * width + 2 * wheels * WRENCH + 2 + axes * vectors * self.links_count
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
@@ -114,7 +114,7 @@ class Model(TrackModel):
         )
         width, vectors, axes = ELEMENTS[element]
         n, m = self.nodes * width, len(self.wheel_list) + 1
-        parts = np.split(self.chain, np.cumsum([n, n, n, n, m * WRENCH, m * WRENCH, 1]))
+        parts = np.split(self.chain, np.cumsum([n, n, n, n, m * WRENCH, m * WRENCH, 2]))
         self.q, self.v, self.a, self.vdot = (part.reshape(self.nodes, width) for part in parts[:4])
         self.force, self.aux = parts[4].reshape(m, WRENCH), parts[5].reshape(m, WRENCH)
         self.power, self.residual = parts[6], parts[7].reshape(self.links_count, vectors, axes)
@@ -251,9 +251,9 @@ class Model(TrackModel):
         )
         self.force[:] = self.aux[:] = self.mean[:] = self.work.wrench
         self.residual[:] = self.work.R
-        self.power[:] = self.work.sums[POWER]
+        self.power[:] = self.work.sums[[POWER, COVERING]]
         self.kit.measure(self.link, self.environment, self.q, self.v, self.work, self.report)
-        self.report[[DISSIPATED, WORK]] = 0.0
+        self.report[[DISSIPATED, WORK, COVERED]] = 0.0
         self.publish()
 
     def _let_go(self) -> None:

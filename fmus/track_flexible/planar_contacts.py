@@ -8,9 +8,9 @@ from fmus.jit import kernel
 from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.contact.ground import level
 from fmus.physics.contact.plane import Face, collect, press, reach, slide, tooth_face, touch
-from fmus.physics.contact.wheel import GAUSS, bulge
+from fmus.physics.contact.wheel import GAUSS, bulge, covered, creep
 from fmus.track_flexible.planar_nodes import gather
-from fmus.track_flexible.sums import CONTACT, LOAD, SLIP, note
+from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SLIP, note
 
 
 @kernel
@@ -136,6 +136,13 @@ def touch_plane(contacts, links, q, v, w, by_rate, tangent):
             open_link(q, v, i, w)
             u0, u2 = (1.0 - foot) * de[0, 0] + foot * de[2, 0], (1.0 - foot) * de[0, 1] + foot * de[2, 1]
             rate = n0 * (row[3] - u0) + n2 * (row[5] - u2)
+            # the pins against the wheel: along the normal and along the link, which is normal x y
+            a0, a2 = slide(row, q[i, 0] - row[0], q[i, 1] - row[2], de[0, 0], de[0, 1])
+            b0, b2 = slide(row, q[j, 0] - row[0], q[j, 1] - row[2], de[2, 0], de[2, 1])
+            first, last = (n0 * a0 + n2 * a2, n2 * a0 - n0 * a2), (n0 * b0 + n2 * b2, n2 * b0 - n0 * b2)
+            length, part = n2 * (q[j, 0] - q[i, 0]) - n0 * (q[j, 1] - q[i, 1]), (low, high, foot)
+            ends = creep(radius, length, links.face, part, first, last)
+            share = 0.5 * (high - low)
             for side in (-1.0, 1.0):
                 xi = 0.5 * (low + high) + side * GAUSS * (high - low)
                 x0, x2, u0, u2, t0, t2 = locate(cable, e, de, xi, -links.face, S, C)
@@ -146,13 +153,17 @@ def touch_plane(contacts, links, q, v, w, by_rate, tangent):
                     continue
                 w0, w2 = slide(row, d0, d2, u0, u2)
                 face = Face(d0 / rho, d2 / rho, 1.0 / rho, w0, w2, row[7])
-                f = press(contacts.wheel, 0.5 * (high - low), depth, rate, 0.0, face, by_rate)
+                f = press(contacts.wheel, share, depth, rate, 0.0, face, by_rate)
                 note(sums, depth, f.energy, f.power)
+                slope = -cable.l * (face.n0 * t0 + face.n2 * t2)
+                sums[COVERING] += covered(contacts.wheel, share, depth, slope, part, ends, side)
                 collect(d0, d2, f, wrench)
                 act(f, S, C, t0, t2, w.load[i], w.stiffening[i], tangent)
                 if tangent:
                     resist(f, n0, n2, by_rate, foot, S, C, t0, t2, w.stiffening[i])
-            sums[CONTACT] += bulge(contacts.wheel, radius, cable.l, low, high)
+            stored, power = bulge(contacts.wheel, radius, cable.l, low, high, ends)
+            sums[CONTACT] += stored
+            sums[COVERING] += power
     if not contacts.ground:
         return
     reach_down, summit = 1.1 * links.face + 0.1 * cable.l, contacts.shape.height + contacts.shape.rise

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 
-CONTACT, POWER, DEPTH, LOAD, SLIP = range(5)  # J stored, W dissipated, m, N on the ground, N m/s slipping
-SUMS = 5
+# J stored, W dissipated, W lost as covered parts move, m, N on the ground, N m/s slipping
+CONTACT, POWER, COVERING, DEPTH, LOAD, SLIP = range(6)
+SUMS = 6
 
 
 @kernel

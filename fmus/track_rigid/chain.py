@@ -25,6 +25,8 @@ from fmus.physics.rigid.augmented import System
 from fmus.physics.wheels import WIDTH, move
 from fmus.track_rigid.loads import (
     CONTACT,
+    COVERED,
+    COVERING,
     DEPTH,
     DISSIPATED,
     LOAD,
@@ -476,6 +478,7 @@ def advance(link, ends, env, contacts, method, rows, h, step, s, w, counters):
                 s.W[k, c] = W1
         s.tally[DISSIPATED] += 0.5 * dt * (w.tally0[POWER] + s.tally[POWER])
         s.tally[WORK] += 0.5 * dt * (w.tally0[LOAD_POWER] + s.tally[LOAD_POWER])
+        s.tally[COVERED] += 0.5 * dt * (w.tally0[COVERING] + s.tally[COVERING])
         before, speed = speed, chain_speed_of(link, ends, s, w)
         s.tally[TRAVEL] += 0.5 * dt * (before + speed)
     return -1
@@ -507,6 +510,7 @@ def measure(link, ends, env, s, w, tension, report):
     report[9], report[10], report[11] = s.tally[CONTACT], s.tally[DISSIPATED], s.tally[WORK]
     report[12] = s.tally[DEPTH]
     report[16] = s.tally[SLIP] / s.tally[LOAD] if s.tally[LOAD] > 0.0 else 0.0
+    report[17] = s.tally[COVERED]
 
 
 @kernel

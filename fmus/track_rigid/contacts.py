@@ -47,7 +47,7 @@ def _rims(link, law, contacts, s, w, by_v, tangent):
                 if depth > 0.0:
                     count(tally, depth, energy, power)
                     slope = -2.0 * link.half * dot(c.n, A[i, :, 0])
-                    tally[COVERING] += covered(law, share, depth, slope, part, ends, g // 2)
+                    tally[COVERING] += covered(law, share, depth, slope, part, ends, 2 * (g // 2) - 1)
                     collect(row, p[0], c.f, F[k])
                     push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
                     if tangent:
@@ -115,7 +115,7 @@ def _guides(link, law, contacts, s, w, by_v, tangent):
             lever(A[i], v[i], q[i], -link.half, 0.0, 0.0, N[0])
             lever(A[i], v[i], q[i], link.half, 0.0, 0.0, N[1])
             part = reach(row, radius, N[0, 0], N[1, 0], link.face, c.side)
-            low, high, foot = part
+            low, high, _ = part
             if high <= low:
                 continue
             ends = creeping(row, radius, (N[0, 0], N[0, 1]), (N[1, 0], N[1, 1]), link.face, c.side, part, c.w)
@@ -129,7 +129,7 @@ def _guides(link, law, contacts, s, w, by_v, tangent):
                 if depth > 0.0:
                     count(tally, depth, energy, power)
                     slope = -2.0 * link.half * dot(c.n, A[i, :, 0])
-                    tally[COVERING] += covered(law, share, depth, slope, part, ends, g)
+                    tally[COVERING] += covered(law, share, depth, slope, part, ends, 2 * g - 1)
                     collect(row, p[0], c.f, F[k])
                     push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])
 

@@ -16,7 +16,7 @@ from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rigid import augmented, body
 from fmus.physics.wheels import move
 from fmus.track_rigid.chain import GAP, accelerations, chain_speed_of, pins
-from fmus.track_rigid.loads import DISSIPATED, LOAD_POWER, POWER, TRAVEL, WORK
+from fmus.track_rigid.loads import COVERED, COVERING, DISSIPATED, LOAD_POWER, POWER, TRAVEL, WORK
 
 LIMIT = 5e-5  # largest step, s
 CORRECTIONS = 4  # of the projection at most
@@ -105,6 +105,7 @@ def march(link, ends, env, contacts, rows, h, longest, s, w, x, k, counters):
             w.impulse[:] += share * s.F
             s.tally[DISSIPATED] += share * s.tally[POWER]
             s.tally[WORK] += share * s.tally[LOAD_POWER]
+            s.tally[COVERED] += share * s.tally[COVERING]
         finish(RK4, dt, x0, k)
         x[:] = x0
         normalise(s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 
-# tally: sums over the run, then figures of the last evaluation
+# tally: sums over the run, then figures of the last evaluation; COVERING: power that moving covered parts lose
 TRAVEL, DISSIPATED, WORK, COVERED, POWER, LOAD_POWER, COVERING, CONTACT, DEPTH, SLIP, LOAD = range(11)
 TALLY = 11
 

@@ -128,12 +128,12 @@ def creeping(row, radius, first, last, offset, side, part, w):
 
 
 @kernel
-def covered(law, share, depth, slope, part, rates, second):
-    """Power W that a Gauss point loses, the first or the ``second`` (0 or 1), as the ends of its part move at ``rates``.
+def covered(law, share, depth, slope, part, rates, side):
+    """Power W that a Gauss point loses, on the ``side`` -1 or 1 of its part, as the ends of the part move at ``rates``.
 
     The point then has another share and another place on the link, where the depth changes by ``slope``: its energy
     share k depth^2 / 2 changes although no force does work.
     """
     widen = rates[1] - rates[0]
-    shift = 0.5 * (rates[0] + rates[1]) + (2 * second - 1) * GAUSS * widen
+    shift = 0.5 * (rates[0] + rates[1]) + side * GAUSS * widen
     return -law.k * share * depth * (0.5 * depth * widen / (part[1] - part[0]) + slope * shift)
