@@ -13,6 +13,7 @@ from fmus.vehicle import BadInput
 from orchestrator import monolithic
 from orchestrator import truth as module
 from orchestrator.cli import app
+from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Window
 from orchestrator.measures import third_law
 from orchestrator.reader import Log
@@ -64,6 +65,15 @@ def driven(tmp_path_factory):
     assert outcome.status == "ok"
     assert cost["internal_step"] == pytest.approx(8e-6)
     return path
+
+
+def test_the_ledger_of_a_whole_vehicle_closes(driven):
+    """Contacts and all; without the entry of what covered parts lose it stays open, whatever the step."""
+    with Log(driven) as log:
+        books = ledger(Evidence(log))
+    assert books.dissipated > 20.0
+    assert abs(books.residual) < 5e-3 * abs(books.covered)
+    assert abs(books.covered) > 0.02
 
 
 def open_part(log, instance, gains, losses):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.physics.contact.ground import Ground, bumpy, ground_contact, level
+from fmus.physics.contact.guide import guide_contact
 from fmus.physics.contact.law import Law
 from fmus.physics.contact.normal import normal
 from fmus.physics.contact.partner import collect, slide
@@ -106,6 +107,67 @@ def test_power_of_the_force_is_dissipation_and_storage(contact, x):
     assert power > 0.0
     assert taken == pytest.approx(power + grown, rel=1e-5)
     assert taken != pytest.approx(1.03 * power + grown, rel=1e-5)
+
+
+def passing(start, reach, rng):
+    """A smooth random path of time in 0 to 1 about ``start`` (3): position and velocity; as far as ``reach`` m."""
+    a, phase = reach * rng.uniform(0.3, 1.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
+    rate = 2.0 * np.pi * np.arange(1, 4)
+
+    def at(t):
+        turn = rate * t + phase
+        return start + (a * np.sin(turn)).sum(1) / 3.0, (a * rate * np.cos(turn)).sum(1) / 3.0
+
+    return at
+
+
+def guided(x, v, row, s):
+    return guide_contact(LAW, 0.5, 0.01, row, x, v, s, False)
+
+
+PASSES = {
+    "ground": (lambda x, v, row, s: ground_contact(LAW, 0.5, Ground(0.01), x, v, s, False), [0.1, 0.2, 0.01], False),
+    "bump": (lambda x, v, row, s: ground_contact(LAW, 0.5, BUMP, x, v, s, False), [0.9, 0.2, 0.196], False),
+    "rim": (lambda x, v, row, s: wheel_contact(LAW, 0.5, 0.305, row, x, v, 0.2, s, False), [0.32, 0.03, -0.399], True),
+    "teeth": (lambda x, v, row, s: teeth_contact(LAW, 1.0, TEETH, row, x, v, s, False), at(0.02, 0.249), True),
+    "guide": (guided, [0.2, 0.031, -0.3], True),
+}
+
+
+@pytest.mark.parametrize("law", PASSES)
+def test_work_on_a_contact_is_stored_and_dissipated(law):
+    """Along a random motion in and out, the wheel moving and turning: force times velocity, by Simpson's rule."""
+    contact, start, wheel = PASSES[law]
+    path, s, w = passing(np.asarray(start), 8e-3, np.random.default_rng(8)), scratch(), np.zeros(3)
+    first, row = wheel_row()[None, :], np.zeros((1, WIDTH))
+    if wheel:
+        first[0, 3:9] = 0.004, -0.003, 0.006, 0.01, 0.03, -0.02
+    steps = 20000
+    work, lost, stored = np.zeros((3, steps + 1))
+    for i in range(steps + 1):
+        x, v = path(i / steps)
+        move(first, i / steps, row)
+        s.f[:] = 0.0
+        _, _, stored[i], lost[i], _ = contact(x, v, row[0], s)
+        if wheel:
+            slide(row[0], x, v, w)
+        work[i] = -s.f @ (w if wheel else v)
+    weights = np.full(steps + 1, 2.0)
+    weights[1::2], weights[[0, -1]] = 4.0, 1.0
+    inside = stored > 0.0
+    assert 0.1 < inside.mean() < 0.9, "in and out"
+    begin, most = (int(i) // 2 * 2 for i in ((stored == 0.0).argmax(), stored.argmax()))
+    begin, end = sorted((begin, most))  # where nothing is stored, and where most is
+    weights = weights[: end - begin + 1]
+    weights[-1] = 1.0
+
+    def left(stiffer: float, damped: float) -> float:
+        balance = weights @ (work - damped * lost)[begin : end + 1] / (3.0 * steps)
+        return abs(balance - stiffer * (stored[end] - stored[begin])) / stored.max()
+
+    assert left(1.0, 1.0) < 1e-4
+    assert left(1.03, 1.0) > 1e-2
+    assert left(1.0, 0.97) > 1e-4
 
 
 def test_normal_force_pushes_and_never_pulls():
