@@ -10,7 +10,7 @@ import pytest
 import fmus.track_rigid.model as track_rigid
 from fmus.model import InvalidParameter
 from fmus.physics.wheels import read_states
-from fmus.track import GROUND, KINETIC, SPEED, STRAIN, T_MAX, TRAVEL
+from fmus.track import GROUND, KINETIC, REPORT, SPEED, STRAIN, T_MAX, TRAVEL
 from fmus.track_flexible.cables import OUTER
 from fmus.track_flexible.model import Model
 from fmus.vehicle import read_table, vehicle
@@ -263,7 +263,7 @@ def test_any_place_and_heading_is_the_same():
         one.step(k * 1e-3, 1e-3, u)
         other.step(k * 1e-3, 1e-3, w)
     np.testing.assert_allclose(one.q, other.q, atol=1e-10)
-    y, z = np.zeros(42 + 17), np.zeros(42 + 17)
+    y, z = np.zeros(42 + len(REPORT)), np.zeros(42 + len(REPORT))
     one.outputs(y)
     other.outputs(z)
     np.testing.assert_allclose(

@@ -127,8 +127,8 @@ def guided(x, v, row, s):
 
 PASSES = {
     "ground": (lambda x, v, row, s: ground_contact(LAW, 0.5, Ground(0.01), x, v, s, False), [0.1, 0.2, 0.01], False),
-    "bump": (lambda x, v, row, s: ground_contact(LAW, 0.5, BUMP, x, v, s, False), [0.9, 0.2, 0.196], False),
-    "rim": (lambda x, v, row, s: wheel_contact(LAW, 0.5, 0.305, row, x, v, 0.2, s, False), [0.32, 0.03, -0.399], True),
+    "bump": (lambda x, v, row, s: ground_contact(LAW, 0.5, BUMP, x, v, s, False), [0.9, 0.2, 0.2885], False),
+    "rim": (lambda x, v, row, s: wheel_contact(LAW, 0.5, 0.305, row, x, v, 0.2, s, False), [0.32, 0.03, -0.401], True),
     "teeth": (lambda x, v, row, s: teeth_contact(LAW, 1.0, TEETH, row, x, v, s, False), at(0.02, 0.249), True),
     "guide": (guided, [0.2, 0.031, -0.3], True),
 }
