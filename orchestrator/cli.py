@@ -533,7 +533,8 @@ def _print_summary(result: dict[str, Any]) -> None:
         e = r["energy"]
         print(
             f"  energy: work {e['work']:.6g} J = change {e['change']:.6g} + dissipated {e['dissipated']:.6g}"
-            f" + covered {e['covered']:.4g} + residual {e['residual']:.4g} ({e['residual_relative'] * 100:.3g} %; ports {e['port']:.4g} J)"
+            f" + covered {e['covered']:.4g} + residual {e['residual']:.4g}"
+            f" ({e['residual_relative'] * 100:.3g} %; ports {e['port']:.4g} J)"
         )
     if r["error"]:
         print(f"  {_error(r['error'])}")
