@@ -90,7 +90,7 @@ def test_contents_are_what_a_component_loads():
         assert not set(found.left_out) & set(found.modules)
         assert ("fmus.physics.contact.ground" in found.modules) == bool(track)
         assert ("fmus.track_flexible.taut" in found.modules) == (parameters.get("start") == "displaced")
-        assert (found.outputs, found.link_outputs) == ((17,), (2 * 8 + 6 * 9,))
+        assert (found.outputs, found.link_outputs) == ((18,), (2 * 8 + 6 * 9,))
 
 
 FOLDERS = {
