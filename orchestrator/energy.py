@@ -2,8 +2,9 @@
 
 For each component, with the powers of its ports as it felt them itself,
     integration part = work put in + received through ports - change of stored energy - dissipated - covered.
-A port between a giver of wrenches and their taker makes
-    port part = wrench . (motion the giver extrapolated - motion the taker made).
+A port between a giver of wrenches and their taker makes the difference of the wrench's work on the motion of either.
+Who extrapolates a motion finds it elsewhere when the next step begins; that jump is motion too, on which the mean of
+the wrenches before and after it works.
 The residual is the sum of all of these: work - change - dissipated - covered.
 What is covered is what contacts spread along a link lose (or gain) as they come to cover another part of it:
 ``fmus/physics/README.md``.
@@ -138,36 +139,47 @@ def _book(run: Evidence, instance: str) -> dict[str, float]:
 
 
 def _works(run: Evidence, port: Port, end: float) -> tuple[float, float]:
-    """Work of the port's wrench, J: on the motion that the giver saw, and on what the taker made."""
-    t, force = run.vectors(port.taker, "in", f"{port.taken}.force")
-    _, torque = run.vectors(port.taker, "in", f"{port.taken}.torque")
-    seen_shift, seen_turn, shift, turn = _motions(run, port.giver, port.connector)
+    """Work of the port's wrench, J: the giver's on the motion that it saw, the taker's on what it made."""
+    t, taken = _wrench(run, port.taker, "in", port.taken)
+    _, given = _wrench(run, port.giver, "out", port.connector)
+    given = given[1:] if len(given) == len(taken) + 1 else taken  # as taken where not every step is recorded
+    seen, made = _motions(run, port.giver, port.connector)
+    own = np.zeros_like(made)  # how far the taker jumps itself: it moves with a mount that it extrapolates
     for upstream in ports(run):
-        if upstream.giver == port.taker:  # the taker moves with a mount that it extrapolates itself
+        if upstream.giver == port.taker:
             carried = _motions(run, upstream.giver, upstream.connector)
-            shift = shift + carried[0] - carried[2]
-            turn = turn + carried[1] - carried[3]
-    steps = min(int(np.count_nonzero(t < end - 1e-9)), len(shift))
-    force, torque = force[:steps], torque[:steps]
-    given = np.sum(force * seen_shift[:steps]) + np.sum(torque * seen_turn[:steps])
-    taken = np.sum(force * shift[:steps]) + np.sum(torque * turn[:steps])
-    return float(given), float(taken)
+            own += carried[1] - carried[0]
+    steps = min(int(np.count_nonzero(t < end - 1e-9)), len(made))
+    return _work(given[:steps], seen[:steps], (made - seen)[:steps]), _work(
+        taken[:steps], (made - own)[:steps], own[:steps]
+    )
 
 
-def _motions(run: Evidence, instance: str, connector: str) -> tuple[Floats, Floats, Floats, Floats]:
-    """Of every step (m, 3): extrapolated shift and turn, made shift and turn.
+def _work(wrench: Floats, motion: Floats, jump: Floats) -> float:
+    """Of mean wrenches (m, 6) on the motion in each step and on the jump after it."""
+    between = 0.5 * (wrench + np.vstack([wrench[1:], wrench[-1:]]))
+    return float(np.sum(wrench * motion) + np.sum(between * jump))
+
+
+def _wrench(run: Evidence, instance: str, topic: str, connector: str) -> tuple[Floats, Floats]:
+    """Times, and force and torque (m, 6)."""
+    parts = [run.vectors(instance, topic, f"{connector}.{part}") for part in ("force", "torque")]
+    return parts[0][0], np.hstack([values for _, values in parts])
+
+
+def _motions(run: Evidence, instance: str, connector: str) -> tuple[Floats, Floats]:
+    """Of every step (m, 6): shift and turn as extrapolated, and as made.
 
     The last step has no successor in the inputs: its motion is taken as extrapolated.
     """
     h = run.log.read(f"/{instance}/in").h[:, None]
     position = run.vectors(instance, "in", f"{connector}.position")[1]
     q = run.vectors(instance, "in", f"{connector}.orientation", "wxyz")[1]
-    seen_shift = h * run.vectors(instance, "in", f"{connector}.velocity")[1]
-    seen_turn = h * run.vectors(instance, "in", f"{connector}.angular_velocity")[1]
-    shift, turn = seen_shift.copy(), seen_turn.copy()
-    shift[:-1] = np.diff(position, axis=0)
-    turn[:-1] = turns(q)
-    return seen_shift, seen_turn, shift, turn
+    rates = [run.vectors(instance, "in", f"{connector}.{rate}")[1] for rate in ("velocity", "angular_velocity")]
+    seen = h * np.hstack(rates)
+    made = seen.copy()
+    made[:-1] = np.hstack([np.diff(position, axis=0), turns(q)])
+    return seen, made
 
 
 def turns(q: Floats) -> Floats:

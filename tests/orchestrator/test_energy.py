@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from orchestrator.coupling.tracks_first import TracksFirst
 from orchestrator.energy import ledger, ports, turns
 from orchestrator.evidence import Evidence
 from orchestrator.reader import Log
@@ -90,7 +91,10 @@ def test_a_chain_at_rest_has_no_work(tmp_path):
 
 
 def test_what_the_ledger_leaves_open_falls_with_the_step(tmp_path):
-    """At order 1, that of the damper's rate over the ports; without what covered parts lose it tends to 0.26 J."""
+    """The ports' part at the order of the coupling, all at order 1, that of the dampers' rates in a track.
+
+    Without what covered parts lose it tends to 0.26 J.
+    """
     books = []
     for step in ("0.25 ms", "0.125 ms"):
         settings = ["run.stop=0.06 s", f"run.step={step}", f"track.step={step}"]
@@ -99,5 +103,6 @@ def test_what_the_ledger_leaves_open_falls_with_the_step(tmp_path):
     def slope(of: list[float]) -> float:
         return float(np.log2(of[0] / of[1]))
 
+    assert slope([one["port"] for one in books]) == pytest.approx(TracksFirst.ORDER, abs=0.1)
     assert slope([one["residual"] for one in books]) == pytest.approx(1.0, abs=0.12)
     assert slope([one["residual"] + one["covered"] for one in books]) < 0.6
