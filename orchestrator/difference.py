@@ -1,9 +1,9 @@
 """How far two runs of a scene are apart, observable by observable, in one norm.
 
 The norm is relative: RMS over time of the difference, over RMS over time of the reference (or a floor where the
-reference hardly moves); a sample counts for the time since the one before it, so that steps may vary. Positions count from where they start. Link tensions and joint forces are sensitive (an
-error grows some 15-fold a second at speed): they count by mean and RMS over windows of a second, and link by link
-only up to ``POINTWISE`` s.
+reference hardly moves); a sample counts for the time since the one before it, so that steps may vary. Positions count
+from where they start. Link tensions and joint forces are sensitive (an error grows some 15-fold a second at speed):
+they count by mean and RMS over windows of a second, and link by link only up to ``POINTWISE`` s.
 """
 
 from __future__ import annotations

@@ -8,10 +8,10 @@ to t + h each is given u, held, and shows y in the mean; the coupling loses the 
 
     residual = h (y_a . u_a - y_b . u_b),    y_a . u_a: power that a felt it give, with u_a in place of y_b
 
-It is of order h^2 where an input is held as of time t (``tracks_first``, whose force passes unchanged: there it is force
-times the motion that was extrapolated less the motion that was made; a state that is sent anew gives part of it back),
-of order 3 where both are held for the middle of the step. The paper takes y at the end of the step; the mean over it is
-what the energy ledger books.
+It is of order h^2 where an input is held as of time t (``tracks_first``, whose force passes unchanged: there it is
+force times the motion that was extrapolated less the motion that was made; a state that is sent anew gives part of it
+back), of order 3 where both are held for the middle of the step. The paper takes y at the end of the step; the mean
+over it is what the energy ledger books.
 """
 
 from __future__ import annotations
