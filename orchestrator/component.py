@@ -7,6 +7,7 @@ import difflib
 import hashlib
 import io
 import itertools
+import math
 import os
 import shutil
 import sys
@@ -40,6 +41,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Logger = Callable[[str, int, str], None]  # instance, FMI status, message
 
+BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")  # an angle has no dimension
 LINK_FAMILIES = ("link[", "joint[")  # outputs of every link: read and recorded at a rate of their own
 _DISCARD, _FATAL = 2, 4
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
@@ -235,6 +237,14 @@ class Component:
     def unit(self, name: str) -> str:
         """Unit of a variable as the FMU names it, '1' if it has none."""
         return self._variables[name].unit or "1"
+
+    def dimension(self, name: str) -> tuple[float, ...] | None:
+        """Exponents of kg, m, s, A, K, mol, cd and 10 in a variable's unit; None where the FMU does not say."""
+        for unit in self.description.unitDefinitions:
+            base = unit.baseUnit
+            if unit.name == self._variables[name].unit and base is not None:
+                return (*(float(getattr(base, one)) for one in BASE_UNITS), math.log10(base.factor))
+        return None
 
     # -------------------------------------------------------------- messages
 

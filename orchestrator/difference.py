@@ -1,9 +1,9 @@
 """How far two runs of a scene are apart, observable by observable, in one norm.
 
 The norm is relative: RMS over time of the difference, over RMS over time of the reference (or a floor where the
-reference hardly moves). Positions count from where they start. Link tensions and joint forces are sensitive (an
-error grows some 15-fold a second at speed): they count by mean and RMS over windows of a second, and link by link
-only up to ``POINTWISE`` s.
+reference hardly moves); a sample counts for the time since the one before it, so that steps may vary. Positions count
+from where they start. Link tensions and joint forces are sensitive (an error grows some 15-fold a second at speed):
+they count by mean and RMS over windows of a second, and link by link only up to ``POINTWISE`` s.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.evidence import Evidence, Missing
+from orchestrator.evidence import Evidence, Missing, since
 
 Floats = NDArray[np.float64]
 
@@ -71,18 +71,24 @@ def worst(found: dict[str, Difference]) -> float:
 
 def difference(run: Signal, reference: Signal, observable: Observable) -> Difference:
     """RMS over the common time, absolute and relative."""
+    t = _instants(run, reference)
     a, b = aligned(run, reference)
-    absolute = _rms(a - b)
-    relative = absolute / max(_rms(b), observable.floor)
+    lengths = np.diff(t) if run.mean else since(t)
+    absolute = _rms(a - b, lengths)
+    relative = absolute / max(_rms(b, lengths), observable.floor)
     return Difference(absolute, relative, observable.unit, observable.decisive)
 
 
 def aligned(run: Signal, reference: Signal) -> tuple[Floats, Floats]:
     """Both at the instants of the sparser one: interpolated, or as means between these instants."""
+    t = _instants(run, reference)
+    return _at(run, t), _at(reference, t)
+
+
+def _instants(run: Signal, reference: Signal) -> Floats:
     end = min(run.t[-1], reference.t[-1]) + 1e-9
     sparser = run.t if np.sum(run.t <= end) <= np.sum(reference.t <= end) else reference.t
-    t = sparser[sparser <= end]
-    return _at(run, t), _at(reference, t)
+    return sparser[sparser <= end]
 
 
 def _at(signal: Signal, t: Floats) -> Floats:
@@ -94,9 +100,9 @@ def _at(signal: Signal, t: Floats) -> Floats:
     return np.diff(sums, axis=0) / np.diff(t)[:, None]
 
 
-def _rms(values: Floats) -> float:
+def _rms(values: Floats, lengths: Floats) -> float:
     """Over time, of the length of the rows."""
-    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
+    return float(np.sqrt(np.average(np.sum(values**2, axis=1), weights=lengths)))
 
 
 # --- observables -----------------------------------------------------------------------------------
@@ -121,9 +127,9 @@ def observables(run: Evidence) -> Iterator[tuple[str, Observable]]:
     if "chassis" not in run.instances:
         names = [f"{track}.speed" for track in run.tracks]
         yield "chain_speed", Observable("m/s", 0.01, lambda run: _signals(run, names))
-    yield "tension_mean", Observable("N", 100.0, lambda run: _windowed(_tension(run), np.mean))
+    yield "tension_mean", Observable("N", 100.0, lambda run: _windowed(_tension(run), _mean))
     yield "tension_rms", Observable("N", 100.0, lambda run: _windowed(_tension(run), _root_mean_square))
-    yield "joint_force_mean", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), np.mean))
+    yield "joint_force_mean", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), _mean))
     yield "joint_force_rms", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), _root_mean_square))
     yield "tension", Observable("N", 100.0, lambda run: _early(_tension(run)), decisive=False)
     yield "joint_force", Observable("N", 100.0, lambda run: _early(_joint_force(run)), decisive=False)
@@ -177,16 +183,20 @@ def _early(signal: Signal) -> Signal:
     return Signal(signal.t[early], signal.values[early])
 
 
-def _root_mean_square(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _mean(values: Floats, lengths: Floats) -> float:
+    return float(np.average(values.mean(axis=1), weights=lengths))
 
 
-def _windowed(signal: Signal, reduce: Callable[[Floats], float]) -> Signal:
+def _root_mean_square(values: Floats, lengths: Floats) -> float:
+    return float(np.sqrt(_mean(values**2, lengths)))
+
+
+def _windowed(signal: Signal, reduce: Callable[[Floats, Floats], float]) -> Signal:
     """One number a window over all links and samples; the last window ends with the run."""
     count = max(1, int((signal.t[-1] - signal.t[0]) / WINDOW + 1e-9))
     edges = signal.t[-1] - WINDOW * np.arange(count, -1.0, -1.0)
-    rows = [
-        reduce(signal.values[(signal.t > low + 1e-9) & (signal.t <= high + 1e-9)])
-        for low, high in pairwise(edges)
-    ]
+    lengths, rows = since(signal.t), []
+    for low, high in pairwise(edges):
+        inside = (signal.t > low + 1e-9) & (signal.t <= high + 1e-9)
+        rows.append(reduce(signal.values[inside], lengths[inside]))
     return Signal(edges[1:], np.array(rows)[:, None])

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from orchestrator.difference import differences, worst
 from orchestrator.evidence import Evidence, Missing
 from orchestrator.reader import Log
-from orchestrator.scene import Scene, TrackScene
+from orchestrator.scene import Scene, TrackScene, Variable
 
 SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
@@ -34,12 +34,21 @@ class Companions(NamedTuple):
 
 
 def companions(scene: TrackScene, internal: float, simulated: float, components: int) -> Companions:
-    """Twice the communication step, twice the internal step too; ``internal`` s is what the tracks set out to take."""
+    """Twice the communication step, twice the internal step too; ``internal`` s is what the tracks set out to take.
+
+    A variable step is doubled through its tolerance; internal steps that follow it are no part of their own.
+    """
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
     run = scene.run.model_copy(
         update={"step": step, "stop": stop, "outputs": _half(scene.run.outputs), "links": _half(scene.run.links)}
     )
+    if scene.run.variable is not None:
+        track = scene.track
+        if track.step is not None:
+            track = track.model_copy(update={"step": 2.0 * track.step})
+        run = run.model_copy(update={"variable": _looser(scene.run.variable)})
+        return Companions(None, scene.model_copy(update={"run": run, "track": track}))
 
     def of(internal_step: float) -> Scene:
         track = scene.track.model_copy(update={"step": internal_step})
@@ -97,6 +106,18 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
 def unknown(reason: str) -> dict[str, Any]:
     """What stands where no estimate could be made."""
     return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": 0.0, "message": reason}
+
+
+def _looser(variable: Variable) -> Variable:
+    """Steps of twice the length: a power residual is of order 2 in the step, the error of a step of order 3."""
+    factor = 4.0 if variable.estimate == "power" else 8.0
+    return variable.model_copy(
+        update={
+            "tolerance": min(factor * variable.tolerance, 0.5),
+            "shortest": 2.0 * variable.shortest,
+            "longest": 2.0 * variable.longest,
+        }
+    )
 
 
 def _half(every: int) -> int:

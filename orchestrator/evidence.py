@@ -82,8 +82,8 @@ class Evidence:
         return t[inside], values[inside]
 
     def mean(self, name: str, window: Window) -> float:
-        """Mean over the window's samples."""
-        return float(self.signal(name, window)[1].mean())
+        """Mean over the window's samples, as ``mean`` makes it."""
+        return mean(*self.signal(name, window))
 
     def vectors(self, instance: str, topic: str, prefix: str, parts: str = "xyz") -> tuple[Floats, Floats]:
         """Times and ``prefix.{parts}`` of a topic as (m, len(parts))."""
@@ -148,3 +148,13 @@ class Evidence:
 def within(t: Floats, window: Window) -> NDArray[np.bool_]:
     """Which times lie in the window, to rounding."""
     return (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
+
+
+def since(t: Floats) -> Floats:
+    """Time since the sample before, s; of the first one, that of the second; 1 for a single sample."""
+    return np.diff(t, prepend=2.0 * t[0] - t[1]) if len(t) > 1 else np.ones(len(t))
+
+
+def mean(t: Floats, values: Floats) -> float:
+    """Of samples (m,), each weighed by the time since the one before it: steps may vary."""
+    return float(np.average(values, weights=since(t)))

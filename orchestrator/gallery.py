@@ -16,7 +16,7 @@ def names() -> list[str]:
     folder = resources.files("orchestrator") / "scenes"
     found = {file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")}
     order = [
-        "hanging_chain", "sprocket_bench", "rig", "settle", "straight",
+        "hanging_chain", "sprocket_bench", "rig", "settle", "straight", "hard_stop",
         "released_chain", "folded_chain", "spinning_loop",
         "flexible_pendulum", "elastica", "l_frame", "sliding_mass",
     ]  # fmt: skip

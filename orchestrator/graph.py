@@ -35,6 +35,7 @@ class Connection(NamedTuple):
     inputs: tuple[str, ...]
     carries: Kind = "value"
     rates: tuple[str, ...] = ()  # of values: the outputs that are their time derivatives, where the source has them
+    bond: str = ""  # shared by two connections, there and back: value times value, in their order, is a power, W
 
 
 class System(NamedTuple):
@@ -102,6 +103,7 @@ class Feed(NamedTuple):
     inputs: Indices
     carries: Kind = "value"
     rates: Indices | None = None  # where the source shows d/dt of the outputs
+    bond: str = ""
 
 
 class Member(NamedTuple):
@@ -137,8 +139,9 @@ def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
         outputs = _indices(source.outputs, connection.outputs, connection.source, "output")
         inputs = _indices(target.inputs, connection.inputs, connection.target, "input")
         rates = _indices(source.outputs, connection.rates, connection.source, "output")
+        known = rates if connection.rates else None
         feeds[connection.target].append(
-            Feed(source, outputs, inputs, connection.carries, rates if connection.rates else None)
+            Feed(source, outputs, inputs, connection.carries, known, connection.bond)
         )
     return tuple(
         tuple(

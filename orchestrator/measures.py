@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.evidence import within
+from orchestrator.evidence import mean, within
 
 if TYPE_CHECKING:
     from orchestrator.evidence import Evidence, Links, Window
@@ -24,11 +24,11 @@ AT_REST = 0.01  # m/s of chain speed
 RUN_REACH = 0.2  # m: a run between two wheels is sampled this far about its middle
 
 
-def reduce(values: Floats, how: str) -> float:
-    """One number from the samples of a window."""
+def reduce(t: Floats, values: Floats, how: str) -> float:
+    """One number from the samples of a window; a mean weighs each by the time since the one before it."""
     match how:
         case "mean":
-            return float(values.mean())
+            return mean(t, values)
         case "min":
             return float(values.min())
         case "max":
@@ -38,9 +38,9 @@ def reduce(values: Floats, how: str) -> float:
         case "drop":
             return float(values[0] - values[-1])
         case "ripple":  # peak to peak over the mean
-            return float(np.ptp(values) / abs(values.mean()))
+            return float(np.ptp(values) / abs(mean(t, values)))
         case "rms":
-            return float(np.sqrt(np.mean(values**2)))
+            return mean(t, values**2) ** 0.5
     raise ValueError(f"no reduction '{how}'")
 
 

@@ -61,7 +61,10 @@ OPTIONS = {
 class Variable(Part):
     """A communication step that follows an error estimate; ``run.step`` is the first."""
 
-    tolerance: Annotated[float, Field(gt=0, lt=1)]  # error of a step over what its connection has carried
+    # of a step: its error over what its connection has carried, or its power residual over what a bond has carried
+    tolerance: Annotated[float, Field(gt=0, lt=1)]
+    estimate: Literal["doubling", "power"] = "doubling"
+    energy: Annotated[float, In("J", gt=0)] | None = None  # the least that a power residual is relative to
     shortest: Duration = 1e-5
     longest: Duration = 0.1
 
@@ -69,10 +72,13 @@ class Variable(Part):
     def _in_order(self) -> Variable:
         if self.shortest > self.longest:
             raise ValueError(f"shortest = {self.shortest:g} s is longer than longest = {self.longest:g} s")
+        if self.energy is not None and self.estimate != "power":
+            raise ValueError(f"energy is an option of estimate = 'power', not of '{self.estimate}'")
         return self
 
     def __str__(self) -> str:
-        return f"tolerance {self.tolerance:g}, {self.shortest * 1e3:g} to {self.longest * 1e3:g} ms"
+        lengths = f"{self.shortest * 1e3:g} to {self.longest * 1e3:g} ms"
+        return f"{self.estimate}, tolerance {self.tolerance:g}, {lengths}"
 
 
 def _short_coupling(value: object) -> object:

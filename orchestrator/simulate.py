@@ -18,7 +18,8 @@ from typing import Any
 from fmus.build import BuildFailed
 from orchestrator import estimate, master, summary
 from orchestrator.component import Component, ComponentFailed
-from orchestrator.coupling import SCHEMES
+from orchestrator.coupling import SCHEMES, power_residual
+from orchestrator.coupling.power_residual import PowerResidual
 from orchestrator.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
 from orchestrator.coupling.variable_step import VariableStep
 from orchestrator.evidence import Evidence
@@ -30,6 +31,7 @@ from orchestrator.scene import Run, Scene, TrackScene
 from orchestrator.system import assemble, placed, system
 
 PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
+QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
 STATS_PERIOD = 0.1  # s of simulated time between records of cost
 
 Logger = Callable[[str, int, str], None]
@@ -101,7 +103,7 @@ def _simulate(
                 result |= _how_it_ended(outcome, startup, wall)
                 result |= {
                     "cpu_time": spent,
-                    "rejected_steps": pace.rejected if isinstance(pace, VariableStep) else 0,
+                    "rejected_steps": 0 if isinstance(pace, master.Clock) else pace.rejected,
                     "components": {name: cost(component) for name, component in components.items()},
                 }
                 if outcome.steps:
@@ -166,13 +168,15 @@ def _results(result: Mapping[str, Any]) -> dict[str, str]:
     return {name: json.dumps(value) for name, value in chosen.items() if value is not None}
 
 
-def paced(run: Run) -> master.Clock | VariableStep:
+def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
     """The clock of a run."""
-    if run.variable is None:
+    variable = run.variable
+    if variable is None:
         return master.Clock(run.step, run.steps)
-    return VariableStep(
-        run.stop, run.step, run.variable.tolerance, run.variable.shortest, run.variable.longest
-    )
+    limits = run.stop, run.step, variable.tolerance, variable.shortest, variable.longest
+    if variable.estimate == "power":
+        return PowerResidual(*limits, QUIET if variable.energy is None else variable.energy)
+    return VariableStep(*limits)
 
 
 def opened(
@@ -199,6 +203,7 @@ def load(graph: System, stop: float, stack: ExitStack, logger: Logger | None = N
     for instance in graph.instances:
         component = components[instance.name]
         component.initialise(instance.parameters, 0.0, stop)
+    power_residual.check(graph.connections, lambda instance, name: components[instance].dimension(name))
     return components
 
 

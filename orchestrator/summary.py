@@ -94,7 +94,7 @@ def _value(run: Evidence, check: Check, window: Window) -> tuple[float, str]:
     """Value of a check, or a NaN (which is not ok) and why."""
     return _evaluated(
         lambda: (
-            measures.reduce(run.signal(str(check.signal), window)[1], check.reduce)
+            measures.reduce(*run.signal(str(check.signal), window), check.reduce)
             if check.measure is None
             else measures.NAMES[check.measure](run, check.of, window)
         ),

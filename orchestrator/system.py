@@ -337,14 +337,14 @@ def _rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
 
 
 def _wheel(giver: str, connector: str, taker: str, taken: str) -> tuple[Connection, ...]:
-    """Pose and rates from the taker to the giver, mean wrench from the giver to the taker."""
+    """Pose and rates from the taker to the giver, mean wrench from the giver to the taker: a power bond."""
     shown, seen = _names(wheel_state(taken, "output")), _names(wheel_state(connector, "input"))
+    given, felt = _names(wrench(connector, "output")), _names(wrench(taken, "input"))
+    bond = f"{giver}.{connector}"
     return (
         Connection(taker, shown[:POSE], giver, seen[:POSE], "state"),
-        Connection(taker, shown[POSE:], giver, seen[POSE:], "rate"),
-        Connection(
-            giver, _names(wrench(connector, "output")), taker, _names(wrench(taken, "input")), "mean"
-        ),
+        Connection(taker, shown[POSE:], giver, seen[POSE:], "rate", bond=bond),
+        Connection(giver, given, taker, felt, "mean", bond=bond),
     )
 
 

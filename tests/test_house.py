@@ -25,6 +25,7 @@ GENERIC = (
     "coupling/gauss_seidel.py",
     "coupling/iterative.py",
     "coupling/energy_corrected.py",
+    "coupling/power_residual.py",
     "coupling/variable_step.py",
     "recorder.py",
     "reader.py",

@@ -169,6 +169,7 @@ TWINS = [
     ("sprocket_bench", "pins_per_revolution", ELEVEN),
     ("hanging_chain", "sag", ("chain.span=0.79",)),
     ("hanging_chain", "tension", ("vehicle.gravity=9.83",)),
+    ("hard_stop", "distance", ("vehicle.contact.ground.friction=0.31",)),
     ("released_chain", "tip_of_steel", ("vehicle.gravity=9.82",)),
     ("released_chain", "energy", ("run.step=10 ms", "track.step=10 ms", "run.links=1")),
     ("spinning_loop", "joint_force", ("chain.spin=5.05",)),

@@ -163,12 +163,12 @@ def start(a: Side, b: Side) -> tuple[Floats, Floats]:
 
 
 def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[Stages, Slave, Slave]:
-    """Both sides, wired."""
+    """Both sides, wired; force and velocity are a power bond."""
     a, b = sides(cut, o)
     ya, yb = start(a, b)
     one, two = Slave("a", a, yb, ya), kind_of_b("b", b, ya, yb)
     connections = [
-        Connection(source, (output,), target, (name,), kind)
+        Connection(source, (output,), target, (name,), kind, bond=_bond(cut, output))
         for source, target, side, peer in (("b", "a", a, b), ("a", "b", b, a))
         for output, name, kind in zip(peer.outputs, side.inputs, side.given, strict=True)
     ]
@@ -179,6 +179,10 @@ def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[St
         ]
     system = System((Instance("a", None, {}, 0), Instance("b", None, {}, 1)), tuple(connections))  # type: ignore[arg-type]
     return wire(system, {"a": one, "b": two}), one, two
+
+
+def _bond(cut: str, output: str) -> str:
+    return "spring" if cut != "mass" and output in ("force", "v") else ""
 
 
 def exact_maps(A: Floats) -> Callable[[float], Floats]:

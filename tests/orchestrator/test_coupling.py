@@ -251,6 +251,7 @@ WAYS = {
     **{name: (f"run.coupling={name}",) for name in SCHEMES},
     "held": ("run.coupling=jacobi", "run.coupling.hold=constant"),
     "variable": ("run.variable.tolerance=1e-4", "run.variable.longest=4 ms"),
+    "power": ("run.variable.estimate=power", "run.variable.tolerance=1e-4", "run.variable.longest=4 ms"),
 }
 
 
@@ -262,10 +263,11 @@ def test_a_rig_runs_and_replays_with_every_coupling(way, tmp_path):
     assert ("energy ledger leaves" in result["message"]) == (way == "held"), "held inputs are noticed, others are not"
     assert result["simulated_time"] == pytest.approx(0.012)
     with Log(path) as log:
-        expected = {"held": "jacobi (hold = constant)", "variable": "tracks_first"}.get(way, way)
+        named = {"held": "jacobi (hold = constant)", "variable": "tracks_first", "power": "tracks_first"}
+        expected = named.get(way, way)
         assert log.metadata["run"]["coupling"] == expected
         h = log.read("/track/in").h
-        assert (np.ptp(h) > 0.0) == (way == "variable")
+        assert (np.ptp(h) > 0.0) == (way in ("variable", "power"))
         assert log.read("/track/in").t + h == pytest.approx(log.read("/track/out").t[1:], abs=1e-15)
     for name in ("track", "drive"):
         with rerun.opened(path, name, None) as again:
@@ -281,6 +283,7 @@ def test_a_rig_runs_and_replays_with_every_coupling(way, tmp_path):
         (("run.coupling.tolerance=1e-3",), "tolerance is an option of iterative, not of tracks_first"),
         (("run.variable.shortest=1 ms",), "run.variable.tolerance"),
         (("run.variable.tolerance=1e-3", "run.variable.shortest=1 s"), "is longer than longest"),
+        (("run.variable.tolerance=1e-3", "run.variable.energy=1 J"), "energy is an option of estimate = 'power'"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(settings, said):

@@ -142,7 +142,15 @@ def test_sag():
     [("mean", 2.0), ("min", 1.0), ("max", 4.0), ("last", 1.0), ("drop", 1.0), ("ripple", 1.5), ("rms", np.sqrt(5.5))],
 )  # fmt: skip
 def test_reductions(how, value):
-    assert measures.reduce(np.array([2.0, 1.0, 4.0, 1.0]), how) == pytest.approx(value)
+    assert measures.reduce(np.arange(4.0), np.array([2.0, 1.0, 4.0, 1.0]), how) == pytest.approx(value)
+
+
+def test_a_mean_weighs_samples_by_their_steps():
+    """A ramp over steps of 1 and of 10 ms: its mean over time, which a mean over samples misses."""
+    t = np.concatenate([np.arange(0.0, 0.1, 1e-3), np.arange(0.1, 1.001, 1e-2)])
+    assert measures.reduce(t, t, "mean") == pytest.approx(0.5, rel=0.01)
+    assert measures.reduce(t, t, "rms") == pytest.approx(3**-0.5, rel=0.01)
+    assert t.mean() < 0.4
 
 
 def test_every_measure_has_its_own_name():
