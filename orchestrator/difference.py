@@ -192,9 +192,9 @@ def _root_mean_square(values: Floats, lengths: Floats) -> float:
 
 
 def _windowed(signal: Signal, reduce: Callable[[Floats, Floats], float]) -> Signal:
-    """One number a window over all links and samples; the last window ends with the run."""
-    count = max(1, int((signal.t[-1] - signal.t[0]) / WINDOW + 1e-9))
-    edges = signal.t[-1] - WINDOW * np.arange(count, -1.0, -1.0)
+    """One number a window over all links and samples, from the start on; less than half a window is left out."""
+    count = max(1, round((signal.t[-1] - signal.t[0]) / WINDOW))
+    edges = signal.t[0] + WINDOW * np.arange(count + 1.0)
     lengths, rows = since(signal.t), []
     for low, high in pairwise(edges):
         inside = (signal.t > low + 1e-9) & (signal.t <= high + 1e-9)

@@ -85,13 +85,18 @@ def _short_coupling(value: object) -> object:
     return {"scheme": value} if isinstance(value, str) else value
 
 
+def _off(value: object) -> object:
+    """What a scene has can be left out: TOML has no none."""
+    return None if value is False else value
+
+
 class Run(Part):
     """How long, in which steps, and how often results are recorded."""
 
     stop: Duration
     step: Duration  # communication step H
     coupling: Annotated[Coupling, BeforeValidator(_short_coupling)] = Coupling()
-    variable: Variable | None = None  # without it all steps are of length H
+    variable: Annotated[Variable | None, BeforeValidator(_off)] = None  # without it, or false: all of length H
     outputs: Every = 1  # outputs are recorded every n communication steps
     links: Every = 10  # per-link outputs are recorded every n communication steps
 

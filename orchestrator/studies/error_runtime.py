@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -64,6 +64,28 @@ class Method(NamedTuple):
     settings: tuple[str, ...]
     steps: tuple[tuple[float, float], ...]
 
+    def points(self) -> Iterator[tuple[str, tuple[str, ...]]]:
+        """What sets each point apart, in words and as settings."""
+        for step, internal in self.steps:
+            own = f"{internal:g} ms" if internal else "the stable one"
+            yield (
+                f"H = {step:g} ms, h = {own}",
+                (f"run.step={step} ms", *((f"track.step={internal} ms",) if internal else ())),
+            )
+
+
+class Variable(NamedTuple):
+    """A curve of variable communication steps, in a scene that has them: common settings, and tolerances."""
+
+    name: str
+    settings: tuple[str, ...]
+    tolerances: tuple[float, ...]
+
+    def points(self) -> Iterator[tuple[str, tuple[str, ...]]]:
+        """What sets each point apart, in words and as settings."""
+        for tolerance in self.tolerances:
+            yield f"tolerance {tolerance:g}", (f"run.variable.tolerance={tolerance}",)
+
 
 def equal(*steps: float) -> tuple[tuple[float, float], ...]:
     """Communication and internal step alike, ms."""
@@ -87,6 +109,17 @@ COUPLED = (
 )
 
 
+PACED: Sequence[Method | Variable] = (  # where a scene has a variable step
+    *(Method(method.name, ("run.variable=false",), method.steps) for method in COUPLED[:3]),
+    Variable("power residual", ("run.variable.estimate=power",), (1e-3, 1e-4, 3e-5, 1e-5, 3e-6)),
+    Variable(
+        "step doubling",
+        ("run.variable={estimate='doubling', tolerance=1, longest='7 ms'}",),
+        (3e-3, 1e-3, 3e-4),
+    ),
+)
+
+
 def cases(quick: bool, scene: str = "straight") -> list[Case]:
     """The truth of each track model, then every way to run the scene."""
     found = load(scene)
@@ -97,19 +130,18 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     base = (QUICK[found.assembly],) if quick else ()
     if isinstance(found, ChainScene) and found.chain.ends == "pinned" and found.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # at rest there is nothing to be wrong about
-    methods = ALONE if isinstance(found, ChainScene) else COUPLED
+    methods: Sequence[Method | Variable] = ALONE if isinstance(found, ChainScene) else COUPLED
+    if found.run.variable is not None:
+        methods = PACED
     wanted = []
     for model in MODELS[:1] if quick else MODELS:
         wanted.append(Case(scene, f"truth, {model}", own_error, (scene, model, base), 600.0, 7200.0))
         for method in methods:
-            for step, internal in method.steps[: 4 if quick else None]:
-                if quick and "Runge" in method.name and found.assembly != "chain":
-                    continue
-                settings = (*base, *method.settings, f"run.step={step} ms")
-                settings += (f"track.step={internal} ms",) if internal else ()
-                own = f"{internal:g} ms" if internal else "the stable one"
-                name = f"{model}, {method.name}, H = {step:g} ms, h = {own}"
-                wanted.append(Case(scene, name, point, (scene, model, method.name, settings, base), 30.0))
+            if quick and "Runge" in method.name and found.assembly != "chain":
+                continue
+            for words, own in list(method.points())[: 4 if quick else None]:
+                arguments = (scene, model, method.name, (*base, *method.settings, *own), base)
+                wanted.append(Case(scene, f"{model}, {method.name}, {words}", point, arguments, 30.0))
     return wanted
 
 
@@ -120,7 +152,7 @@ def measure(case: Case) -> list[Row]:
 
 def _scene(scene: str, track: str, settings: Sequence[str]) -> Scene:
     found = load(scene, track, settings)
-    every = max(1, round(LINKS_EVERY / found.run.step))
+    every = max(1, round(LINKS_EVERY / found.run.step)) if found.run.variable is None else found.run.links
     return found.model_copy(update={"run": found.run.model_copy(update={"outputs": 1, "links": every})})
 
 
