@@ -15,6 +15,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from fmus.vehicle import BadInput
+from orchestrator import cli_log, printed
+from orchestrator.cli_log import LogPath
 
 FMI_WARNING = 1
 
@@ -26,8 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-log_app = typer.Typer(help="Look into a log.", no_args_is_help=True, rich_markup_mode=None)
-app.add_typer(log_app, name="log")
+app.add_typer(cli_log.app, name="log")
 
 
 class TrackModel(StrEnum):
@@ -45,7 +46,6 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="a dotted key of the resolved scene, repeatable"),
 ]
-LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
 
 
 def _version(wanted: bool) -> None:
@@ -215,9 +215,9 @@ def run(
     if result["message"]:
         print(f"cotrack: {result['message']}", file=sys.stderr)
     if as_json:
-        print(json.dumps(_finite(result)))
+        print(json.dumps(printed.finite(result)))
     elif status != 2:
-        _print_summary(result)
+        printed.summary(result)
     sys.exit(status)
 
 
@@ -395,7 +395,7 @@ def truth(
         "observables": observables,
     }
     if as_json:
-        print(json.dumps(_finite(result)))
+        print(json.dumps(printed.finite(result)))
         return
     print(f"{'built' if found.built else 'found'} {found.log}")
     print(f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; RMS errors:")
@@ -407,79 +407,6 @@ def truth(
         )
 
 
-@log_app.command("info")
-def log_info(log: LogPath) -> None:
-    """What a log holds and how its run ended."""
-    from orchestrator.log_tools import info
-
-    about = info(log)
-    steps = "" if about.steps is None else f" after {about.steps} steps"
-    print(
-        f"{about.path}: {about.bytes / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {about.status}{steps}"
-    )
-    for sentence in (about.message, *about.faults):
-        if sentence:
-            print(f"  {sentence}")
-    for record, entries in about.metadata.items():
-        print(f"  {record}: " + ", ".join(f"{key} = {value}" for key, value in entries.items()))
-    for topic in about.topics:
-        print(
-            f"  {topic.topic:22} {topic.signals:5} signals, {topic.messages:7} messages,"
-            f" one step in {topic.every}, {topic.bytes / 1e6:.2f} MB"
-        )
-    for name, size in about.attachments:
-        print(f"  attached: {name}, {size} bytes")
-    print(f"  digest {about.digest or 'none: a part is damaged'}")
-
-
-@log_app.command("verify")
-def log_verify(log: LogPath) -> None:
-    """Whether a log is whole: exit 0, or 1 when it is broken."""
-    from orchestrator.log_tools import verify
-
-    _report(verify(log))
-
-
-@log_app.command("recover")
-def log_recover(
-    log: LogPath,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="PATH", help="default LOG-recovered.mcap")
-    ] = None,
-) -> None:
-    """Save what is whole in a broken log: exit 0 without loss, 3 with loss, 1 when nothing is left."""
-    from orchestrator.log_tools import recover
-
-    _report(recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")))
-
-
-@log_app.command("export")
-def log_export(
-    log: LogPath,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="PATH", help="a folder, or one .csv file")
-    ],
-    signals: Annotated[
-        list[str] | None,
-        typer.Option("--signal", metavar="NAME", help="instance.variable, * for anything; repeatable"),
-    ] = None,
-    topics: Annotated[
-        list[str] | None, typer.Option("--topic", metavar="TOPIC", help="a whole topic; repeatable")
-    ] = None,
-) -> None:
-    """Recorded values as CSV."""
-    from orchestrator.log_tools import export
-
-    for file in export(log, output, signals or (), topics or ()):
-        print(file)
-
-
-def _report(verdict: Any) -> NoReturn:
-    for sentence in verdict.sentences:
-        print(sentence)
-    sys.exit(verdict.code)
-
-
 def _model(track: TrackModel | None) -> str | None:
     return track.value if track else None
 
@@ -488,57 +415,3 @@ def _warn(instance: str, status: int, message: str) -> None:
     """Warnings of components; what is worse ends the run and is its message."""
     if status == FMI_WARNING:
         logging.getLogger("cotrack").warning("%s: %s", instance, message)
-
-
-def _finite(value: Any) -> Any:
-    """JSON knows no NaN."""
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, float) and (value != value or abs(value) == float("inf")):
-        return None
-    return value
-
-
-def _error(found: dict[str, Any]) -> str:
-    """What a run says of its own error."""
-    if found["total"] is None:
-        return f"error: not known, {found['message']}"
-    most = max(
-        (name for name, one in found["observables"].items() if one["decisive"]),
-        key=lambda name: found["observables"][name]["total"],
-    )
-    return (
-        f"error: about {found['total']:.2g} of the {most.replace('_', ' ')}, other observables less"
-        f" (coupling {found['coupling']:.2g}, integration {found['integration']:.2g}; {found['wall_time']:.3g} s more)"
-    )
-
-
-def _print_summary(result: dict[str, Any]) -> None:
-    r = result
-    track = f" ({r['track']})" if r["track"] else ""
-    print(
-        f"{r['scene']}{track}: {r['status']}, {r['simulated_time']:.6g} s in {r['wall_time']:.3g} s"
-        f" ({r['real_time_factor']:.3g} x real time), start-up {r['startup_time']:.3g} s"
-    )
-    if r["rejected_steps"]:
-        print(f"  {r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back")
-    for name, check in r["checks"].items():
-        mark = "ok " if check["ok"] else "NOT"
-        expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"
-        note = f" ({check['note']})" if check["note"] else ""
-        print(f"  {mark} {name} = {check['value']:.7g}, expected {expected}{note}")
-    for name, value in r["observables"].items():
-        print(f"      {name} = {value:.7g}")
-    if r["energy"]:
-        e = r["energy"]
-        print(
-            f"  energy: work {e['work']:.6g} J = change {e['change']:.6g} + dissipated {e['dissipated']:.6g}"
-            f" + covered {e['covered']:.4g} + residual {e['residual']:.4g}"
-            f" ({e['residual_relative'] * 100:.3g} %; ports {e['port']:.4g} J)"
-        )
-    if r["error"]:
-        print(f"  {_error(r['error'])}")
-    for name, cost in r["components"].items():
-        counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
-        print(f"  {name:12} {cost['wall_time']:8.3f} s  {counts}")
-    print(f"  log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)")

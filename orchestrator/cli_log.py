@@ -1,0 +1,85 @@
+"""The commands ``cotrack log ...``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+app = typer.Typer(help="Look into a log.", no_args_is_help=True, rich_markup_mode=None)
+LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
+
+
+@app.command("info")
+def info(log: LogPath) -> None:
+    """What a log holds and how its run ended."""
+    from orchestrator import log_tools
+
+    about = log_tools.info(log)
+    steps = "" if about.steps is None else f" after {about.steps} steps"
+    print(
+        f"{about.path}: {about.bytes / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {about.status}{steps}"
+    )
+    for sentence in (about.message, *about.faults):
+        if sentence:
+            print(f"  {sentence}")
+    for record, entries in about.metadata.items():
+        print(f"  {record}: " + ", ".join(f"{key} = {value}" for key, value in entries.items()))
+    for topic in about.topics:
+        print(
+            f"  {topic.topic:22} {topic.signals:5} signals, {topic.messages:7} messages,"
+            f" one step in {topic.every}, {topic.bytes / 1e6:.2f} MB"
+        )
+    for name, size in about.attachments:
+        print(f"  attached: {name}, {size} bytes")
+    print(f"  digest {about.digest or 'none: a part is damaged'}")
+
+
+@app.command("verify")
+def verify(log: LogPath) -> None:
+    """Whether a log is whole: exit 0, or 1 when it is broken."""
+    from orchestrator import log_tools
+
+    _report(log_tools.verify(log))
+
+
+@app.command("recover")
+def recover(
+    log: LogPath,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PATH", help="default LOG-recovered.mcap")
+    ] = None,
+) -> None:
+    """Save what is whole in a broken log: exit 0 without loss, 3 with loss, 1 when nothing is left."""
+    from orchestrator import log_tools
+
+    _report(log_tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")))
+
+
+@app.command("export")
+def export(
+    log: LogPath,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="PATH", help="a folder, or one .csv file")
+    ],
+    signals: Annotated[
+        list[str] | None,
+        typer.Option("--signal", metavar="NAME", help="instance.variable, * for anything; repeatable"),
+    ] = None,
+    topics: Annotated[
+        list[str] | None, typer.Option("--topic", metavar="TOPIC", help="a whole topic; repeatable")
+    ] = None,
+) -> None:
+    """Recorded values as CSV."""
+    from orchestrator import log_tools
+
+    for file in log_tools.export(log, output, signals or (), topics or ()):
+        print(file)
+
+
+def _report(verdict: Any) -> NoReturn:
+    for sentence in verdict.sentences:
+        print(sentence)
+    sys.exit(verdict.code)
