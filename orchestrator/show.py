@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from math import isclose
 from typing import Any
 
 from fmus.contents import contents
-from orchestrator.scene import Scene, TrackScene
-from orchestrator.system import TRACK, Assembly, Part, assemble, describe
+from orchestrator.scene import Scene, TrackScene, VehicleScene
+from orchestrator.system import DRIVE, TRACK, TRACKS, Assembly, Part, assemble
+
+DOFS = {"cable": (12, 4), "planar": (8, 2), "beam": (24, 6)}  # coordinates of a link, equations of a pin
+CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
+TOUCH = ("contact with wheels and teeth", "contact with the ground")
 
 
 def lines(scene: Scene) -> Iterator[str]:
@@ -15,6 +20,107 @@ def lines(scene: Scene) -> Iterator[str]:
     yield from describe(scene)
     if isinstance(scene, TrackScene):
         yield from _evaluated(scene, assemble(scene))
+
+
+def describe(scene: Scene) -> Iterator[str]:
+    """What is in with its size, and what is left out."""
+    run = scene.run
+    yield f"{scene.name}: {scene.title}"
+    if run.variable is None:
+        yield f"  {run.stop:g} s in {run.steps} steps of {run.step * 1e3:g} ms, {run.coupling}"
+    else:
+        yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
+    yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {run.links}"
+    present, absent = _of_fmus(scene) if isinstance(scene, TrackScene) else _of_piece(scene)
+    yield "in"
+    for line in present:
+        yield f"  {line}"
+    yield "left out"
+    for line in absent:
+        yield f"  {line}"
+    if scene.expect:
+        yield "expected"
+        for name, check in scene.expect.items():
+            allowed = f"{check.tolerance * 100:g} %" if check.relative else f"{check.tolerance:g}"
+            yield f"  {name}: {check.expected:g} +- {allowed} ({check.signal or check.measure})"
+
+
+def _of_fmus(scene: TrackScene) -> tuple[list[str], list[str]]:
+    """Lines of what is in, and of what is not."""
+    assembly, present = assemble(scene), []
+    for part in assembly.parts:
+        taken = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
+        given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
+        size = f"{_size(scene, part)}; {taken} values in, {given} out a step"
+        present.append(f"{part.name:12} {part.kind:13} {size}")
+    return present, list(_absent(scene, assembly))
+
+
+def _of_piece(scene: Scene) -> tuple[list[str], list[str]]:
+    from orchestrator.pieces import piece
+
+    it = piece(scene)
+    absent = [
+        "FMUs: the mechanics are stepped directly",
+        "both track models",
+        CHASSIS_PARTS,
+        "drives",
+        *TOUCH,
+    ]
+    if "energy.kinetic" not in it.outputs:
+        absent += ["inertia: static equilibrium at every instant"]
+    if not getattr(getattr(scene, scene.assembly), "gravity", 0.0):
+        absent += ["gravity"]
+    present = f"{scene.assembly:12} {it.about}; {len(it.outputs)} outputs, {it.count} points"
+    return [present], absent
+
+
+def _size(scene: TrackScene, part: Part) -> str:
+    if part.stage == TRACK:
+        track = part.config["track"]
+        links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
+        if part.kind == TRACKS["flexible"]:
+            own, shared = DOFS["planar" if scene.planar else scene.track.element or "cable"]
+            size = f"{links} elements, {own * links - shared * pins} dofs"
+        else:
+            size = f"{links} bodies, {pins} pins"
+        count = len(track["wheels"])
+        wheels = "1 wheel" if count == 1 else f"{count} wheels"
+        return f"{size}, {wheels}, {'ground' if track['ground'] else 'no ground'}"
+    if part.stage == DRIVE:
+        return f"spin inertia {part.config['drive']['inertia']:g} kg m2"
+    vehicle = part.config["vehicle"]
+    arms = len(vehicle["road_wheel"]["x"])
+    sides = len(part.config["chassis"]["sides"])
+    mirrored = ", their mirror images" if sides == 1 else ""
+    return f"1 hull, {arms * sides} arms with wheels, {sides} idlers, {sides} mounts{mirrored}"
+
+
+def _absent(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
+    kinds = {part.kind for part in assembly.parts}
+    tracks = [part.config["track"] for part in assembly.parts if part.stage == TRACK]
+    other = "rigid" if scene.track.model == "flexible" else "flexible"
+    yield f"the {other} track model ({TRACKS[other]})"
+    if "Chassis" not in kinds:
+        yield CHASSIS_PARTS
+    if "SprocketDrive" not in kinds:
+        yield "drives"
+    if not any(track["wheels"] for track in tracks):
+        yield TOUCH[0]
+    elif len(tracks[0]["wheels"]) == 1:
+        yield "contact with wheels other than the sprocket"
+    if not any(track["ground"] for track in tracks):
+        yield TOUCH[1]
+    if tracks and all(isclose(track["gravity"], 0.0) for track in tracks):
+        yield "gravity"
+    if isinstance(scene, VehicleScene) and scene.symmetric:
+        yield "the right track, drive and ports: the right half mirrors the left"
+    elif len(tracks) == 1:
+        yield "a second track"
+    if scene.planar:
+        yield "lateral dofs of the chain: y of pins, lateral slopes, lateral parts of the contact laws"
+    if not scene.track.link_outputs:
+        yield "outputs per link"
 
 
 def _evaluated(scene: TrackScene, assembly: Assembly) -> Iterator[str]:

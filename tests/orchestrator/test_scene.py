@@ -5,7 +5,8 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator import gallery
 from orchestrator.scene import Scene, from_table, keys, load, tracked
-from orchestrator.system import assemble, describe
+from orchestrator.show import describe
+from orchestrator.system import assemble
 
 BARE = """
 title = "a chain"

@@ -8,7 +8,8 @@ from fmus.ports import STATE, WRENCH
 from orchestrator.graph import Connection, Instance, Miswired, System, wire
 from orchestrator.products import of_gallery, of_scenes
 from orchestrator.scene import load
-from orchestrator.system import CHASSIS, DRIVE, TRACK, assemble, describe
+from orchestrator.show import describe
+from orchestrator.system import CHASSIS, DRIVE, TRACK, assemble
 
 
 def parts(name, *settings, track=None):
