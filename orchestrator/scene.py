@@ -9,6 +9,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from math import pi, remainder
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError, field_validator, model_validator
@@ -122,10 +123,24 @@ class Start(Part):
 
 
 class VehicleStart(Start):
-    """A vehicle may also begin above its place on the ground, and pitched: upside down by half a turn."""
+    """A vehicle may also begin above its place on the ground, and pitched or rolled: upside down by half a turn."""
 
     height: Place = 0.0  # of the sprocket axle over its drawn place on the ground
     pitch: Annotated[float, In("rad")] = 0.0  # about the sprocket axle, nose down positive
+    roll: Annotated[float, In("rad")] = 0.0  # about its long axis, before the pitch: half a turn or none
+
+    @model_validator(mode="after")
+    def _upright(self) -> VehicleStart:
+        if abs(remainder(self.roll, pi)) > 1e-9:
+            raise ValueError(
+                f"roll = {self.roll:g} rad must be 0 or half a turn (180 deg): a track is laid out in an upright plane"
+            )
+        return self
+
+    def turned(self) -> tuple[float, float]:
+        """Heading and pitch, rad, with the roll in them: R_z(h) R_y(p) R_x(pi) = R_z(h + pi) R_y(pi - p)."""
+        over = abs(remainder(self.roll, 2.0 * pi)) > 1.0
+        return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
 
 
 class Bump(Part):
@@ -358,6 +373,12 @@ class VehicleScene(TrackScene):
     def _mirror_has_two_sides(self) -> VehicleScene:
         if self.symmetric and len(self.tracks) == 1:
             raise ValueError("symmetric = true needs both tracks or none")
+        return self
+
+    @model_validator(mode="after")
+    def _bump_lies_ahead(self) -> VehicleScene:
+        if self.ground.bump and self.start.turned() != (self.start.heading, self.start.pitch):
+            raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
         return self
 
     @model_validator(mode="after")

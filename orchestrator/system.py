@@ -318,7 +318,8 @@ def _start(scene: TrackScene) -> Parameters:
     pose: Parameters = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
     pose["start.heading"] = scene.start.heading
     if isinstance(scene.start, VehicleStart):
-        pose |= {"start.height": scene.start.height, "start.pitch": scene.start.pitch}
+        heading, pitch = scene.start.turned()
+        pose |= {"start.heading": heading, "start.height": scene.start.height, "start.pitch": pitch}
     return pose
 
 

@@ -14,6 +14,7 @@ from fmus.physics.contact.guide import HORN, guide_contact
 from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, wheel_contact
+from fmus.physics.point import GUIDES, PINS, POINTS
 from fmus.track_flexible.beams import gather
 from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SLIP, note
 
@@ -111,6 +112,7 @@ def _wheels(contacts, links, q, v, w, by_rate, tangent):
                     for g in range(4):
                         xi = low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)
                         locate(beam, e, de, xi, (2 * (g % 2) - 1) * links.lateral, -links.face, S, x, u)
+                        s.point[0] = POINTS * (k * nodes + i) + g
                         depth, _, stored, power, _ = wheel_contact(
                             contacts.wheel, share, radius, row, x, u, rate, s, tangent
                         )
@@ -137,6 +139,7 @@ def _wheels(contacts, links, q, v, w, by_rate, tangent):
             for side in (-1.0, 1.0):
                 xi = 0.5 * (low + high) + side * GAUSS * (high - low)
                 locate(beam, e, de, xi, 0.0, -links.face, S, x, u)
+                s.point[0] = POINTS * (k * nodes + i) + GUIDES + int(side > 0.0)
                 depth, _, stored, power, _ = guide_contact(
                     contacts.wheel, share, contacts.clearance, row, x, u, s, tangent
                 )
@@ -163,6 +166,7 @@ def _soil(contacts, links, q, v, w, by_rate, tangent):
         for g in range(4):
             xi = 0.5 + (2 * (g // 2) - 1) * GAUSS
             locate(beam, e, de, xi, (2 * (g % 2) - 1) * links.lateral, links.face, S, x, u)
+            s.point[0] = POINTS * (w.moved.shape[0] * nodes + i) + g
             depth, normal, stored, power, _ = ground_contact(
                 contacts.soil, 0.25, contacts.shape, x, u, s, tangent
             )
@@ -194,6 +198,7 @@ def _teeth(contacts, links, q, v, w, by_rate, tangent):
                 for a in range(3):
                     x[a] = q[i, a] + y * q[i, 3 + a]
                     u[a] = v[i, a] + y * v[i, 3 + a]
+                s.point[0] = POINTS * (k * q.shape[0] + i) + PINS + int(y > 0.0)
                 depth, _, stored, power, _ = teeth_contact(
                     contacts.sprocket, 0.5, contacts.profile, row, x, u, s, tangent
                 )

@@ -20,7 +20,7 @@ from fmus.physics.ancf.beam import GAUSS, Beam, basis, energy, mass, react, seen
 from fmus.physics.ancf.gauss import WEIGHTS
 from fmus.physics.block_cyclic import invert, workspace
 from fmus.physics.chain_speed import chain_speed
-from fmus.physics.point import Scratch, scratch
+from fmus.physics.point import Scratch, points, scratch
 from fmus.track_flexible.pins import pin_loads
 from fmus.track_flexible.sums import POWER, SUMS, write
 from fmus.track_flexible.touch import touch_beams
@@ -107,7 +107,7 @@ def work(links: int, nodes: int, wheels: int) -> Work:
         z((links, 24, 24)),
         z((wheels + 1, 6)),
         z(SUMS),
-        scratch(),
+        scratch(points(wheels, nodes)),
     )
 
 

@@ -20,7 +20,7 @@ from fmus.model import Floats
 from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.block_cyclic import invert, workspace
 from fmus.physics.chain_speed import chain_speed
-from fmus.physics.point import Scratch, scratch
+from fmus.physics.point import Scratch, points, scratch
 from fmus.track_flexible.element import end_moments, energy, force, stiffness, tension
 from fmus.track_flexible.nodes import gather
 from fmus.track_flexible.pins import pin_loads
@@ -116,7 +116,7 @@ def work(links: int, nodes: int, wheels: int) -> Work:
         z((links, 12, 12)),
         z((wheels + 1, 6)),
         z(SUMS),
-        scratch(),
+        scratch(points(wheels, nodes)),
     )
 
 

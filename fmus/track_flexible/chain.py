@@ -10,11 +10,14 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
+from fmus.physics.point import sharpen
 from fmus.physics.wheels import move
 from fmus.track_flexible.assembly import correct, evaluate, length, measure
 from fmus.track_flexible.sums import COVERING, POWER
 
 CHORD = 1e-5  # m: below such a correction the iteration matrix is kept
+SLOW = 0.5  # a correction larger than this part of the last one: friction is sharp
+ITERATIONS = 20  # of Newton, before a step is given up
 
 
 @kernel
@@ -104,8 +107,10 @@ def advance(
                 v[i, k] += dt * ((1.0 - coef.gamma) * a0[i, k] + coef.gamma * a1)
         move(rows, done + dt, w.moved)
         converged, failure, size = False, 1, np.inf
-        for _ in range(12):
-            fresh = size > CHORD  # close to the solution the last matrix serves once more
+        sharp = w.contact.sharp
+        sharp[0] = 0
+        for _ in range(ITERATIONS):
+            fresh = size > CHORD or sharp[0]  # close to the solution the last matrix serves once more
             worst, where = evaluate(links, contacts, env, q, v, vdot, s.v, s.vdot, w, fresh)
             counters[1] += 1
             if fresh:
@@ -114,12 +119,14 @@ def advance(
                     failure = 2
                     break
             solve(w.A, w.U, w.factors, links.closed == 1, w.b)
-            size = correct(links, w, q, v, vdot, s.v, s.vdot, 0.5 * length(links))
+            last, size = size, correct(links, w, q, v, vdot, s.v, s.vdot, 0.5 * length(links))
             if not size < 10.0:
                 break
             if size < tolerance:
                 converged = True
                 break
+            if size > SLOW * last and not sharp[0]:
+                sharpen(w.contact)
         if not converged:
             q[:], v[:], a[:], vdot[:] = q0, v0, a0, d0
             counters[3] += 1

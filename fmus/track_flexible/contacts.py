@@ -14,6 +14,7 @@ from fmus.physics.contact.ground import ground_contact
 from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, wheel_contact
+from fmus.physics.point import PINS, POINTS
 from fmus.track_flexible.nodes import gather
 from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SLIP, note
 
@@ -159,6 +160,7 @@ def touch_links(contacts, links, q, v, w, by_rate, tangent):
             for side in (-1.0, 1.0):
                 xi = 0.5 * (low + high) + side * GAUSS * (high - low)
                 t0, t2 = locate(cable, e, de, xi, -links.face, S, C, x, u)
+                s.point[0] = POINTS * (k * nodes + i) + int(side > 0.0)
                 depth, _, stored, power, _ = wheel_contact(
                     contacts.wheel, share, radius, row, x, u, rate, s, tangent
                 )
@@ -184,6 +186,7 @@ def touch_links(contacts, links, q, v, w, by_rate, tangent):
         open_link(q, v, i, w)
         for side in (-1.0, 1.0):
             t0, t2 = locate(cable, e, de, 0.5 + side * GAUSS, links.face, S, C, x, u)
+            s.point[0] = POINTS * (m * nodes + i) + int(side > 0.0)
             depth, normal, stored, power, _ = ground_contact(
                 contacts.soil, 0.5, contacts.shape, x, u, s, tangent
             )
@@ -210,6 +213,7 @@ def touch_pins(contacts, q, v, w, by_rate, tangent):
             d0, d2 = q[i, 0] - row[0], q[i, 2] - row[2]
             if d0 * d0 + d2 * d2 > contacts.radius[k] ** 2:
                 continue
+            w.contact.point[0] = POINTS * (k * nodes + i) + PINS
             depth, _, stored, power, _ = teeth_contact(
                 contacts.sprocket, 1.0, contacts.profile, row, q[i, :3], v[i, :3], w.contact, tangent
             )

@@ -18,6 +18,7 @@ from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.ancf.cable_planar import end_moments, energy, force, stiffness, strain
 from fmus.physics.block_cyclic import invert, workspace
 from fmus.physics.chain_speed import chain_speed
+from fmus.physics.point import Scratch, points, scratch
 from fmus.track_flexible.pins import pin_loads
 from fmus.track_flexible.planar_nodes import gather
 from fmus.track_flexible.sums import POWER, SUMS, write
@@ -69,6 +70,7 @@ class Work(NamedTuple):
     stiffening: np.ndarray  # (links, 8, 8) and their iteration matrix
     wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
     sums: np.ndarray  # (SUMS)
+    contact: Scratch
 
 
 def work(links: int, nodes: int, wheels: int) -> Work:
@@ -78,7 +80,7 @@ def work(links: int, nodes: int, wheels: int) -> Work:
     parts = z((8, 8)), z((n, 4, 2)), z((n, 4, 4)), z((n, 4, 4)), z((n, 4, 4)), z((n, 4))
     small = z((4, 2)), z((4, 2)), z((4, 2)), z((4, 2)), z((4, 4)), z(4), z(4), z(4)
     touching = z((wheels, 15)), z(n, dtype=np.bool_), z((n, 4, 2)), z((n, 8, 8))
-    return Work(*blocks, *parts, *small, *touching, z((wheels + 1, 6)), z(SUMS))
+    return Work(*blocks, *parts, *small, *touching, z((wheels + 1, 6)), z(SUMS), scratch(points(wheels, nodes)))
 
 
 @kernel

@@ -9,6 +9,7 @@ from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.contact.ground import level
 from fmus.physics.contact.plane import Face, collect, press, reach, slide, tooth_face, touch
 from fmus.physics.contact.wheel import GAUSS, bulge, covered, creep
+from fmus.physics.point import PINS, POINTS
 from fmus.track_flexible.planar_nodes import gather
 from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SLIP, note
 
@@ -100,7 +101,7 @@ def open_link(q, v, i, w):
 @kernel
 def touch_plane(contacts, links, q, v, w, by_rate, tangent):
     """Faces on rims and ground into ``w.load``, ``w.stiffening``; pins in teeth into ``w.b``, ``w.A``."""
-    e, de, S, C, sums, cable = w.e, w.v, w.S, w.C, w.sums, links.cable
+    e, de, S, C, sums, cable, s = w.e, w.v, w.S, w.C, w.sums, links.cable, w.contact
     nodes, m = q.shape[0], contacts.radius.size
     w.touched[:] = False
     for k in range(m):
@@ -113,7 +114,8 @@ def touch_plane(contacts, links, q, v, w, by_rate, tangent):
                 depth, face = tooth_face(contacts.profile, row, d0, d2, v[i, 0], v[i, 1])
                 if depth <= 0.0:
                     continue
-                f = touch(contacts.sprocket, 1.0, depth, face, by_rate)
+                s.point[0] = POINTS * (k * nodes + i) + PINS
+                f = touch(contacts.sprocket, 1.0, depth, face, by_rate, s)
                 note(sums, depth, f.energy, f.power)
                 collect(d0, d2, f, wrench)
                 w.b[i, 0] -= f.f0
@@ -153,7 +155,8 @@ def touch_plane(contacts, links, q, v, w, by_rate, tangent):
                     continue
                 w0, w2 = slide(row, d0, d2, u0, u2)
                 face = Face(d0 / rho, d2 / rho, 1.0 / rho, w0, w2, row[7])
-                f = press(contacts.wheel, share, depth, rate, 0.0, face, by_rate)
+                s.point[0] = POINTS * (k * nodes + i) + int(side > 0.0)
+                f = press(contacts.wheel, share, depth, rate, 0.0, face, by_rate, s)
                 note(sums, depth, f.energy, f.power)
                 slope = -cable.l * (face.n0 * t0 + face.n2 * t2)
                 sums[COVERING] += covered(contacts.wheel, share, depth, slope, part, ends, side)
@@ -177,7 +180,8 @@ def touch_plane(contacts, links, q, v, w, by_rate, tangent):
             depth, n0, n2, bend = level(contacts.shape, x0, x2)
             if depth <= 0.0:
                 continue
-            f = touch(contacts.soil, 0.5, depth, Face(n0, n2, bend, u0, u2, 0.0), by_rate)
+            s.point[0] = POINTS * (m * nodes + i) + int(side > 0.0)
+            f = touch(contacts.soil, 0.5, depth, Face(n0, n2, bend, u0, u2, 0.0), by_rate, s)
             note(sums, depth, f.energy, f.power)
             sums[LOAD] += f.normal
             sums[SLIP] -= f.normal * u0

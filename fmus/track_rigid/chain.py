@@ -19,7 +19,7 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.chain_speed import chain_speed
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary, slopes
-from fmus.physics.point import Scratch, scratch
+from fmus.physics.point import Scratch, points, scratch, sharpen
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import System
 from fmus.physics.wheels import WIDTH, move
@@ -46,6 +46,7 @@ FORCE = (
     1e-6  # largest residual of a link, relative to weight and pull; what is left goes into the accelerations
 )
 ITERATIONS = 15  # of Newton, before a step is given up
+SLOW = 0.5  # a new tangent that leaves more than this of it: friction is sharp
 REUSE = 0.1  # keep the tangent while an iteration leaves less than this of the residual
 BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # of the pseudo-transient: backward Euler
 LONG = 50.0  # longest pseudo step towards equilibrium, s
@@ -129,7 +130,7 @@ def work(n: int, closed: bool, wheels: int) -> Work:
     ground[:, 3] = 1.0
     return Work(
         augmented.system(n, closed),
-        scratch(),
+        scratch(points(wheels, p)),
         *(z((n, 7)), z((n, 6)), z((n, 6)), z((n, 6)), z((p, 5)), z((wheels + 1, 6)), z((n, 6))),
         *(
             z((wheels, WIDTH)),
@@ -286,8 +287,11 @@ def _misfit(link, tolerance, s, w):
 
 
 @kernel
-def newton(link, ends, env, contacts, method, h, tolerance, s, w, counters):
-    """One implicit step of ``h`` to the wheels in ``w.rows``. Returns -1, or the link that did not converge."""
+def newton(link, ends, env, contacts, method, h, tolerance, s, w, counters, moves):
+    """One implicit step of ``h`` to the wheels in ``w.rows``, of a chain that ``moves``: friction may then be sharp.
+
+    Returns -1, or the link that did not converge.
+    """
     n = s.q.shape[0]
     by = slopes(method, h)
     w.q0[:] = s.q
@@ -303,8 +307,9 @@ def newton(link, ends, env, contacts, method, h, tolerance, s, w, counters):
             s.v[i, k] += h * ((1.0 - method.gamma) * a0 + method.gamma * a1)
             s.a[i, k] = a1
         body.advance(w.q0[i], w.x[i], s.q[i])
-    fresh, before = True, np.inf
-    where, y = 0, w.system
+    fresh, renewed, before = True, False, np.inf
+    where, y, sharp = 0, w.system, w.contact.sharp
+    sharp[0] = 0
     for _ in range(ITERATIONS):
         residual(link, ends, env, contacts, s, w, by, fresh)
         counters[1] += 1
@@ -315,6 +320,8 @@ def newton(link, ends, env, contacts, method, h, tolerance, s, w, counters):
         if not error < 1e15:
             return max(where, 0)
         if not fresh and error > REUSE * before:
+            if moves and renewed and error > SLOW * before:
+                sharpen(w.contact)
             fresh = True
             residual(link, ends, env, contacts, s, w, by, fresh)
             counters[1] += 1
@@ -324,7 +331,7 @@ def newton(link, ends, env, contacts, method, h, tolerance, s, w, counters):
                 return failed
         augmented.solve(link.half, ends, y)
         counters[2] += 1
-        fresh, before = False, error
+        fresh, renewed, before = sharp[0] == 1, fresh, error
         _update(s, w, by)
     return where
 
@@ -416,7 +423,7 @@ def settle(link, ends, env, contacts, rows, s, w, counters):
         s.v[:] = 0.0
         s.a[:] = 0.0
         s.vdot[:] = 0.0
-        failed = newton(link, ends, env, contacts, BACKWARD, h, 0.01 * FORCE, s, w, counters)
+        failed = newton(link, ends, env, contacts, BACKWARD, h, 0.01 * FORCE, s, w, counters, False)
         if failed >= 0:
             _restore(s, w)
             counters[3] += 1
@@ -458,7 +465,7 @@ def advance(link, ends, env, contacts, method, rows, h, step, s, w, counters):
         w.F0[:] = s.F
         w.tally0[:] = s.tally
         move(rows, done + dt, w.rows)
-        failed = newton(link, ends, env, contacts, method, dt, FORCE, s, w, counters)
+        failed = newton(link, ends, env, contacts, method, dt, FORCE, s, w, counters, True)
         if failed >= 0:
             _restore(s, w)
             s.F[:] = w.F0

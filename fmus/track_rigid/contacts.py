@@ -8,6 +8,7 @@ from fmus.physics.contact.guide import HORN, guide_contact
 from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import teeth_contact
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, wheel_contact
+from fmus.physics.point import GUIDES, PINS, POINTS
 from fmus.physics.vector import dot
 from fmus.track_rigid.loads import CONTACT, COVERING, LOAD, SLIP, count, lever, push, resist
 
@@ -19,7 +20,7 @@ from fmus.track_rigid.loads import CONTACT, COVERING, LOAD, SLIP, count, lever, 
 def _rims(link, law, contacts, s, w, by_v, tangent):
     """Rolling contact of the links' inner faces on all smooth contacts."""
     A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
-    q, v, F, tally = s.q, s.v, s.F, s.tally
+    q, v, F, tally, pins = s.q, s.v, s.F, s.tally, s.lam.shape[0]
     for k in range(rows.shape[0]):
         if contacts.teeth[k] != 0:
             continue
@@ -41,6 +42,7 @@ def _rims(link, law, contacts, s, w, by_v, tangent):
             for g in range(4):
                 along = 2.0 * (low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)) - 1.0
                 lever(A[i], v[i], q[i], along * link.half, (2 * (g % 2) - 1) * link.lateral, -link.face, p)
+                c.point[0] = POINTS * (k * pins + i) + g
                 depth, _, energy, power, _ = wheel_contact(
                     law, share, radius, row, p[0], p[1], rate, c, tangent
                 )
@@ -61,7 +63,7 @@ def _rims(link, law, contacts, s, w, by_v, tangent):
 def _teeth(link, closed, law, contacts, s, w, by_v, tangent):
     """Pins in the teeth, at two places across; half of the force goes to each of a pin's links."""
     A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
-    q, v, F, tally, n = s.q, s.v, s.F, s.tally, s.q.shape[0]
+    q, v, F, tally, n, pins = s.q, s.v, s.F, s.tally, s.q.shape[0], s.lam.shape[0]
     for k in range(rows.shape[0]):
         if contacts.teeth[k] == 0:
             continue
@@ -80,6 +82,7 @@ def _teeth(link, closed, law, contacts, s, w, by_v, tangent):
             for g in range(2):
                 lateral = (2 * g - 1) * link.lateral
                 lever(A[i], v[i], q[i], end, lateral, 0.0, p)
+                c.point[0] = POINTS * (k * pins + j) + PINS + g
                 depth, _, energy, power, _ = teeth_contact(
                     law, 0.5, contacts.profile, row, p[0], p[1], c, tangent
                 )
@@ -98,7 +101,7 @@ def _teeth(link, closed, law, contacts, s, w, by_v, tangent):
 def _guides(link, law, contacts, s, w, by_v, tangent):
     """Guide horns against the wheels' discs, at two places of the part of a link that is inside the disc."""
     A, r, K, rows, p, N, c = w.system.A, w.system.r, w.system.K, w.rows, w.point, w.N, w.contact
-    q, v, F, tally = s.q, s.v, s.F, s.tally
+    q, v, F, tally, pins = s.q, s.v, s.F, s.tally, s.lam.shape[0]
     for k in range(rows.shape[0]):
         row, radius = rows[k], contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
         for i in range(q.shape[0]):
@@ -123,6 +126,7 @@ def _guides(link, law, contacts, s, w, by_v, tangent):
             for g in range(2):
                 along = 2.0 * (low + (high - low) * (0.5 + (2 * g - 1) * GAUSS)) - 1.0
                 lever(A[i], v[i], q[i], along * link.half, 0.0, -link.face, p)
+                c.point[0] = POINTS * (k * pins + i) + GUIDES + g
                 depth, _, energy, power, _ = guide_contact(
                     law, share, contacts.clearance, row, p[0], p[1], c, tangent
                 )
@@ -138,13 +142,14 @@ def _guides(link, law, contacts, s, w, by_v, tangent):
 def _soil(link, law, ground, s, w, by_v, tangent):
     """Four points of each outer face on the ground."""
     A, r, K, p, N, c = w.system.A, w.system.r, w.system.K, w.point, w.N, w.contact
-    q, v, F, tally = s.q, s.v, s.F[w.rows.shape[0]], s.tally
+    q, v, F, tally, pins = s.q, s.v, s.F[w.rows.shape[0]], s.tally, s.lam.shape[0]
     for i in range(q.shape[0]):
         if q[i, 2] - link.face - link.half > ground.height + ground.rise:
             continue
         for g in range(4):
             along, lateral = 2.0 * (2 * (g // 2) - 1) * GAUSS * link.half, (2 * (g % 2) - 1) * link.lateral
             lever(A[i], v[i], q[i], along, lateral, link.face, p)
+            c.point[0] = POINTS * (w.rows.shape[0] * pins + i) + g
             depth, force, energy, power, _ = ground_contact(law, 0.25, ground, p[0], p[1], c, tangent)
             if depth > 0.0:
                 count(tally, depth, energy, power)

@@ -28,7 +28,7 @@ from orchestrator import measures, summary
 from orchestrator.component import ComponentFailed
 from orchestrator.evidence import Evidence, Missing, Window
 from orchestrator.reader import Log
-from orchestrator.scene import ChainScene, TrackScene, VehicleScene, load
+from orchestrator.scene import ChainScene, RigScene, TrackScene, VehicleScene, load
 from orchestrator.simulate import simulate
 from orchestrator.studies import Case
 from orchestrator.studies.limits import Pair, coupling_limit, explicit_limit
@@ -136,6 +136,22 @@ def sag(run: Evidence, scene: TrackScene) -> Answer:
     return measures.sag(run, "", _last(run)), float(depth), 2e-3 * float(depth)
 
 
+def hoop(run: Evidence, scene: TrackScene) -> Answer:
+    """Force in the pins of a free loop of rigid links: m omega^2 Rc / (2 sin(pi/N)), Rc = p / (2 tan(pi/N))."""
+    assert isinstance(scene, ChainScene)
+    track, half = scene.vehicle.track, math.pi / scene.chain.links
+    force = track.mass * scene.chain.spin**2 * track.pitch / (4.0 * math.tan(half) * math.sin(half))
+    return measures.joint_force(run, "", _last(run)), force, 1e-3 * force
+
+
+def rides(run: Evidence, scene: TrackScene) -> Answer:
+    """Chain speed over teeth x pitch x omega / 2 pi of the last ten teeth that pass."""
+    assert isinstance(scene, RigScene)
+    pace = scene.vehicle.sprocket.teeth * scene.vehicle.track.pitch / (2.0 * math.pi)
+    window = _last(run, 2.0 * math.pi / scene.drive.speed)
+    return run.mean("track.speed", window) / (pace * run.mean("drive.speed", window)), 1.0, 0.005
+
+
 def ledger(run: Evidence, scene: TrackScene) -> Answer:
     """The energy ledger closes to 5 %, and that is all that is asked."""
     return 0.0, 0.0, 0.0
@@ -150,6 +166,8 @@ ASKED: dict[str, tuple[Callable[[Evidence, TrackScene], Answer], str]] = {
     "climbs": (climbs, "rise of the centre of mass, m: that of the obstacle, 35 %"),
     "at_rest": (at_rest, "ground reaction, last second, N: the weight, 6 %"),
     "sag": (sag, "sag, m: that of the discrete catenary, 0.2 %"),
+    "hoop": (hoop, "force in the pins, N: m omega^2 Rc / (2 sin(pi/N)), 0.1 %"),
+    "rides": (rides, "chain speed over teeth x pitch x omega / 2 pi, last turn: 1, 0.5 %"),
     "ledger": (ledger, "the energy ledger closes"),
 }
 
@@ -315,6 +333,17 @@ def _link_count(n: float) -> list[str]:
     return [f"chain.links={n:.0f}", "run.stop=0.5 s", "track.link_outputs=true"]
 
 
+def _loop(n: float) -> list[str]:
+    return [f"chain.links={n:.0f}", f"chain.spin={5.0 * 64.0 / n}", "run.stop=0.5 s"]  # the tension of 64 links
+
+
+def _round_wheels(n: float) -> list[str]:
+    scene = _load("rig")
+    assert isinstance(scene, RigScene)
+    distance = scene.rig.axle_distance + 0.5 * (n - scene.rig.links) * scene.vehicle.track.pitch
+    return [f"rig.links={n:.0f}", f"rig.axle_distance={distance}", "run.stop=4 s", "track.link_outputs=false"]
+
+
 FAMILIES = (
     Family("Young's modulus, Pa", "settle", "flexible", tuple(2.0 * 10.0**k for k in range(6, 14)),
            lambda E: [*SHORT, f"vehicle.material.youngs_modulus={E}"], sensible=(2e9, 2e13), quick=(2e6, 2e11, 2e13)),
@@ -330,7 +359,10 @@ FAMILIES = (
            lambda mu: "speed" if mu else "stays", sensible=(0.0, 0.8), quick=(), seconds=25.0),
     Family("friction velocity, m/s", "straight", "flexible", (1e-1, 1e-2, 1e-3, 1e-4),
            lambda v: [*DRIVING, *(f"vehicle.contact.{law}.friction_velocity={v}" for law in LAWS)],
-           "speed", quick=(1e-1, 1e-3), seconds=60.0),
+           "speed", quick=(1e-1, 1e-4), seconds=25.0),
+    Family("friction velocity, m/s, rigid", "straight", "rigid", (1e-2, 1e-3, 1e-4),
+           lambda v: [*DRIVING, *(f"vehicle.contact.{law}.friction_velocity={v}" for law in LAWS)],
+           "speed", quick=(), seconds=25.0),
     Family("material damping, s", "straight", "flexible", (0.0, 1e-6, 1e-4),
            lambda tau: [*DRIVING, f"vehicle.material.relaxation_time={tau}"], "speed", quick=(0.0,), seconds=25.0),
     Family("link mass, factor", "settle", "flexible", (0.01, 0.1, 1.0, 10.0, 100.0),
@@ -348,6 +380,11 @@ FAMILIES = (
            _link_count, "sag", quick=(8.0, 512.0)),
     Family("links of a hanging chain, rigid", "hanging_chain", "rigid", (8.0, 64.0, 512.0), _link_count, "sag",
            quick=()),
+    Family("links of a free loop", "spinning_loop", "flexible", (8.0, 64.0, 512.0), _loop, "hoop", quick=(8.0,)),
+    Family("links of a free loop, rigid", "spinning_loop", "rigid", (8.0, 64.0, 512.0), _loop, "hoop", quick=(512.0,)),
+    Family("links round two wheels", "rig", "flexible", (20.0, 32.0, 64.0, 128.0), _round_wheels, "rides",
+           quick=(20.0,)),
+    Family("links round two wheels, rigid", "rig", "rigid", (20.0, 64.0), _round_wheels, "rides", quick=()),
     Family("sprockets locked at speed, km/h", "straight", "flexible", (10.0, 20.0, 40.0),
            lambda v: [*_fast(v), f"drive.stop={max(1.5, 0.7 * v / 3.6) + 0.3}",
                       f"run.stop={math.ceil(max(1.5, 0.7 * v / 3.6) + 2.0)}"],
@@ -362,6 +399,9 @@ FAMILIES = (
            sensible=(0.0, 3.0), quick=(0.0, 10.0)),
     Family("thrown upside down from, m", "settle", "flexible", (0.5, 1.0, 2.0),
            lambda z: [*HALF, "run.stop=8 s", f"start.height={0.7 + z}", 'start.pitch=180 deg', "ground.hull=true"],
+           "at_rest", quick=(1.0,), seconds=30.0),
+    Family("rolled over from, m", "settle", "flexible", (0.5, 1.0),
+           lambda z: [*HALF, "run.stop=8 s", f"start.height={0.7 + z}", 'start.roll=180 deg', "ground.hull=true"],
            "at_rest", quick=(1.0,), seconds=30.0),
     Family("obstacle, m", "straight", "flexible", (0.3, 0.65, 1.0), _obstacle, "climbs", quick=(0.65,), seconds=30.0),
     Family("tracks there are", "settle", "flexible", (0.0, 1.0, 2.0),

@@ -85,17 +85,17 @@ def test_friction_in_the_plane(depth, own):
         s.n[:], s.n_x[:], s.w[:] = of_solid(face)
         if own:
             normal, energy, power, _ = touch(LAW, 0.5, depth, omega, s, True)
-            flat = plane.touch(LAW, 0.5, depth, face, BY_RATE)
+            flat = plane.touch(LAW, 0.5, depth, face, BY_RATE, scratch())
         else:
             normal, energy, power, _ = press(LAW, 0.5, depth, 0.07, 0.0, omega, s, True)
-            flat = plane.press(LAW, 0.5, depth, 0.07, 0.0, face, BY_RATE)
+            flat = plane.press(LAW, 0.5, depth, 0.07, 0.0, face, BY_RATE, scratch())
         G = (s.f_x + BY_RATE * s.f_v)[np.ix_(XZ, XZ)].ravel()
         assert same((flat.f0, flat.f2), s.f[XZ])
         assert same((flat.g00, flat.g02, flat.g20, flat.g22), G)
         assert same((flat.normal, flat.energy, flat.power), (normal, energy, power))
         if not own:
             assert same((flat.r0, flat.r2), s.f_rate[XZ])
-        other = plane.press(LAW._replace(mu=0.31), 0.5, depth, 0.07, own, face, BY_RATE)
+        other = plane.press(LAW._replace(mu=0.31), 0.5, depth, 0.07, own, face, BY_RATE, scratch())
         assert not same((other.f0, other.f2), s.f[XZ], 1e-4), "a twin with another friction"
 
 
@@ -113,7 +113,7 @@ def test_teeth_in_the_plane():
         assert flat_depth == pytest.approx(depth, abs=1e-15)
         if depth > 1e-6:
             found += 1
-            flat = plane.touch(LAW, 1.0, flat_depth, face, BY_RATE)
+            flat = plane.touch(LAW, 1.0, flat_depth, face, BY_RATE, scratch())
             assert same((flat.f0, flat.f2), s.f[XZ], 1e-10)
             assert same((flat.energy, flat.power), (energy, power), 1e-10)
             G = (s.f_x + BY_RATE * s.f_v)[np.ix_(XZ, XZ)].ravel()

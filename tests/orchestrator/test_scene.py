@@ -1,7 +1,10 @@
 import json
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from fmus.start import start
 from fmus.vehicle import BadInput
 from orchestrator import gallery
 from orchestrator.scene import Scene, from_table, keys, load, tracked
@@ -231,3 +234,19 @@ def test_scenes_are_frozen():
     scene: Scene = load("straight")
     with pytest.raises(ValueError, match="frozen"):
         scene.run.stop = 1.0
+
+
+def test_half_a_turn_of_roll():
+    """The pose that the parts are told is that of the roll: R_z(heading) R_y(pitch) R_x(half a turn)."""
+    scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
+    for part in assemble(scene).parts:
+        w, x, y, z = start(part.parameters).quaternion
+        found = Rotation.from_quat([x, y, z, w])
+        rolled = Rotation.from_euler("ZYX", [0.3, 0.2, np.pi])
+        assert (found.inv() * rolled).magnitude() < 1e-12
+        assert (found.inv() * Rotation.from_euler("ZYX", [0.3, 0.2, 0.97 * np.pi])).magnitude() > 0.09, "a twin"
+    with pytest.raises(BadInput, match=r"start: roll = 1\.5708 rad must be 0 or half a turn"):
+        load("settle", None, ["start.roll=90 deg"])
+    bump = "ground.bump={start=1.0, rise=0.3, slope=0.5, length=1.0, radius=0.3}"
+    with pytest.raises(BadInput, match=r"ground\.bump needs start\.roll = 0"):
+        load("settle", None, ["start.roll=180 deg", bump])

@@ -12,7 +12,7 @@ from fmus.physics.contact.normal import normal
 from fmus.physics.contact.partner import collect, slide
 from fmus.physics.contact.teeth import teeth, teeth_contact
 from fmus.physics.contact.wheel import closing, reach, wheel_contact
-from fmus.physics.point import scratch
+from fmus.physics.point import scratch, sharpen
 from fmus.physics.wheels import WIDTH, move
 
 LAW = Law(2e6, 5e3, 0.3, 0.05)
@@ -313,3 +313,36 @@ def test_depth_below_a_bump_is_the_true_distance():
 def test_edges_too_round_for_their_bump_are_refused():
     with pytest.raises(ValueError, match="alone rise more than"):
         bumpy(0.0, 1.0, 0.1, 1.0, 1.0, 0.5)
+
+
+def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list[float]]:
+    """One implicit step of a mass that slides on the ground: its velocity after it, and Newton's corrections."""
+    law, mass, h = LAW._replace(v_reg=v_reg), 18.0, 1e-3
+    s, x, before = scratch(), np.array([0.1, 0.2, -0.01]), np.array([0.05, 0.02, 0.0])  # less than a step stops
+    v, sizes = before.copy(), []
+    if sharp:
+        sharpen(s)
+    while len(sizes) < most and (not sizes or sizes[-1] > 1e-12):
+        ground_contact(law, 1.0, Ground(0.0), x, v, s, True)
+        dv = np.linalg.solve(mass / h * np.eye(3) - s.f_v, mass / h * (v - before) - s.f)
+        v -= dv
+        sizes.append(float(abs(dv).max()))
+    ground_contact(law, 1.0, Ground(0.0), x, v, s, False)
+    assert len(sizes) == most or mass / h * (v - before) == pytest.approx(s.f, abs=1e-5)
+    return v, sizes
+
+
+@pytest.mark.parametrize("v_reg", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5])
+def test_sharp_friction_converges(v_reg):
+    """In iterations that hardly grow as friction sharpens, and fast in the end; to what Newton's own tangent finds."""
+    v, sizes = stopped(v_reg, True)
+    assert len(sizes) <= 9
+    assert sizes[-2] < 0.05 * sizes[-3]
+    assert np.hypot(*v[:2]) < v_reg, "it sticks"
+    if v_reg == 1e-1:
+        assert v == pytest.approx(stopped(v_reg, False)[0], rel=1e-9)
+
+
+def test_friction_with_its_own_tangent_goes_to_and_fro():
+    """The twin: without the directions that follow, the same step has no end."""
+    assert len(stopped(1e-4, False)[1]) == 40

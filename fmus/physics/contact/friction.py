@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.contact.dual import followed
 from fmus.physics.contact.normal import normal
 
 
@@ -45,6 +46,7 @@ def press(law, share, depth, rate, own, omega, s, tangent):
     for i in range(3):
         s.f_rate[i] = by_rate * (n[i] - phi * slip[i])
     by_rate *= own
+    seen = followed(s, g, s0, s1, s2) if s.sharp[0] else slip
     o = (omega[0], omega[1], omega[2])
     # W_x = dw/dx = -[omega]x: the face's material velocity changes along the face
     w_x = ((0.0, o[2], -o[1]), (-o[2], 0.0, o[0]), (o[1], -o[0], 0.0))
@@ -67,6 +69,6 @@ def press(law, share, depth, rate, own, omega, s, tangent):
         for i in range(3):
             direction = n[i] - phi * slip[i]
             across = (1.0 if i == j else 0.0) - n[i] * n[j]
-            s.f_x[i, j] = direction * force_x + force * n_x[i, j] - drag * (a[i] - slip[i] * along_x)
-            s.f_v[i, j] = direction * force_v - drag * (across - slip[i] * along_v)
+            s.f_x[i, j] = direction * force_x + force * n_x[i, j] - drag * (a[i] - seen[i] * along_x)
+            s.f_v[i, j] = direction * force_v - drag * (across - seen[i] * along_v)
     return force, energy, power + drag * slip2, np.sqrt(slip2)

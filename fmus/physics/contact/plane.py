@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.contact.dual import followed
 from fmus.physics.contact.normal import normal
 from fmus.physics.contact.teeth import outline
 
@@ -44,8 +45,11 @@ class Push(NamedTuple):
 
 
 @kernel
-def press(law, share, depth, rate, own, face, by_rate):
-    """``friction.press`` in the plane: normal force and regularised Coulomb friction of a face on a point."""
+def press(law, share, depth, rate, own, face, by_rate, s):
+    """``friction.press`` in the plane: normal force and regularised Coulomb friction of a face on a point.
+
+    ``s`` (see ``fmus.physics.point``) remembers sharp friction.
+    """
     n0, n2, bend = face.n0, face.n2, face.bend
     w_n, slip = face.w0 * n0 + face.w2 * n2, face.w2 * n0 - face.w0 * n2
     force, by_depth, slope, energy = normal(law, share, depth, rate)
@@ -53,7 +57,8 @@ def press(law, share, depth, rate, own, face, by_rate):
     phi = law.mu / g
     ratio, drag = phi * slip, phi * force
     f_t = -ratio * force
-    hard, self = drag * (1.0 - slip * slip / (g * g)), own * slope
+    seen = followed(s, g, slip, 0.0, 0.0)[0] if s.sharp[0] else slip
+    hard, self = drag * (1.0 - seen * slip / (g * g)), own * slope
     # rows and columns in n, t
     p_n, p_t = -by_depth - by_rate * self, self * (face.spin - bend * slip)
     nn, nt = p_n, p_t - bend * f_t
@@ -74,9 +79,9 @@ def press(law, share, depth, rate, own, face, by_rate):
 
 
 @kernel
-def touch(law, share, depth, face, by_rate):
+def touch(law, share, depth, face, by_rate, s):
     """``press`` whose damper feels the point's own approach to the face."""
-    return press(law, share, depth, -(face.n0 * face.w0 + face.n2 * face.w2), 1.0, face, by_rate)
+    return press(law, share, depth, -(face.n0 * face.w0 + face.n2 * face.w2), 1.0, face, by_rate, s)
 
 
 @kernel
