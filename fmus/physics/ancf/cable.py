@@ -29,6 +29,18 @@ class Cable(NamedTuple):
     nuI: float  # bending damping nu2 I, N s m2
 
 
+class GeneralCable(Cable):
+    """A link with the elasticity of ``cable_general``."""
+
+    __slots__ = ()
+
+
+class EngineeringCable(Cable):
+    """A link with the elasticity of ``cable_engineering``."""
+
+    __slots__ = ()
+
+
 @kernel
 def shape(c, xi, S):
     """The four shape functions at the fraction ``xi`` of the length, into ``S`` (4)."""
