@@ -23,6 +23,7 @@ from fmus.physics.chain_speed import chain_speed
 from fmus.physics.point import Scratch, scratch
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
+from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.pins import pin_loads
 from fmus.track_flexible.sums import POWER, SUMS, write
 from fmus.track_flexible.touch import touch_beams
@@ -148,10 +149,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 r[a, k] = 0.0
                 for m in range(8):
                     r[a, k] += M[a, m] * dde[m, k]
-        r[0, 2] += 0.5 * weight
-        r[1, 2] += weight * c.l / 12.0
-        r[4, 2] += 0.5 * weight
-        r[5, 2] -= weight * c.l / 12.0
+        weigh(weight, c.l, 4, 2, r)
         if tangent:
             K[:] = 0.0
             for a in range(8):
@@ -194,14 +192,9 @@ def measure(links, env, q, v, w, report):
         j = (i + 1) % nodes
         gather(q, i, j, w.e)
         gather(v, i, j, w.v)
-        for a in range(8):
-            for b in range(8):
-                s = 0.0
-                for k in range(3):
-                    s += w.v[a, k] * w.v[b, k]
-                kinetic += 0.5 * w.M[a, b] * s
+        kinetic = add_kinetic(kinetic, w.M, w.v)
         strain_energy += energy(c, w.e)
-        gravity += weight * (0.5 * (w.e[0, 2] + w.e[4, 2]) + c.l / 12.0 * (w.e[1, 2] - w.e[5, 2]))
+        gravity += weight * height(c.l, 4, 2, w.e)
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)

@@ -24,6 +24,7 @@ from fmus.physics.point import Scratch, scratch
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
 from fmus.track_flexible.element import end_moments, energy, force, stiffness, tension
+from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.nodes import gather
 from fmus.track_flexible.pins import pin_loads
 from fmus.track_flexible.sums import POWER, SUMS, write
@@ -146,10 +147,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 r[a, k] = (
                     M[a, 0] * dde[0, k] + M[a, 1] * dde[1, k] + M[a, 2] * dde[2, k] + M[a, 3] * dde[3, k]
                 )
-        r[0, 2] += 0.5 * weight
-        r[1, 2] += weight * c.l / 12.0
-        r[2, 2] += 0.5 * weight
-        r[3, 2] -= weight * c.l / 12.0
+        weigh(weight, c.l, 2, 2, r)
         if tangent:
             stiffness(c, e, de, by_rate, by_acceleration, K, W, V)
         sums[POWER] += force(c, e, de, r, W, V)
@@ -181,23 +179,14 @@ def measure(links, env, q, v, w, report):
     n, nodes, c = links.count, q.shape[0], links.cable
     kinetic = strain_energy = gravity = 0.0
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
+    weight = c.rhoA * c.l * env.gravity
     for i in range(n):
         j = (i + 1) % nodes
         gather(q, i, j, w.e)
         gather(v, i, j, w.v)
-        for a in range(4):
-            for b in range(4):
-                s = 0.0
-                for k in range(3):
-                    s += w.v[a, k] * w.v[b, k]
-                kinetic += 0.5 * w.M[a, b] * s
+        kinetic = add_kinetic(kinetic, w.M, w.v)
         strain_energy += energy(c, w.e, w.W, w.V)
-        gravity += (
-            c.rhoA
-            * c.l
-            * env.gravity
-            * (0.5 * (w.e[0, 2] + w.e[2, 2]) + c.l / 12.0 * (w.e[1, 2] - w.e[3, 2]))
-        )
+        gravity += weight * height(c.l, 2, 2, w.e)
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)

@@ -14,12 +14,13 @@ from scipy.linalg import eigh
 
 from fmus.jit import kernel
 from fmus.model import Floats
-from fmus.physics.ancf.cable import Cable, mass
-from fmus.physics.ancf.cable_planar import end_moments, energy, force, stiffness, strain
+from fmus.physics.ancf.cable import Cable, end_moments, mass
+from fmus.physics.ancf.cable_planar import energy, force, stiffness, strain
 from fmus.physics.block_cyclic import workspace
 from fmus.physics.chain_speed import chain_speed
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
+from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.pins import pin_loads
 from fmus.track_flexible.planar_nodes import gather
 from fmus.track_flexible.sums import POWER, SUMS, write
@@ -107,10 +108,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 r[a, k] = (
                     M[a, 0] * dde[0, k] + M[a, 1] * dde[1, k] + M[a, 2] * dde[2, k] + M[a, 3] * dde[3, k]
                 )
-        r[0, 1] += 0.5 * weight
-        r[1, 1] += weight * c.l / 12.0
-        r[2, 1] += 0.5 * weight
-        r[3, 1] -= weight * c.l / 12.0
+        weigh(weight, c.l, 2, 1, r)
         w.sums[POWER] += force(c, e, de, r, w.W)
         touched = contacts is not None and w.touched[i]
         if touched:
@@ -146,11 +144,9 @@ def measure(links, env, q, v, w, report):
         j = i + 1 if i + 1 < nodes else 0
         gather(q, i, j, e)
         gather(v, i, j, de)
-        for a in range(4):
-            for b in range(4):
-                kinetic += 0.5 * w.M[a, b] * (de[a, 0] * de[b, 0] + de[a, 1] * de[b, 1])
+        kinetic = add_kinetic(kinetic, w.M, de)
         strain_energy += energy(c, e, w.W)
-        gravity += weight * (0.5 * (e[0, 1] + e[2, 1]) + c.l / 12.0 * (e[1, 1] - e[3, 1]))
+        gravity += weight * height(c.l, 2, 1, e)
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)
