@@ -18,15 +18,14 @@ from fmus.jit import kernel
 from fmus.model import Floats
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, energy, mass, react, seen, stiffen
 from fmus.physics.ancf.gauss import WEIGHTS
-from fmus.physics.block_cyclic import workspace
 from fmus.physics.chain_speed import chain_speed
-from fmus.physics.point import Scratch, scratch
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
 from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.pins import pin_loads
-from fmus.track_flexible.sums import POWER, SUMS, write
+from fmus.track_flexible.sums import POWER, write
 from fmus.track_flexible.touch import touch_beams
+from fmus.track_flexible.work import Work, fresh
 
 NODE = 18  # r, r_y; r_x, r_z of the ending link; r_x, r_z of the beginning link
 BEGIN = np.array([0, 12, 3, 15])  # where a beginning link's r, r_x, r_y, r_z lie in its first pin
@@ -54,64 +53,9 @@ class Beams(NamedTuple):
     young: float  # Young's modulus, Pa
 
 
-class Work(NamedTuple):
-    """Arrays of the Newton iteration, made once."""
-
-    A: np.ndarray  # (nodes, 6, 6) diagonal blocks
-    U: np.ndarray  # (nodes, 6, 6) to the next pin
-    L: np.ndarray  # (nodes, 6, 6) to the previous pin
-    factors: np.ndarray
-    b: np.ndarray  # (nodes, 6)
-    K: np.ndarray  # (24, 24) iteration matrix of one link
-    R: np.ndarray  # (links, 8, 3) residual of each link: inertia + internal - external
-    inner: np.ndarray  # (links, 12, 12) inverse of its own part
-    right: np.ndarray  # (links, 12, 12) inner^-1 times the coupling to the pins
-    left: np.ndarray  # (links, 12, 12) coupling of the pins to its own part
-    own: np.ndarray  # (links, 12) inner^-1 times its own residual
-    e: np.ndarray  # (8, 3)
-    v: np.ndarray  # (8, 3)
-    dv: np.ndarray  # (8, 3)
-    M: np.ndarray  # (8, 8)
-    S: np.ndarray  # (8) shape functions
-    x: np.ndarray  # (3)
-    u: np.ndarray  # (3)
-    swap: np.ndarray  # (12)
-    schur: np.ndarray  # (12, 12)
-    moved: np.ndarray  # (m, 15) wheels at the time of evaluation
-    touched: np.ndarray  # (links) whether a link touches a wheel or the ground
-    load: np.ndarray  # (links, 8, 3) residual of its contacts, where touched
-    stiffening: np.ndarray  # (links, 24, 24) and their iteration matrix
-    wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
-    sums: np.ndarray  # (SUMS)
-    contact: Scratch
-
-
 def work(links: int, nodes: int, wheels: int) -> Work:
     """Fresh zeroed arrays."""
-    z = np.zeros
-    return Work(
-        *(z((nodes, 6, 6)) for _ in range(3)),
-        workspace(nodes, 6),
-        z((nodes, 6)),
-        z((24, 24)),
-        z((links, 8, 3)),
-        *(z((links, 12, 12)) for _ in range(3)),
-        z((links, 12)),
-        *(z((8, 3)) for _ in range(3)),
-        z((8, 8)),
-        z(8),
-        z(3),
-        z(3),
-        z(12),
-        z((12, 12)),
-        z((wheels, 15)),
-        z(links, dtype=np.bool_),
-        z((links, 8, 3)),
-        z((links, 24, 24)),
-        z((wheels + 1, 6)),
-        z(SUMS),
-        scratch(),
-    )
+    return fresh(LAYOUT, (8, 3), links, nodes, wheels)
 
 
 @kernel
@@ -164,8 +108,8 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 if tangent:
                     K += w.stiffening[i]
         if tangent:
-            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, w.schur, i, j)
-    worst, where = spread(LAYOUT, R, inner, own, b)
+            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
+    worst, where = spread(LAYOUT, R, inner, own, b, w.swap)
     pin_loads(links.closed, env, HELD, q, v, w, by_rate, tangent)
     return reduce(LAYOUT, env, HELD, left, own, b, worst, where)
 

@@ -18,17 +18,16 @@ from scipy.linalg import eigh
 from fmus.jit import kernel
 from fmus.model import Floats
 from fmus.physics.ancf.cable import Cable, mass
-from fmus.physics.block_cyclic import workspace
 from fmus.physics.chain_speed import chain_speed
-from fmus.physics.point import Scratch, scratch
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
 from fmus.track_flexible.element import end_moments, energy, force, stiffness, tension
 from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.nodes import gather
 from fmus.track_flexible.pins import pin_loads
-from fmus.track_flexible.sums import POWER, SUMS, write
+from fmus.track_flexible.sums import POWER, write
 from fmus.track_flexible.touch import touch_links, touch_pins
+from fmus.track_flexible.work import Work, fresh
 
 LAYOUT = layout(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10])
 LEVER = (1.0, 1.0, 1.0, 0.0)  # a correction is as large as it moves the pins
@@ -49,76 +48,9 @@ class Links(NamedTuple):
     second_moment: float  # m4
 
 
-class Work(NamedTuple):
-    """Arrays of the Newton iteration, made once."""
-
-    A: np.ndarray  # (nodes, 4, 4) diagonal blocks
-    U: np.ndarray  # (nodes, 4, 4) to the next pin
-    L: np.ndarray  # (nodes, 4, 4) to the previous pin
-    factors: np.ndarray
-    b: np.ndarray  # (nodes, 4)
-    K: np.ndarray  # (12, 12) iteration matrix of one link
-    R: np.ndarray  # (links, 4, 3) residual of each link: inertia + internal - external
-    inner: np.ndarray  # (links, 4, 4) inverse of its own part
-    right: np.ndarray  # (links, 4, 8) inner^-1 times the coupling to the pins
-    left: np.ndarray  # (links, 8, 4) coupling of the pins to its own part
-    own: np.ndarray  # (links, 4) inner^-1 times its own residual
-    e: np.ndarray  # (4, 3)
-    v: np.ndarray  # (4, 3)
-    dv: np.ndarray  # (4, 3)
-    W: np.ndarray  # (4, 3)
-    V: np.ndarray  # (4, 3)
-    M: np.ndarray  # (4, 4)
-    S: np.ndarray  # (4) shape functions
-    C: np.ndarray  # (4) their slopes
-    x: np.ndarray  # (3)
-    u: np.ndarray  # (3)
-    swap: np.ndarray  # (4)
-    schur: np.ndarray  # (8, 8)
-    moved: np.ndarray  # (m, 15) wheels at the time of evaluation
-    touched: np.ndarray  # (links) whether a link touches a rim or the ground
-    load: np.ndarray  # (links, 4, 3) residual of its contacts, where touched
-    stiffening: np.ndarray  # (links, 12, 12) and their iteration matrix
-    wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
-    sums: np.ndarray  # (SUMS)
-    contact: Scratch
-
-
 def work(links: int, nodes: int, wheels: int) -> Work:
     """Fresh zeroed arrays."""
-    z = np.zeros
-    return Work(
-        z((nodes, 4, 4)),
-        z((nodes, 4, 4)),
-        z((nodes, 4, 4)),
-        workspace(nodes, 4),
-        z((nodes, 4)),
-        z((12, 12)),
-        z((links, 4, 3)),
-        z((links, 4, 4)),
-        z((links, 4, 8)),
-        z((links, 8, 4)),
-        z((links, 4)),
-        z((4, 3)),
-        z((4, 3)),
-        z((4, 3)),
-        z((4, 3)),
-        z((4, 3)),
-        z((4, 4)),
-        z(4),
-        z(4),
-        z(3),
-        z(3),
-        z(4),
-        z((8, 8)),
-        z((wheels, 15)),
-        z(links, dtype=np.bool_),
-        z((links, 4, 3)),
-        z((links, 12, 12)),
-        z((wheels + 1, 6)),
-        z(SUMS),
-        scratch(),
-    )
+    return fresh(LAYOUT, (4, 3), links, nodes, wheels)
 
 
 @kernel
@@ -159,8 +91,8 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 if tangent:
                     K += w.stiffening[i]
         if tangent:
-            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, w.schur, i, j)
-    worst, where = spread(LAYOUT, R, inner, own, b)
+            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
+    worst, where = spread(LAYOUT, R, inner, own, b, w.swap)
     if contacts is not None:
         touch_pins(contacts, q, v, w, by_rate, tangent)
     pin_loads(links.closed, env, HELD, q, v, w, by_rate, tangent)

@@ -54,49 +54,45 @@ def clear(w, tangent):
 
 
 @kernel
-def condense(at, K, A, U, L, inner, right, left, swap, schur, i, j):
+def condense(at, K, A, U, L, inner, right, left, swap, i, j):
     """Eliminate a link's own coordinates from its matrix ``K``, scatter the rest to its pins ``i`` and ``j``.
 
     Leaves the inverse of its own part in ``inner``, that times the coupling in ``right``, the coupling in ``left``;
-    ``swap`` and ``schur`` are scratch.
+    ``swap`` is scratch.
     """
     m, n = len(at.shared), len(at.own)
     for a in range(n):
-        row = at.inner[a]
         for b in range(n):
-            inner[a, b] = K[row, at.inner[b]]
-    for a in range(2 * m):
-        row = at.outer[a]
-        for b in range(n):
-            left[a, b] = K[row, at.inner[b]]
+            inner[a, b] = K[at.inner[a], at.inner[b]]
         for b in range(2 * m):
-            schur[a, b] = K[row, at.outer[b]]
+            left[b, a] = K[at.outer[b], at.inner[a]]
     invert(inner, swap, at.own)
     for a in range(n):
         for b in range(2 * m):
-            right[a, b] = 0.0
-        for k in range(n):
-            s, row = inner[a, k], at.inner[k]
-            for b in range(2 * m):
-                right[a, b] += s * K[row, at.outer[b]]
-    for a in range(2 * m):
-        for k in range(n):
-            s = left[a, k]
-            for b in range(2 * m):
-                schur[a, b] -= s * right[k, b]
+            s = 0.0
+            for k in range(n):
+                s += inner[a, k] * K[at.inner[k], at.outer[b]]
+            right[a, b] = s
     for a in range(m):
         for b in range(m):
-            A[i, a, b] += schur[a, b]
-            U[i, a, b] += schur[a, m + b]
-            L[j, a, b] += schur[m + a, b]
-            A[j, a, b] += schur[m + a, m + b]
+            one, two = at.outer[a], at.outer[m + a]
+            s, o, p, r = K[one, at.outer[b]], K[one, at.outer[m + b]], K[two, at.outer[b]], K[two, at.outer[m + b]]
+            for k in range(n):
+                s -= left[a, k] * right[k, b]
+                o -= left[a, k] * right[k, m + b]
+                p -= left[m + a, k] * right[k, b]
+                r -= left[m + a, k] * right[k, m + b]
+            A[i, a, b] += s
+            U[i, a, b] += o
+            L[j, a, b] += p
+            A[j, a, b] += r
 
 
 @kernel
-def spread(at, R, inner, own, b):
+def spread(at, R, inner, own, b, x):
     """Residuals of all links ``R`` (links, rows, axes) on their pins ``b``; what is their own, solved, into ``own``.
 
-    Returns the largest entry of the latter, N, and the link it belongs to.
+    Returns the largest entry of the latter, N, and the link it belongs to; ``x`` is scratch.
     """
     links, nodes, m, n = R.shape[0], b.shape[0], len(at.shared), len(at.own)
     flat = R.reshape(links, R.shape[1] * R.shape[2])
@@ -105,12 +101,13 @@ def spread(at, R, inner, own, b):
         j = i + 1 if i + 1 < nodes else 0
         r = flat[i]
         for k in range(n):
+            x[k] = r[at.inner[k]]
+            worst, where = (abs(x[k]), i) if abs(x[k]) > worst else (worst, where)
+        for k in range(n):
             s = 0.0
             for a in range(n):
-                s += inner[i, k, a] * r[at.inner[a]]
+                s += inner[i, k, a] * x[a]
             own[i, k] = s
-            if abs(r[at.inner[k]]) > worst:
-                worst, where = abs(r[at.inner[k]]), i
         for k in range(m):
             b[i, k] += r[at.outer[k]]
             b[j, k] += r[at.outer[m + k]]

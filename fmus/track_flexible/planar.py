@@ -16,15 +16,15 @@ from fmus.jit import kernel
 from fmus.model import Floats
 from fmus.physics.ancf.cable import Cable, end_moments, mass
 from fmus.physics.ancf.cable_planar import energy, force, stiffness, strain
-from fmus.physics.block_cyclic import workspace
 from fmus.physics.chain_speed import chain_speed
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
 from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.pins import pin_loads
 from fmus.track_flexible.planar_nodes import gather
-from fmus.track_flexible.sums import POWER, SUMS, write
+from fmus.track_flexible.sums import POWER, write
 from fmus.track_flexible.touch import touch_plane
+from fmus.track_flexible.work import Work, fresh
 
 LAYOUT = layout(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5])
 LEVER = (1.0, 1.0)  # a correction is as large as it moves the pins
@@ -45,45 +45,9 @@ class Planar(NamedTuple):
     second_moment: float  # m4
 
 
-class Work(NamedTuple):
-    """Arrays of the Newton iteration, made once; as in ``cables``."""
-
-    A: np.ndarray  # (nodes, 2, 2) diagonal blocks
-    U: np.ndarray  # (nodes, 2, 2) to the next pin
-    L: np.ndarray  # (nodes, 2, 2) to the previous pin
-    factors: np.ndarray
-    b: np.ndarray  # (nodes, 2)
-    K: np.ndarray  # (8, 8) iteration matrix of one link
-    R: np.ndarray  # (links, 4, 2) residual of each link: inertia + internal - external
-    inner: np.ndarray  # (links, 4, 4) inverse of its own part
-    right: np.ndarray  # (links, 4, 4) inner^-1 times the coupling to the pins
-    left: np.ndarray  # (links, 4, 4) coupling of the pins to its own part
-    own: np.ndarray  # (links, 4) inner^-1 times its own residual
-    e: np.ndarray  # (4, 2)
-    v: np.ndarray  # (4, 2)
-    dv: np.ndarray  # (4, 2)
-    W: np.ndarray  # (4, 2)
-    M: np.ndarray  # (4, 4)
-    S: np.ndarray  # (4) shape functions
-    C: np.ndarray  # (4) their slopes
-    swap: np.ndarray  # (4)
-    schur: np.ndarray  # (4, 4)
-    moved: np.ndarray  # (m, 15) wheels at the time of evaluation
-    touched: np.ndarray  # (links) whether a link touches a rim or the ground
-    load: np.ndarray  # (links, 4, 2) residual of its contacts, where touched
-    stiffening: np.ndarray  # (links, 8, 8) and their iteration matrix
-    wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
-    sums: np.ndarray  # (SUMS)
-
-
 def work(links: int, nodes: int, wheels: int) -> Work:
     """Fresh zeroed arrays."""
-    z, n = np.zeros, links
-    blocks = z((nodes, 2, 2)), z((nodes, 2, 2)), z((nodes, 2, 2)), workspace(nodes, 2), z((nodes, 2))
-    parts = z((8, 8)), z((n, 4, 2)), z((n, 4, 4)), z((n, 4, 4)), z((n, 4, 4)), z((n, 4))
-    small = z((4, 2)), z((4, 2)), z((4, 2)), z((4, 2)), z((4, 4)), z(4), z(4), z(4), z((4, 4))
-    touching = z((wheels, 15)), z(n, dtype=np.bool_), z((n, 4, 2)), z((n, 8, 8))
-    return Work(*blocks, *parts, *small, *touching, z((wheels + 1, 6)), z(SUMS))
+    return fresh(LAYOUT, (4, 2), links, nodes, wheels)
 
 
 @kernel
@@ -121,8 +85,8 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 for a in range(8):
                     for k in range(8):
                         K[a, k] += w.stiffening[i, a, k]
-            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, w.schur, i, j)
-    worst, where = spread(LAYOUT, w.R, inner, own, b)
+            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
+    worst, where = spread(LAYOUT, w.R, inner, own, b, w.swap)
     pin_loads(links.closed, env, HELD, q, v, w, by_rate, tangent)
     return reduce(LAYOUT, env, HELD, left, own, b, worst, where)
 
