@@ -41,13 +41,11 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from orchestrator import schema
+from orchestrator.recorder import CLOSING, IDENTITY, PREFIX
 
 Floats = NDArray[np.float64]
 
-CLOSING = "closing"  # metadata record that ends a log, see recorder.py
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
-PREFIX = 31  # bytes of a message record before its data: opcode, length, channel, sequence, two times
-IDENTITY = 11  # bytes of it that depend on the file: opcode, length, channel; the rest is in the digest
 KEEP = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
 _MESSAGE = struct.Struct("<BQH")

@@ -18,19 +18,23 @@ from fmus.jit import kernel
 from fmus.model import Floats
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, energy, mass, react, seen, stiffen
 from fmus.physics.ancf.gauss import WEIGHTS
-from fmus.physics.block_cyclic import invert, workspace
 from fmus.physics.chain_speed import chain_speed
-from fmus.physics.point import Scratch, points, scratch
+from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
+from fmus.track_flexible.condensation import correct as solved
+from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.pins import pin_loads
-from fmus.track_flexible.sums import POWER, SUMS, write
+from fmus.track_flexible.sums import POWER, write
 from fmus.track_flexible.touch import touch_beams
+from fmus.track_flexible.work import Work, fresh
 
 NODE = 18  # r, r_y; r_x, r_z of the ending link; r_x, r_z of the beginning link
 BEGIN = np.array([0, 12, 3, 15])  # where a beginning link's r, r_x, r_y, r_z lie in its first pin
 END = np.array([0, 6, 3, 9])  # where an ending link's lie in its second pin
-OUTER = np.array([0, 1, 2, 6, 7, 8, 12, 13, 14, 18, 19, 20])  # of an element's 24: shared with its neighbours
-INNER = OUTER + 3  # those of its own
-TWELVE = (0,) * 12  # size of its own part, for the inversion
+LAYOUT = layout(
+    begin=[BEGIN[a] + k for a in range(4) for k in range(3)],
+    end=[END[a] + k for a in range(4) for k in range(3)],
+    outer=[0, 1, 2, 6, 7, 8, 12, 13, 14, 18, 19, 20],
+)
 AXES = np.arange(3)  # of the three axes: those that a vector of this chain has
 PLANE = np.arange(NODE).reshape(6, 3)[:, [0, 2]]  # of a pin: components along x and z of each of its vectors
 HELD = 6  # of a pin those that a pinned end has from the ground: position and axis
@@ -49,66 +53,9 @@ class Beams(NamedTuple):
     young: float  # Young's modulus, Pa
 
 
-class Work(NamedTuple):
-    """Arrays of the Newton iteration, made once."""
-
-    A: np.ndarray  # (nodes, 6, 6) diagonal blocks
-    U: np.ndarray  # (nodes, 6, 6) to the next pin
-    L: np.ndarray  # (nodes, 6, 6) to the previous pin
-    factors: np.ndarray
-    b: np.ndarray  # (nodes, 6)
-    K: np.ndarray  # (24, 24) iteration matrix of one link
-    R: np.ndarray  # (links, 8, 3) residual of each link: inertia + internal - external
-    inner: np.ndarray  # (links, 12, 12) inverse of its own part
-    right: np.ndarray  # (links, 12, 12) inner^-1 times the coupling to the pins
-    left: np.ndarray  # (links, 12, 12) coupling of the pins to its own part
-    own: np.ndarray  # (links, 12) inner^-1 times its own residual
-    e: np.ndarray  # (8, 3)
-    v: np.ndarray  # (8, 3)
-    dv: np.ndarray  # (8, 3)
-    M: np.ndarray  # (8, 8)
-    S: np.ndarray  # (8) shape functions
-    x: np.ndarray  # (3)
-    u: np.ndarray  # (3)
-    r: np.ndarray  # (12)
-    swap: np.ndarray  # (12)
-    schur: np.ndarray  # (12, 12)
-    moved: np.ndarray  # (m, 15) wheels at the time of evaluation
-    touched: np.ndarray  # (links) whether a link touches a wheel or the ground
-    load: np.ndarray  # (links, 8, 3) residual of its contacts, where touched
-    stiffening: np.ndarray  # (links, 24, 24) and their iteration matrix
-    wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
-    sums: np.ndarray  # (SUMS)
-    contact: Scratch
-
-
 def work(links: int, nodes: int, wheels: int) -> Work:
     """Fresh zeroed arrays."""
-    z = np.zeros
-    return Work(
-        *(z((nodes, 6, 6)) for _ in range(3)),
-        workspace(nodes, 6),
-        z((nodes, 6)),
-        z((24, 24)),
-        z((links, 8, 3)),
-        *(z((links, 12, 12)) for _ in range(3)),
-        z((links, 12)),
-        *(z((8, 3)) for _ in range(3)),
-        z((8, 8)),
-        z(8),
-        z(3),
-        z(3),
-        z(12),
-        z(12),
-        z((12, 12)),
-        z((wheels, 15)),
-        z(links, dtype=np.bool_),
-        z((links, 8, 3)),
-        z((links, 24, 24)),
-        z((wheels + 1, 6)),
-        z(SUMS),
-        scratch(points(wheels, nodes)),
-    )
+    return fresh(LAYOUT, (8, 3), links, nodes, wheels)
 
 
 @kernel
@@ -128,18 +75,11 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
     q, v, vdot (nodes, 18). Returns the largest entry of the residual, N, and the link it belongs to.
     """
     n, nodes, c = links.count, q.shape[0], links.beam
-    R, own, inner, right, left, b, M, K = w.R, w.own, w.inner, w.right, w.left, w.b, w.M, w.K
-    A, U, L, e, de, dde, sums, s, swap, schur = w.A, w.U, w.L, w.e, w.v, w.dv, w.sums, w.r, w.swap, w.schur
-    b[:] = 0.0
-    sums[:] = 0.0
-    w.wrench[:] = 0.0
-    if tangent:
-        A[:] = 0.0
-        U[:] = 0.0
-        L[:] = 0.0
+    R, own, inner, left, b, M, K = w.R, w.own, w.inner, w.left, w.b, w.M, w.K
+    e, de, dde, sums = w.e, w.v, w.dv, w.sums
+    clear(w, tangent)
     mass(c, M)
     weight = c.rho * c.width * c.height * c.l * env.gravity
-    worst, where = 0.0, 0
     if contacts is not None:
         touch_beams(contacts, links, q, v, w, by_rate, tangent)
     for i in range(n):
@@ -153,10 +93,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 r[a, k] = 0.0
                 for m in range(8):
                     r[a, k] += M[a, m] * dde[m, k]
-        r[0, 2] += 0.5 * weight
-        r[1, 2] += weight * c.l / 12.0
-        r[4, 2] += 0.5 * weight
-        r[5, 2] -= weight * c.l / 12.0
+        weigh(weight, c.l, 4, 2, r)
         if tangent:
             K[:] = 0.0
             for a in range(8):
@@ -171,65 +108,10 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 if tangent:
                     K += w.stiffening[i]
         if tangent:
-            condense(K, A, U, L, inner[i], right[i], left[i], swap, schur, i, j)
-        for k in range(12):
-            s[k] = r[1 + 2 * (k // 3), k % 3]
-            worst, where = (abs(s[k]), i) if abs(s[k]) > worst else (worst, where)
-        for k in range(12):
-            own[i, k] = 0.0
-            for m in range(12):
-                own[i, k] += inner[i, k, m] * s[m]
-        for k in range(6):
-            b[i, k] += r[2 * (k // 3), k % 3]
-            b[j, k] += r[4 + 2 * (k // 3), k % 3]
+            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
+    worst, where = spread(LAYOUT, R, inner, own, b, w.swap)
     pin_loads(links.closed, env, HELD, q, v, w, by_rate, tangent)
-    for i in range(nodes):
-        for k in range(6):
-            if abs(b[i, k]) > worst:
-                worst, where = abs(b[i, k]), min(i, n - 1)
-    for i in range(n):
-        j = i + 1 if i + 1 < nodes else 0
-        for k in range(6):
-            for m in range(12):
-                b[i, k] -= left[i, k, m] * own[i, m]
-                b[j, k] -= left[i, 6 + k, m] * own[i, m]
-    if env.ends == 1 or env.ends == 3:
-        b[0] = 0.0
-    if env.ends == 1:
-        b[nodes - 1] = 0.0
-    return worst, where
-
-
-@kernel
-def condense(K, A, U, L, inner, right, left, swap, schur, i, j):
-    """Eliminate the own gradients of a link from its matrix ``K`` (24, 24), scatter the rest to its pins ``i``, ``j``.
-
-    Leaves the inverse of its own part in ``inner``, that times the coupling in ``right``, and the coupling in ``left``,
-    (12, 12) each.
-    """
-    for a in range(12):
-        for b in range(12):
-            inner[a, b] = K[INNER[a], INNER[b]]
-            left[a, b] = K[OUTER[a], INNER[b]]
-            schur[a, b] = K[OUTER[a], OUTER[b]]
-            right[a, b] = 0.0
-    invert(inner, swap, TWELVE)
-    for a in range(12):
-        for k in range(12):
-            s = inner[a, k]
-            for b in range(12):
-                right[a, b] += s * K[INNER[k], OUTER[b]]
-    for a in range(12):
-        for k in range(12):
-            s = left[a, k]
-            for b in range(12):
-                schur[a, b] -= s * right[k, b]
-    for a in range(6):
-        for b in range(6):
-            A[i, a, b] += schur[a, b]
-            U[i, a, b] += schur[a, 6 + b]
-            L[j, a, b] += schur[6 + a, b]
-            A[j, a, b] += schur[6 + a, 6 + b]
+    return reduce(LAYOUT, env, HELD, left, own, b, worst, where)
 
 
 @kernel
@@ -238,33 +120,9 @@ def correct(links, w, q, v, vdot, by_rate, by_acceleration, longest):
 
     A pin's change is that of its middle, or that of its ends by turning and stretching.
     """
-    nodes = q.shape[0]
-    half, size = 0.5 * links.beam.width, 0.0
-    for i in range(nodes):
-        for k in range(6):
-            change = abs(w.b[i, k]) * (1.0 if k < 3 else half)
-            if not change < np.inf:
-                return np.inf
-            size = max(size, change)
-    scale = -1.0 if size <= longest else -longest / size
-    for i in range(links.count):
-        j = (i + 1) % nodes
-        own, right = w.own[i], w.right[i]
-        for k in range(12):
-            s = own[k]
-            for b in range(6):
-                s -= right[k, b] * w.b[i, b] + right[k, 6 + b] * w.b[j, b]
-            node, at = (i, 12 + k) if k < 6 else (j, k)
-            q[node, at] += scale * s
-            v[node, at] += scale * by_rate * s
-            vdot[node, at] += scale * by_acceleration * s
-    for i in range(nodes):
-        for k in range(6):
-            s = scale * w.b[i, k]
-            q[i, k] += s
-            v[i, k] += by_rate * s
-            vdot[i, k] += by_acceleration * s
-    return size
+    half = 0.5 * links.beam.width
+    lever = (1.0, 1.0, 1.0, half, half, half)
+    return solved(LAYOUT, lever, w.right, w.own, w.b, q, v, vdot, by_rate, by_acceleration, longest)
 
 
 @kernel
@@ -278,14 +136,9 @@ def measure(links, env, q, v, w, report):
         j = (i + 1) % nodes
         gather(q, i, j, w.e)
         gather(v, i, j, w.v)
-        for a in range(8):
-            for b in range(8):
-                s = 0.0
-                for k in range(3):
-                    s += w.v[a, k] * w.v[b, k]
-                kinetic += 0.5 * w.M[a, b] * s
+        kinetic = add_kinetic(kinetic, w.M, w.v)
         strain_energy += energy(c, w.e)
-        gravity += weight * (0.5 * (w.e[0, 2] + w.e[4, 2]) + c.l / 12.0 * (w.e[1, 2] - w.e[5, 2]))
+        gravity += weight * height(c.l, 4, 2, w.e)
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)

@@ -1,8 +1,8 @@
 """The door from the chain to its elasticity: the class of the cable says which, and only that one is imported.
 
 Kernels call kernels by import; these stand-ins choose theirs when they are compiled, by type, so that a chain neither
-compiles nor loads an elasticity that it does not have. The three siblings behind the door are ``small``, ``general``
-and ``engineering``. Mass and shape functions do not depend on the elasticity: they are those of the cable.
+compiles nor loads an elasticity that it does not have. Behind the door are ``small`` and, for the two with a local
+strain, ``local_strain``. Mass and shape functions do not depend on the elasticity: they are those of the cable.
 """
 
 from __future__ import annotations
@@ -11,20 +11,7 @@ from typing import Any
 
 from numba.extending import overload
 
-from fmus.physics.ancf.cable import Cable
-
-
-class GeneralCable(Cable):
-    """A link with the general elasticity (8)-(10)."""
-
-    __slots__ = ()
-
-
-class EngineeringCable(Cable):
-    """A link with the strain |r_x| - 1 and the bending strain |r_x x r_xx|/|r_x|^2."""
-
-    __slots__ = ()
-
+from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
 
 ELASTICITIES: dict[str, type[Cable]] = {
     "small_deformation": Cable,
@@ -35,14 +22,10 @@ ELASTICITIES: dict[str, type[Cable]] = {
 
 def _kernels(cable: type) -> Any:
     """The module of a cable's elasticity."""
-    if cable is GeneralCable:
-        from fmus.track_flexible import general
+    if cable is not Cable:
+        from fmus.track_flexible import local_strain
 
-        return general
-    if cable is EngineeringCable:
-        from fmus.track_flexible import engineering
-
-        return engineering
+        return local_strain
     from fmus.track_flexible import small
 
     return small

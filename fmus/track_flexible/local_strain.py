@@ -1,8 +1,10 @@
-"""What the elasticities with a local strain share in the chain: second derivatives of one integration point.
+"""The elasticities with a local strain, behind the door ``element``; sibling: ``small``.
+
+Which strain it is, the class of the cable says: densities are those of ``cable_general`` and ``cable_engineering``.
 
 The centreline sees positions by their difference only, so a point adds to the matrix ``E`` (9, 9) of the slope of the
 first node, the difference of positions, and the slope of the second, in the order of rows 1, 2, 3 of an element;
-``spread`` makes the element's (12, 12) of it. Densities and invariants are those of ``centreline``.
+``spread`` makes the element's (12, 12) of it.
 """
 
 from __future__ import annotations
@@ -12,6 +14,8 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.ancf.cable_local import density, measures
+from fmus.physics.ancf.centreline import AXIAL, COUNT, add_damping, add_force, invariants, lines, point
 
 
 @kernel
@@ -83,3 +87,76 @@ def spread(c, e, v, by_rate, by_acceleration, E, K, W, V):
 def scratch():
     """``D`` (2, 4) and ``r`` (2, 3) of a point."""
     return np.empty((2, 4)), np.empty((2, 3))
+
+
+@kernel
+def energy(c, e, W, B):
+    """Strain energy, J."""
+    D, r = scratch()
+    U = 0.0
+    for p in range(COUNT):
+        xi, w, EA, EI = point(c, p)
+        lines(c, e, xi, D, r)
+        a, b, g = invariants(r)
+        U += w * density(c, EA, EI, a, b, g).f
+    return U
+
+
+@kernel
+def force(c, e, v, Q, W, B):
+    """Elastic and damping force added to ``Q``; returns the power of the damping, W."""
+    D, r = scratch()
+    power = 0.0
+    for p in range(COUNT):
+        xi, w, EA, EI = point(c, p)
+        lines(c, e, xi, D, r)
+        a, b, g = invariants(r)
+        add_force(w, density(c, EA, EI, a, b, g), D, r, Q)
+        if p < AXIAL and c.nuA > 0.0:
+            power += add_damping(c, w, e, v, D, r, Q)
+    if c.nuI > 0.0:
+        power += cable.bending_damping(c, e, v, Q, B)
+    return power
+
+
+@kernel
+def stiffness(c, e, v, by_rate, by_acceleration, K, W, V):
+    """Iteration matrix of the element, written to ``K`` (12, 12)."""
+    D, r = scratch()
+    H, E = np.empty((3, 3, 3)), np.zeros((9, 9))
+    for p in range(COUNT):
+        xi, w, EA, EI = point(c, p)
+        lines(c, e, xi, D, r)
+        a, b, g = invariants(r)
+        d = density(c, EA, EI, a, b, g)
+        if p < AXIAL:
+            add_stretching(w, d, c.nuA, by_rate, v, D, r, H, E)
+        else:
+            add_bending(w, d, D, r, H, E)
+    spread(c, e, v, by_rate, by_acceleration, E, K, W, V)
+
+
+@kernel
+def tension(c, e):
+    """Axial force, N, what the pins balance, mean over the link."""
+    D, r = scratch()
+    N = 0.0
+    for p in range(AXIAL):
+        xi, w, EA, _ = point(c, p)
+        lines(c, e, xi, D, r)
+        a, b, g = invariants(r)
+        strain, _, lever = measures(c, a, b, g)
+        N += w / c.l * EA * strain * lever
+    return N
+
+
+@kernel
+def end_moments(c, e):
+    """Bending moments at the two ends, N m: EI times the bending strain."""
+    D, r = scratch()
+    lines(c, e, 0.0, D, r)
+    a, b, g = invariants(r)
+    first = np.sqrt(measures(c, a, b, g)[1])
+    lines(c, e, 1.0, D, r)
+    a, b, g = invariants(r)
+    return c.EI * first, c.EI * np.sqrt(measures(c, a, b, g)[1])

@@ -14,17 +14,20 @@ from scipy.linalg import eigh
 
 from fmus.jit import kernel
 from fmus.model import Floats
-from fmus.physics.ancf.cable import Cable, mass
-from fmus.physics.ancf.cable_planar import end_moments, energy, force, stiffness, strain
-from fmus.physics.block_cyclic import invert, workspace
+from fmus.physics.ancf.cable import Cable, end_moments, mass
+from fmus.physics.ancf.cable_planar import energy, force, stiffness, strain
 from fmus.physics.chain_speed import chain_speed
-from fmus.physics.point import Scratch, points, scratch
+from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
+from fmus.track_flexible.condensation import correct as solved
+from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.pins import pin_loads
 from fmus.track_flexible.planar_nodes import gather
-from fmus.track_flexible.sums import POWER, SUMS, write
+from fmus.track_flexible.sums import POWER, write
 from fmus.track_flexible.touch import touch_plane
+from fmus.track_flexible.work import Work, fresh
 
-FOUR = (0,) * 4  # size of a link's own part, for its inversion
+LAYOUT = layout(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5])
+LEVER = (1.0, 1.0)  # a correction is as large as it moves the pins
 AXES = np.array([0, 2])  # of the three axes: those that a vector of this chain has
 PLANE = np.array([[0, 1], [2, 3], [4, 5]])  # of a pin: components along x and z of each of its vectors
 HELD = 2  # of its coordinates those that a pinned end has from the ground: the position
@@ -42,45 +45,9 @@ class Planar(NamedTuple):
     second_moment: float  # m4
 
 
-class Work(NamedTuple):
-    """Arrays of the Newton iteration, made once; as in ``cables``."""
-
-    A: np.ndarray  # (nodes, 2, 2) diagonal blocks
-    U: np.ndarray  # (nodes, 2, 2) to the next pin
-    L: np.ndarray  # (nodes, 2, 2) to the previous pin
-    factors: np.ndarray
-    b: np.ndarray  # (nodes, 2)
-    K: np.ndarray  # (8, 8) iteration matrix of one link
-    R: np.ndarray  # (links, 4, 2) residual of each link: inertia + internal - external
-    inner: np.ndarray  # (links, 4, 4) inverse of its own part
-    right: np.ndarray  # (links, 4, 4) inner^-1 times the coupling to the pins
-    left: np.ndarray  # (links, 4, 4) coupling of the pins to its own part
-    own: np.ndarray  # (links, 4) inner^-1 times its own residual
-    e: np.ndarray  # (4, 2)
-    v: np.ndarray  # (4, 2)
-    dv: np.ndarray  # (4, 2)
-    W: np.ndarray  # (4, 2)
-    M: np.ndarray  # (4, 4)
-    S: np.ndarray  # (4) shape functions
-    C: np.ndarray  # (4) their slopes
-    swap: np.ndarray  # (4)
-    moved: np.ndarray  # (m, 15) wheels at the time of evaluation
-    touched: np.ndarray  # (links) whether a link touches a rim or the ground
-    load: np.ndarray  # (links, 4, 2) residual of its contacts, where touched
-    stiffening: np.ndarray  # (links, 8, 8) and their iteration matrix
-    wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
-    sums: np.ndarray  # (SUMS)
-    contact: Scratch
-
-
 def work(links: int, nodes: int, wheels: int) -> Work:
     """Fresh zeroed arrays."""
-    z, n = np.zeros, links
-    blocks = z((nodes, 2, 2)), z((nodes, 2, 2)), z((nodes, 2, 2)), workspace(nodes, 2), z((nodes, 2))
-    parts = z((8, 8)), z((n, 4, 2)), z((n, 4, 4)), z((n, 4, 4)), z((n, 4, 4)), z((n, 4))
-    small = z((4, 2)), z((4, 2)), z((4, 2)), z((4, 2)), z((4, 4)), z(4), z(4), z(4)
-    touching = z((wheels, 15)), z(n, dtype=np.bool_), z((n, 4, 2)), z((n, 8, 8))
-    return Work(*blocks, *parts, *small, *touching, z((wheels + 1, 6)), z(SUMS), scratch(points(wheels, nodes)))
+    return fresh(LAYOUT, (4, 2), links, nodes, wheels)
 
 
 @kernel
@@ -89,16 +56,9 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
     n, nodes, c = links.count, q.shape[0], links.cable
     own, inner, left, b, M, K = w.own, w.inner, w.left, w.b, w.M, w.K
     e, de, dde = w.e, w.v, w.dv
-    b[:] = 0.0
-    w.sums[:] = 0.0
-    w.wrench[:] = 0.0
-    if tangent:
-        w.A[:] = 0.0
-        w.U[:] = 0.0
-        w.L[:] = 0.0
+    clear(w, tangent)
     mass(c, M)
     weight = c.rhoA * c.l * env.gravity
-    worst, where = 0.0, 0
     if contacts is not None:
         touch_plane(contacts, links, q, v, w, by_rate, tangent)
     for i in range(n):
@@ -112,10 +72,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 r[a, k] = (
                     M[a, 0] * dde[0, k] + M[a, 1] * dde[1, k] + M[a, 2] * dde[2, k] + M[a, 3] * dde[3, k]
                 )
-        r[0, 1] += 0.5 * weight
-        r[1, 1] += weight * c.l / 12.0
-        r[2, 1] += 0.5 * weight
-        r[3, 1] -= weight * c.l / 12.0
+        weigh(weight, c.l, 2, 1, r)
         w.sums[POWER] += force(c, e, de, r, w.W)
         touched = contacts is not None and w.touched[i]
         if touched:
@@ -128,101 +85,16 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
                 for a in range(8):
                     for k in range(8):
                         K[a, k] += w.stiffening[i, a, k]
-            condense(K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
-        for k in range(2):
-            for a in (1, 3):
-                if abs(r[a, k]) > worst:
-                    worst, where = abs(r[a, k]), i
-            b[i, k] += r[0, k]
-            b[j, k] += r[2, k]
-        for k in range(4):
-            own[i, k] = (
-                inner[i, k, 0] * r[1, 0]
-                + inner[i, k, 1] * r[1, 1]
-                + inner[i, k, 2] * r[3, 0]
-                + (inner[i, k, 3] * r[3, 1])
-            )
+            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
+    worst, where = spread(LAYOUT, w.R, inner, own, b, w.swap)
     pin_loads(links.closed, env, HELD, q, v, w, by_rate, tangent)
-    for i in range(nodes):
-        for k in range(2):
-            if abs(b[i, k]) > worst:
-                worst, where = abs(b[i, k]), min(i, n - 1)
-    for i in range(n):
-        j = i + 1 if i + 1 < nodes else 0
-        for k in range(2):
-            for m in range(4):
-                b[i, k] -= left[i, k, m] * own[i, m]
-                b[j, k] -= left[i, 2 + k, m] * own[i, m]
-    if env.ends == 1 or env.ends == 3:
-        b[0, :] = 0.0
-    if env.ends == 1:
-        b[nodes - 1, :] = 0.0
-    return worst, where
-
-
-@kernel
-def condense(K, A, U, L, inner, right, left, swap, i, j):
-    """Eliminate the own slopes of a link from its matrix ``K`` (8, 8), scatter the rest to its pins ``i`` and ``j``.
-
-    Leaves the inverse of its own part in ``inner`` (4, 4), that times the coupling in ``right`` (4, 4), and the
-    coupling in ``left`` (4, 4). Positions are 0, 1, 4, 5 of the element's coordinates, slopes 2 more.
-    """
-    for a in range(4):
-        at = a + 2 * (a // 2)
-        for b in range(4):
-            to = b + 2 * (b // 2)
-            inner[a, b] = K[at + 2, to + 2]
-            left[a, b] = K[at, to + 2]
-    invert(inner, swap, FOUR)
-    for a in range(4):
-        for b in range(4):
-            to = b + 2 * (b // 2)
-            right[a, b] = (
-                inner[a, 0] * K[2, to] + inner[a, 1] * K[3, to] + inner[a, 2] * K[6, to] + inner[a, 3] * K[7, to]
-            )
-    for a in range(2):
-        for b in range(2):
-            s, o, p, r = K[a, b], K[a, 4 + b], K[4 + a, b], K[4 + a, 4 + b]
-            for k in range(4):
-                s -= left[a, k] * right[k, b]
-                o -= left[a, k] * right[k, 2 + b]
-                p -= left[2 + a, k] * right[k, b]
-                r -= left[2 + a, k] * right[k, 2 + b]
-            A[i, a, b] += s
-            U[i, a, b] += o
-            L[j, a, b] += p
-            A[j, a, b] += r
+    return reduce(LAYOUT, env, HELD, left, own, b, worst, where)
 
 
 @kernel
 def correct(links, w, q, v, vdot, by_rate, by_acceleration, longest):
     """Take the Newton step from the solution in ``w.b``, at most ``longest`` m; returns the largest change of a pin."""
-    nodes = q.shape[0]
-    size = 0.0
-    for i in range(nodes):
-        for k in range(2):
-            if not abs(w.b[i, k]) < np.inf:
-                return np.inf
-            size = max(size, abs(w.b[i, k]))
-    scale = -1.0 if size <= longest else -longest / size
-    for i in range(links.count):
-        j = i + 1 if i + 1 < nodes else 0
-        right = w.right[i]
-        for k in range(4):
-            s = w.own[i, k]
-            for b in range(2):
-                s -= right[k, b] * w.b[i, b] + right[k, 2 + b] * w.b[j, b]
-            node, at = (i, 4 + k) if k < 2 else (j, k)
-            q[node, at] += scale * s
-            v[node, at] += scale * by_rate * s
-            vdot[node, at] += scale * by_acceleration * s
-    for i in range(nodes):
-        for k in range(2):
-            s = scale * w.b[i, k]
-            q[i, k] += s
-            v[i, k] += by_rate * s
-            vdot[i, k] += by_acceleration * s
-    return size
+    return solved(LAYOUT, LEVER, w.right, w.own, w.b, q, v, vdot, by_rate, by_acceleration, longest)
 
 
 @kernel
@@ -236,11 +108,9 @@ def measure(links, env, q, v, w, report):
         j = i + 1 if i + 1 < nodes else 0
         gather(q, i, j, e)
         gather(v, i, j, de)
-        for a in range(4):
-            for b in range(4):
-                kinetic += 0.5 * w.M[a, b] * (de[a, 0] * de[b, 0] + de[a, 1] * de[b, 1])
+        kinetic = add_kinetic(kinetic, w.M, de)
         strain_energy += energy(c, e, w.W)
-        gravity += weight * (0.5 * (e[0, 1] + e[2, 1]) + c.l / 12.0 * (e[1, 1] - e[3, 1]))
+        gravity += weight * height(c.l, 2, 1, e)
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)

@@ -1,4 +1,4 @@
-"""The elasticity of small deformation (11)-(15), behind the door ``element``; siblings: ``general``, ``engineering``.
+"""The elasticity of small deformation (11)-(15), behind the door ``element``; siblings: ``local_strain``.
 
 Average Green strain and r_xx: two constant matrices, no integration points. The kernels are those of the cable.
 """

@@ -21,6 +21,7 @@ from orchestrator import precision
 from orchestrator.difference import worst
 from orchestrator.scene import ChainScene, Scene, TrackScene, load
 from orchestrator.studies import Case
+from orchestrator.studies.files import save
 from orchestrator.studies.runs import Runs
 
 TITLE = "Error against run time"
@@ -324,10 +325,7 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     scenes = "-".join(dict.fromkeys(row.item for row in rows))
     stem = f"{name}-{scenes}"
     texts = {f"{stem}.csv": to_csv(rows), f"{stem}.md": f"# {title}: {scenes}\n\n{to_markdown(rows)}"}
-    for file, text in texts.items():
-        (folder / file).write_text(text, encoding="utf-8")
-    pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"]
-    draw(rows, pictures, f"{title}: {scenes}")
+    files = save(folder, texts, stem, lambda files: draw(rows, files, f"{title}: {scenes}"))
     settings = [
         precision.Setting(row.item, row.track, means(row), row.error, row.wall_time) for row in runs(rows)
     ]
@@ -336,7 +334,7 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
         tables.append(precision.own())  # only what was found over the whole scene
     for table in tables:
         precision.write(settings, table)
-    return [*(folder / file for file in texts), *pictures, *tables]
+    return [*files, *tables]
 
 
 def means(row: Row) -> tuple[str, ...]:

@@ -34,6 +34,7 @@ from orchestrator.scene import TrackScene, load
 from orchestrator.simulate import contents, paced, simulate, strides, warm_up
 from orchestrator.simulate import load as load_components
 from orchestrator.studies import Case
+from orchestrator.studies.files import save
 from orchestrator.system import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
 
 TITLE = "What leaving out saves"
@@ -332,13 +333,8 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Table and figure; raises OSError when the folder cannot be written."""
-    folder.mkdir(parents=True, exist_ok=True)
     texts = {f"{name}.csv": to_csv(rows), f"{name}.md": f"# {title}\n\n{to_markdown(rows)}"}
-    for file, text in texts.items():
-        (folder / file).write_text(text, encoding="utf-8")
-    pictures = [folder / f"{name}.png", folder / f"{name}.svg"]
-    draw(rows, pictures, title)
-    return [*(folder / file for file in texts), *pictures]
+    return save(folder, texts, name, lambda files: draw(rows, files, title))
 
 
 if __name__ == "__main__":

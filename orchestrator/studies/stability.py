@@ -31,6 +31,7 @@ from orchestrator.reader import Log
 from orchestrator.scene import ChainScene, RigScene, TrackScene, VehicleScene, load
 from orchestrator.simulate import simulate
 from orchestrator.studies import Case
+from orchestrator.studies.files import save
 from orchestrator.studies.limits import Pair, coupling_limit, explicit_limit
 
 TITLE = "Stability: stiff and extreme cases"
@@ -562,10 +563,5 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Table and map; raises OSError when the folder cannot be written."""
-    folder.mkdir(parents=True, exist_ok=True)
     texts = {f"{name}.csv": to_csv(rows), f"{name}.md": f"# {title}\n\n{to_markdown(rows)}"}
-    for file, text in texts.items():
-        (folder / file).write_text(text, encoding="utf-8")
-    pictures = [folder / f"{name}.png", folder / f"{name}.svg"]
-    draw(rows, pictures, title)
-    return [*(folder / file for file in texts), *pictures]
+    return save(folder, texts, name, lambda files: draw(rows, files, title))

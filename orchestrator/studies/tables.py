@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from orchestrator.studies.files import save
+
 HEAD = ("item", "case", "value", "reference", "error", "tolerance", "order", "ok", "note")
 Series = tuple[tuple[float, float], ...]
 
@@ -156,14 +158,9 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Tables and figures of a study; raises OSError when the folder cannot be written."""
-    folder.mkdir(parents=True, exist_ok=True)
     texts = {
         f"{name}.csv": to_csv(rows),
         f"{name}-convergence.csv": series_csv(rows),
         f"{name}.md": f"# {title}\n\n{to_markdown(rows)}",
     }
-    for file, text in texts.items():
-        (folder / file).write_text(text, encoding="utf-8")
-    pictures = [folder / f"{name}.png", folder / f"{name}.svg"]
-    draw(rows, pictures, title)
-    return [*(folder / file for file in texts), *pictures]
+    return save(folder, texts, name, lambda files: draw(rows, files, title))

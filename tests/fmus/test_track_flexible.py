@@ -11,7 +11,7 @@ import fmus.track_rigid.model as track_rigid
 from fmus.model import InvalidParameter
 from fmus.physics.wheels import read_states
 from fmus.track import GROUND, KINETIC, REPORT, SPEED, STRAIN, T_MAX, TRAVEL
-from fmus.track_flexible.cables import OUTER
+from fmus.track_flexible.cables import LAYOUT
 from fmus.track_flexible.model import Model
 from fmus.vehicle import read_table, vehicle
 
@@ -82,7 +82,7 @@ def test_coordinates_of_a_track():
     assert (
         open_chain.q.size - 2 * 2 == 516
     )  # neither an ending link at the first pin nor a beginning one at the last
-    assert len(OUTER) == 8
+    assert len(LAYOUT.outer) == 8
 
 
 def test_hanging_chain_is_a_catenary():

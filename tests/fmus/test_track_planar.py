@@ -45,7 +45,7 @@ def forces(c: cable.Cable, e: np.ndarray, v: np.ndarray) -> tuple:
     p, u = np.ascontiguousarray(e[:, XZ]), np.ascontiguousarray(v[:, XZ])
     q, k, w = np.zeros((4, 2)), np.zeros((8, 8)), np.zeros((4, 2))
     cable_planar.stiffness(c, p, u, 2e3, 4e6, k, w)
-    flat = (q, k, cable_planar.force(c, p, u, q, w), cable_planar.energy(c, p, w), cable_planar.end_moments(c, p))
+    flat = (q, k, cable_planar.force(c, p, u, q, w), cable_planar.energy(c, p, w), cable.end_moments(c, p))
     return solid, flat
 
 

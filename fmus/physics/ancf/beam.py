@@ -48,6 +48,9 @@ class Beam(NamedTuple):
     tau: float  # damping time: stress tau x rate of the elastic one, s
 
 
+Section = Beam
+
+
 @kernel
 def shape(c, xi, y, z, S):
     """The eight shape functions at the fraction ``xi`` of the length and ``y``, ``z``, m, into ``S`` (8)."""

@@ -29,6 +29,18 @@ class Cable(NamedTuple):
     nuI: float  # bending damping nu2 I, N s m2
 
 
+class GeneralCable(Cable):
+    """A link with the elasticity of ``cable_general``."""
+
+    __slots__ = ()
+
+
+class EngineeringCable(Cable):
+    """A link with the elasticity of ``cable_engineering``."""
+
+    __slots__ = ()
+
+
 @kernel
 def shape(c, xi, S):
     """The four shape functions at the fraction ``xi`` of the length, into ``S`` (4)."""
@@ -223,6 +235,27 @@ def bending_damping(c, e, v, Q, B):
 
 
 @kernel
+def linear(c, tension, by_rate, by_acceleration):
+    """Rows of (4, 4) factors of the identity of space in the iteration matrix: of ``tension``, N, bending and mass."""
+    axial, bend, m, l = (
+        tension / (30.0 * c.l),
+        (c.EI + by_rate * c.nuI) / c.l**3,
+        (by_acceleration * c.rhoA * c.l / 420.0),
+        c.l,
+    )
+    ends = 36.0 * axial + 12.0 * bend
+    mixed = (3.0 * axial + 6.0 * bend) * l
+    own = (4.0 * axial + 4.0 * bend) * l * l
+    other = (-axial + 2.0 * bend) * l * l
+    return (
+        (ends + 156.0 * m, mixed + 22.0 * l * m, -ends + 54.0 * m, mixed - 13.0 * l * m),
+        (mixed + 22.0 * l * m, own + 4.0 * l * l * m, -mixed + 13.0 * l * m, other - 3.0 * l * l * m),
+        (-ends + 54.0 * m, -mixed + 13.0 * l * m, ends + 156.0 * m, -mixed - 22.0 * l * m),
+        (mixed - 13.0 * l * m, other - 3.0 * l * l * m, -mixed - 22.0 * l * m, own + 4.0 * l * l * m),
+    )
+
+
+@kernel
 def stiffness(c, e, v, by_rate, by_acceleration, K, W, V):
     """Iteration matrix K + by_rate D + by_acceleration M of the element, written to ``K`` (12, 12).
 
@@ -241,22 +274,7 @@ def stiffness(c, e, v, by_rate, by_acceleration, K, W, V):
             for i in range(3):
                 for j in range(3):
                     K[3 * a + i, 3 * b + j] = W[a, i] * (ww * W[b, j] + wv * V[b, j])
-    axial, bend, m, l = (
-        (c.EA * eps + drag) / (30.0 * c.l),
-        (c.EI + by_rate * c.nuI) / c.l**3,
-        (by_acceleration * c.rhoA * c.l / 420.0),
-        c.l,
-    )
-    ends = 36.0 * axial + 12.0 * bend
-    mixed = (3.0 * axial + 6.0 * bend) * l
-    own = (4.0 * axial + 4.0 * bend) * l * l
-    other = (-axial + 2.0 * bend) * l * l
-    rows = (
-        (ends + 156.0 * m, mixed + 22.0 * l * m, -ends + 54.0 * m, mixed - 13.0 * l * m),
-        (mixed + 22.0 * l * m, own + 4.0 * l * l * m, -mixed + 13.0 * l * m, other - 3.0 * l * l * m),
-        (-ends + 54.0 * m, -mixed + 13.0 * l * m, ends + 156.0 * m, -mixed - 22.0 * l * m),
-        (mixed - 13.0 * l * m, other - 3.0 * l * l * m, -mixed - 22.0 * l * m, own + 4.0 * l * l * m),
-    )
+    rows = linear(c, c.EA * eps + drag, by_rate, by_acceleration)
     for a in range(4):
         for b in range(4):
             s = rows[a][b]
@@ -268,7 +286,7 @@ def stiffness(c, e, v, by_rate, by_acceleration, K, W, V):
 def end_moments(c, e):
     """Bending moments at the two ends, N m: EI |r_xx|."""
     first, second = 0.0, 0.0
-    for i in range(3):
+    for i in range(e.shape[1]):
         d = 6.0 * (e[2, i] - e[0, i]) / c.l
         first += ((d - 4.0 * e[1, i] - 2.0 * e[3, i]) / c.l) ** 2
         second += ((-d + 2.0 * e[1, i] + 4.0 * e[3, i]) / c.l) ** 2

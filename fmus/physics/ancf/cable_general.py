@@ -11,30 +11,32 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.ancf import cable
-from fmus.physics.ancf.cable import Cable, mass, shape, shape_slope
-from fmus.physics.ancf.centreline import (
-    AXIAL,
-    COUNT,
-    Density,
-    add_damping,
-    add_force,
-    add_tangent,
-    invariants,
-    lines,
-    point,
-    shape_curvature,
+from fmus.physics.ancf.cable import GeneralCable as Section
+from fmus.physics.ancf.cable import mass, shape, shape_slope
+from fmus.physics.ancf.cable_local import (
+    ROWS,
+    damping,
+    dampings,
+    energies,
+    energy,
+    force,
+    forces,
+    stress,
+    tangent,
+    tangents,
 )
+from fmus.physics.ancf.centreline import Density, shape_curvature
 
-ROWS = 4  # vectors of coordinates of an element: position and slope at two nodes
-
-__all__ = ["ROWS", "Cable", "mass", "shape", "shape_curvature", "shape_slope"]
+__all__ = [
+    "ROWS", "Section", "damping", "dampings", "energies", "energy", "force", "forces", "mass",
+    "shape", "shape_curvature", "shape_slope", "stress", "tangent", "tangents",
+]  # fmt: skip
 
 
 @kernel
 def measures(a, b, g):
-    """Axial strain, and curvature squared, 1/m2, of the invariants."""
-    return 0.5 * (a - 1.0), max(a * b - g * g, 0.0) / (a * a * a)
+    """Axial strain, curvature squared, 1/m2, and force over EA times strain, of the invariants."""
+    return 0.5 * (a - 1.0), max(a * b - g * g, 0.0) / (a * a * a), np.sqrt(a)
 
 
 @kernel
@@ -51,90 +53,3 @@ def density(EA, EI, a, b, g):
         ag=6.0 * m * g / a**2,
         gg=-2.0 * m / a,
     )
-
-
-@kernel
-def energy(c, e):
-    """Strain energy of an element at coordinates ``e`` (4, 3), J."""
-    D, r, U = np.empty((2, 4)), np.empty((2, 3)), 0.0
-    for p in range(COUNT):
-        xi, w, EA, EI = point(c, p)
-        lines(c, e, xi, D, r)
-        a, b, g = invariants(r)
-        U += w * density(EA, EI, a, b, g).f
-    return U
-
-
-@kernel
-def force(c, e, Q):
-    """Elastic force, gradient of the energy, added to ``Q`` (4, 3)."""
-    D, r = np.empty((2, 4)), np.empty((2, 3))
-    for p in range(COUNT):
-        xi, w, EA, EI = point(c, p)
-        lines(c, e, xi, D, r)
-        a, b, g = invariants(r)
-        add_force(w, density(EA, EI, a, b, g), D, r, Q)
-
-
-@kernel
-def tangent(c, e, K):
-    """Exact derivative of the force, added to ``K`` (12, 12)."""
-    D, r = np.empty((2, 4)), np.empty((2, 3))
-    for p in range(COUNT):
-        xi, w, EA, EI = point(c, p)
-        lines(c, e, xi, D, r)
-        a, b, g = invariants(r)
-        add_tangent(w, density(EA, EI, a, b, g), D, r, K)
-
-
-@kernel
-def damping(c, e, v, Q):
-    """Damping force (18), its curvature part in the frame of the chord, added to ``Q``; returns its power, W."""
-    D, r, power = np.empty((2, 4)), np.empty((2, 3)), 0.0
-    for p in range(AXIAL):
-        xi, w, _, _ = point(c, p)
-        lines(c, e, xi, D, r)
-        power += add_damping(c, w, e, v, D, r, Q)
-    return power + cable.bending_damping(c, e, v, Q, np.empty((4, 3)))
-
-
-@kernel
-def stress(c, e, xi, modulus, fibre):
-    """Axial stress, and bending stress at the distance ``fibre`` from the axis, Pa, at the fraction ``xi``."""
-    D, r = np.empty((2, 4)), np.empty((2, 3))
-    lines(c, e, xi, D, r)
-    a, b, g = invariants(r)
-    strain, curvature2 = measures(a, b, g)
-    return modulus * strain, modulus * fibre * np.sqrt(curvature2)
-
-
-@kernel
-def energies(c, e):
-    """Strain energy of all elements ``e`` (n, 4, 3), J."""
-    U = 0.0
-    for k in range(len(e)):
-        U += energy(c, e[k])
-    return U
-
-
-@kernel
-def forces(c, e, Q):
-    """Elastic forces of all elements, added to ``Q`` (n, 4, 3)."""
-    for k in range(len(e)):
-        force(c, e[k], Q[k])
-
-
-@kernel
-def tangents(c, e, K):
-    """Tangents of all elements, added to ``K`` (n, 12, 12)."""
-    for k in range(len(e)):
-        tangent(c, e[k], K[k])
-
-
-@kernel
-def dampings(c, e, v, Q):
-    """Damping forces of all elements, added to ``Q`` (n, 4, 3); returns their power, W."""
-    power = 0.0
-    for k in range(len(e)):
-        power += damping(c, e[k], v[k], Q[k])
-    return power

@@ -1,14 +1,13 @@
 """The 12-dof cable of ``cable`` in the plane x, z: 8 coordinates, its scalar loops written for two components.
 
 Coordinates e (4, 2): position and r_x at the first end, position and r_x at the second. Energy, force and damping are
-those of the cable where its y components are zero, term by term; mass and shape functions are shared with it.
+those of the cable where its y components are zero, term by term; what knows no axis is shared with it.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 from fmus.jit import kernel
+from fmus.physics.ancf.cable import linear
 
 
 @kernel
@@ -124,34 +123,8 @@ def stiffness(c, e, v, by_rate, by_acceleration, K, W):
             for a in range(4):
                 K[2 * a, 2 * b + i] = W[a, 0] * s
                 K[2 * a + 1, 2 * b + i] = W[a, 1] * s
-    axial, bending, m, l = (
-        (c.EA * eps + drag) / (30.0 * c.l),
-        (c.EI + by_rate * c.nuI) / c.l**3,
-        (by_acceleration * c.rhoA * c.l / 420.0),
-        c.l,
-    )
-    ends = 36.0 * axial + 12.0 * bending
-    mixed = (3.0 * axial + 6.0 * bending) * l
-    own = (4.0 * axial + 4.0 * bending) * l * l
-    other = (-axial + 2.0 * bending) * l * l
-    rows = (
-        (ends + 156.0 * m, mixed + 22.0 * l * m, -ends + 54.0 * m, mixed - 13.0 * l * m),
-        (mixed + 22.0 * l * m, own + 4.0 * l * l * m, -mixed + 13.0 * l * m, other - 3.0 * l * l * m),
-        (-ends + 54.0 * m, -mixed + 13.0 * l * m, ends + 156.0 * m, -mixed - 22.0 * l * m),
-        (mixed - 13.0 * l * m, other - 3.0 * l * l * m, -mixed - 22.0 * l * m, own + 4.0 * l * l * m),
-    )
+    rows = linear(c, c.EA * eps + drag, by_rate, by_acceleration)
     for a in range(4):
         for b in range(4):
             K[2 * a, 2 * b] += rows[a][b]
             K[2 * a + 1, 2 * b + 1] += rows[a][b]
-
-
-@kernel
-def end_moments(c, e):
-    """Bending moments at the two ends, N m: EI |r_xx|."""
-    first, second = 0.0, 0.0
-    for i in range(2):
-        d = 6.0 * (e[2, i] - e[0, i]) / c.l
-        first += ((d - 4.0 * e[1, i] - 2.0 * e[3, i]) / c.l) ** 2
-        second += ((-d + 2.0 * e[1, i] + 4.0 * e[3, i]) / c.l) ** 2
-    return c.EI * np.sqrt(first), c.EI * np.sqrt(second)

@@ -15,7 +15,9 @@ from fmus.physics.ancf.centreline import lines, shape_curvature
 
 ROWS = 4  # vectors of coordinates of an element: position and slope at two nodes
 
-__all__ = ["ROWS", "Cable", "mass", "shape", "shape_curvature", "shape_slope"]
+Section = Cable
+
+__all__ = ["ROWS", "Section", "mass", "shape", "shape_curvature", "shape_slope"]
 
 
 @kernel

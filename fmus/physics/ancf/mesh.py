@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from copy import copy
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +24,7 @@ End = tuple[int, int]  # element, counted through all parts; 0 its first node, 1
 class Part(NamedTuple):
     """Elements of one kind and section."""
 
-    element: object  # a sibling module: cable_small, cable_general, cable_engineering, beam
+    element: Any  # a sibling module: cable_small, cable_general, cable_engineering, beam
     section: tuple  # its parameters
     e: Floats  # (n, rows, 3) coordinates at the start
 
@@ -82,7 +82,8 @@ class Mesh:
     def __init__(
         self, parts: Sequence[Part], ties: Iterable[Tie] = (), supports: Iterable[Support] = ()
     ) -> None:
-        self.parts = tuple(parts)
+        # the class of a section says which element it is, whatever cable it was given as
+        self.parts = tuple(part._replace(section=part.element.Section(*part.section)) for part in parts)
         self.loads: tuple[Load, ...] = ()
         self.springs: tuple[Spring, ...] = ()
         self.e0 = np.concatenate([part.e.ravel() for part in parts])

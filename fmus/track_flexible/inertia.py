@@ -1,0 +1,35 @@
+"""Weight and kinetic energy of a link, whatever its element: the centreline is cubic, the mass matrix constant."""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+
+
+@kernel
+def weigh(weight, l, last, up, r):
+    """A link's ``weight``, N, on its residual ``r`` (rows, axes): the integral of its shape functions.
+
+    ``l`` m is its length, ``last`` the first row of its second node, ``up`` the axis of z.
+    """
+    r[0, up] += 0.5 * weight
+    r[1, up] += weight * l / 12.0
+    r[last, up] += 0.5 * weight
+    r[last + 1, up] -= weight * l / 12.0
+
+
+@kernel
+def height(l, last, up, e):
+    """Of the centre of mass, m, at coordinates ``e``; the others as in ``weigh``."""
+    return 0.5 * (e[0, up] + e[last, up]) + l / 12.0 * (e[1, up] - e[last + 1, up])
+
+
+@kernel
+def add_kinetic(energy, M, v):
+    """``energy`` and that of a link with mass ``M`` (rows, rows) at rates ``v`` (rows, axes), J."""
+    for a in range(M.shape[0]):
+        for b in range(M.shape[0]):
+            s = 0.0
+            for k in range(v.shape[1]):
+                s += v[a, k] * v[b, k]
+            energy += 0.5 * M[a, b] * s
+    return energy
