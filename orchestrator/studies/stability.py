@@ -383,7 +383,7 @@ FAMILIES = (
            quick=()),
     Family("links of a free loop", "spinning_loop", "flexible", (8.0, 64.0, 512.0), _loop, "hoop", quick=(8.0,)),
     Family("links of a free loop, rigid", "spinning_loop", "rigid", (8.0, 64.0, 512.0), _loop, "hoop", quick=(512.0,)),
-    Family("links round two wheels", "rig", "flexible", (20.0, 32.0, 64.0, 128.0), _round_wheels, "rides",
+    Family("links round two wheels", "rig", "flexible", (20.0, 32.0, 64.0, 128.0, 256.0), _round_wheels, "rides",
            quick=(20.0,)),
     Family("links round two wheels, rigid", "rig", "rigid", (20.0, 64.0), _round_wheels, "rides", quick=()),
     Family("sprockets locked at speed, km/h", "straight", "flexible", (10.0, 20.0, 40.0),

@@ -12,7 +12,7 @@ from fmus.physics.contact.friction import press, touch
 from fmus.physics.contact.ground import bumpy, level
 from fmus.physics.contact.law import Law
 from fmus.physics.contact.teeth import teeth, teeth_contact
-from fmus.physics.point import scratch
+from fmus.physics.point import scratch, sharpen
 from tests.fmus.test_track_flexible import PITCH, at_rest, carrier, hanging, make
 
 XZ = [0, 2]
@@ -226,3 +226,20 @@ def test_a_bump_has_the_normal_of_the_plane():
         step = 1e-7
         _, m0, m2, _ = level(ground, x - step * n2, z + step * n0)
         assert ((m0 - n0) / step, (m2 - n2) / step) == pytest.approx((-bend * n2, bend * n0), abs=1e-5)
+
+
+def test_sharp_friction_in_the_plane():
+    """The directions that follow the corrections do so alike, iteration by iteration."""
+    s, flat, omega = scratch(), scratch(), np.array([0.0, 3.0, 0.0])
+    sharpen(s)
+    sharpen(flat)
+    for slip in ((0.02, -0.03), (-0.05, 0.01), (0.001, 0.002)):
+        face = solid_face(0.4, 2.0, np.array(slip))
+        s.n[:], s.n_x[:], s.w[:] = of_solid(face)
+        press(LAW, 0.5, 5e-3, 0.07, 0.0, omega, s, True)
+        found = plane.press(LAW, 0.5, 5e-3, 0.07, 0.0, face, BY_RATE, flat)
+        G = (s.f_x + BY_RATE * s.f_v)[np.ix_(XZ, XZ)].ravel()
+        assert same((found.g00, found.g02, found.g20, found.g22), G)
+        own = plane.press(LAW, 0.5, 5e-3, 0.07, 0.0, face, BY_RATE, scratch())
+        assert same((own.f0, own.f2), (found.f0, found.f2)), "the force is what it was"
+        assert not same((own.g00, own.g02, own.g20, own.g22), G, 1e-3), "the twin: its own tangent"
