@@ -36,7 +36,8 @@ class Companions(NamedTuple):
 def companions(scene: TrackScene, internal: float, simulated: float, components: int) -> Companions:
     """Twice the communication step, twice the internal step too; ``internal`` s is what the tracks set out to take.
 
-    A variable step is doubled through its tolerance; internal steps that follow it are no part of their own.
+    A variable step is doubled through its tolerance; internal steps that follow it are no part of their own. An
+    explicit integrator at its stable step has no longer one.
     """
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
@@ -54,7 +55,8 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
         track = scene.track.model_copy(update={"step": internal_step})
         return scene.model_copy(update={"run": run, "track": track})
 
-    return Companions(of(internal) if components > 1 else None, of(2.0 * internal))
+    stable = scene.track.integrator == "runge_kutta" and scene.track.step is None
+    return Companions(of(internal) if components > 1 else None, of(internal if stable else 2.0 * internal))
 
 
 def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> dict[str, Any]:
@@ -70,6 +72,9 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
         logs, spent = {}, 0.0
         for name, companion in zip(wanted._fields, wanted, strict=True):
             if companion is None:
+                continue
+            if name == "both" and companion == wanted.coupling:
+                logs[name] = logs["coupling"]
                 continue
             told = record(companion, Path(folder) / f"{name}.mcap")
             spent += told["wall_time"]

@@ -11,7 +11,7 @@ from fmus.vehicle import BadInput
 from orchestrator import precision
 from orchestrator.cli import main
 from orchestrator.difference import Difference, Observable, Signal, aligned, difference, differences, worst
-from orchestrator.estimate import estimate
+from orchestrator.estimate import companions, estimate
 from orchestrator.evidence import Evidence
 from orchestrator.precision import Setting, cheapest, fraction, front
 from orchestrator.reader import Log
@@ -97,6 +97,9 @@ def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     summary["components"]["left_track"]["steps"] = 2012
     estimate(scene, tmp_path / "no.mcap", summary, record)
     assert asked == [(0.008, 0.004), (0.008, 0.002)]
+    explicit = load("straight", "flexible", ("track.integrator=runge_kutta",))
+    alike = companions(explicit, 8e-6, 4.0, 5)
+    assert alike.both == alike.coupling, "its stable step cannot be doubled"
 
 
 def test_a_study_makes_no_run_twice():
