@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 from orchestrator.difference import differences, worst
 from orchestrator.evidence import Evidence, Missing
 from orchestrator.reader import Log
-from orchestrator.scene import Scene, TrackScene, Variable
+from orchestrator.scene import Scene, TrackScene
+from orchestrator.scene_parts import Variable
 
 SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
@@ -69,7 +70,8 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
     pieces = max(1, round(max(steps) / count))  # of a communication step; the few that were halved are not counted
     wanted = companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        logs, spent = {}, 0.0
+        logs: dict[str, Path] = {}
+        spent = 0.0
         for name, companion in zip(wanted._fields, wanted, strict=True):
             if companion is None:
                 continue

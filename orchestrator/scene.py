@@ -6,230 +6,35 @@ scene holds the whole vehicle table under ``vehicle``, so that a dotted key reac
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from math import pi, remainder
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.vehicle import BadInput, Distance, Force, In, Mass, Part, Vehicle, read_table, sentence
-from orchestrator import gallery, measures
-
-Duration = Annotated[float, In("s", gt=0)]
-Time = Annotated[float, In("s", ge=0)]
-Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double has no room for contacts
-Every = Annotated[int, Field(ge=1)]
-Elements = Annotated[int, Field(ge=1, le=256)]
-Gravity = Annotated[float, In("m/s^2", ge=0)]
-MOST_STEPS = 2**32 - 1  # a log counts them in 32 bits
-
-
-class Coupling(Part):
-    """How components are coupled; what is not given is the coupling's own default."""
-
-    scheme: Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"] = "tracks_first"
-    hold: Literal["linear", "constant"] | None = None  # of inputs: extrapolated to the middle of the step, or not
-    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None  # change of inputs that ends the iteration
-    iterations: Annotated[int, Field(ge=1)] | None = None  # allowed in a step
-
-    @model_validator(mode="after")
-    def _options_fit(self) -> Coupling:
-        for option in self.options():
-            if self.scheme not in OPTIONS[option]:
-                wanted = " or ".join(OPTIONS[option])
-                raise ValueError(f"{option} is an option of {wanted}, not of {self.scheme}")
-        return self
-
-    def options(self) -> dict[str, Any]:
-        """What is given besides the scheme."""
-        return self.model_dump(exclude={"scheme"}, exclude_none=True)
-
-    def __str__(self) -> str:
-        given = ", ".join(f"{key} = {value}" for key, value in self.options().items())
-        return f"{self.scheme} ({given})" if given else self.scheme
-
+from fmus.vehicle import BadInput, Part, Vehicle, read_table, sentence
+from orchestrator import gallery
+from orchestrator.scene_parts import (
+    Bench,
+    Cantilever,
+    Chain,
+    Check,
+    Drive,
+    Frame,
+    Ground,
+    Pendulum,
+    Rig,
+    Run,
+    Slider,
+    Start,
+    Track,
+    VehicleStart,
+    short_coupling,
+    short_track,
+)
+from orchestrator.settings import keys, merged, put, setting
 
 SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of theirs
-OPTIONS = {
-    "hold": ("jacobi", "gauss_seidel"),
-    "tolerance": ("iterative",),
-    "iterations": ("iterative",),
-}
-
-
-class Variable(Part):
-    """A communication step that follows an error estimate; ``run.step`` is the first."""
-
-    # of a step: its error over what its connection has carried, or its power residual over what a bond has carried
-    tolerance: Annotated[float, Field(gt=0, lt=1)]
-    estimate: Literal["doubling", "power"] = "doubling"
-    energy: Annotated[float, In("J", gt=0)] | None = None  # the least that a power residual is relative to
-    shortest: Duration = 1e-5
-    longest: Duration = 0.1
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Variable:
-        if self.shortest > self.longest:
-            raise ValueError(f"shortest = {self.shortest:g} s is longer than longest = {self.longest:g} s")
-        if self.energy is not None and self.estimate != "power":
-            raise ValueError(f"energy is an option of estimate = 'power', not of '{self.estimate}'")
-        return self
-
-    def __str__(self) -> str:
-        lengths = f"{self.shortest * 1e3:g} to {self.longest * 1e3:g} ms"
-        return f"{self.estimate}, tolerance {self.tolerance:g}, {lengths}"
-
-
-def _short_coupling(value: object) -> object:
-    return {"scheme": value} if isinstance(value, str) else value
-
-
-def _off(value: object) -> object:
-    """What a scene has can be left out: TOML has no none."""
-    return None if value is False else value
-
-
-class Run(Part):
-    """How long, in which steps, and how often results are recorded."""
-
-    stop: Duration
-    step: Duration  # communication step H
-    coupling: Annotated[Coupling, BeforeValidator(_short_coupling)] = Coupling()
-    variable: Annotated[Variable | None, BeforeValidator(_off)] = None  # without it, or false: all of length H
-    outputs: Every = 1  # outputs are recorded every n communication steps
-    links: Every = 10  # per-link outputs are recorded every n communication steps
-
-    @model_validator(mode="after")
-    def _whole_steps(self) -> Run:
-        if self.stop / self.step > MOST_STEPS:
-            raise ValueError(f"stop = {self.stop:g} s is more than {MOST_STEPS} steps of {self.step:g} s")
-        if abs(self.stop / self.step - round(self.stop / self.step)) > 1e-6 or self.stop < self.step:
-            raise ValueError(f"stop = {self.stop:g} s must be a multiple of step = {self.step:g} s")
-        return self
-
-    @property
-    def steps(self) -> int:
-        """Number of communication steps."""
-        return round(self.stop / self.step)
-
-
-class Start(Part):
-    """Where the vehicle stands at the start, world frame."""
-
-    position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
-    heading: Annotated[float, In("rad")] = 0.0
-
-
-class VehicleStart(Start):
-    """A vehicle may also begin above its place on the ground, and pitched or rolled: upside down by half a turn."""
-
-    height: Place = 0.0  # of the sprocket axle over its drawn place on the ground
-    pitch: Annotated[float, In("rad")] = 0.0  # about the sprocket axle, nose down positive
-    roll: Annotated[float, In("rad")] = 0.0  # about its long axis, before the pitch: half a turn or none
-
-    @model_validator(mode="after")
-    def _upright(self) -> VehicleStart:
-        if abs(remainder(self.roll, pi)) > 1e-9:
-            raise ValueError(
-                f"roll = {self.roll:g} rad must be 0 or half a turn (180 deg): a track is laid out in an upright plane"
-            )
-        return self
-
-    def turned(self) -> tuple[float, float]:
-        """Heading and pitch, rad, with the roll in them: R_z(h) R_y(p) R_x(pi) = R_z(h + pi) R_y(pi - p)."""
-        over = abs(remainder(self.roll, 2.0 * pi)) > 1.0
-        return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
-
-
-class Bump(Part):
-    """A trapezoid across the way, its edges rounded, in the frame of the start."""
-
-    start: Place  # where it begins, ahead of the sprocket axle
-    rise: Distance
-    slope: Annotated[float, In("rad", gt=0, lt=1.5)]  # of both ramps
-    length: Annotated[float, In("m", ge=0)]  # of the flat top
-    radius: Distance  # of the four edges
-
-
-class Ground(Part):
-    """What the ground has beside its level, and what can touch it beside the tracks."""
-
-    hull: bool = False  # the points vehicle.chassis.hull
-    bump: Bump | None = None
-
-
-Elasticity = Literal["small_deformation", "general", "engineering"]
-
-
-class Track(Part):
-    """Which track model, and what it is told; what is not given is the model's own default."""
-
-    model: Literal["flexible", "rigid"]
-    element: Literal["cable", "beam"] | None = None  # of flexible links
-    elasticity: Elasticity | None = None  # of cables
-    integrator: str | None = None
-    step: Duration | None = None  # largest internal step
-    start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
-    link_outputs: bool = True
-
-    @model_validator(mode="after")
-    def _rigid_links_have_none(self) -> Track:
-        for key in ("element", "elasticity"):
-            value = getattr(self, key)
-            if self.model == "rigid" and value is not None:
-                raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
-        if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
-            raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
-        return self
-
-
-class Drive(Part):
-    """What turns a sprocket (or a braked idler).
-
-    ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time``, and is
-    then held; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
-    """
-
-    mode: Literal["speed", "torque", "controller"]
-    speed: Annotated[float, In("rad/s")] = 0.0
-    ramp_start: Time = 0.0
-    ramp_time: Time = 1.0
-    stop: Time | None = None  # when the sprocket is stopped for good, after the ramp
-    stop_time: Duration = 1e-3
-    torque: Annotated[float, In("N m")] = 0.0
-    torque_limit: Annotated[float, In("N m", gt=0)] | None = None
-    brake: Annotated[float, In("N m", ge=0)] = 0.0
-
-
-class Check(Part):
-    """An expectation: a signal reduced over a window, or a named measure, against a value."""
-
-    signal: str | None = None  # instance.variable
-    reduce: Literal["mean", "min", "max", "last", "drop", "ripple", "rms"] = "mean"
-    measure: str | None = None
-    of: str = ""  # the side ("left", "right") or component a measure looks at
-    start: Time = Field(0.0, alias="from")
-    end: Time | None = Field(None, alias="to")  # default: the end of the run
-    expected: Annotated[float, Field(allow_inf_nan=False)]
-    tolerance: Annotated[float, Field(ge=0)]
-    relative: bool = False  # tolerance is a fraction of the expected value
-    track: Literal["flexible", "rigid"] | None = None  # only for this track model
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Check:
-        if (self.signal is None) == (self.measure is None):
-            raise ValueError("needs either signal or measure")
-        if self.measure is not None and self.measure not in measures.NAMES:
-            near = get_close_matches(self.measure, measures.NAMES, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"one of {', '.join(sorted(measures.NAMES))}"
-            raise ValueError(f"no measure '{self.measure}': {hint}")
-        return self
-
-
-def _short_track(value: object) -> object:
-    return {"model": value} if isinstance(value, str) else value
 
 
 class Scene(Part):
@@ -263,7 +68,7 @@ class TrackScene(Scene):
     """A scene of FMUs, a track among them; its kinds add what they assemble."""
 
     vehicle: Vehicle
-    track: Annotated[Track, BeforeValidator(_short_track)]
+    track: Annotated[Track, BeforeValidator(short_track)]
     start: Start = Start()
     placed: bool = False  # whether the idler stands already where the chain carries its static tension
     planar: bool = False  # chains of cables without their lateral dofs: all motion is in the plane of the track
@@ -285,44 +90,6 @@ class TrackScene(Scene):
     def variant(self) -> str:
         """The track model."""
         return self.track.model
-
-
-class Chain(Part):
-    """An open chain between two fixed pins at the height of the origin, or held at the first alone, or a free loop."""
-
-    links: Annotated[int, Field(ge=2, le=4096)]
-    ends: Literal["pinned", "held", "loop"] = "pinned"
-    span: Annotated[float, Field(gt=0, lt=1)] | None = (
-        None  # pinned: distance of the pins over the chain's length
-    )
-    spin: Annotated[float, In("rad/s")] = 0.0  # of a loop about y, at the start; it has no gravity
-
-    @model_validator(mode="after")
-    def _of_its_ends(self) -> Chain:
-        if (self.span is None) == (self.ends == "pinned"):
-            raise ValueError(f"ends = '{self.ends}' {'needs' if self.span is None else 'has no'} span")
-        if self.spin and self.ends != "loop":
-            raise ValueError(f"ends = '{self.ends}' has no spin")
-        if self.ends == "loop" and self.links < 3:
-            raise ValueError(f"a loop needs 3 links, not {self.links}")
-        return self
-
-
-class Bench(Part):
-    """An open chain over one sprocket, its ends pulled by constant forces."""
-
-    links: Annotated[int, Field(ge=8, le=4096)]
-    upper: Force  # pull at the end of the upper (incoming) span, towards -x
-    lower: Force  # pull at the end of the lower (outgoing) span, towards -x
-    transverse_damping: Annotated[float, In("N s/m", ge=0)] = 0.0
-
-
-class Rig(Part):
-    """A closed chain round a sprocket and a smooth idler with fixed axles."""
-
-    links: Annotated[int, Field(ge=8, le=4096)]
-    axle_distance: Distance  # as drawn: the idler is moved until the chain carries the tension
-    tension: Force
 
 
 class ChainScene(TrackScene):
@@ -388,64 +155,6 @@ class VehicleScene(TrackScene):
         return self
 
 
-class Pendulum(Part):
-    """A cable of circular section, pinned at the origin, that lies along x, turns about y and falls along -y."""
-
-    elements: Elements
-    elasticity: Elasticity
-    length: Distance
-    area: Annotated[float, In("m^2", gt=0)]
-    youngs_modulus: Annotated[float, In("Pa", gt=0)]
-    density: Annotated[float, In("kg/m^3", gt=0)]
-    spin: Annotated[float, In("rad/s")]
-    gravity: Gravity
-    step: Duration  # of the integration, Runge-Kutta of order 4
-
-
-class Cantilever(Part):
-    """A cable clamped at the origin along x under a dead load along z at its tip: L = 1 m, EI = 1 N m2."""
-
-    elements: Elements
-    elasticity: Elasticity
-    slenderness: Annotated[float, Field(gt=1, le=1e4)]  # length over height of the square section
-    load_rate: Annotated[float, In("N/s", gt=0)]  # the load grows from 0, in static equilibrium
-
-
-class Frame(Part):
-    """An L-frame, 1 m along x from its clamp and 0.8 m up, of square section and E = 1e7 Pa.
-
-    At its tip acts (P, 0, P); P grows from 0 to 160 h^4 N/m^4 at ``load_time``, in static equilibrium.
-    """
-
-    elements: Elements  # of each member
-    element: Literal["beam", "small_deformation", "general", "engineering"]
-    height: Annotated[float, In("m", gt=0, le=0.1)]
-    corner: Annotated[
-        float, Field(ge=0, le=1e4)
-    ]  # of beams: stiffness of the corner's block over theirs, 0: none
-    load_time: Duration
-
-
-class Slider(Part):
-    """A mass without friction on a smooth flexible beam along x that is pinned at both ends; all at rest."""
-
-    elements: Elements
-    length: Distance
-    line_density: Annotated[float, In("kg/m", gt=0)]
-    axial_stiffness: Annotated[float, In("N", gt=0)]
-    bending_stiffness: Annotated[float, In("N m^2", gt=0)]
-    mass: Mass
-    place: Annotated[float, In("m", gt=0)]  # where on the beam the mass is let go
-    gravity: Gravity
-    step: Duration  # of the integration, which keeps the energy
-
-    @model_validator(mode="after")
-    def _on_its_beam(self) -> Slider:
-        if self.place >= self.length:
-            raise ValueError(f"place = {self.place:g} m must lie on the beam of {self.length:g} m")
-        return self
-
-
 class PieceScene(Scene):
     """A piece of the mechanics that is stepped directly, without an FMU."""
 
@@ -493,13 +202,13 @@ KINDS: dict[str, type[Scene]] = {
 def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> Scene:
     """Read a scene of the gallery or a file, with track model and ``KEY=VALUE`` settings; raises BadInput."""
     name, table = gallery.read(scene)
-    changes = [_setting(text) for text in settings]
+    changes = [setting(text) for text in settings]
     if _has_track(table):
         _complete(table, f"{name}.toml", track, changes)
     elif track is not None:
         raise BadInput(f"--track {track}: scene '{name}' has no track")
     for key, value in changes:
-        _put(table, key, value)
+        put(table, key, value)
     return from_table({"name": name, **table}, f"{name}.toml")
 
 
@@ -516,9 +225,9 @@ def _complete(table: dict[str, Any], where: str, track: str | None, changes: lis
     """Give the table of a scene with a track its whole vehicle; what is said of either goes out of the changes."""
     if track is not None:
         changes.insert(0, ("track.model", track))
-    table["track"] = _short_track(table.get("track", {}))
+    table["track"] = short_track(table.get("track", {}))
     if isinstance(table.get("run"), dict):
-        table["run"]["coupling"] = _short_coupling(table["run"].get("coupling", {}))
+        table["run"]["coupling"] = short_coupling(table["run"].get("coupling", {}))
     for key, value in changes:
         if key == "vehicle":
             table["vehicle"] = value
@@ -546,55 +255,7 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     if "base" not in vehicle:
         return dict(vehicle)
     over = dict(vehicle)
-    return _merged(read_table(str(over.pop("base")))[0], over)
-
-
-def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """``above`` laid over ``below``, table by table."""
-    result = dict(below)
-    for key, value in above.items():
-        both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)
-        result[key] = _merged(result[key], value) if both else value
-    return result
-
-
-def _setting(text: str) -> tuple[str, Any]:
-    """``key=value`` as a dotted key and a TOML value, or a string where it is no TOML value (``2 ms``)."""
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip():
-        raise BadInput(f"--set {text}: must be KEY=VALUE")
-    try:
-        parsed = tomllib.loads(f"value = {value}")
-    except (ValueError, RecursionError):
-        parsed = {}
-    return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
-
-
-def _put(table: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key; numbers step into arrays."""
-    *path, last = key.split(".")
-    place: Any = table
-    for part in path:
-        place = place[_index(place, part, key)] if isinstance(place, list) else place.setdefault(part, {})
-        if not isinstance(place, dict | list):
-            raise BadInput(f"unknown key '{key}': '{part}' is a value, not a table")
-    place[_index(place, last, key) if isinstance(place, list) else last] = value
-
-
-def _index(place: list[Any], part: str, key: str) -> int:
-    if not part.isdecimal() or int(part) >= len(place):
-        raise BadInput(f"unknown key '{key}': '{part}' must be an index below {len(place)}")
-    return int(part)
-
-
-def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    """All dotted keys of a model."""
-    for name, field in model.model_fields.items():
-        key = prefix + (field.alias or name)
-        yield key
-        for part in (field.annotation, *get_args(field.annotation)):
-            if isinstance(part, type) and issubclass(part, BaseModel):
-                yield from keys(part, f"{key}.")
+    return merged(read_table(str(over.pop("base")))[0], over)
 
 
 def _complaint(error: ValidationError, where: str, model: type[Scene]) -> str:

@@ -27,7 +27,8 @@ from orchestrator.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.observers import STATS, Logging, ProgressBar
 from orchestrator.reader import Log, LogUnreadable
 from orchestrator.recorder import LogFailed, Recorder, check_writable
-from orchestrator.scene import Run, Scene, TrackScene
+from orchestrator.scene import Scene, TrackScene
+from orchestrator.scene_parts import Run
 from orchestrator.system import assemble, placed, system
 
 PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")

@@ -12,7 +12,8 @@ from orchestrator import measures
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Missing, Window
 from orchestrator.reader import NoSuchSignal
-from orchestrator.scene import ChainScene, Check, Scene, VehicleScene
+from orchestrator.scene import ChainScene, Scene, VehicleScene
+from orchestrator.scene_parts import Check
 
 LAST = 1.0  # s: observables are means over the end of a run
 OPEN = 0.05  # of the work: an energy ledger that leaves more is worth a word

@@ -13,15 +13,8 @@ from fmus.build import build
 from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
 from orchestrator.graph import Connection, Instance, System
-from orchestrator.scene import (
-    BenchScene,
-    ChainScene,
-    Drive,
-    RigScene,
-    TrackScene,
-    VehicleScene,
-    VehicleStart,
-)
+from orchestrator.scene import BenchScene, ChainScene, RigScene, TrackScene, VehicleScene
+from orchestrator.scene_parts import Drive, VehicleStart
 
 TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y

@@ -26,7 +26,8 @@ from orchestrator import monolithic, system
 from orchestrator.difference import Difference, differences
 from orchestrator.evidence import Evidence
 from orchestrator.reader import Log
-from orchestrator.scene import Run, Scene, TrackScene
+from orchestrator.scene import Scene, TrackScene
+from orchestrator.scene_parts import Run
 
 ORDER = 2
 SAMPLING, LINKS = 1e-3, 10  # s between outputs; links at one in so many

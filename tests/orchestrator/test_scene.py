@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from fmus.start import start
 from fmus.vehicle import BadInput
 from orchestrator import gallery
-from orchestrator.scene import Scene, from_table, keys, load, tracked
+from orchestrator.scene import Scene, from_table, load, tracked
+from orchestrator.settings import keys
 from orchestrator.show import describe
 from orchestrator.system import assemble
 

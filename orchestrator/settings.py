@@ -1,0 +1,59 @@
+"""Dotted keys: ``KEY=VALUE`` settings over the tables of a file."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+from fmus.vehicle import BadInput
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """``key=value`` as a dotted key and a TOML value, or a string where it is no TOML value (``2 ms``)."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise BadInput(f"--set {text}: must be KEY=VALUE")
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+    except (ValueError, RecursionError):
+        parsed = {}
+    return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
+
+
+def put(table: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key; numbers step into arrays."""
+    *path, last = key.split(".")
+    place: Any = table
+    for part in path:
+        place = place[_index(place, part, key)] if isinstance(place, list) else place.setdefault(part, {})
+        if not isinstance(place, dict | list):
+            raise BadInput(f"unknown key '{key}': '{part}' is a value, not a table")
+    place[_index(place, last, key) if isinstance(place, list) else last] = value
+
+
+def _index(place: list[Any], part: str, key: str) -> int:
+    if not part.isdecimal() or int(part) >= len(place):
+        raise BadInput(f"unknown key '{key}': '{part}' must be an index below {len(place)}")
+    return int(part)
+
+
+def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """``above`` laid over ``below``, table by table."""
+    result = dict(below)
+    for key, value in above.items():
+        both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)
+        result[key] = merged(result[key], value) if both else value
+    return result
+
+
+def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    """All dotted keys of a model."""
+    for name, field in model.model_fields.items():
+        key = prefix + (field.alias or name)
+        yield key
+        for part in (field.annotation, *get_args(field.annotation)):
+            if isinstance(part, type) and issubclass(part, BaseModel):
+                yield from keys(part, f"{key}.")
