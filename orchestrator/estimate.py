@@ -20,6 +20,7 @@ from orchestrator.evidence import Evidence, Missing
 from orchestrator.reader import Log
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Variable
+from orchestrator.summary import doubt
 
 SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
@@ -80,8 +81,8 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
                 continue
             told = record(companion, Path(folder) / f"{name}.mcap")
             spent += told["wall_time"]
-            if told["status"] != "ok":
-                return unknown(f"the run at twice the step failed: {told['message']}")
+            if told["status"] != "ok" or doubt(told["energy"]):
+                return unknown(f"the run at twice the step cannot be right: {told['message']}")
             logs[name] = Path(told["log"])
         try:
             with Log(log) as fine, Log(logs["both"]) as both, Log(logs.get("coupling", log)) as coupling:

@@ -102,6 +102,18 @@ def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     assert alike.both == alike.coupling, "its stable step cannot be doubled"
 
 
+def test_a_companion_that_cannot_be_right_estimates_nothing(tmp_path):
+    def record(scene, path):
+        open_ledger = {"residual_relative": 0.4}
+        return {"status": "ok", "message": "40 % open", "wall_time": 1.0, "energy": open_ledger, "log": str(path)}
+
+    scene = load("straight", "flexible", ())
+    summary = {"components": {"left_track": {"steps": 8000}}, "simulated_time": 8.0, "communication_steps": 8000}
+    told = estimate(scene, tmp_path / "no.mcap", summary, record)
+    assert told["total"] is None
+    assert "cannot be right: 40 % open" in told["message"]
+
+
 def test_a_study_makes_no_run_twice():
     runs = Runs()
     scene, other = (load("hanging_chain", "flexible", (*SWING, f"run.step={h} ms")) for h in (4, 2))
