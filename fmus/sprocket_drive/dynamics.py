@@ -83,10 +83,12 @@ def ramp(p, t):
 @kernel
 def profile_slope(p, t):
     """Angular acceleration of the profile at t, rad/s2."""
-    length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
+    rise, length, past = p.end_speed - p.start_speed, p.ramp_end - p.ramp_start, t - p.ramp_start
+    if p.stop_start >= 0.0 and t > p.stop_start:
+        rise, length, past = -p.end_speed, p.stop_time, t - p.stop_start
     if past <= 0.0 or past >= length:
         return 0.0
-    return (p.end_speed - p.start_speed) * 0.5 * np.pi / length * np.sin(np.pi * past / length)
+    return rise * 0.5 * np.pi / length * np.sin(np.pi * past / length)
 
 
 @kernel

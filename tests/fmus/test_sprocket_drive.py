@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from fmus.model import InvalidParameter, StepFailed
-from fmus.sprocket_drive.dynamics import ANGLE, RATE, SPUN, WIDTH, spin
+from fmus.sprocket_drive.dynamics import ANGLE, RATE, SPUN, WIDTH, profile, profile_slope, spin
 from fmus.sprocket_drive.model import Model
 
 J = 13.87
@@ -56,6 +56,18 @@ class Probe:
         for _ in range(round(duration / h)):
             self.step(h, **inputs)
         return self
+
+
+@pytest.mark.parametrize("t", [1.0, 2.5, 4.0, 5.9, 6.5, 7.001, 7.02, 7.04, 7.1])
+def test_angle_speed_and_slope_of_a_profile_are_derivatives(t):
+    """In the ramp, between, in the stop and after it; of a stop 3 % longer they are not."""
+    stop = {"stop.start": 7.0, "stop.time": 0.05}
+    p, d = Probe(**RAMP, **stop).model.drive, 1e-5
+    (before, early), (after, late) = profile(p, t - d), profile(p, t + d)
+    assert profile(p, t)[0] == pytest.approx((late - early) / (2 * d), abs=2e-5)
+    assert profile_slope(p, t) == pytest.approx((after - before) / (2 * d), abs=2e-3)
+    if 7.0 < t < 7.05:
+        assert profile_slope(p._replace(stop_time=0.0515), t) != pytest.approx(profile_slope(p, t), abs=0.5)
 
 
 def turning(omega, velocity=(0.0, 0.0, 0.0), start=(0.2, -0.1, 0.4)):
