@@ -29,6 +29,7 @@ WORKERS = 1  # a timed run has the machine to itself
 LEVELS = (1e-2, 1e-3, 1e-4)
 FACTOR = 3.0  # an estimate within it of the true error is right
 MODELS = ("flexible", "rigid")
+MARKERS = "os^vDP*Xp"  # of the methods, in pictures
 LINKS_EVERY = 0.01  # s between outputs per link
 QUICK = {
     "chain": "run.stop=0.5 s",
@@ -115,6 +116,7 @@ PACED: Sequence[Method | Variable] = (  # where a scene has a variable step
     Variable("power residual", ("run.variable.estimate=power",), (1e-3, 1e-4, 3e-5, 1e-5, 3e-6)),
     Variable(
         "step doubling",
+        # the whole table anew: ``energy`` of a scene is no option of doubling; the tolerance is that of the point
         ("run.variable={estimate='doubling', tolerance=1, longest='7 ms'}",),
         (3e-3, 1e-3, 3e-4),
     ),
@@ -372,7 +374,7 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
             if not points:
                 continue
             pane.loglog(
-                *zip(*points, strict=True), marker="os^vDP*Xp"[k % 9], markersize=4, linewidth=1,
+                *zip(*points, strict=True), marker=MARKERS[k % len(MARKERS)], markersize=4, linewidth=1,
                 linestyle=lines[track], color=colormaps["tab10"](k % 10),
             )  # fmt: skip
         for track in tracks:
@@ -394,7 +396,7 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
     for pane in axes[len(names) :]:
         pane.set_axis_off()
     keys = [
-        Line2D([], [], color=colormaps["tab10"](k % 10), marker="os^vDP*Xp"[k % 9], label=method)
+        Line2D([], [], color=colormaps["tab10"](k % 10), marker=MARKERS[k % len(MARKERS)], label=method)
         for k, method in enumerate(methods)
     ]
     keys += [
