@@ -390,7 +390,8 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
         pane.set_title(name.replace("_", " ") or "largest of the decisive ones", fontsize=9, loc="left")
         pane.set_xlabel("run time, s", fontsize=8)
         pane.set_ylabel("relative error", fontsize=8)
-        pane.xaxis.set_minor_formatter(NullFormatter())
+        low, high = pane.get_xlim()
+        pane.xaxis.set_minor_formatter("{x:g}" if high < 10.0 * low else NullFormatter())
         pane.yaxis.set_minor_formatter(NullFormatter())
         pane.grid(True, which="both", color="0.93")
     for pane in axes[len(names) :]:
