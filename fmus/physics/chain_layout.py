@@ -85,10 +85,11 @@ def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
     n = len(pins)
     last = n if closed else n - 1
     free = np.ones(n, dtype=bool) if closed else np.r_[False, np.ones(n - 2, dtype=bool), False]
+    rounding = max(1e-16, 0.5 * np.finfo(float).eps * pitch * abs(pins).max())  # of a chord far from the origin
     for _ in range(50):
         chord = np.roll(pins, -1, axis=0)[:last] - pins[:last]
         misfit = (np.einsum("ij,ij->i", chord, chord) - pitch * pitch) / 2.0
-        if abs(misfit).max() < 1e-16:
+        if abs(misfit).max() < rounding:
             break
         jacobian = np.zeros((last, n, 2))
         rows = np.arange(last)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fmus.model import InvalidParameter, StepFailed
-from fmus.physics.chain_layout import folded, regular_polygon
+from fmus.physics.chain_layout import closed_polygon, folded, regular_polygon
 from fmus.track import HELD, KINETIC, SPEED, STRAIN, T_MEAN
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
@@ -12,7 +12,6 @@ from fmus.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
 P = TABLE["track"]["pitch"]
-
 
 
 class Beams(Flexible):
@@ -59,6 +58,18 @@ def test_layouts():
     np.testing.assert_allclose(np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1), P, rtol=1e-14)
     np.testing.assert_allclose(fold[-1], [1.0 + P, 2.0], atol=1e-14)
     assert fold[:, 1].min() == pytest.approx(2.0 - 4 * P)
+
+
+@pytest.mark.parametrize("links", [64, 256])
+def test_a_belt_of_many_links_closes_to_rounding_in_a_few_corrections(links, monkeypatch):
+    solve, solved = np.linalg.lstsq, []
+    monkeypatch.setattr(np.linalg, "lstsq", lambda *a, **k: solved.append(1) or solve(*a, **k))
+    radius = 0.25
+    apart = (links * P - 2.0 * np.pi * radius) / 2.0
+    centres, radii, grows = np.array([[0.0, 0.6], [apart, 0.6]]), np.full(2, radius), np.array([False, True])
+    pins = closed_polygon(centres, radii, grows, P, links)
+    misfit = abs(np.linalg.norm(np.roll(pins, -1, axis=0) - pins, axis=1) - P).max()
+    assert misfit < 1e-15 * apart / P and len(solved) < 10
 
 
 @BOTH
