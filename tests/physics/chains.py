@@ -8,7 +8,7 @@ from fmus.physics.ancf.cable import Cable
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
 from fmus.physics.rigid.augmented import Ends
-from fmus.track import LOOP, Environment
+from fmus.track import LOOP, REPORT, Environment
 from fmus.track_flexible import cables, chain
 from fmus.track_flexible import explicit as flexible_explicit
 from fmus.track_flexible.nodes import gather
@@ -110,7 +110,7 @@ class Flexible:
         self.x = np.zeros((4, len(pins), 8))
         self.q, self.v, self.a, self.vdot = self.x
         self.w, self.still = cables.work(n, len(pins), 0), np.zeros((len(pins), 8))
-        self.power, self.report, self.counters = np.zeros(1), np.zeros(17), np.zeros(4, np.int64)
+        self.power, self.report, self.counters = np.zeros(2), np.zeros(len(REPORT)), np.zeros(4, np.int64)
         self.wrench = np.zeros((3, 1, 6))
         self.place(np.asarray(pins, float))
 
