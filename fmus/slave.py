@@ -16,18 +16,15 @@ import ctypes
 import hashlib
 import json
 import math
-import os
 import sys
-import time
 import traceback
 import uuid
-import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import wraps
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +32,12 @@ from pythonfmu import Fmi2Slave
 from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
+from fmus.description import document
 from fmus.elsewhere import Elsewhere
 from fmus.jit import source_hash
 from fmus.model import InvalidParameter, Model, StepFailed
-from fmus.ports import UNITS, Port
+from fmus.ports import Port
+from fmus.saved import Saved, from_bytes, to_bytes
 
 BUILD = source_hash()  # of the fmus tree that is running
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
@@ -62,21 +61,6 @@ def _of_another_build(packed: str, name: str = "this FMU") -> Refused:
 
 
 sys.meta_path.append(Elsewhere("fmus", BUILD, _of_another_build))
-
-
-class Saved(NamedTuple):
-    """Everything that changes during a run; ``flaw`` tells why the bytes it was read from are unusable."""
-
-    guid: str
-    phase: str
-    flags: tuple[bool, bool]  # outputs stale (parameters changed), link outputs stale
-    failure: str
-    strings: tuple[str, ...]
-    values: NDArray[np.float64]  # all Reals, among them inputs and outputs
-    integers: NDArray[np.int64]
-    state: NDArray[np.float64]
-    counters: NDArray[np.int64]
-    flaw: str = ""
 
 
 class _Access(NamedTuple):
@@ -427,32 +411,8 @@ class Slave(Fmi2Slave):
             self._model.state[:] = state.state
         self._model.counters[:] = state.counters
 
-    @staticmethod
-    def _fmu_state_to_bytes(state: Saved) -> bytes:
-        if state.flaw:
-            return state.flaw.encode()
-        arrays = state[5:9]
-        body = b"".join(a.tobytes() for a in arrays)
-        head = json.dumps([*state[:5], [a.size for a in arrays], zlib.crc32(body)]).encode()
-        return len(head).to_bytes(8, "little") + head + body
-
-    @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> Saved:
-        # Nothing may be raised here, where no instance can be pinned: setting the state tells the flaw.
-        try:
-            end = 8 + int.from_bytes(state[:8], "little")
-            guid, phase, flags, failure, strings, sizes, checksum = json.loads(state[8:end])
-            if zlib.crc32(state[end:]) != checksum:
-                raise ValueError("the checksum does not hold")
-            arrays = []
-            for size, kind in zip(sizes, (np.float64, np.int64, np.float64, np.int64), strict=True):
-                arrays.append(np.frombuffer(state, dtype=kind, count=size, offset=end).copy())
-                end += 8 * size
-            return Saved(guid, phase, (flags[0], flags[1]), failure, tuple(strings), *arrays)
-        except Exception as error:
-            none = np.zeros(0)
-            flaw = f"these bytes are not a saved state ({type(error).__name__}: {error})"
-            return Saved("", "", (True, True), "", (), none, none.astype(int), none, none.astype(int), flaw)
+    _fmu_state_to_bytes = staticmethod(to_bytes)
+    _fmu_state_from_bytes = staticmethod(from_bytes)
 
     # ---------------------------------------------------------------- log
 
@@ -488,77 +448,18 @@ class Slave(Fmi2Slave):
     # ---------------------------------------------------------------- modelDescription.xml
 
     def to_xml(self, model_options: Mapping[str, str] | None = None) -> Element:
-        """modelDescription.xml: units, dependencies, initial unknowns, and numbers with all their digits."""
+        """modelDescription.xml (see ``description``)."""
         name = type(self).__name__
-        built = int(os.environ.get("SOURCE_DATE_EPOCH") or time.time())
-        root = Element(
-            "fmiModelDescription",
-            fmiVersion="2.0",
-            modelName=name,
+        return document(
+            name,
             guid=str(self.guid),
-            description=(type(self).__doc__ or name).strip().splitlines()[0],
-            generationTool=f"cotrack, PythonFMU {pythonfmu_version}",
-            generationDateAndTime=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(built)),
-            variableNamingConvention="structured",
+            text=(type(self).__doc__ or name).strip().splitlines()[0],
+            tool=f"cotrack, PythonFMU {pythonfmu_version}",
+            variables=self.variables,
+            reals=len(self._reals),
+            continuous=self._parameters.start,
+            categories=self.log_categories,
         )
-        SubElement(
-            root,
-            "CoSimulation",
-            modelIdentifier=name,
-            needsExecutionTool="false",
-            canHandleVariableCommunicationStepSize="true",
-            canInterpolateInputs="false",
-            maxOutputDerivativeOrder="0",
-            canRunAsynchronuously="false",
-            canBeInstantiatedOnlyOncePerProcess="false",
-            canNotUseMemoryManagementFunctions="true",
-            canGetAndSetFMUstate="true",
-            canSerializeFMUstate="true",
-            providesDirectionalDerivative="false",
-        )
-        definitions = SubElement(root, "UnitDefinitions")
-        for unit in dict.fromkeys(p.unit for p in self._reals):
-            base = {exponent: str(power) for exponent, power in UNITS[unit].items()}
-            SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", base)
-        categories = SubElement(root, "LogCategories")
-        for category, text in self.log_categories.items():
-            SubElement(categories, "Category", name=category, description=text)
-        SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
-
-        variables = SubElement(root, "ModelVariables")
-        known: list[str] = []
-        outputs: list[str] = []
-        for reference, port in enumerate(self.variables):
-            continuous = reference < self._parameters.start
-            parameter = port.causality == "parameter"
-            (known if parameter else outputs if port.causality == "output" else []).append(str(reference + 1))
-            text = port.text + (f" ({', '.join(port.choices)})" if port.choices else "")
-            variable = SubElement(
-                variables,
-                "ScalarVariable",
-                name=port.name,
-                valueReference=str(reference),
-                description=text,
-                causality=port.causality,
-                variability="fixed" if parameter else "continuous" if continuous else "discrete",
-            )
-            if port.causality != "input":
-                variable.set("initial", "exact" if parameter else "calculated")
-            real = reference < len(self._reals)
-            start = repr(float(port.start)) if real else str(port.start)
-            attributes = {"unit": port.unit} if real else {}
-            if port.causality != "output":
-                attributes["start"] = start
-            kind = "Real" if real else "String" if isinstance(port.start, str) else "Integer"
-            SubElement(variable, kind, attributes)
-
-        # Outputs follow from states alone (no feedthrough), the states at the start from parameters.
-        structure = SubElement(root, "ModelStructure")
-        for group, dependencies in (("Outputs", ""), ("InitialUnknowns", " ".join(known))):
-            node = SubElement(structure, group)
-            for index in outputs:
-                SubElement(node, "Unknown", index=index, dependencies=dependencies)
-        return root
 
 
 def _finalise_at_exit(library: Path) -> None:

@@ -1,0 +1,101 @@
+"""modelDescription.xml of an FMI 2.0 co-simulation slave: units, dependencies, initial unknowns, numbers in full."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from xml.etree.ElementTree import Element, SubElement
+
+from fmus.ports import UNITS, Port
+
+
+def document(
+    name: str,
+    *,
+    guid: str,
+    text: str,
+    tool: str,
+    variables: Sequence[Port],
+    reals: int,
+    continuous: int,
+    categories: Mapping[str, str],
+) -> Element:
+    """The document's root.
+
+    :param name: of the model, and the identifier of its binary.
+    :param text: what the model is, one line.
+    :param tool: what generated the FMU.
+    :param variables: the index is the value reference; Reals come first.
+    :param reals: how many of them are Reals.
+    :param continuous: how many of the Reals are no parameters.
+    :param categories: of log messages, and what they mean.
+    """
+    built = int(os.environ.get("SOURCE_DATE_EPOCH") or time.time())
+    root = Element(
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=name,
+        guid=guid,
+        description=text,
+        generationTool=tool,
+        generationDateAndTime=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(built)),
+        variableNamingConvention="structured",
+    )
+    SubElement(
+        root,
+        "CoSimulation",
+        modelIdentifier=name,
+        needsExecutionTool="false",
+        canHandleVariableCommunicationStepSize="true",
+        canInterpolateInputs="false",
+        maxOutputDerivativeOrder="0",
+        canRunAsynchronuously="false",
+        canBeInstantiatedOnlyOncePerProcess="false",
+        canNotUseMemoryManagementFunctions="true",
+        canGetAndSetFMUstate="true",
+        canSerializeFMUstate="true",
+        providesDirectionalDerivative="false",
+    )
+    definitions = SubElement(root, "UnitDefinitions")
+    for unit in dict.fromkeys(port.unit for port in variables[:reals]):
+        base = {exponent: str(power) for exponent, power in UNITS[unit].items()}
+        SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", base)
+    messages = SubElement(root, "LogCategories")
+    for category, meaning in categories.items():
+        SubElement(messages, "Category", name=category, description=meaning)
+    SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
+
+    listed = SubElement(root, "ModelVariables")
+    known: list[str] = []
+    outputs: list[str] = []
+    for reference, port in enumerate(variables):
+        parameter = port.causality == "parameter"
+        (known if parameter else outputs if port.causality == "output" else []).append(str(reference + 1))
+        meaning = port.text + (f" ({', '.join(port.choices)})" if port.choices else "")
+        variable = SubElement(
+            listed,
+            "ScalarVariable",
+            name=port.name,
+            valueReference=str(reference),
+            description=meaning,
+            causality=port.causality,
+            variability="fixed" if parameter else "continuous" if reference < continuous else "discrete",
+        )
+        if port.causality != "input":
+            variable.set("initial", "exact" if parameter else "calculated")
+        real = reference < reals
+        start = repr(float(port.start)) if real else str(port.start)
+        attributes = {"unit": port.unit} if real else {}
+        if port.causality != "output":
+            attributes["start"] = start
+        kind = "Real" if real else "String" if isinstance(port.start, str) else "Integer"
+        SubElement(variable, kind, attributes)
+
+    # Outputs follow from states alone (no feedthrough), the states at the start from parameters.
+    structure = SubElement(root, "ModelStructure")
+    for group, dependencies in (("Outputs", ""), ("InitialUnknowns", " ".join(known))):
+        node = SubElement(structure, group)
+        for index in outputs:
+            SubElement(node, "Unknown", index=index, dependencies=dependencies)
+    return root
