@@ -7,13 +7,18 @@ Both sides are exact, so what is unstable is the cut.
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
+from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
+
+from fmus.physics.ancf import cable
+from orchestrator import summary
+from orchestrator.scene import TrackScene, VehicleScene
 
 Floats = NDArray[np.float64]
 
@@ -84,3 +89,48 @@ def explicit_limit(frequency: float, relaxation: float = 0.0) -> float:
         high *= 1.01
     low = high / 1.01 if high > guess else 0.0
     return float(brentq(growth, low, high, rtol=1e-9)) if low else guess
+
+
+def pairs(scene: VehicleScene) -> dict[str, Pair]:
+    """The places where a vehicle is cut, as two masses on a contact; loads are those of the vehicle at rest."""
+    v = scene.vehicle
+    contact, ground, link = v.contact.wheel, v.contact.ground, v.track.mass
+    wrapped = math.pi * v.idler.radius / v.track.pitch  # links on half of the idler
+    load = summary.weight(scene) / (2.0 * len(v.road_wheel.x))
+    spin = v.road_wheel.spin_inertia / v.road_wheel.radius**2
+    return {
+        "road wheel on its link": Pair(
+            contact.stiffness, contact.damping, link, v.road_wheel.mass + 0.5 * v.road_arm.mass,
+            ground.stiffness, ground.damping, v.suspension.stiffness, v.suspension.damping,
+        ),
+        "idler in its bend": Pair(
+            0.5 * wrapped * contact.stiffness, 0.5 * wrapped * contact.damping, wrapped * link, v.idler.mass,
+            2.0 * v.material.youngs_modulus * v.section.area / abs(v.idler.x),  # both runs to the sprocket
+            spring=v.tensioner.stiffness, spring_damping=v.tensioner.damping,
+        ),
+        "friction that spins a road wheel": Pair(
+            0.0, contact.friction * load / contact.friction_velocity, link, spin,
+            bed_damping=ground.friction * load / ground.friction_velocity,
+        ),
+    }  # fmt: skip
+
+
+def link_frequency(scene: TrackScene) -> float:
+    """Highest frequency of one free straight link, rad/s: no mode of its chain is higher."""
+    v = scene.vehicle
+    E, A, I, rho = v.material.youngs_modulus, v.section.area, v.section.bending, v.material.density
+    one = cable.Cable(v.track.pitch, rho * A, E * A, E * I, 0.0, 0.0)
+    e = np.array([[0.0, 0, 0], [1, 0, 0], [one.l, 0, 0], [1, 0, 0]])
+    K, M, none = np.zeros((12, 12)), np.zeros((4, 4)), np.zeros((4, 3))
+    cable.stiffness(one, e, none, 0.0, 0.0, K, np.zeros((4, 3)), np.zeros((4, 3)))
+    cable.mass(one, M)
+    return float(np.sqrt(eigh(K, np.kron(M, np.eye(3)), eigvals_only=True)[-1]))
+
+
+def predicted(scene: TrackScene) -> tuple[float, str]:
+    """Longest step, s, and what limits it; NaN where nothing does (implicit links alone)."""
+    if scene.track.integrator == "runge_kutta" and scene.track.model == "flexible":
+        return explicit_limit(link_frequency(scene), scene.vehicle.material.relaxation_time), "highest mode of a link"
+    if not isinstance(scene, VehicleScene):
+        return math.nan, ""
+    return min((coupling_limit(pair), name) for name, pair in pairs(scene).items())

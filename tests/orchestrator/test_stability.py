@@ -10,9 +10,9 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator.component import ComponentFailed
 from orchestrator.scene import load
-from orchestrator.studies import limits, stability
+from orchestrator.studies import expectations, extreme, limits, stability, stability_map, verdict
 from orchestrator.studies.limits import Pair
-from orchestrator.studies.stability import BLOWN, CLEAN, MUTE, RIGHT, WRONG, Row
+from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, Row
 
 # --- limits ---
 
@@ -65,14 +65,14 @@ def test_explicit_limit_is_where_the_method_begins_to_grow(frequency, relaxation
 
 
 def test_margins_fall_with_stiffness_and_friction():
-    calm = stability.predicted(load("settle"))
+    calm = limits.predicted(load("settle"))
     assert calm[1] == "idler in its bend"
     stiff = [f"vehicle.contact.wheel.stiffness={2e8}"]
-    assert stability.predicted(load("settle", None, stiff))[0] < 0.2 * calm[0]
+    assert limits.predicted(load("settle", None, stiff))[0] < 0.2 * calm[0]
     sticky = ["vehicle.contact.wheel.friction_velocity=1e-4"]
-    limit, cause = stability.predicted(load("settle", None, sticky))
+    limit, cause = limits.predicted(load("settle", None, sticky))
     assert (limit < 0.1 * calm[0], cause) == (True, "friction that spins a road wheel")
-    assert math.isnan(stability.predicted(load("hanging_chain"))[0])
+    assert math.isnan(limits.predicted(load("hanging_chain"))[0])
 
 
 # --- verdicts ---
@@ -82,13 +82,13 @@ CHAIN = ("chain.links=8", "run.stop=0.05 s", "run.links=1")
 
 def test_a_right_run_and_a_wrong_one(monkeypatch):
     scene = load("hanging_chain", "rigid", CHAIN)
-    row = stability.judged(scene, "sag")
+    row = verdict.judged(scene, "sag")
     assert row.verdict == RIGHT, row.note
     assert row.found == pytest.approx(row.expected, rel=1e-4)
     shorter = load("hanging_chain", "rigid", [*CHAIN, "chain.span=0.81"])
-    expects = stability.ASKED["sag"]
-    monkeypatch.setitem(stability.ASKED, "sag", (lambda run, _: expects[0](run, shorter), expects[1]))
-    row = stability.judged(scene, "sag")
+    expects = expectations.ASKED["sag"]
+    monkeypatch.setitem(expectations.ASKED, "sag", (lambda run, _: expects[0](run, shorter), expects[1]))
+    row = verdict.judged(scene, "sag")
     assert row.verdict == WRONG
     assert row.note.startswith("sag, m: ")
 
@@ -100,8 +100,8 @@ def told(monkeypatch, **result):
                 raise value
         return {"status": "failed", "message": "", "communication_steps": 0, "energy": None} | result
 
-    monkeypatch.setattr(stability, "simulate", fake)
-    return stability.judged(load("hanging_chain", "rigid", CHAIN), "ledger")
+    monkeypatch.setattr(verdict, "simulate", fake)
+    return verdict.judged(load("hanging_chain", "rigid", CHAIN), "ledger")
 
 
 def test_ends_that_are_not_right(monkeypatch):
@@ -116,8 +116,8 @@ def test_ends_that_are_not_right(monkeypatch):
 def test_an_explicit_step_beyond_its_limit_fails_with_a_sentence():
     settings = [*CHAIN, "track.start=displaced", "track.integrator=runge_kutta"]
     damped = load("hanging_chain", "flexible", [*settings, "vehicle.material.relaxation_time=1e-5 s"])
-    assert stability.predicted(damped)[0] < 4e-6
-    row = stability.judged(damped, "ledger")
+    assert limits.predicted(damped)[0] < 4e-6
+    row = verdict.judged(damped, "ledger")
     assert (row.verdict, "take a smaller step" in row.note) == (CLEAN, True), row
 
 
@@ -125,13 +125,13 @@ def test_cases():
     quick, whole = stability.cases(True), stability.cases(False)
     assert {case.item for case in quick} <= {case.item for case in whole}
     assert len({(case.item, case.name) for case in whole}) == len(whole) > 3 * len(quick) - 10
-    for family in stability.FAMILIES:
+    for family in extreme.FAMILIES:
         assert set(family.quick or ()) <= set(family.values), family.name
         for value in family.values:
             asked = family.asked if isinstance(family.asked, str) else family.asked(value)
-            assert asked in stability.ASKED
+            assert asked in expectations.ASKED
     for number in (0, 12, 14, 17, 19, 20, 21):  # settings that a scene takes
-        family = stability.FAMILIES[number]
+        family = extreme.FAMILIES[number]
         load(family.scene, family.track, family.settings(family.values[-1]))
 
 
@@ -149,11 +149,11 @@ def test_table_and_map(tmp_path):
     assert [row.case for row in stability.missed(ROWS)] == ["2", "1"]
     assert ROWS[0].margin == pytest.approx(10.0)
     lines = stability.to_markdown(ROWS).splitlines()
-    assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability.HEAD) + 1}
+    assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability_map.HEAD) + 1}
     assert lines[-1] == (
         "6 cases: 1 stable and right, 1 stable and wrong, 2 failed cleanly, 1 blown up, 1 no sentence."
     )
-    read = list(csv.DictReader(io.StringIO(stability.to_csv(ROWS))))
+    read = list(csv.DictReader(io.StringIO(stability_map.to_csv(ROWS))))
     assert (read[0]["margin"], read[2]["margin"], read[5]["what happened"]) == ("10", "", "took longer than 600 s")
     made = stability.write(tmp_path, "stability", ROWS, stability.TITLE)
     assert [file.suffix for file in made] == [".csv", ".md", ".png", ".svg"]

@@ -1,0 +1,113 @@
+"""What a run of an extreme case must show: value, expected value and tolerance, by the name that a family asks for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from orchestrator import measures, summary
+from orchestrator.evidence import Evidence, Window
+from orchestrator.scene import ChainScene, RigScene, TrackScene, VehicleScene
+
+Answer = tuple[float, float, float]  # value, expected, tolerance
+
+
+def _last(run: Evidence, seconds: float = 1.0) -> Window:
+    end = min(float(run.log.read(f"/{name}/out").t[-1]) for name in run.instances)
+    return Window(max(0.0, end - seconds), end)
+
+
+def weight(run: Evidence, scene: TrackScene, within: float = 0.03) -> Answer:
+    """The mean ground reaction of the last second is the weight."""
+    assert isinstance(scene, VehicleScene)
+    heavy = summary.weight(scene)
+    return measures.ground_force(run, "", _last(run)), heavy, within * heavy
+
+
+def afloat(run: Evidence, scene: TrackScene) -> Answer:
+    """Without gravity it drifts off as slowly as its tracks push it away when they settle on their wheels."""
+    return float(abs(run.signal("chassis.settlement")[1]).max()), 0.0, 0.05
+
+
+def speed(run: Evidence, scene: TrackScene) -> Answer:
+    """Vehicle speed over teeth x pitch x omega / 2 pi of the last half second, less 1."""
+    return measures.speed_excess(run, "", _last(run, 0.5)), 0.02, 0.04
+
+
+def stays(run: Evidence, scene: TrackScene) -> Answer:
+    """Without friction on the ground the vehicle stays where it is, but for its rocking."""
+    return run.mean("chassis.speed", _last(run)), 0.0, 0.03
+
+
+def sliding(run: Evidence, scene: TrackScene) -> Answer:
+    """With locked sprockets the vehicle slides: its deceleration is friction times gravity."""
+    assert isinstance(scene, VehicleScene)
+    t, v = run.signal("chassis.speed", Window(float(scene.drive.stop or 0.0) + 0.3, scene.run.stop))
+    moving = v > 0.3
+    wanted = scene.vehicle.contact.ground.friction * scene.vehicle.gravity
+    return float(-np.polyfit(t[moving], v[moving], 1)[0]), wanted, 0.1 * wanted
+
+
+def climbs(run: Evidence, scene: TrackScene) -> Answer:
+    """The centre of mass rises by most of the obstacle's height, or more where the nose rears up, and gets across."""
+    assert isinstance(scene, VehicleScene)
+    assert scene.ground.bump
+    rise = scene.ground.bump.rise
+    across = float(run.signal("chassis.distance")[1][-1]) > scene.ground.bump.start + 2.0
+    return (float(-run.signal("chassis.settlement")[1].min()) if across else 0.0), rise, 0.35 * rise
+
+
+def at_rest(run: Evidence, scene: TrackScene) -> Answer:
+    """It ends lying still, but for the contacts' last swings."""
+    return weight(run, scene, 0.06)
+
+
+def sag(run: Evidence, scene: TrackScene) -> Answer:
+    """Sag of the discrete catenary of rigid links: tan(angle) = weight from the middle on over the pull."""
+    assert isinstance(scene, ChainScene)
+    n, pitch = scene.chain.links, scene.vehicle.track.pitch
+    from_middle = np.arange(n) - 0.5 * (n - 1)
+    pull = brentq(
+        lambda w: np.cos(np.arctan(from_middle / w)).mean() - scene.chain.span, 1e-3 * n, 10.0 * n
+    )  # of weights of a link
+    depth = pitch * np.sin(np.arctan(from_middle / pull))[from_middle > 0].sum()
+    return measures.sag(run, "", _last(run)), float(depth), 2e-3 * float(depth)
+
+
+def hoop(run: Evidence, scene: TrackScene) -> Answer:
+    """Force in the pins of a free loop of rigid links: m omega^2 Rc / (2 sin(pi/N)), Rc = p / (2 tan(pi/N))."""
+    assert isinstance(scene, ChainScene)
+    track, half = scene.vehicle.track, math.pi / scene.chain.links
+    force = track.mass * scene.chain.spin**2 * track.pitch / (4.0 * math.tan(half) * math.sin(half))
+    return measures.joint_force(run, "", _last(run)), force, 1e-3 * force
+
+
+def rides(run: Evidence, scene: TrackScene) -> Answer:
+    """Chain speed over teeth x pitch x omega / 2 pi of the last ten teeth that pass."""
+    assert isinstance(scene, RigScene)
+    pace = scene.vehicle.sprocket.teeth * scene.vehicle.track.pitch / (2.0 * math.pi)
+    window = _last(run, 2.0 * math.pi / scene.drive.speed)
+    return run.mean("track.speed", window) / (pace * run.mean("drive.speed", window)), 1.0, 0.005
+
+
+def ledger(run: Evidence, scene: TrackScene) -> Answer:
+    """The energy ledger closes to 5 %, and that is all that is asked."""
+    return 0.0, 0.0, 0.0
+
+
+ASKED: dict[str, tuple[Callable[[Evidence, TrackScene], Answer], str]] = {
+    "weight": (weight, "ground reaction, last second, N: the weight, 3 %"),
+    "afloat": (afloat, "largest way up or down, m: 0 to 0.05"),
+    "speed": (speed, "speed over that of the sprocket, less 1, last 0.5 s"),
+    "stays": (stays, "mean speed of the last second, m/s: 0"),
+    "sliding": (sliding, "deceleration of the locked vehicle, m/s2: friction x gravity, 10 %"),
+    "climbs": (climbs, "rise of the centre of mass, m: that of the obstacle, 35 %"),
+    "at_rest": (at_rest, "ground reaction, last second, N: the weight, 6 %"),
+    "sag": (sag, "sag, m: that of the discrete catenary, 0.2 %"),
+    "hoop": (hoop, "force in the pins, N: m omega^2 Rc / (2 sin(pi/N)), 0.1 %"),
+    "rides": (rides, "chain speed over teeth x pitch x omega / 2 pi, last turn: 1, 0.5 %"),
+    "ledger": (ledger, "the energy ledger closes"),
+}
