@@ -13,12 +13,12 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator import studies
 from orchestrator.cli import main
-from orchestrator.studies import Case, mechanics, pool, tables
+from orchestrator.studies import Case, chain_cases, element_cases, mechanics, orders, pool, tables
 from orchestrator.studies.store import Store
 from orchestrator.studies.tables import Row, checked, failed
 
-FRAME = Case("11", "L-frame", mechanics.l_frame, ("beam",))
-FAST = Case("11", "L-frame", mechanics.l_frame, ("small deformation (11)-(15)",))
+FRAME = Case("11", "L-frame", element_cases.l_frame, ("beam",))
+FAST = Case("11", "L-frame", element_cases.l_frame, ("small deformation (11)-(15)",))
 
 
 def raises() -> list[Row]:
@@ -73,8 +73,8 @@ def test_a_case_from_the_command_to_the_figure(cotrack, monkeypatch, tmp_path):
 
 def test_a_missed_tolerance_is_exit_1(cotrack, monkeypatch):
     """The twin: a frame whose corner is not rigid is a tenth too soft."""
-    frame_tip = mechanics.frame_tip
-    monkeypatch.setattr(mechanics, "frame_tip", lambda kind, n, **_: frame_tip(kind, n, rigid=0.0))
+    frame_tip = element_cases.frame_tip
+    monkeypatch.setattr(element_cases, "frame_tip", lambda kind, n, **_: frame_tip(kind, n, rigid=0.0))
     only(monkeypatch, FRAME)
     status, out, err = cotrack("study", "mechanics", "--workers", 1, "-o", "found")
     assert status == 1
@@ -213,15 +213,15 @@ def test_cases_of_the_mechanics():
 
 def test_observed_orders():
     values = [1.0 + h**3 for h in (0.4, 0.2, 0.1)]
-    assert mechanics.order_of((0.4, 0.2, 0.1), values) == pytest.approx(3.0)
-    assert mechanics.rate_of((8, 16), (1.0, 0.25)) == pytest.approx(2.0)
-    assert math.isnan(mechanics.order_of((1, 2, 4), (1.0, 1.0, 1.0)))
+    assert orders.order_of((0.4, 0.2, 0.1), values) == pytest.approx(3.0)
+    assert orders.rate_of((8, 16), (1.0, 0.25)) == pytest.approx(2.0)
+    assert math.isnan(orders.order_of((1, 2, 4), (1.0, 1.0, 1.0)))
 
 
 def test_rods_turn_as_one_body_and_stay_joined():
     """The study's own driver: no force but that of the turning, pins closed to rounding."""
-    rods = mechanics.Rods(mechanics.of_angles(mechanics.ZIGZAG), gravity=0.0)
-    rods.turn(mechanics.SPIN)
+    rods = chain_cases.Rods(chain_cases.of_angles(chain_cases.ZIGZAG), gravity=0.0)
+    rods.turn(chain_cases.SPIN)
     still = rods.release()
     assert abs(still).max() > 0.01
     rods.run(0.2, 1e-2)

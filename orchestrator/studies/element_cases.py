@@ -1,0 +1,378 @@
+"""Elements, joints, corners and splines against exact and published figures."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from fmus.physics.ancf import (
+    beam,
+    bspline,
+    cable_engineering,
+    cable_general,
+    cable_small,
+    dynamics,
+    joints,
+    sliding,
+)
+from fmus.physics.ancf.mesh import Mesh, Part, Tie, nodes
+from orchestrator.pieces.meshes import (
+    MODULUS,
+    PITCH,
+    SECTIONS,
+    SHOE,
+    TRACK,
+    Y,
+    chain,
+    corner_section,
+    deflection,
+    elastica,
+    frame_tip,
+    line,
+    opening,
+    polygon,
+    rope,
+    rotating,
+    rotation,
+    section,
+    turned,
+)
+from orchestrator.studies import Case
+from orchestrator.studies.orders import ELEMENTS, order_of, over_elements, rate_of
+from orchestrator.studies.tables import Row, checked, of_order
+
+Floats = NDArray[np.float64]
+CABLES: dict[str, Any] = {
+    "small deformation (11)-(15)": cable_small,
+    "general (8)-(10)": cable_general,
+    "engineering": cable_engineering,
+}
+CURES: dict[str, dict[str, Any]] = {
+    "nu = 0": {"nu": 0.0, "split": False},
+    "split nu = 0.3": {"nu": 0.3, "split": True},
+}
+ALPHAS = (1, 5, 10)
+LINKS = 64
+
+# 2. The elastica ---------------------------------------------------------------------------------------------------
+
+
+def elastica_of_cables(name: str) -> list[Row]:
+    """Tip loads and the circle, L/h = 1000."""
+    kind, ns, rows = CABLES[name], (8, 16, 32), []
+    for a in ALPHAS:
+        case = f"elastica, cable {name}, alpha = {a}, w/L"
+        values = [deflection(kind, n, a, 1000) for n in ns]
+        rows.append(over_elements(case, ns, values, elastica(a), 1e-4))
+    gaps = [opening(kind, n, 1000) for n in ns]
+    return [*rows, over_elements(f"closed circle, cable {name}, gap/L", ns, gaps, 0.0, 1e-4)]
+
+
+def elastica_of_beams(cure: str) -> list[Row]:
+    """Tip loads and the circle, L/h = 100; short elements are of order 2, long ones converge faster."""
+    kind_of, ns, finer, rows = CURES[cure], (8, 16, 32), (16, 32, 64), []
+    for a in ALPHAS:
+        case = f"elastica, beam {cure}, alpha = {a}, w/L"
+        values = [deflection(beam, n, a, 100, **kind_of) for n in ns]
+        rows.append(over_elements(case, ns, values, elastica(a), 2e-3))
+    gaps = [opening(beam, n, 100, **kind_of) for n in finer]
+    return [*rows, over_elements(f"closed circle, beam {cure}, gap/L", finer, gaps, 0.0, 2e-3)]
+
+
+def elastica_order(name: str) -> list[Row]:
+    """Values of three meshes among themselves, stockier, so that bending and not the stretch decides."""
+    if name in CABLES:
+        what, ns, expected, off = f"cable {name}", (4, 8, 16), 4, 0.5
+        values = [deflection(CABLES[name], n, 5, 50) for n in ns]
+    else:
+        what, ns, expected, off = f"beam {name}", (32, 64, 128), 2, 0.2
+        values = [deflection(beam, n, 5, 20, **CURES[name]) for n in ns]
+    order = order_of(ns, values)
+    case = f"elastica, {what}, alpha = 5, L/h = {50 if name in CABLES else 20}, order of {ns} elements"
+    return [checked("", case, order, expected, off, abs(order - expected), order=order)]
+
+
+def elastica_without_cure() -> list[Row]:
+    """With nu = 0.3 in every point: converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu))."""
+    stiffer, rows = 0.7 / (1.3 * 0.4), []
+    for a in ALPHAS:
+        found = deflection(beam, 64, a, 100, nu=0.3, split=False)
+        case = f"elastica, beam nu = 0.3 without a cure, alpha = {a}, w/L"
+        rows += [
+            checked("", case, found, elastica(a), math.nan, note="the wrong limit, for information"),
+            checked("", f"{case}, with 1.346 EI", found, elastica(a / stiffer), 2e-3),
+        ]
+    return rows
+
+
+# 3. Frequencies ----------------------------------------------------------------------------------------------------
+
+ENDS: dict[str, tuple[list[Any], list[float]]] = {
+    "cantilever": ([((0, 0), joints.clamped)], [1.87510407, 4.69409113, 7.85475744]),
+    "free-free": ([], [4.73004074, 7.85320462, 10.99560784]),
+    "pinned": ([((0, 0), joints.held), ((-1, 1), joints.held)], [np.pi, 2 * np.pi, 3 * np.pi]),
+}
+
+
+def _beta(kind: Any, n: int, slender: float, ends: str, **kind_of: Any) -> Floats:
+    """The beta L of the first three bending modes; each comes twice, once a plane."""
+    supports = [((node % n, end), own) for (node, end), own in ENDS[ends][0]]
+    mesh = line(kind, section(kind, n, slender, **kind_of), n, supports)
+    K, M = mesh.tangent(mesh.start()).toarray(), mesh.M.toarray()
+    squares = 1.0 / eigh(M, K + M, eigvals_only=True)[::-1] - 1.0  # the lowest with the most digits
+    return np.asarray(squares[squares > 1.0][:6][::2] ** 0.25)
+
+
+def frequencies(name: str, ends: str) -> list[Row]:
+    """The worst of the first three, against Euler-Bernoulli."""
+    slim = name in CABLES
+    kind, ns, tolerance = (CABLES[name], (4, 8, 16), 1e-4) if slim else (beam, (8, 16, 32), 2e-3)
+    kind_of: dict[str, Any] = {} if slim else CURES[name]
+    slender = 1000 if slim else 300
+    exact = np.array(ENDS[ends][1])
+    found = [_beta(kind, n, slender, ends, **kind_of) for n in ns]
+    errors = [np.abs(f / exact - 1.0) for f in found]
+    k = int(errors[-1].argmax())
+    worst = [float(e[k]) for e in errors]
+    what = f"frequencies, {'cable' if slim else 'beam'} {name}, {ends}, beta L of mode {k + 1}"
+    series = tuple(zip(map(float, ns), worst, strict=True))
+    order = rate_of(ns, worst)
+    row = checked(
+        "", what, found[-1][k], exact[k], tolerance, worst[-1], order=order, over=ELEMENTS, series=series
+    )
+    return [of_order(row, 3.7, 4.3) if slim else of_order(row, 1.9, 2.2)]
+
+
+# 4. The rotating very flexible cable -------------------------------------------------------------------------------
+
+TIMES = (0.2, 0.5, 1.0)
+TIPS: dict[str, tuple[list[tuple[float, float, float]], float]] = {
+    "engineering": (
+        [(0.65482, -0.19797, -0.70458), (-0.69153, -0.71131, -0.09043), (0.65581, 0.04280, 0.66516)],
+        2e-5,
+    ),
+    "general (8)-(10)": (
+        [(0.654762, -0.197966, -0.704555), (-0.691538, -0.711404, -0.090278), (0.655978, 0.042512, 0.665746)],
+        1e-4,
+    ),
+    "small deformation (11)-(15)": (
+        [(0.663443, -0.198522, -0.691218), (-0.675681, -0.713420, -0.094477), (0.629955, 0.044924, 0.684144)],
+        1e-4,
+    ),
+}
+
+
+def rotating_cable(name: str) -> list[Row]:
+    """Its tip at three times; each row shows the component that is farthest off."""
+    mesh, q, v = rotating(CABLES[name])
+    steps = 2500
+    rows: list[Row] = []
+    expected, tolerance = TIPS[name]
+    for t, p, _ in dynamics.runge_kutta(mesh, q, v, 1.0 / steps, steps):
+        if round(t * steps) in [round(moment * steps) for moment in TIMES]:
+            tip, exact = mesh.end(p, (3, 1))[0], np.array(expected[len(rows)])
+            k = int(np.abs(tip - exact).argmax())
+            what = f"rotating cable, {name}, tip {'xyz'[k]} at {t:g} s, m"
+            rows.append(checked("", what, tip[k], exact[k], tolerance, abs(tip[k] - exact[k])))
+    return rows
+
+
+# 9. The sliding joint ----------------------------------------------------------------------------------------------
+
+
+def sliding_joint(slider: str) -> list[Row]:
+    """Five seconds without friction over the nodes of a flexible rail."""
+    b, r, s = rope(slider)
+    lost = sliding.removed(b, r, s.X, s.w)
+    start, worst, closed, kinetic = sum(sliding.energy(b, s)), 0.0, 0.0, 0.0
+    for _ in range(2500):
+        s = sliding.step(b, r, s, 2e-3)
+        parts = sliding.energy(b, s)
+        worst, kinetic = max(worst, abs(sum(parts) - start)), max(kinetic, parts[0])
+        closed = max(closed, float(np.abs(sliding.constraint(r, s.X, s.w)).max()))
+    name = f"{slider} on a flexible rail, 5 s"
+    return [
+        checked("", f"{name}, energy change / largest kinetic energy", worst / kinetic, 0.0, 1e-6),
+        checked("", f"{name}, constraint, m", closed, 0.0, 1e-10),
+        checked("", f"{name}, degrees of freedom removed", lost, 4 if slider == "cable" else 2, 0.0),
+    ]
+
+
+# 10. Pins ----------------------------------------------------------------------------------------------------------
+
+
+def pin_counts() -> list[Row]:
+    """Ranks of what a pin eliminates, and degrees of freedom of whole tracks."""
+    rows = []
+    kinds: tuple[tuple[str, Any, Any, Any, int], ...] = (
+        ("cable", cable_small, TRACK, joints.pin_cable(Y), 4),
+        ("beam", beam, SHOE, joints.pin_beam(Y), 6),
+    )
+    for name, kind, c, pin, rank in kinds:
+        ties = [Tie((0, 1), (1, 0), pin)]
+        mesh = Mesh([Part(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, 2))], ties)
+        found = int(np.linalg.matrix_rank(mesh.constraints(ties)))
+        rows.append(checked("", f"pin of the {name}, rank of its equations", found, rank, 0.0))
+        own = 24 if kind is beam else 12
+        for closed, pins in ((True, LINKS), (False, LINKS - 1)):
+            track = chain(kind, c, polygon(LINKS) if closed else np.zeros(LINKS), closed)
+            what = f"{'closed' if closed else 'open'} track of 64 {name}s, degrees of freedom"
+            rows.append(checked("", what, track.n, LINKS * own - pins * rank, 0.0))
+    return rows
+
+
+def pin_turns(name: str) -> list[Row]:
+    """Two links, the second turned about the pin through 360 degrees: largest strain energy over EA l."""
+    kind, c = (beam, SHOE) if name == "beam" else (cable_small, TRACK)
+    mesh = chain(kind, c, np.zeros(2))
+    e, half = mesh.e0.reshape(2, kind.ROWS, 3), kind.ROWS // 2
+    middle = e[1, 0].copy()
+    size, worst, misfit = MODULUS * 0.01516 * PITCH, 0.0, 0.0
+    for angle in np.radians(np.arange(0, 361, 15)):
+        x = e.copy()
+        x[1, [0, half]] -= middle
+        x[1] = turned(x[1], rotation(Y, angle))
+        x[1, [0, half]] += middle
+        x = turned(x, rotation([3, -1, 2] if kind is beam else Y, 1.0))
+        q = mesh.fit(x)
+        misfit = max(misfit, float(abs(mesh.coordinates(q) - x.ravel()).max()))
+        worst = max(worst, mesh.energy(q) / size)
+    return [
+        checked("", f"pin of the {name} through 360 degrees, strain energy / EA l", worst, 0.0, 1e-24),
+        checked("", f"pin of the {name} through 360 degrees, misfit of the joint, m", misfit, 0.0, 1e-14),
+    ]
+
+
+# 11. Corners -------------------------------------------------------------------------------------------------------
+
+
+def sections() -> list[Row]:
+    """T, L and V turned as one body: strain energy over EA, and how far the joints are off."""
+    rows = []
+    kinds: tuple[tuple[str, Any, Any, tuple[Any, ...]], ...] = (
+        ("beams", beam, SHOE, ([0, 1, 0], [1, 2, 3], [1, 0, 0])),
+        ("cables in their plane", cable_small, TRACK, (Y,)),
+    )
+    for name, kind, c, axes in kinds:
+        for shape in SECTIONS:
+            mesh, energy, misfit = corner_section(kind, c, shape), 0.0, 0.0
+            for k, axis in enumerate(axes):
+                x = turned(mesh.e0, rotation(axis, k + 1.0))
+                q = mesh.fit(x)
+                misfit = max(misfit, float(abs(mesh.coordinates(q) - x).max()))
+                energy = max(energy, mesh.energy(q) / (MODULUS * 0.01516))
+            what = f"{shape} section of {name} turned as one body"
+            rows += [
+                checked("", f"{what}, strain energy / EA", energy, 0.0, 1e-24),
+                checked("", f"{what}, misfit, m", misfit, 0.0, 1e-14),
+            ]
+    return rows
+
+
+def l_frame(name: str) -> list[Row]:
+    """Tip deflection of an L-frame at L/h = 20, nu = 0, against Timoshenko."""
+    kind, ns = (beam, (6, 12, 24)) if name == "beam" else (CABLES[name], (1, 2, 4))
+    found = [frame_tip(kind, n) for n in ns]
+    rows = []
+    for k, axis in enumerate("xz"):
+        values = [float(u[k]) for u, _ in found]
+        exact = float(found[-1][1][k])
+        errors: tuple[tuple[float, float], ...] = ()
+        order = math.nan
+        if kind is beam:  # a cable of one element is exact but for its being bent a little
+            errors = tuple((float(n), abs(v / exact - 1)) for n, v in zip(ns, values, strict=True))
+            order = order_of(ns, values)
+        kind_of = "beams with a rigid corner" if kind is beam else f"cables {name}"
+        what = f"L-frame of {kind_of}, tip {axis}, m"
+        rows.append(checked("", what, values[-1], exact, 5e-3, order=order, over=ELEMENTS, series=errors))
+    if kind is beam:
+        u, exact_u = frame_tip(beam, 24, rigid=0.0)
+        what = "L-frame of beams, gradient transformation alone, tip x, m"
+        rows.append(
+            checked("", what, u[0], exact_u[0], math.nan, note="yields in the corner, for information")
+        )
+    return rows
+
+
+# 12. Splines -------------------------------------------------------------------------------------------------------
+
+DEMANDS = {  # element, joint: equations, the knot that makes it, missing with the nearest weaker knot
+    ("cable", "spherical"): (3, 3, 0),
+    ("cable", "pin"): (4, None, 1),
+    ("cable", "sliding"): (4, None, 4),
+    ("cable", "rigid"): (6, None, 3),
+    ("cable", "smooth"): (6, 2, 0),
+    ("cable", "curvature"): (9, 1, 0),
+    ("beam", "spherical"): (3, None, 3),
+    ("beam", "pin"): (6, None, 6),
+    ("beam", "sliding"): (4, None, 4),
+    ("beam", "rigid"): (12, None, 12),
+    ("beam", "smooth"): (18, 2, 0),
+    ("beam", "curvature"): (27, 1, 0),
+}
+
+
+def splines() -> list[Row]:
+    """To cable coordinates and back, and again; both ways relative to the largest coordinate."""
+    from scipy.interpolate import BSpline
+
+    rng, there, back = np.random.default_rng(11), 0.0, 0.0
+    for inner in ([], [1], [2, 1, 1], [3, 1, 2], [4, 2, 3, 1], [1] * 6):
+        spots = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, len(inner) + 1))])
+        knots = np.repeat(spots, [4, *inner, 4])
+        spline = BSpline(knots, rng.standard_normal((len(knots) - 4, 3)), 3)
+        e, l = bspline.to_cable(spline)
+        again = bspline.from_cable(e, l, np.array(inner, dtype=np.int64))
+        back = max(back, float(np.abs(again.c - spline.c).max() / max(1.0, np.abs(spline.c).max())))
+        there = max(there, float(np.abs(bspline.to_cable(again)[0] - e).max() / np.abs(e).max()))
+    rows = [
+        checked("", "control points of B-splines, to cables and back", back, 0.0, 1e-14),
+        checked("", "cable coordinates, to B-splines and back", there, 0.0, 1e-14),
+        checked("", "control points of one bicubic patch", bspline.patch_points(8, 8), 16, 0.0),
+    ]
+    for m in range(5):
+        found = int(np.linalg.matrix_rank(bspline.knot_rows(m))) if m < 4 else len(bspline.knot_rows(m))
+        rows.append(
+            checked("", f"equations that a knot of multiplicity {m} imposes", found, 3 * (4 - m), 0.0)
+        )
+    for d in bspline.table():
+        equations, knot, missing = DEMANDS[d.element, d.joint]
+        made = f"knot {d.knot}" if d.knot else f"no knot; {d.missing} missing with {d.weaker}"
+        same = (d.knot, d.missing) == (knot, missing)
+        row = checked(
+            "", f"equations of the joint '{d.joint}' of {d.element}s", d.equations, equations, 0.0, note=made
+        )
+        rows.append(row._replace(ok=bool(row.ok) and same))
+    return rows
+
+
+# All of it ---------------------------------------------------------------------------------------------------------
+
+
+def cases() -> list[Case]:
+    """Every element, joint and corner; each takes seconds."""
+    found = [Case("2", f"elastica, cable {name}", elastica_of_cables, (name,), 3) for name in CABLES]
+    found += [Case("2", f"elastica, beam {cure}", elastica_of_beams, (cure,), 5) for cure in CURES]
+    found += [
+        Case("2", f"order of the elastica, {name}", elastica_order, (name,), 3) for name in (*CABLES, *CURES)
+    ]
+    found.append(Case("2", "elastica without a cure", elastica_without_cure, (), 5))
+    found += [
+        Case("3", f"frequencies, {name}, {ends}", frequencies, (name, ends), 2)
+        for name in (*CABLES, *CURES)
+        for ends in ENDS
+    ]
+    found += [Case("4", f"rotating cable, {name}", rotating_cable, (name,), 8) for name in CABLES]
+    found += [Case("9", f"sliding {slider}", sliding_joint, (slider,), 5) for slider in ("point", "cable")]
+    found.append(Case("10", "pins counted", pin_counts, (), 2))
+    found += [Case("10", f"pin of the {name} turned", pin_turns, (name,)) for name in ("cable", "beam")]
+    found.append(Case("11", "sections", sections))
+    found += [
+        Case("11", f"L-frame, {name}", l_frame, (name,), 2)
+        for name in ("beam", "small deformation (11)-(15)", "general (8)-(10)")
+    ]
+    return [*found, Case("12", "splines", splines)]
