@@ -17,7 +17,7 @@ from orchestrator.precision import Setting, cheapest, fraction, front
 from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
-from orchestrator.studies import Case, error_runtime
+from orchestrator.studies import Case, error_runtime, work_precision
 from orchestrator.studies.runs import Runs
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
@@ -237,4 +237,4 @@ def test_a_study_of_a_small_swing(tmp_path, monkeypatch, capsys):
     assert {tuple(s.settings)[-1] for s in precision.read(tmp_path / "found" / "precision.json")} <= {
         "run.step=2 ms", "run.step=0.5 ms",
     }  # fmt: skip
-    assert len(error_runtime.ratios(rows)) >= 4
+    assert len(work_precision.ratios(rows)) >= 4
