@@ -151,7 +151,8 @@ class _Overloads:
         self._folder, self._stem, self._stamp = folder, stem, stamp
 
     def _path(self, key: object) -> Path:
-        name = hashlib.sha256(repr((numba.__version__, self._stamp, key)).encode()).hexdigest()
+        made = (numba.__version__, numba.config.BOUNDSCHECK, self._stamp, key)
+        name = hashlib.sha256(repr(made).encode()).hexdigest()
         return self._folder / f"{self._stem}.{name[:24]}.kernel"
 
     def load(self, key: object) -> Any:
@@ -197,7 +198,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     """Compile a kernel: no Python objects, no GIL, IEEE division, cached by content.
 
     Kernels call kernels by import: one that closes over or takes a jitted function is never found again.
-    With ``NUMBA_DISABLE_JIT=1`` the function comes back as it is.
+    With ``NUMBA_DISABLE_JIT=1`` the function comes back as it is, with ``NUMBA_BOUNDSCHECK=1`` it checks its indices.
     """
     compiled = numba.njit(nogil=True, error_model="numpy")(function)
     if compiled is not function:

@@ -82,6 +82,26 @@ def test_damaged_or_forbidden_cache_only_costs_time(parts, run, tmp_path):
     assert run(parts, COTRACK_CACHE=str(tmp_path / "file" / "cache")) == (6.0, 0, 1)
 
 
+BEYOND = """
+import numpy as np
+from toy.kernels import advance
+try:
+    advance(np.zeros(2)[:1], 1, 1e-3, 1.0, 1.0, 0.0)  # writes two numbers
+except IndexError as error:
+    print(error)
+"""
+
+
+def test_indices_are_checked_when_asked_for_whatever_is_cached(environment):
+    said = []
+    for more in ({}, {"NUMBA_BOUNDSCHECK": "1"}, {}, {"NUMBA_BOUNDSCHECK": "1"}):
+        done = subprocess.run(
+            [sys.executable, "-c", BEYOND], env={**environment, **more}, capture_output=True, text=True, check=True
+        )
+        said.append(done.stdout.strip())
+    assert said == ["", "index is out of bounds"] * 2
+
+
 def test_without_compilation_the_function_itself_comes_back(environment):
     code = "from toy.kernels import acceleration as f; assert type(f).__name__ == 'function'; f(1,2,3,4,5)"
     env = {**environment, "NUMBA_DISABLE_JIT": "1"}
