@@ -168,7 +168,7 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
-    from matplotlib.ticker import NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     shown = runs(rows)
     names = ["", *dict.fromkeys(name for row in shown for name in row.errors)]
@@ -209,7 +209,10 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
         pane.set_xlabel("run time, s", fontsize=8)
         pane.set_ylabel("relative error", fontsize=8)
         low, high = pane.get_xlim()
-        pane.xaxis.set_minor_formatter("{x:g}" if high < 10.0 * low else NullFormatter())
+        if high < 100.0 * low:  # decades alone would be one or two numbers
+            pane.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            pane.xaxis.set_major_formatter("{x:g}")
+        pane.xaxis.set_minor_formatter(NullFormatter())
         pane.yaxis.set_minor_formatter(NullFormatter())
         pane.grid(True, which="both", color="0.93")
     for pane in axes[len(names) :]:
