@@ -63,8 +63,7 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
 
 def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> dict[str, Any]:
     """Relative errors of a recorded run as a whole and by observable; without companions, why not."""
-    steps = [cost["steps"] for name, cost in summary["components"].items() if name.endswith(("track", "chain"))]
-    simulated = summary["simulated_time"]
+    steps, simulated = _steps(summary), summary["simulated_time"]
     if not isinstance(scene, TrackScene) or not steps or not all(steps) or simulated < 4.0 * scene.run.step:
         return unknown("the run is too short, or nothing in it has an internal step to double")
     count = summary["communication_steps"]
@@ -83,6 +82,10 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
             spent += told["wall_time"]
             if told["status"] != "ok" or doubt(told["energy"]):
                 return unknown(f"the run at twice the step cannot be right: {told['message']}")
+            if wanted.coupling is None and scene.run.variable is None:
+                coarser = max(_steps(told)) / told["simulated_time"]  # steps a second
+                if coarser > 0.75 * max(steps) / simulated:
+                    return unknown("there is no coarser run: internal steps are as long as stability allows")
             logs[name] = Path(told["log"])
         try:
             with Log(log) as fine, Log(logs["both"]) as both, Log(logs.get("coupling", log)) as coupling:
@@ -109,6 +112,11 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
         "wall_time": spent,
         "message": "",
     }
+
+
+def _steps(summary: dict[str, Any]) -> list[int]:
+    """Internal steps of the tracks."""
+    return [cost["steps"] for name, cost in summary["components"].items() if name.endswith(("track", "chain"))]
 
 
 def unknown(reason: str) -> dict[str, Any]:

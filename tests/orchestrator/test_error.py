@@ -102,6 +102,16 @@ def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     assert alike.both == alike.coupling, "its stable step cannot be doubled"
 
 
+@pytest.mark.parametrize(("step", "known"), [("1 ms", False), ("1 us", True)])
+def test_a_chain_at_its_stable_step_has_nothing_coarser_beside_it(tmp_path, step, known):
+    """Explicit cables are stable to 3.6 us whatever longer step is asked for; a shorter one can be doubled."""
+    explicit = ("chain.links=8", "track.start=displaced", "track.integrator=runge_kutta", f"track.step={step}")
+    scene = load("hanging_chain", "flexible", (*explicit, "run.step=1 ms", "run.stop=10 ms", "run.links=1"))
+    own = simulate(scene, tmp_path / "run.mcap", estimated=True)["error"]
+    assert (own["total"] is not None) == known
+    assert ("as long as stability allows" in own["message"]) != known
+
+
 def test_a_companion_that_cannot_be_right_estimates_nothing(tmp_path):
     def record(scene, path):
         open_ledger = {"residual_relative": 0.4}
