@@ -39,7 +39,7 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
     """Twice the communication step, twice the internal step too; ``internal`` s is what the tracks set out to take.
 
     A variable step is doubled through its tolerance; internal steps that follow it are no part of their own. An
-    explicit integrator at its stable step has no longer one.
+    explicit integrator at its stable step has no longer one: its own error is not known, and small beside the other.
     """
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
@@ -91,20 +91,23 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
             with Log(log) as fine, Log(logs["both"]) as both, Log(logs.get("coupling", log)) as coupling:
                 runs = [Evidence(each) for each in (fine, coupling, both)]
                 total = differences(runs[2], runs[0])
+                alone = wanted.coupling is None
                 parts = {
-                    "coupling": differences(runs[1], runs[0]) if wanted.coupling else {},
-                    "integration": differences(runs[2], runs[1]) if wanted.coupling else total,
+                    "coupling": {} if alone else differences(runs[1], runs[0]),
+                    "integration": total if alone else differences(runs[2], runs[1]),
                     "total": total,
                 }
         except (Missing, LookupError) as error:
             return unknown(str(error))
+    known: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
+    unseen = {"integration": None} if wanted.both == wanted.coupling else {}
     return {
-        **{part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()},
+        **(known | unseen),
         "observables": {
             name: {
                 "unit": one.unit,
                 "absolute": SHARE * one.absolute,
-                **{part: SHARE * parts[part][name].relative if parts[part] else 0.0 for part in PARTS},
+                **({part: SHARE * parts[part][name].relative if parts[part] else 0.0 for part in PARTS} | unseen),
                 "decisive": one.decisive,
             }
             for name, one in total.items()

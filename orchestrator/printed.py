@@ -22,9 +22,10 @@ def _error(found: dict[str, Any]) -> str:
         (name for name, one in found["observables"].items() if one["decisive"]),
         key=lambda name: found["observables"][name]["total"],
     )
+    integration = "not known" if found["integration"] is None else f"{found['integration']:.2g}"
     return (
         f"error: about {found['total']:.2g} of the {most.replace('_', ' ')}, other observables less"
-        f" (coupling {found['coupling']:.2g}, integration {found['integration']:.2g}; {found['wall_time']:.3g} s more)"
+        f" (coupling {found['coupling']:.2g}, integration {integration}; {found['wall_time']:.3g} s more)"
     )
 
 

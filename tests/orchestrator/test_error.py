@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
-from orchestrator import precision
+from orchestrator import precision, printed
 from orchestrator.cli import main
 from orchestrator.difference import Difference, Observable, Signal, aligned, difference, differences, worst
 from orchestrator.estimate import companions, estimate
@@ -110,6 +110,16 @@ def test_a_chain_at_its_stable_step_has_nothing_coarser_beside_it(tmp_path, step
     own = simulate(scene, tmp_path / "run.mcap", estimated=True)["error"]
     assert (own["total"] is not None) == known
     assert ("as long as stability allows" in own["message"]) != known
+
+
+def test_a_coupled_track_at_its_stable_step_knows_its_coupling_alone(tmp_path, capsys):
+    scene = load("rig", "rigid", ("track.integrator=runge_kutta", "run.step=1 ms", "run.stop=20 ms", "run.links=1"))
+    told = simulate(scene, tmp_path / "run.mcap", estimated=True)
+    own = told["error"]
+    assert own["integration"] is None
+    assert own["total"] == own["coupling"] > 0.0
+    printed.summary(told)
+    assert "integration not known" in capsys.readouterr().out
 
 
 def test_a_companion_that_cannot_be_right_estimates_nothing(tmp_path):
