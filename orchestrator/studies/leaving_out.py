@@ -44,6 +44,7 @@ PAIRS = 5
 # a link of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
 MOTION, FORCE = 1e-9, 1e-6
 LEAST = 1e-2  # of a scale: a unit of which a run has no more, in SI, is one that it hardly has
+RATES = {"m": "m/s", "rad": "rad/s"}  # a run that shows hardly any speed may move all the same: so its positions say
 SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; the others are forces, stresses and energies
 DEPTH = 1000.0  # m from a chain to a ground that it never touches
 BRIEF = "run.stop=10 ms"
@@ -150,9 +151,11 @@ def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
 def difference(one: Path, other: Path) -> tuple[float, float]:
     """Largest differences of motion and of forces in the series of two logs, at the times that both have.
 
-    Relative to the largest value of the same unit in all that they share.
+    Relative to the largest value of the same unit in all that they share, or, of a speed that they hardly show, to the
+    fastest change of what it is the speed of.
     """
     scale: dict[str, float] = {}
+    moved: dict[str, float] = {}
     apart: dict[str, float] = {}
     with Log(one) as a, Log(other) as b:
         for topic in sorted(set(a.topics) & set(b.topics)):
@@ -166,6 +169,12 @@ def difference(one: Path, other: Path) -> tuple[float, float]:
                 unit = a.topics[topic].units[at]
                 scale[unit] = max(scale.get(unit, 0.0), float(np.abs(x).max(initial=0.0)))
                 apart[unit] = max(apart.get(unit, 0.0), float(np.abs(x - y).max(initial=0.0)))
+                if unit in RATES:
+                    pace = np.abs(np.diff(x) / np.diff(left.t[i])).max(initial=0.0)
+                    moved[RATES[unit]] = max(moved.get(RATES[unit], 0.0), float(pace))
+    for unit, pace in moved.items():
+        if scale.get(unit, 0.0) < LEAST:
+            scale[unit] = pace
     relative = {unit: by / max(scale[unit], LEAST) for unit, by in apart.items()}
     soft = (by for unit, by in relative.items() if unit in SOFT)
     return max(soft, default=0.0), max((by for unit, by in relative.items() if unit not in SOFT), default=0.0)

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
@@ -46,6 +47,20 @@ def test_what_is_added_in_vain_changes_nothing(tmp_path):
         assert set(log.topics) == {"/chain/in", "/chain/out", "/stats/chain"}
         assert len(log.read("/chain/out").t) == 6
     assert difference(bare, silent) == (0.0, 0.0)
+
+
+def test_a_speed_that_is_hardly_shown_is_measured_by_the_motion(tmp_path):
+    """The halves of a chain swing against each other: its mean speed is rounding, its links move all the same."""
+    logs = [tmp_path / f"{name}.mcap" for name in ("whole", "planar")]
+    for log, settings in zip(logs, (BRIEF, (*BRIEF, "planar=true")), strict=True):
+        run("hanging_chain", Side(settings), log)
+    with Log(logs[0]) as log:
+        speed = log.read("/chain/out")
+        assert abs(speed.values[:, speed.names.index("speed")]).max() < leaving_out.LEAST
+        links = log.read("/chain/links")
+        heights = links.values[:, [name.endswith("position.z") for name in links.names]]
+        assert abs(np.diff(heights, axis=0) / np.diff(links.t)[:, None]).max() > 2.0 * leaving_out.LEAST
+    assert difference(*logs)[0] <= MOTION
 
 
 def test_memory_is_that_of_a_process():
