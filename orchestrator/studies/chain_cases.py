@@ -9,26 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from fmus.physics.ancf import (
-    beam,
-    cable_small,
-    dynamics,
-    loads,
-    statics,
-)
+from fmus.physics.ancf import beam, cable_small, dynamics, loads, statics
 from fmus.physics.chain_layout import regular_polygon
-from orchestrator.pieces.meshes import (
-    PITCH,
-    SHOE,
-    STEEL,
-    TRACK,
-    angular_momentum,
-    chain,
-    spinning,
-    velocity,
-)
+from orchestrator.pieces.meshes import PITCH, SHOE, STEEL, TRACK, angular_momentum, chain, spinning, velocity
 from orchestrator.studies import Case
-from orchestrator.studies.orders import STEP, order_of, rate_of
+from orchestrator.studies.orders import order_of, rate_of
 from orchestrator.studies.rods import MASS, G, Rods, of_angles
 from orchestrator.studies.tables import Row, checked, of_order
 
@@ -37,6 +22,7 @@ Floats = NDArray[np.float64]
 # 5. Released horizontal chain --------------------------------------------------------------------------------------
 
 LINKS = 64
+STEP = "step, s"  # what series of errors go over
 
 
 def released_rods() -> list[Row]:

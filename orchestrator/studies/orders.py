@@ -5,10 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from orchestrator.studies.tables import Row, checked
-
-ELEMENTS, STEP = "elements", "step, s"
-
 
 def order_of(sizes: Iterable[float], values: Iterable[float]) -> float:
     """Observed order from three values with steps (or elements) in equal ratio: needs no reference."""
@@ -22,13 +18,3 @@ def rate_of(sizes: Iterable[float], errors: Iterable[float]) -> float:
     """Observed order of errors between the two finest."""
     (a, b), (u, v) = list(sizes)[-2:], list(errors)[-2:]
     return abs(math.log(u / v) / math.log(a / b)) if u > 0.0 and v > 0.0 else math.nan
-
-
-def over_elements(
-    case: str, ns: tuple[int, ...], values: list[float], reference: float, tolerance: float
-) -> Row:
-    """The value with the last number of elements, the errors of all, the order of the values among themselves."""
-    scale = abs(reference) or 1.0
-    series = tuple((float(n), abs(value - reference) / scale) for n, value in zip(ns, values, strict=True))
-    order = order_of(ns, values)
-    return checked("", case, values[-1], reference, tolerance, order=order, over=ELEMENTS, series=series)
