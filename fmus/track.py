@@ -27,8 +27,8 @@ from fmus.start import start
 
 # Outputs of a chain after the wrenches, in the order of its report: name, unit, text.
 REPORT = (
-    ("travel", "m", "length of chain that has passed, along its own index"),
-    ("speed", "m/s", "speed of the chain along itself: pins that pass, times the pitch"),
+    ("travel", "m", "length of chain that has passed a point of the vehicle, along its own index"),
+    ("speed", "m/s", "speed of the chain along itself, seen from the vehicle, mean of its straight runs"),
     ("tension.min", "N", "smallest link tension"),
     ("tension.mean", "N", "mean link tension"),
     ("tension.max", "N", "largest link tension"),
@@ -46,7 +46,7 @@ REPORT = (
     (
         "slip",
         "m/s",
-        "rearward velocity of the ground contact points in the vehicle's heading, weighted by their load",
+        "rearward velocity of the ground contact points along the vehicle's present heading, weighted by their load",
     ),
     ("energy.covered", "J", "energy lost so far as spread contacts come to cover other parts of a link"),
 )
@@ -67,7 +67,7 @@ REPORT = (
     GROUND,
 ) = range(14)
 SLIP, COVERED = 16, 17
-REJECTED = 3  # of the counters
+STEPS, REJECTED = 0, 3  # of the counters
 MANY = 5  # halvings in one communication step that are worth a word
 
 # How the ends of a chain are held: LOOP has none, HELD lets the last pin go.
@@ -89,6 +89,7 @@ class Environment(NamedTuple):
     ends: int  # LOOP, PINNED, PULLED or HELD
     pull: np.ndarray  # (2, 3) force on the first and on the last pin, N; (2, 2) of x and z of a planar chain
     transverse: float  # damping of each pin across the chain, N s/m
+    mount: int  # the wheel that shows the carrier (``physics.carrier``), below 0 without wheels
 
 
 class TrackModel:
@@ -215,7 +216,8 @@ class TrackModel:
         if not float(p["step"]) > 0.0:
             raise InvalidParameter(f"step = {p['step']}: must be greater than 0")
         self.pose = start(p)
-        centre = self.pose.place(0.0, float(p["start.lateral"]), 0.0)
+        self.lateral = float(p["start.lateral"])
+        centre = self.pose.place(0.0, self.lateral, 0.0)
         self.frame[:] = *centre, np.cos(self.pose.heading), np.sin(self.pose.heading)
         self.max_step = float(p["step"])
         self.integrator = str(p["integrator"])
@@ -250,7 +252,9 @@ class TrackModel:
             pull[:, 0] = ends["first"][0], ends["last"][0]
             pull[:, 2] = ends["first"][1], ends["last"][1]
         damping = float(self.config.get("transverse_damping", 0.0))
-        return Environment(float(self.config["gravity"]), self.ends_kind, pull, damping)
+        toothed = [k for k, wheel in enumerate(self.wheel_list) if wheel["kind"] == "teeth"]
+        mount = [*toothed, 0][0] if self.wheel_list else -1
+        return Environment(float(self.config["gravity"]), self.ends_kind, pull, damping, mount)
 
     def polygon(self) -> Floats:
         """Pins (nodes, 2) of the start layout; raises InvalidParameter when the chain does not fit."""
@@ -311,6 +315,8 @@ class TrackModel:
                 check_orientation(t, wheel["name"], turn)
         check_steps(t, h, self.max_step)
         read_states(u, self.frame, self.rows)
+        if self.counters[STEPS] == 0:
+            self._check_places(t)
         self._watch(t)
         before = int(self.counters[REJECTED])
         self.advance(t, h)
@@ -320,6 +326,16 @@ class TrackModel:
             self._warnings.append(
                 f"the internal step was halved {halved} times from t = {t:.4g} s on: contacts or friction are too sharp"
                 " for it, and the run becomes slow"
+            )
+
+    def _check_places(self, t: float) -> None:
+        """Refuse wheels that are not where the chain was laid round them: it would touch none of them."""
+        off = np.linalg.norm(self.rows[:, :3] - self.start_rows[:, :3], axis=1)
+        if off.max(initial=0.0) > self.pitch:
+            k = int(np.argmax(off))
+            raise StepFailed(
+                f"at t = {t:.6g} s the {self.wheel_list[k]['name']} is {off[k]:.3g} m from where the track was laid"
+                f" round it: start.lateral = {self.lateral:g} m must be the side's, and all start.* the vehicle's"
             )
 
     def _watch(self, t: float) -> None:

@@ -167,7 +167,6 @@ class Section(Part):  # noqa: D101
 class Material(Part):  # noqa: D101
     youngs_modulus: Annotated[float, In("Pa", gt=0)]
     shear_modulus: Annotated[float, In("Pa", gt=0)]
-    density: Annotated[float, In("kg/m^3", gt=0)]
     relaxation_time: Annotated[float, In("s", ge=0)]
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.model import Floats, InvalidParameter
 from fmus.monolith.chains import Flexible, Place
+from fmus.physics.carrier import carrier
 from fmus.physics.chain_speed import chain_speed
 from fmus.track import COVERED, DISSIPATED, TRAVEL, WORK
 from fmus.track_flexible.assembly import measure
@@ -97,7 +98,7 @@ def powers(c):
 @kernel
 def speed(c):
     """See ``chains``."""
-    return chain_speed(c.q[:, :3], c.v[:, :3], c.links.closed == 1)
+    return chain_speed(c.q[:, :3], c.v[:, :3], c.links.closed == 1, carrier(c.w.moved, c.env.mount))
 
 
 @kernel

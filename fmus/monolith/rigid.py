@@ -92,7 +92,7 @@ def powers(c):
 @kernel
 def speed(c):
     """See ``chains``."""
-    return chain_speed_of(c.link, c.ends, c.s, c.w)
+    return chain_speed_of(c.link, c.ends, c.env, c.s, c.w)
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Speed of a chain along itself: pins passed per time, times the pitch."""
+"""Speed of a chain along itself: pins that pass a point of the carrier per time, times the pitch."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ BEND = 0.1  # rad between a link's neighbours from which on the link counts litt
 
 
 @kernel
-def chain_speed(x, v, closed):
-    """Mean velocity along itself of the straight parts of a chain, m/s, along the index.
+def chain_speed(x, v, closed, carrier):
+    """Mean velocity along itself of the straight parts of a chain over its carrier, m/s, along the index.
 
-    x, v (nodes, 2 or 3): positions and velocities of the pins. Where a chain runs straight, all pins of a link move
-    along it at the pitch times the pins that pass; round a wheel the chords lie askew to the velocities and show less,
-    so links are weighted down with the angle between their two neighbours.
+    x, v (nodes, 3, or 2 for x and z): positions and velocities of the pins; ``carrier`` as ``carrier.carrier`` gives
+    it. Where a chain runs straight, all pins of a link move along it at the pitch times the pins that pass; round a
+    wheel the chords lie askew to the velocities and show less, so links are weighted down with the angle between their
+    two neighbours.
     """
     nodes = x.shape[0]
     links = nodes if closed else nodes - 1
+    (p0, p1, p2), (c0, c1, c2), (w0, w1, w2), _ = carrier
     total = weight = 0.0
     for i in range(links):
         a, b = i - 1, i + 2
@@ -43,6 +45,12 @@ def chain_speed(x, v, closed):
         cosine = dot / np.sqrt(size_before * size_after)
         bend2 = max(2.0 * (1.0 - cosine), 0.0) / (BEND * BEND)
         share = 1.0 / (1.0 + bend2 * bend2)
+        # the carrier's velocity at the middle of the link, along the link
+        h0, h1, h2 = x[j, 0] - x[i, 0], 0.0, x[j, -1] - x[i, -1]
+        r0, r1, r2 = 0.5 * (x[i, 0] + x[j, 0]) - p0, -p1, 0.5 * (x[i, -1] + x[j, -1]) - p2
+        if x.shape[1] == 3:
+            h1, r1 = x[j, 1] - x[i, 1], 0.5 * (x[i, 1] + x[j, 1]) - p1
+        speed -= h0 * (c0 + w1 * r2 - w2 * r1) + h1 * (c1 + w2 * r0 - w0 * r2) + h2 * (c2 + w0 * r1 - w1 * r0)
         total += share * speed / np.sqrt(size)
         weight += share
     return total / weight

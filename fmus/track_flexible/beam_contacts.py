@@ -16,7 +16,7 @@ from fmus.physics.contact.teeth import teeth_contact
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, wheel_contact
 from fmus.physics.point import GUIDES, PINS, POINTS
 from fmus.track_flexible.beams import gather
-from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SLIP, note
+from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SIDESLIP, SLIP, note
 
 
 @kernel
@@ -174,6 +174,7 @@ def _soil(contacts, links, q, v, w, by_rate, tangent):
                 note(sums, depth, stored, power)
                 sums[LOAD] += normal
                 sums[SLIP] -= normal * u[0]
+                sums[SIDESLIP] -= normal * u[1]
                 for a in range(3):
                     wrench[a] -= s.f[a]
                 push(s, by_rate, tangent, S, R[i], K[i])

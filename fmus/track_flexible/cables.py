@@ -18,6 +18,7 @@ from scipy.linalg import eigh
 from fmus.jit import kernel
 from fmus.model import Floats
 from fmus.physics.ancf.cable import Cable, mass
+from fmus.physics.carrier import carrier
 from fmus.physics.chain_speed import chain_speed
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
@@ -122,8 +123,9 @@ def measure(links, env, q, v, w, report):
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)
-    along = chain_speed(q[:, :3], v[:, :3], links.closed == 1)
-    write(report, w.sums, along, (low, mean, high, stress), (kinetic, strain_energy, gravity))
+    carried = carrier(w.moved, env.mount)
+    along = chain_speed(q[:, :3], v[:, :3], links.closed == 1, carried)
+    write(report, w.sums, along, carried[3], (low, mean, high, stress), (kinetic, strain_energy, gravity))
 
 
 @kernel

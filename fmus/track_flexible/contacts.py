@@ -16,7 +16,7 @@ from fmus.physics.contact.teeth import teeth_contact
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, wheel_contact
 from fmus.physics.point import PINS, POINTS
 from fmus.track_flexible.nodes import gather
-from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SLIP, note
+from fmus.track_flexible.sums import CONTACT, COVERING, LOAD, SIDESLIP, SLIP, note
 
 
 @kernel
@@ -194,6 +194,7 @@ def touch_links(contacts, links, q, v, w, by_rate, tangent):
                 note(sums, depth, stored, power)
                 sums[LOAD] += normal
                 sums[SLIP] -= normal * u[0]
+                sums[SIDESLIP] -= normal * u[1]
                 for a in range(3):
                     wrench[m, a] -= s.f[a]
                 push(s.f, S, C, t0, t2, R[i])

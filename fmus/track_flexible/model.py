@@ -136,7 +136,7 @@ class Model(TrackModel):
         area, second = s["area"], s["bending"]
         cable = ELASTICITIES[elasticity](
             self.pitch,
-            v["material"]["density"] * area,
+            v["track"]["mass"] / self.pitch,
             young * area,
             young * second,
             tau * young * area,
@@ -146,7 +146,7 @@ class Model(TrackModel):
         return kind(self.links_count, int(self.closed), cable, face, outer, area, second)
 
     def _beams(self, young: float, tau: float) -> Any:
-        """The rectangle with the section's radii of gyration, its density and moduli scaled to the section's area."""
+        """The rectangle with the section's radii of gyration, a link's mass, moduli scaled to the section's area."""
         from fmus.track_flexible.beams import Beam, Beams
 
         s, m, track = self.vehicle["section"], self.vehicle["material"], self.vehicle["track"]
@@ -158,7 +158,8 @@ class Model(TrackModel):
             )
         width, height = (np.sqrt(12.0 * s[key] / s["area"]) for key in ("lateral_bending", "bending"))
         scale = s["area"] / (width * height)
-        beam = Beam(self.pitch, width, height, scale * m["density"], scale * young, poisson, SHEAR, True, tau)
+        rho = track["mass"] / (self.pitch * width * height)
+        beam = Beam(self.pitch, width, height, rho, scale * young, poisson, SHEAR, True, tau)
         return Beams(
             self.links_count,
             int(self.closed),

@@ -16,6 +16,7 @@ from fmus.jit import kernel
 from fmus.model import Floats
 from fmus.physics.ancf.cable import Cable, end_moments, mass
 from fmus.physics.ancf.cable_planar import energy, force, stiffness, strain
+from fmus.physics.carrier import carrier
 from fmus.physics.chain_speed import chain_speed
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
@@ -114,8 +115,9 @@ def measure(links, env, q, v, w, report):
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)
-    along = chain_speed(q[:, :2], v[:, :2], links.closed == 1)
-    write(report, w.sums, along, (low, mean, high, stress), (kinetic, strain_energy, gravity))
+    carried = carrier(w.moved, env.mount)
+    along = chain_speed(q[:, :2], v[:, :2], links.closed == 1, carried)
+    write(report, w.sums, along, carried[3], (low, mean, high, stress), (kinetic, strain_energy, gravity))
 
 
 @kernel

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 
-# J stored, W dissipated, W lost as covered parts move, m, N on the ground, N m/s slipping
-CONTACT, POWER, COVERING, DEPTH, LOAD, SLIP = range(6)
-SUMS = 6
+# J stored, W dissipated, W lost as covered parts move, m, N on the ground, N m/s slipping along -x and -y
+CONTACT, POWER, COVERING, DEPTH, LOAD, SLIP, SIDESLIP = range(7)
+SUMS = 7
 
 
 @kernel
-def write(report, sums, speed, tension, energy):
-    """Speed along itself; least, mean and largest ``tension`` with the largest stress; kinetic, strain, gravity."""
+def write(report, sums, speed, heading, tension, energy):
+    """Of the report: speed along itself, slip along ``heading`` (2), tension and energy.
+
+    ``tension``: least, mean and largest, largest stress; ``energy``: kinetic, strain, gravity.
+    """
     report[1] = speed
     report[2], report[3], report[4], report[5] = tension
     report[6], report[7], report[8] = energy
     report[9], report[12] = sums[CONTACT], sums[DEPTH]
-    report[16] = sums[SLIP] / sums[LOAD] if sums[LOAD] > 0.0 else 0.0
+    slipping = heading[0] * sums[SLIP] + heading[1] * sums[SIDESLIP]
+    report[16] = slipping / sums[LOAD] if sums[LOAD] > 0.0 else 0.0
 
 
 @kernel

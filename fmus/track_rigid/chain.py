@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.carrier import carrier
 from fmus.physics.chain_speed import chain_speed
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary, slopes
 from fmus.physics.point import Scratch, points, scratch, sharpen
@@ -32,6 +33,7 @@ from fmus.track_rigid.loads import (
     LOAD,
     LOAD_POWER,
     POWER,
+    SIDESLIP,
     SLIP,
     TALLY,
     TRAVEL,
@@ -457,7 +459,8 @@ def advance(link, ends, env, contacts, method, rows, h, step, s, w, counters):
     Steps of ``step`` at most; one that Newton cannot do is halved. Returns as ``newton``.
     """
     w.impulse[:] = 0.0
-    speed = chain_speed_of(link, ends, s, w)
+    move(rows, 0.0, w.rows)
+    speed = chain_speed_of(link, ends, env, s, w)
     dt = h / max(np.ceil(h / step - 1e-9), 1.0)
     done = 0.0
     while done < h * (1.0 - 1e-12):
@@ -486,7 +489,7 @@ def advance(link, ends, env, contacts, method, rows, h, step, s, w, counters):
         s.tally[DISSIPATED] += 0.5 * dt * (w.tally0[POWER] + s.tally[POWER])
         s.tally[WORK] += 0.5 * dt * (w.tally0[LOAD_POWER] + s.tally[LOAD_POWER])
         s.tally[COVERED] += 0.5 * dt * (w.tally0[COVERING] + s.tally[COVERING])
-        before, speed = speed, chain_speed_of(link, ends, s, w)
+        before, speed = speed, chain_speed_of(link, ends, env, s, w)
         s.tally[TRAVEL] += 0.5 * dt * (before + speed)
     return -1
 
@@ -496,7 +499,7 @@ def measure(link, ends, env, s, w, tension, report):
     """Tensions of the links (n), and the report of fmus.track but for the ground force."""
     n, p, A = s.q.shape[0], s.lam.shape[0], w.system.A
     report[0] = s.tally[TRAVEL]
-    report[1] = chain_speed_of(link, ends, s, w)
+    report[1] = chain_speed_of(link, ends, env, s, w)
     low, high, mean, kinetic, height = np.inf, -np.inf, 0.0, 0.0, 0.0
     for i in range(n):
         j = (i + 1) % p
@@ -516,7 +519,9 @@ def measure(link, ends, env, s, w, tension, report):
     report[6], report[7], report[8] = kinetic, 0.0, link.mass * env.gravity * height
     report[9], report[10], report[11] = s.tally[CONTACT], s.tally[DISSIPATED], s.tally[WORK]
     report[12] = s.tally[DEPTH]
-    report[16] = s.tally[SLIP] / s.tally[LOAD] if s.tally[LOAD] > 0.0 else 0.0
+    heading = carrier(w.rows, env.mount)[3]
+    slipping = heading[0] * s.tally[SLIP] + heading[1] * s.tally[SIDESLIP]
+    report[16] = slipping / s.tally[LOAD] if s.tally[LOAD] > 0.0 else 0.0
     report[17] = s.tally[COVERED]
 
 
@@ -536,7 +541,7 @@ def pin_motion(link, s, w):
 
 
 @kernel
-def chain_speed_of(link, ends, s, w):
-    """Speed of the chain along itself, m/s."""
+def chain_speed_of(link, ends, env, s, w):
+    """Speed of the chain along itself, m/s, over what carries the wheels ``w.rows``."""
     pin_motion(link, s, w)
-    return chain_speed(w.pins[0], w.pins[1], ends.closed)
+    return chain_speed(w.pins[0], w.pins[1], ends.closed, carrier(w.rows, env.mount))

@@ -10,7 +10,7 @@ from fmus.physics.contact.teeth import teeth_contact
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, wheel_contact
 from fmus.physics.point import GUIDES, PINS, POINTS
 from fmus.physics.vector import dot
-from fmus.track_rigid.loads import CONTACT, COVERING, LOAD, SLIP, count, lever, push, resist
+from fmus.track_rigid.loads import CONTACT, COVERING, LOAD, SIDESLIP, SLIP, count, lever, push, resist
 
 # The contact loops below run over the whole chain and take arrays out of the tuples first: handing a tuple of thirty
 # arrays to a kernel a link costs more than the contact itself.
@@ -155,6 +155,7 @@ def _soil(link, law, ground, s, w, by_v, tangent):
                 count(tally, depth, energy, power)
                 tally[LOAD] += force
                 tally[SLIP] -= force * p[1, 0]
+                tally[SIDESLIP] -= force * p[1, 1]
                 for a in range(3):
                     F[a] += c.f[a]
                 push(A[i], p[2], 1.0, c, by_v, tangent, N, r[i], K[i])

@@ -90,7 +90,8 @@ def march(link, ends, env, contacts, rows, h, longest, s, w, x, k, counters):
     w.impulse[:] = 0.0
     stages = RK4.b.size
     x0 = k[stages]
-    speed = chain_speed_of(link, ends, s, w)
+    move(rows, 0.0, w.rows)
+    speed = chain_speed_of(link, ends, env, s, w)
     for step in range(steps):
         x0[:] = x
         for i in range(stages):
@@ -113,6 +114,6 @@ def march(link, ends, env, contacts, rows, h, longest, s, w, x, k, counters):
             return 0
         counters[0] += 1
         counters[1] += stages
-        before, speed = speed, chain_speed_of(link, ends, s, w)
+        before, speed = speed, chain_speed_of(link, ends, env, s, w)
         s.tally[TRAVEL] += 0.5 * dt * (before + speed)
     return -1

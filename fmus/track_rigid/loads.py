@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 
-# tally: sums over the run, then figures of the last evaluation; COVERING: power that moving covered parts lose
-TRAVEL, DISSIPATED, WORK, COVERED, POWER, LOAD_POWER, COVERING, CONTACT, DEPTH, SLIP, LOAD = range(11)
-TALLY = 11
+# tally: sums over the run, then figures of the last evaluation; COVERING: power that moving covered parts lose;
+# SLIP, SIDESLIP: N m/s along -x and -y
+TRAVEL, DISSIPATED, WORK, COVERED, POWER, LOAD_POWER, COVERING, CONTACT, DEPTH, SLIP, SIDESLIP, LOAD = range(12)
+TALLY = 12
 
 
 @kernel

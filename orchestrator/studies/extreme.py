@@ -44,10 +44,7 @@ def _laws(key: str, factor: float, scene: str = "settle") -> list[str]:
 def _heavy(factor: float) -> list[str]:
     v = loaded("settle").vehicle
     inertia = [factor * part for part in v.track.inertia]
-    return [
-        f"vehicle.track.mass={factor * v.track.mass}", f"vehicle.track.inertia={inertia}",
-        f"vehicle.material.density={factor * v.material.density}",
-    ]  # fmt: skip
+    return [f"vehicle.track.mass={factor * v.track.mass}", f"vehicle.track.inertia={inertia}"]
 
 
 def _fast(kmh: float) -> list[str]:

@@ -42,7 +42,7 @@ WORKERS = 1  # a timed pair has the machine to itself
 PAIRS = 5
 # Differences allowed. Pin forces are what Newton's last evaluation found, corrections of up to 1e-9 m before the end;
 # a link of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
-MOTION, FORCE = 1e-9, 1e-6
+MOTION, FORCE = 3e-8, 1e-6  # 30 times what one ulp of gravity grows to in the displaced hanging chain; 100 times
 LEAST = 1e-2  # of a scale: a unit of which a run has no more, in SI, is one that it hardly has
 RATES = {"m": "m/s", "rad": "rad/s"}  # a run that shows hardly any speed may move all the same: so its positions say
 SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; the others are forces, stresses and energies

@@ -118,8 +118,8 @@ def pairs(scene: VehicleScene) -> dict[str, Pair]:
 def link_frequency(scene: TrackScene) -> float:
     """Highest frequency of one free straight link, rad/s: no mode of its chain is higher."""
     v = scene.vehicle
-    E, A, I, rho = v.material.youngs_modulus, v.section.area, v.section.bending, v.material.density
-    one = cable.Cable(v.track.pitch, rho * A, E * A, E * I, 0.0, 0.0)
+    E, A, I, line = v.material.youngs_modulus, v.section.area, v.section.bending, v.track.mass / v.track.pitch
+    one = cable.Cable(v.track.pitch, line, E * A, E * I, 0.0, 0.0)
     e = np.array([[0.0, 0, 0], [1, 0, 0], [one.l, 0, 0], [1, 0, 0]])
     K, M, none = np.zeros((12, 12)), np.zeros((4, 4)), np.zeros((4, 3))
     cable.stiffness(one, e, none, 0.0, 0.0, K, np.zeros((4, 3)), np.zeros((4, 3)))

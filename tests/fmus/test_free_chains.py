@@ -117,12 +117,7 @@ def test_a_loop_spins_in_relative_equilibrium(kind):
     """Joint force m omega^2 Rc / (2 sin(pi/N)); a hundredth more of the spin shows."""
     links, spin = 64, 5.0
     model = made(kind, links, gravity=0.0, **{"start.spin": spin})
-    mass = (
-        TABLE["track"]["mass"]
-        if kind is Rigid
-        else TABLE["material"]["density"] * TABLE["section"]["area"] * P
-    )
-    expected = mass * spin**2 * P / (2 * np.tan(np.pi / links)) / (2 * np.sin(np.pi / links))
+    expected = TABLE["track"]["mass"] * spin**2 * P / (2 * np.tan(np.pi / links)) / (2 * np.sin(np.pi / links))
     size = np.linalg.norm(per_link(model)[1], axis=1)
     np.testing.assert_allclose(size, expected, rtol=4e-6)
     other = made(kind, links, gravity=0.0, **{"start.spin": 1.01 * spin})

@@ -364,7 +364,7 @@ def test_the_explicit_step_and_the_mass():
     assert model.stable == pytest.approx(4.347e-6, rel=1e-3)
     assert massive(model.link).beam.rho == model.link.beam.rho
     total = model.work.M[np.ix_([0, 4], [0, 4])].sum()
-    assert total == pytest.approx(TABLE["material"]["density"] * TABLE["section"]["area"] * PITCH, rel=1e-12)
+    assert total == pytest.approx(TABLE["track"]["mass"], rel=1e-12)
 
 
 def test_a_copied_state_goes_on_bit_for_bit():

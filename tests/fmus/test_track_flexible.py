@@ -88,7 +88,7 @@ def test_coordinates_of_a_track():
 def test_hanging_chain_is_a_catenary():
     """Against the discrete polygon of rigid links, and its end tension against the continuum."""
     model = hanging()
-    w = TABLE["material"]["density"] * TABLE["section"]["area"] * 9.81
+    w = TABLE["track"]["mass"] / PITCH * 9.81
     assert -model.q[:, 2].min() == pytest.approx(2.589308, abs=2e-5)
     force = np.linalg.norm(model.residual[0, 0])
     assert force == pytest.approx(w * np.hypot(3.298471, LINKS * PITCH / 2), rel=1e-3)

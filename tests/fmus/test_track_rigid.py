@@ -28,7 +28,7 @@ class Chain:
         self.link = Link(0.5 * pitch, TRACK["face"], 0.25 * TRACK["width"], mass, np.array(inertia, float))
         self.ends, self.method = ends, coefficients(radius)
         pull = np.zeros((2, 3))
-        self.env = Environment(gravity, LOOP, pull, 0.0)
+        self.env = Environment(gravity, LOOP, pull, 0.0, -1)
         flat = np.zeros(sum(int(np.prod(shape)) for shape in chain.shapes(n, ends.closed, 0)))
         self.s, self.work = chain.views(flat, n, ends.closed, 0), chain.work(n, ends.closed, 0)
         self.counters = np.zeros(4, np.int64)

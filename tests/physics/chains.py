@@ -49,7 +49,7 @@ class Rigid:
         thin = (0.25, mass * pitch**2 / 12.0, mass * pitch**2 / 12.0)
         self.link = rigid.Link(0.5 * pitch, 0.029, 0.1, mass, np.array(inertia or thin))
         self.ends, self.method = Ends(closed, held, False), coefficients(radius)
-        self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0)
+        self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0, -1)
         flat = np.zeros(sum(int(np.prod(shape)) for shape in rigid.shapes(n, closed, 0)))
         self.s, self.work = rigid.views(flat, n, closed, 0), rigid.work(n, closed, 0)
         self.counters = np.zeros(4, np.int64)
@@ -105,7 +105,7 @@ class Flexible:
     def __init__(self, pins, held=False, closed=False, gravity=9.81, cable=STEEL, radius=0.8):
         n, self.closed = (len(pins) if closed else len(pins) - 1), closed
         self.links = cables.Links(n, int(closed), cable, 0.029, 0.02, AREA, SECOND)
-        self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0)
+        self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0, -1)
         self.held, self.radius = held, radius
         self.x = np.zeros((4, len(pins), 8))
         self.q, self.v, self.a, self.vdot = self.x
