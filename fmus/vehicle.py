@@ -96,7 +96,6 @@ class Sprocket(Part):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
-    width: Distance
     teeth: Annotated[int, Field(ge=6, le=40)]
     outer_radius: Distance
     pin_radius: Distance

@@ -1,0 +1,207 @@
+"""Masses and stiffnesses move ground forces and deflections by the amount that statics predict, on every kind of links.
+
+The yardsticks are scalings: weight by mass, deflection by force over stiffness, motion by stiffness over density. Each
+is asked for a change of a tenth and would show one of a few per cent (``FAINT``) that did something else.
+"""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from vehicle_in_process import InProcess
+
+from orchestrator.pieces import piece
+from orchestrator.scene import from_table, load
+from orchestrator.settings import put
+
+G = 9.81
+MORE = 1.1
+FAINT = 0.03
+KINDS = ("cable", "planar", "beam", "rigid")
+# the standing half of a vehicle in long steps: statics do not depend on them
+STANDING = ("symmetric=true", "run.step=2 ms", "track.step=2 ms", "track.link_outputs=false", "placed=true")
+
+
+def of(kind):
+    """Settings that choose a kind of links."""
+    return {"planar": ("planar=true",), "beam": ("track.element=beam",)}.get(kind, ())
+
+
+def scene_of(name, kind, settings=(), **changes):
+    table = load(name, "rigid" if kind == "rigid" else "flexible", (*settings, *of(kind))).resolved()
+    for key, value in changes.items():
+        put(table, key, value)
+    return from_table(table, name)
+
+
+@cache
+def settled(kind):
+    """States of a half vehicle that stands."""
+    vehicle = InProcess(scene_of("settle", kind, STANDING)).run(1.6)
+    return {name: member.model.state.copy() for name, member in vehicle.members.items()}
+
+
+@cache
+def standing(kind, *changes):
+    """What the outputs of a settled vehicle come to after a change: means that fade in and out, so that ringing cancels."""
+    vehicle = InProcess(scene_of("settle", kind, STANDING, **dict(changes)))
+    for name, member in vehicle.members.items():
+        member.model.state[:] = settled(kind)[name]
+        member.model.outputs(member.y)
+    vehicle.run(0.4)
+    fading = np.hanning(401)
+    means: dict[str, float] = {}
+    for share in fading / fading.sum():
+        vehicle.step()
+        for member in vehicle.members.values():
+            for name, value in zip(member.outputs, member.y, strict=True):
+                key = f"{member.name}.{name}"
+                means[key] = means.get(key, 0.0) + share * value
+    return means
+
+
+def change(kind, signal, key, value):
+    return standing(kind, (key, value))[signal] - standing(kind)[signal]
+
+
+MASSES = {
+    "chassis.mass": 1, "sprocket.mass": 2, "idler.mass": 2, "road_wheel.mass": 10, "road_arm.mass": 10,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("part", MASSES)
+def test_a_mass_weighs_on_the_ground(part):
+    """Half of it on the left track."""
+    table = load("settle", "rigid").vehicle
+    mass = getattr(getattr(table, part.split(".")[0]), "mass")
+    more = 0.5 * MASSES[part] * (MORE - 1.0) * mass * G
+    found = change("cable", "left_track.ground.force.z", f"vehicle.{part}", MORE * mass)
+    assert found == pytest.approx(more, rel=FAINT)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_links_weigh_on_the_ground_the_same_whatever_they_are(kind):
+    table = load("settle", "rigid").vehicle.track
+    found = change(kind, "left_track.ground.force.z", "vehicle.track.mass", 2.0 * table.mass)
+    assert found == pytest.approx(table.links * table.mass * G, rel=FAINT)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_gravity_pulls_at_all_masses(kind):
+    weight = 155896.3998
+    found = standing(kind, ("vehicle.gravity", MORE * G))["left_track.ground.force.z"]
+    assert found == pytest.approx(0.5 * MORE * weight, rel=2e-3)
+
+
+def potential(means):
+    """Of a whole vehicle, J: what chassis and tracks store and how high they stand."""
+    body = sum(means[f"chassis.energy.{part}"] for part in ("gravity", "spring"))
+    return body + 2.0 * sum(means[f"left_track.energy.{part}"] for part in ("gravity", "strain", "contact"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_stiffer_contact_stores_less(kind):
+    """At rest d(potential)/d(ln k) is the energy that the springs k store, wherever they are."""
+    laws = load("settle", "rigid").vehicle.contact
+    stiffer = tuple((f"vehicle.contact.{p}.stiffness", MORE * getattr(laws, p).stiffness) for p in ("sprocket", "wheel", "ground"))
+    before, after = standing(kind), standing(kind, *stiffer)
+    stored = before["left_track.energy.contact"] + after["left_track.energy.contact"]  # twice the mean, of two sides
+    assert potential(after) - potential(before) == pytest.approx(math.log(MORE) * stored, rel=FAINT)
+
+
+def test_a_stiffer_suspension_gives_less():
+    """Its loads stay, so it is shortened by its force over its stiffness."""
+    table = load("settle", "rigid").vehicle
+    drawn = math.dist(table.suspension.on_arm, table.suspension.on_chassis)
+    stiffer = standing("cable", ("vehicle.suspension.stiffness", MORE * table.suspension.stiffness))
+    names = [f"chassis.left.suspension[{i}].length" for i in range(1, 6)]
+    given, less = (sum(drawn - means[name] for name in names) for means in (standing("cable"), stiffer))
+    assert less == pytest.approx(given / MORE, rel=FAINT)
+
+
+@pytest.mark.parametrize("key", ["suspension", "tensioner"])
+def test_a_preload_is_balanced_by_its_stiffness(key):
+    """A chassis without tracks and weight: a push of P moves its spring by P/k, with twice the k by half of that."""
+    force = 1e3
+
+    def place(chassis):
+        """Length of the first spring, or how far the idler stands behind the chassis, along the chassis."""
+        if key == "suspension":
+            return chassis["left.suspension[1].length"]
+        behind, below = (chassis[f"left.idler.position.{x}"] - chassis[f"chassis.position.{x}"] for x in "xz")
+        return -(math.cos(chassis["pitch"]) * behind - math.sin(chassis["pitch"]) * below)
+
+    def moved(stiffness):
+        settings = ("tracks=[]", "vehicle.gravity=0", "placed=true", "start.height=1")
+        changes = {"stiffness": stiffness, "preload": force, "damping": 3e4}
+        changes = {f"vehicle.{key}.{name}": value for name, value in changes.items()}
+        chassis = InProcess(scene_of("settle", "cable", settings, **changes))["chassis"]
+        start = place(chassis)
+        for k in range(600):
+            chassis.step(5e-3 * k, 5e-3)
+        return place(chassis) - start
+
+    assert moved(1e6) == pytest.approx(force / 1e6, rel=1e-3)
+    assert moved(2e6) == pytest.approx(force / 2e6, rel=1e-3)
+
+
+def spun(kind, **changes):
+    """Stretch of the chords of a spinning loop, and how far a link's ends turn against its chord, rad."""
+    model = InProcess(scene_of("spinning_loop", kind, ("chain.links=16",), **changes))["chain"].model
+    places = model.pins()
+    chord = np.roll(places, -1, axis=0) - places
+    length = np.linalg.norm(chord, axis=1)
+    along = (chord / length[:, None])[:, [0, 2]]
+    slope = model.q[:, model.kit.PLANE[1 if kind == "beam" else 2]] if kind != "beam" else model.q[:, [12, 14]]
+    turned = (along[:, 0] * slope[:, 1] - along[:, 1] * slope[:, 0]) / np.linalg.norm(slope, axis=1)
+    return float(length.mean() / 0.1524 - 1.0), float(abs(turned).mean())
+
+
+@pytest.mark.parametrize("kind", ("cable", "planar", "beam"))
+def test_links_stretch_and_bend_by_their_stiffness(kind):
+    """T/EA, and w l^3/24EI of a link on two pins under its own m omega^2 Rc."""
+    table = load("spinning_loop", "flexible").vehicle
+    mass, E, section, p, links, omega = table.track.mass, table.material.youngs_modulus, table.section, 0.1524, 16, 5.0
+    middle = p / (2.0 * math.tan(math.pi / links))
+    tension = mass * omega**2 * middle / (2.0 * math.tan(math.pi / links))
+    turn = mass * omega**2 * middle * p**2 / (24.0 * E * section.bending)
+    stretched, turned = spun(kind)
+    assert stretched == pytest.approx(tension / (E * section.area), rel=0.02)
+    if kind != "beam":  # one beam a link is too stiff in bending: shear ties it (fmus/physics/ancf/README.md)
+        assert turned == pytest.approx(turn, rel=FAINT)
+    for key, value, stretch, bend in (
+        ("vehicle.section.area", section.area, MORE, 1.0 if kind != "beam" else None),
+        ("vehicle.section.bending", section.bending, 1.0, MORE),
+        ("vehicle.material.youngs_modulus", E, MORE, MORE if kind != "beam" else None),
+        ("vehicle.track.mass", mass, 1.0 / MORE, 1.0 / MORE),
+    ):
+        less_stretched, less_turned = spun(kind, **{key: MORE * value})
+        assert less_stretched == pytest.approx(stretched / stretch, rel=0.01), key
+        if bend is not None:
+            assert less_turned == pytest.approx(turned / bend, rel=FAINT), key
+
+
+PIECES = {
+    "flexible_pendulum": (("youngs_modulus", "density"), ("youngs_modulus",)),
+    "sliding_mass": (("mass", "line_density", "axial_stiffness", "bending_stiffness"), ("line_density",)),
+}
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_motion_hangs_on_stiffness_over_density(name):
+    """All of them a tenth larger: the same motion; one of them alone: another."""
+    scene = load(name)
+
+    def tip(keys):
+        table = scene.resolved()
+        for key in keys:
+            table[scene.assembly][key] *= MORE
+        made = piece(from_table(table, name))
+        for k in range(20):
+            made.advance(k * scene.run.step, scene.run.step)
+        return made.points()
+
+    together, alone = PIECES[name]
+    np.testing.assert_allclose(tip(together), tip(()), rtol=0.0, atol=1e-9)
+    assert abs(tip(alone) - tip(())).max() > 1e-6

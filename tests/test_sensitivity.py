@@ -1,0 +1,322 @@
+"""Every number that a scene resolves to does something: it changes a motion, a force or an energy that is computed.
+
+`KEYS` says for each key in which case it acts, on which kinds of links, and by how much it is changed there. A case is
+a short run of the models in this process; the same through FMUs has the marker `study`. What the key itself is shown as
+(a drive's speed, a start position) is not looked at. Rounding is what the next larger gravity, or the like, makes of
+the same run; a key must do a thousand times as much.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+import re
+from collections.abc import Iterator
+from contextlib import ExitStack
+from functools import cache
+from typing import Any, NamedTuple
+
+import pytest
+from vehicle_in_process import InProcess, Overrides
+
+from orchestrator import gallery, master
+from orchestrator.coupling.tracks_first import TracksFirst
+from orchestrator.graph import wire
+from orchestrator.scene import TrackScene, from_table, load, tracked
+from orchestrator.settings import put
+from orchestrator.simulate import load as components_of
+from orchestrator.simulate import opened, paced
+from orchestrator.system import assemble, placed, system
+
+ROUNDING = 1e3  # so many times the effect of an ulp, and of the rounding of an output itself
+FACTOR = 1.02
+
+
+class Case(NamedTuple):
+    """A short run of a scene, in which its keys are changed."""
+
+    scene: str
+    settings: tuple[str, ...]
+    duration: float  # s
+    ulp: str  # a key whose last digit shows what rounding grows to
+    overrides: Overrides = {}
+
+
+BRISK = ("track.start=polygon", "drive.ramp_start=0", "drive.ramp_time=0.02", "track.link_outputs=false")
+# it falls on its suspension, nose down, and drives off to the right
+VEHICLE = (*BRISK, "start.pitch=0.01", "start.height=-0.01", "drive.speed=20")
+SLOWER = {"left_drive": {"speed.end": 8.0}}
+BIG_TEETH = ("vehicle.sprocket.outer_radius=0.285",)
+CASES = {
+    "vehicle": Case("straight", (*VEHICLE, "placed=true"), 0.02, "vehicle.gravity", SLOWER),
+    "guided": Case("straight", (*VEHICLE, "placed=true", "vehicle.guide.clearance=1e-5"), 0.02, "vehicle.gravity", SLOWER),
+    "eleven teeth": Case("straight", (*VEHICLE, *BIG_TEETH, "placed=true"), 0.02, "vehicle.gravity", SLOWER),
+    "tensioned": Case("straight", ("track.link_outputs=false",), 0.002, "vehicle.track.tension"),
+    "stopped": Case("straight", (*VEHICLE, "placed=true", "drive.stop=0.02", "drive.stop_time=5e-3"), 0.03, "vehicle.gravity"),
+    "motor": Case("straight", (*VEHICLE, "placed=true", "drive.mode=torque", "drive.torque=5e3", "drive.brake=1e3"), 0.02,
+                  "vehicle.gravity"),
+    "on one track": Case("straight", ("tracks=['left']", *VEHICLE, "placed=true", "start.height=-0.05", "start.pitch=-0.06"), 0.02, "vehicle.gravity"),
+    "buried": Case("straight", ("tracks=[]", "ground.hull=true", "start.height=-2.5", "start.pitch=0.1", "placed=true"), 0.002, "vehicle.gravity"),
+    "over a bump": Case("straight", (*VEHICLE, "placed=true", "ground.bump.start=-1.6", "ground.bump.rise=0.05",
+                        "ground.bump.slope=0.5", "ground.bump.length=0.12", "ground.bump.radius=0.05"), 0.02, "vehicle.gravity"),
+    "follows an error": Case("sprocket_bench", ("drive.speed=2", "drive.ramp_time=0.05", "run.stop=0.03",
+                             "run.variable.estimate=power", "run.variable.tolerance=1e-2", "run.variable.energy=30",
+                             "run.variable.shortest=9e-4", "run.variable.longest=2e-3"), 0.03, "bench.upper"),
+    "hanging": Case("hanging_chain", ("chain.links=8", "track.start=displaced"), 0.02, "vehicle.gravity"),
+    "released": Case("released_chain", ("chain.links=8",), 0.02, "vehicle.gravity"),
+    "spinning": Case("spinning_loop", ("chain.links=16",), 0.02, "chain.spin"),
+    "bench": Case("sprocket_bench", ("drive.speed=2", "drive.ramp_time=0.01"), 0.02, "bench.upper"),
+    "rig": Case("rig", (*BRISK, "drive.speed=2", "placed=true"), 0.02, "drive.speed"),
+    "tensioned rig": Case("rig", ("track.link_outputs=false",), 0.002, "rig.tension"),
+    "two speeds": Case("rig", (*BRISK, "idler_drive.mode=speed", "idler_drive.speed=2", "idler_drive.ramp_start=0.002",
+                       "idler_drive.ramp_time=0.01", "idler_drive.stop=0.015", "idler_drive.stop_time=0.01"), 0.02,
+                       "drive.speed"),
+    "two motors": Case("rig", (*BRISK, "idler_drive.torque=100"), 0.02, "drive.speed"),
+    "pendulum": Case("flexible_pendulum", (), 0.02, "pendulum.gravity"),
+    "cantilever": Case("elastica", ("cantilever.elements=4", "cantilever.slenderness=20"), 0.1, "cantilever.load_rate"),
+    "frame": Case("l_frame", ("frame.elements=3",), 0.2, "frame.load_time"),
+    "slider": Case("sliding_mass", (), 0.05, "slider.gravity"),
+}  # fmt: skip
+
+FLEXIBLE, ALL = ("cable", "beam"), ("cable", "beam", "rigid")
+
+
+class Acts(NamedTuple):
+    """Where a key acts."""
+
+    case: str
+    kinds: tuple[str, ...] = ("cable",)  # of links; what acts on other components is asked with the cheapest
+    value: Any = None  # instead of FACTOR times the value
+    seen: str = ""  # a pattern of outputs where motions and forces are not what it changes
+
+
+# The first that matches; keys of the vehicle's parts act through the chassis or a drive, whatever the links.
+KEYS: dict[str, Acts] = {
+    "vehicle.chassis.hull.*": Acts("buried"),
+    "vehicle.track.tension": Acts("tensioned", ALL),
+    "vehicle.track.inertia.*": Acts("vehicle", ("rigid",)),  # a cable has that of its line, a beam of its section
+    "vehicle.track.links": Acts("vehicle", ALL, 65),
+    "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
+    "vehicle.track.width": Acts("vehicle", ("beam", "rigid")),  # a cable touches on its line
+    "vehicle.*.width": Acts("on one track"),
+    "vehicle.track.*": Acts("vehicle", ALL),
+    "vehicle.section.lateral_bending": Acts("vehicle", ("beam",)),  # a cable bends alike about both axes
+    "vehicle.section.torsion": Acts("vehicle", ("beam",)),  # a cable has none
+    "vehicle.section.outer_fibre": Acts("vehicle", FLEXIBLE, seen="stress.max"),
+    "vehicle.section.*": Acts("vehicle", FLEXIBLE),
+    "vehicle.material.shear_modulus": Acts("vehicle", ("beam",)),
+    "vehicle.material.*": Acts("vehicle", FLEXIBLE),
+    "vehicle.contact.*": Acts("vehicle", ALL),
+    "vehicle.guide.clearance": Acts("guided", ("beam", "rigid"), 2e-5),  # cables stay in their plane
+    "vehicle.sprocket.teeth": Acts("eleven teeth", ALL),
+    "vehicle.sprocket.*radius": Acts("vehicle", ALL),
+    "vehicle.sprocket.seat_clearance": Acts("vehicle", ALL),
+    "vehicle.sprocket.flank_angle": Acts("vehicle", ALL),
+    "vehicle.suspension.preload": Acts("vehicle", value=1e3),
+    "vehicle.tensioner.preload": Acts("vehicle", value=1e3),
+    "vehicle.gravity": Acts("vehicle", ALL),
+    "vehicle.*": Acts("vehicle"),
+    "start.position.?": Acts("vehicle", value=1.0, seen="*.position.*"),
+    "start.heading": Acts("vehicle", value=0.5),
+    "start.roll": Acts("buried", value=math.pi),
+    "start.*": Acts("vehicle", value=0.02),
+    "drive.stop*": Acts("stopped"),
+    "drive.brake": Acts("motor"),
+    "drive.torque": Acts("motor"),
+    "drive.*": Acts("vehicle", value=0.03),
+    "ground.bump.*": Acts("over a bump", ALL),
+    "track.step": Acts("released", value=5e-5),
+    "run.variable.shortest": Acts("follows an error", value=1.9e-3),
+    "run.variable.*": Acts("follows an error"),
+    "run.step": Acts("vehicle", value=0.5e-3),
+    "chain.spin": Acts("spinning"),
+    "chain.span": Acts("hanging", value=0.79),
+    "chain.links": Acts("hanging", value=9),
+    "bench.links": Acts("bench"),
+    "bench.*": Acts("bench"),
+    "rig.tension": Acts("tensioned rig"),
+    "rig.links": Acts("rig"),
+    "rig.*": Acts("rig"),
+    "idler_drive.brake": Acts("rig"),
+    "idler_drive.torque": Acts("two motors"),
+    "idler_drive.*": Acts("two speeds"),
+    "pendulum.step": Acts("pendulum", value=2e-4),
+    "pendulum.*": Acts("pendulum"),
+    "cantilever.*": Acts("cantilever"),
+    "frame.*": Acts("frame"),
+    "slider.step": Acts("slider", value=1e-3),
+    "slider.*": Acts("slider"),
+}
+# How long and what is recorded; what is expected. They change nothing that is computed, and must not.
+APART = ("run.stop", "run.outputs", "run.links", "expect.*")
+
+
+def flat(value: Any, key: str = "") -> Iterator[tuple[str, float | int]]:
+    """Dotted keys of all numbers in a resolved scene."""
+    if isinstance(value, dict | list):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for name, inner in items:
+            yield from flat(inner, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield key, value
+
+
+def acts(key: str) -> Acts | None:
+    """Where a key acts."""
+    return next((where for pattern, where in KEYS.items() if fnmatch.fnmatchcase(key, pattern)), None)
+
+
+def scene_of(case: Case, kind: str, **changes: float | int) -> Any:
+    """The case's scene with links of a kind and the numbers ``changes`` of its resolved form."""
+    piece = not tracked(case.scene)
+    settings = [*case.settings, *(["track.element=beam"] if kind == "beam" else [])]
+    table = load(case.scene, None if piece else "rigid" if kind == "rigid" else "flexible", settings).resolved()
+    for key, value in changes.items():
+        put(table, key, value)
+    return from_table(table, "the case")
+
+
+def seen(name: str, pattern: str) -> bool:
+    """Whether an output is a motion or a force, and not what was put in."""
+    if pattern:
+        return fnmatch.fnmatchcase(name, f"*{pattern}")
+    return bool(re.search(r"position|velocity|displacement|pitch$|roll$|yaw$|force|torque|tension|place", name))
+
+
+def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) -> dict[str, float]:
+    """Outputs at the end of a case by name: those of the models in this process, of FMUs, or of a piece."""
+    scene = scene_of(case, kind, **changes)
+    if not isinstance(scene, TrackScene) or fmus or scene.run.variable is not None:
+        return stepped(case, scene)
+    members = InProcess(scene, case.overrides).run(case.duration).members.values()
+    return {
+        f"{one.name}.{name}": value
+        for one in members
+        for name, value in (*zip(one.outputs, one.y, strict=True), *zip(one.links, one.link_outputs(), strict=True))
+        if not (one.kind == "SprocketDrive" and name.startswith("sprocket."))
+    }
+
+
+def stepped(case: Case, scene: Any) -> dict[str, float]:
+    """The same through the master: FMUs, or a piece that is stepped without one."""
+    with ExitStack() as stack:
+        if isinstance(scene, TrackScene):
+            assembly = assemble(placed(scene))
+            parts = [
+                part._replace(parameters={**part.parameters, **case.overrides.get(part.name, {})})
+                for part in assembly.parts
+            ]
+            graph = system(assembly._replace(parts=tuple(parts)))
+            components: Any = components_of(graph, scene.run.stop, stack)
+        else:
+            scene, graph, components = opened(scene, stack, None)
+        run = scene.run.model_copy(update={"stop": case.duration})
+        outcome = master.run(TracksFirst(wire(graph, components)), paced(run), [])
+        assert outcome.status == "ok", outcome.message
+        result = {}
+        for one in components.values():
+            one.read_links()
+            drives = any(name.startswith("mount.") for name in one.outputs)
+            values = (*zip(one.outputs, one.y, strict=True), *zip(one.links, one.y_links, strict=True))
+            result |= {
+                f"{one.name}.{name}": value
+                for name, value in values
+                if not (drives and name.startswith("sprocket."))
+            }
+    return {name: float(value) for name, value in result.items()}
+
+
+def family(name: str) -> str:
+    """Outputs of one family share their rounding: components, sides, wheels, links and axes of one quantity."""
+    return re.sub(r"\[\d+\]|\.[xyzw]$|^(left|right)_|\.(left|right)\.", "", name)
+
+
+@cache
+def base(name: str, kind: str, fmus: bool) -> tuple[dict[str, float], dict[str, float]]:
+    """Outputs of a case, and by family what rounding makes of them."""
+    case = CASES[name]
+    first = computed(case, kind, fmus)
+    table = dict(flat(scene_of(case, kind).resolved()))
+    other = computed(case, kind, fmus, **{case.ulp: math.nextafter(table[case.ulp], math.inf)})
+    rounding: dict[str, float] = {}
+    for output, value in first.items():
+        apart = max(abs(other[output] - value), 4.0 * math.ulp(value))
+        rounding[family(output)] = max(rounding.get(family(output), 0.0), apart)
+    return first, rounding
+
+
+def changed(key: str, value: float | int, given: Any) -> float | int:
+    """Another value of a key: by a factor, one more of what is counted, or something for nothing."""
+    if given is not None:
+        return given if value != given else FACTOR * given
+    return value + 1 if isinstance(value, int) else FACTOR * value if value else 0.02
+
+
+def effect(key: str, kind: str, fmus: bool = False) -> float:
+    """What a change of the key does to a motion, force or energy, over what rounding does; the largest."""
+    where = acts(key)
+    assert where is not None, key
+    case = CASES[where.case]
+    first, rounding = base(where.case, kind, fmus)
+    value = dict(flat(scene_of(case, kind).resolved()))[key]
+    other = computed(case, kind, fmus, **{key: changed(key, value, where.value)})
+    return max(
+        abs(other[output] - first[output]) / rounding[family(output)]
+        for output in first.keys() & other.keys()
+        if seen(output, where.seen)
+    )
+
+
+def asked() -> dict[str, tuple[str, ...]]:
+    """All keys of all resolved scenes of the gallery and of all cases, and the kinds of links they act on."""
+    found: set[str] = set()
+    for name in gallery.names():
+        for model in ("flexible", "rigid") if tracked(name) else (None,):
+            found |= {key for key, _ in flat(load(name, model).resolved())}
+    for case in CASES.values():
+        found |= {key for key, _ in flat(scene_of(case, "cable").resolved())}
+    keys = sorted(key for key in found if not any(fnmatch.fnmatchcase(key, one) for one in APART))
+    return {key: where.kinds if (where := acts(key)) else () for key in keys}
+
+
+ASKED = asked()
+
+
+def test_every_key_of_every_scene_is_asked():
+    assert [key for key, kinds in ASKED.items() if not kinds] == []
+    patterns = {next(p for p in KEYS if fnmatch.fnmatchcase(key, p)) for key in ASKED}
+    assert set(KEYS) - patterns == set()  # none that asks for nothing
+    assert {acts(key).case for key in ASKED} == set(CASES)
+
+
+@pytest.mark.parametrize(("key", "kind"), [(key, kind) for key, kinds in ASKED.items() for kind in kinds])
+def test_a_key_changes_what_is_computed(key, kind):
+    assert effect(key, kind) > ROUNDING
+
+
+def test_a_mass_that_does_nothing_is_found(monkeypatch):
+    """A chassis that keeps its mass whatever the table says, and links that keep theirs."""
+    from fmus.chassis import model as chassis
+    from fmus.track_flexible import model as flexible
+
+    tree, cables = chassis.tree, flexible.Model._cables
+
+    def kept(vehicle, *rest):
+        return tree({**vehicle, "chassis": {**vehicle["chassis"], "mass": 5489.24}}, *rest)
+
+    def light(self, *rest):
+        self.vehicle = {**self.vehicle, "track": {**self.vehicle["track"], "mass": 18.02}}
+        return cables(self, *rest)
+
+    for key, plant in (("vehicle.chassis.mass", (chassis, "tree", kept)),
+                       ("vehicle.track.mass", (flexible.Model, "_cables", light))):  # fmt: skip
+        assert effect(key, "cable") > ROUNDING
+        with monkeypatch.context() as planted:
+            planted.setattr(*plant)
+            assert effect(key, "cable") < 1.0
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("key", "kind"), [(key, kind) for key, kinds in ASKED.items() for kind in kinds])
+def test_a_key_changes_what_an_fmu_computes(key, kind):
+    assert effect(key, kind, fmus=True) > ROUNDING

@@ -1,0 +1,139 @@
+"""A scene's models coupled in this process, tracks first: what `cotrack run` does, without FMUs, master and log.
+
+For tests that need what a log does not hold (states), a system that no scene file describes (other drives left and
+right, another parameter of one part), or many short runs. The numbers are those of `cotrack run`, to the bit
+(``test_vehicle_in_process.py``)::
+
+    scene = load("straight", "rigid", ["start.heading=37 deg"])
+    vehicle = InProcess(scene, {"left_drive": {"speed.end": 8.0}, "*_track": {"contact.ground.friction": 0.5}})
+    vehicle.run(0.2)
+    vehicle["chassis"]["yaw"], vehicle["left_track"].model.state
+
+What belongs to the vehicle's table is a setting of the scene (``vehicle.road_wheel.mass=600 kg``), what a component
+lets its user set is a parameter of a part; ``show`` of either says which there are.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.scene import TrackScene
+from orchestrator.system import Part, assemble, placed
+
+Floats = NDArray[np.float64]
+Overrides = Mapping[str, Mapping[str, float | int | str]]
+
+MODELS = {
+    "TrackFlexible": "fmus.track_flexible.model",
+    "TrackRigid": "fmus.track_rigid.model",
+    "Chassis": "fmus.chassis.model",
+    "SprocketDrive": "fmus.sprocket_drive.model",
+}
+
+
+class Member:
+    """A part that runs: its model, its inputs ``u`` of the last step, its outputs ``y``, all by name."""
+
+    def __init__(self, part: Part, overrides: Overrides) -> None:
+        self.name, self.kind, self.stage = part.name, part.kind, part.stage
+        self.config = json.loads(json.dumps(part.config))  # as a component reads it
+        self.model: Any = import_module(MODELS[part.kind]).Model(self.config)
+        real = [port for port in self.model.ports if isinstance(port.start, float)]
+        self.inputs = [port.name for port in real if port.causality == "input"]
+        outputs = [port.name for port in real if port.causality == "output"]
+        own = len(outputs) - self.model.link_ports
+        self.outputs, self.links = outputs[:own], outputs[own:]
+        self.counters = [
+            port.name for port in self.model.ports if port.causality == "output" and isinstance(port.start, int)
+        ]
+        self.parameters = {port.name: port.start for port in self.model.ports if port.causality == "parameter"}
+        given = dict(part.parameters)
+        for pattern, values in overrides.items():
+            if fnmatchcase(part.name, pattern):
+                given.update(values)
+        for name in given:
+            if name not in self.parameters:
+                raise KeyError(f"{part.name} has no parameter '{name}'")
+        self.parameters |= given
+        self.u = np.array([port.start for port in real if port.causality == "input"])
+        self.y = np.zeros(own)
+        self._place = {name: k for k, name in enumerate(self.outputs)}
+        self.model.initialise(self.parameters)
+        self.model.outputs(self.y)
+
+    def step(self, t: float, h: float) -> None:
+        """From t to t + h with the inputs as they are; raises StepFailed."""
+        self.model.step(t, h, self.u)
+        self.model.outputs(self.y)
+
+    def link_outputs(self) -> Floats:
+        """Values of ``links``, computed now."""
+        y = np.zeros(len(self.links))
+        if self.links:
+            self.model.link_outputs(y)
+        return y
+
+    def __getitem__(self, name: str) -> float:
+        """An output: of the links and the counters too."""
+        if name in self._place:
+            return float(self.y[self._place[name]])
+        if name in self.counters:
+            return int(self.model.counters[self.counters.index(name)])
+        return float(self.link_outputs()[self.links.index(name)])
+
+
+class InProcess:
+    """The parts of a scene, initialised, and how they are coupled."""
+
+    def __init__(self, scene: TrackScene, overrides: Overrides | None = None) -> None:
+        """``overrides``: parameters of parts by name or pattern; raises KeyError where there is no such part."""
+        self.scene = placed(scene)
+        assembly, overrides = assemble(self.scene), overrides or {}
+        for pattern in overrides:
+            if not any(fnmatchcase(part.name, pattern) for part in assembly.parts):
+                raise KeyError(f"no part is called '{pattern}'")
+        self.members = {part.name: Member(part, overrides) for part in assembly.parts}
+        self.stages = [
+            [member for member in self.members.values() if member.stage == stage]
+            for stage in sorted({member.stage for member in self.members.values()})
+        ]
+        self._feeds: dict[str, list[tuple[Member, list[int], list[int]]]] = {name: [] for name in self.members}
+        for connection in assembly.connections:
+            source, target = self.members[connection.source], self.members[connection.target]
+            self._feeds[target.name].append(
+                (
+                    source,
+                    [source.outputs.index(name) for name in connection.outputs],
+                    [target.inputs.index(name) for name in connection.inputs],
+                )
+            )
+        self.t = 0.0
+
+    def __getitem__(self, name: str) -> Member:
+        return self.members[name]
+
+    def step(self, h: float | None = None) -> None:
+        """One communication step: motions as of its beginning, wrenches as of those who have stepped."""
+        h = h or self.scene.run.step
+        for stage in self.stages:
+            for member in stage:
+                for source, given, taken in self._feeds[member.name]:
+                    member.u[taken] = source.y[given]
+            for member in stage:
+                member.step(self.t, h)
+        self.t += h
+
+    def run(self, duration: float) -> InProcess:
+        """So many steps of the scene as fit in ``duration`` s."""
+        h, first = self.scene.run.step, self.t
+        for k in range(round(duration / h)):
+            self.t = first + k * h
+            self.step(h)
+        return self
