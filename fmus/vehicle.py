@@ -160,6 +160,7 @@ class Section(Part):  # noqa: D101
     area: Annotated[float, In("m^2", gt=0)]
     bending: Annotated[float, In("m^4", gt=0)]
     lateral_bending: Annotated[float, In("m^4", gt=0)]
+    torsion: Annotated[float, In("m^4", gt=0)]  # Saint-Venant's constant
     outer_fibre: Distance
 
 
@@ -194,6 +195,13 @@ def _fits(vehicle: Vehicle) -> Vehicle:
         raise ValueError(
             f"sprocket.outer_radius = {vehicle.sprocket.outer_radius} m"
             f" must exceed the pitch radius {pitch_radius:.4f} m"
+        )
+    section = vehicle.section
+    polar = section.bending + section.lateral_bending
+    if section.torsion > polar:
+        raise ValueError(
+            f"section.torsion = {section.torsion} m^4 must not exceed the polar moment"
+            f" bending + lateral_bending = {polar:.4g} m^4"
         )
     return vehicle
 

@@ -102,6 +102,11 @@ def test_vehicle_over_a_base(tmp_path):
             "track.elasticity = 'large': input should be 'small_deformation', 'general' or",
         ),
         ("vehicle.sprocket.outer_radius=0.2", "must exceed the pitch radius"),
+        ("vehicle.section.torsion=0 m^4", "vehicle.section.torsion = '0 m^4': input should be greater than 0"),
+        (
+            "vehicle.section.torsion=2e-4",
+            "section.torsion = 0.0002 m^4 must not exceed the polar moment bending + lateral_bending = 0.000182 m^4",
+        ),
         ("expect.sag.measure=sagg", "no measure 'sagg'"),
         ("chain.links.first=1", "'links' is a value, not a table"),
         ("vehicle.road_wheel.x.9=0", "must be an index below 5"),
