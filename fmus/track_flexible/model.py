@@ -158,8 +158,8 @@ class Model(TrackModel):
             )
         width, height = (np.sqrt(12.0 * s[key] / s["area"]) for key in ("lateral_bending", "bending"))
         scale = s["area"] / (width * height)
-        rho = track["mass"] / (self.pitch * width * height)
-        beam = Beam(self.pitch, width, height, rho, scale * young, poisson, SHEAR, True, tau)
+        rho, twist = track["mass"] / (self.pitch * width * height), s["torsion"] / (s["bending"] + s["lateral_bending"])
+        beam = Beam(self.pitch, width, height, rho, scale * young, poisson, SHEAR, twist, True, tau)
         return Beams(
             self.links_count,
             int(self.closed),

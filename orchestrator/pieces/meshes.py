@@ -19,6 +19,7 @@ from fmus.physics.ancf import (
     loads,
     sliding,
     statics,
+    torsion,
 )
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
@@ -38,7 +39,7 @@ def section(kind: Any, n: int, slender: float, nu: float = 0.0, split: bool = Fa
     """L = 1, EI = 1, mass 1 per length; a square section of height 1/slender."""
     h = 1.0 / slender
     if kind is beam:
-        return beam.Beam(1.0 / n, h, h, 1.0 / h**2, 12.0 / h**4, nu, 1.0, split, 0.0)
+        return beam.Beam(1.0 / n, h, h, 1.0 / h**2, 12.0 / h**4, nu, 1.0, torsion.factor(h, h), split, 0.0)
     return Cable(1.0 / n, 1.0, 12.0 / h**2, 1.0, 0.0, 0.0)
 
 
@@ -124,7 +125,7 @@ def points(mesh: Mesh, q: Floats) -> Floats:
 PITCH, AREA, SECOND, MODULUS = 0.1524, 0.01516, 2.03e-6, 2e11
 STEEL = Cable(PITCH, 7800 * AREA, MODULUS * AREA, MODULUS * SECOND, 0.0, 0.0)
 TRACK = STEEL._replace(rhoA=18.0 / PITCH)
-SHOE = beam.Beam(PITCH, 0.378, 0.0401, 7800.0, MODULUS, 0.3, 5 / 6, True, 0.0)
+SHOE = beam.Beam(PITCH, 0.378, 0.0401, 7800.0, MODULUS, 0.3, 5 / 6, torsion.factor(0.378, 0.0401), True, 0.0)
 
 
 def rotation(axis: ArrayLike, angle: float) -> Floats:
@@ -210,7 +211,8 @@ def frame(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Mes
     one: Any
     two: Any
     if kind is beam:
-        one, two = (beam.Beam(L / n, h, h, 1000.0, E, 0.0, shear, False, 0.0) for L in (L1, L2))
+        twist = torsion.factor(h, h)
+        one, two = (beam.Beam(L / n, h, h, 1000.0, E, 0.0, shear, twist, False, 0.0) for L in (L1, L2))
     else:
         kGA = np.inf
         one, two = (Cable(L / n, 1.0, E * A, E * inertia, 0.0, 0.0) for L in (L1, L2))

@@ -10,7 +10,7 @@ from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging, 
 from fmus.build import build
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import beam as library
-from fmus.physics.ancf import joints, loads, mesh, statics
+from fmus.physics.ancf import joints, loads, mesh, statics, torsion
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.contact.ground import bumpy
 from fmus.track import DISSIPATED, GRAVITY, KINETIC, STRAIN
@@ -110,7 +110,7 @@ def test_force_is_the_gradient_of_the_reported_energy():
 
 
 def test_the_matrix_is_the_derivative_of_force_and_damping():
-    c = library.Beam(PITCH, 0.378, 0.04, 7800.0, 2e7, 0.3, 5 / 6, True, 1e-3)
+    c = library.Beam(PITCH, 0.378, 0.04, 7800.0, 2e7, 0.3, 5 / 6, 0.04, True, 1e-3)
     rng, by_rate, step = np.random.default_rng(2), 300.0, 1e-5
     e = np.vstack([np.zeros(3), np.eye(3), [c.l, 0, 0], np.eye(3)]) + 0.02 * rng.standard_normal((8, 3))
     v, K = rng.standard_normal((8, 3)), np.zeros((24, 24))
@@ -164,6 +164,28 @@ def test_sideways_a_chain_of_pins_is_one_beam():
     assert force == pytest.approx(expected, rel=1e-2)
     assert force != pytest.approx(1.03 * expected, rel=1e-2)
     assert force != pytest.approx(expected * (1 + phi), rel=1e-2)
+
+
+def test_a_chain_twists_as_its_section_says():
+    """One end's pin turned about the chain: torque = G J angle / length, J = section.torsion whatever the bending."""
+    n, angle, section = 4, 1e-3, TABLE["section"]
+    assert section["torsion"] == pytest.approx(torsion.constant(0.378, 0.0401), rel=1e-3)
+
+    def torque(**changes):
+        ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * n * PITCH, 0.0]}
+        track = {"links": n, "closed": False, "ends": ends, "gravity": 0.0}
+        model = make(track, TABLE | {"section": section | changes}, element="beam", start="polygon")
+        model.settle_pins(np.column_stack([PITCH * np.arange(n + 1), np.zeros(n + 1)]))
+        model.q[-1, 4:6] = np.cos(angle), np.sin(angle)
+        newton(model, 12, mass=1.0)
+        assert abs(model.work.b).max() < 1e-3
+        return np.cross(model.q[-1, 3:6], model.work.R[-1, 6])[0]
+
+    expected = TABLE["material"]["shear_modulus"] * section["torsion"] * angle / (n * PITCH)
+    assert torque() == pytest.approx(expected, rel=2e-3)
+    assert torque(torsion=1.03 * section["torsion"]) == pytest.approx(1.03 * expected, rel=2e-3)
+    assert torque(bending=1.03 * section["bending"]) == pytest.approx(expected, rel=2e-3)
+    assert torque(lateral_bending=0.97 * section["lateral_bending"]) == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.05])

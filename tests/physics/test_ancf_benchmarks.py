@@ -20,6 +20,7 @@ from fmus.physics.ancf import (
     joints,
     loads,
     statics,
+    torsion,
 )
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.cholesky import CholeskyMesh
@@ -37,7 +38,8 @@ def section(kind, n, slender, nu=0.0, split=False, stiffer=1.0):
     """L = 1, EI = 1, mass 1 per length; a square section of height 1/slender."""
     h = 1.0 / slender
     if kind is beam:
-        return beam.Beam(1.0 / n, h, h, 1.0 / h**2, stiffer * 12.0 / h**4, nu, 1.0, split, 0.0)
+        twist = torsion.factor(h, h)
+        return beam.Beam(1.0 / n, h, h, 1.0 / h**2, stiffer * 12.0 / h**4, nu, 1.0, twist, split, 0.0)
     return Cable(1.0 / n, 1.0, 12.0 / h**2, stiffer, 0.0, 0.0)
 
 

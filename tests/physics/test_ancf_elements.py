@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fmus.physics.ancf import beam, cable_engineering, cable_general, cable_small
+from fmus.physics.ancf import beam, cable_engineering, cable_general, cable_small, torsion
 from fmus.physics.ancf.cable import Cable
 
 CABLE = Cable(0.5, 2.0, 3e4, 40.0, 20.0, 0.01)
 STEEL = Cable(0.1524, 7800 * 0.01516, 2e11 * 0.01516, 2e11 * 2.03e-6, 2e5 * 0.01516, 2e5 * 2.03e-6)
-BEAM = beam.Beam(0.5, 0.10, 0.08, 1000.0, 1e6, 0.3, 0.85, True, 1e-3)
+BEAM = beam.Beam(0.5, 0.10, 0.08, 1000.0, 1e6, 0.3, 0.85, torsion.factor(0.10, 0.08), True, 1e-3)
 ELEMENTS = {
     "small": (cable_small, CABLE),
     "general": (cable_general, cable_general.Section(*CABLE)),
@@ -21,6 +21,7 @@ ELEMENTS = {
     "steel general": (cable_general, cable_general.Section(*STEEL)),
     "beam split": (beam, BEAM),
     "beam plain": (beam, BEAM._replace(split=False)),
+    "beam thin": (beam, BEAM._replace(torsion=0.04)),
     "beam nu 0": (beam, BEAM._replace(nu=0.0, split=False, shear=1.0)),
 }
 

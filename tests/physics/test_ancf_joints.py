@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from fmus.physics.ancf import beam, cable_general, cable_small, joints, loads, statics
+from fmus.physics.ancf import beam, cable_general, cable_small, joints, loads, statics, torsion
 from fmus.physics.ancf import corner as corners
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
 
 PITCH = 0.1524
 LINK = Cable(PITCH, 18.0 / PITCH, 2e11 * 0.01516, 2e11 * 2.03e-6, 0.0, 0.0)
-SHOE = beam.Beam(PITCH, 0.378, 0.0401, 7800.0, 2e11, 0.3, 5 / 6, True, 0.0)
+SHOE = beam.Beam(PITCH, 0.378, 0.0401, 7800.0, 2e11, 0.3, 5 / 6, torsion.factor(0.378, 0.0401), True, 0.0)
 Y = [0.0, 1.0, 0.0]
 
 
@@ -216,7 +216,8 @@ def frame_tip(kind, n, stiffer=1.0, h=0.05, rigid=100.0):
     A, inertia, kGA = h * h, h**4 / 12, shear * 0.5 * E * h * h
     if kind is beam:
         kGA *= stiffer
-        one, two = (beam.Beam(L / n, h, h, 1000.0, stiffer * E, 0.0, shear, False, 0.0) for L in (L1, L2))
+        twist = torsion.factor(h, h)
+        one, two = (beam.Beam(L / n, h, h, 1e3, stiffer * E, 0.0, shear, twist, False, 0.0) for L in (L1, L2))
     else:
         kGA = np.inf
         one, two = (Cable(L / n, 1.0, E * A, stiffer * E * inertia, 0.0, 0.0) for L in (L1, L2))

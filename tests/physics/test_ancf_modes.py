@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.physics.ancf import beam, joints, modes
+from fmus.physics.ancf import beam, joints, modes, torsion
 from fmus.physics.ancf.mesh import Mesh, Part, Tie
 
 L, WIDTH, HEIGHT = 0.1524, 0.06, 0.04
-STEEL = beam.Beam(L, WIDTH, HEIGHT, 7800.0, 2e11, 0.3, 0.85, False, 0.0)
+STEEL = beam.Beam(L, WIDTH, HEIGHT, 7800.0, 2e11, 0.3, 0.85, torsion.factor(WIDTH, HEIGHT), False, 0.0)
 AXES = {"y": (0.0, 1, 0), "z": (0.0, 0, 1), "oblique": (0.3, 0.8, -0.5), "x": (1.0, 0, 0)}
 SIZE = 0.02
 # which strains jump at the joint, on its axis, in the axes a, b, c of the pin; aa and cc beside a shear at second order

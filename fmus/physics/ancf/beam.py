@@ -11,6 +11,13 @@ Locking. The section stays plane and can stretch only as a whole: it cannot grow
 couples) acts on the axis only, where stretching is uniform. Gerstmayr, Matikainen, Mikkola, A geometrically exact beam
 element based on the absolute nodal coordinate formulation, Multibody Syst. Dyn. 20, 2008. What remains is slow
 convergence (order 2): where the beam is slender, shear ties the cubic centreline to directors that turn linearly.
+
+Torsion. The section cannot warp either: the polar moment Iy + Iz would stand for Saint-Venant's constant J, 24 times
+as large for the section of a link (Timoshenko, Goodier, Theory of Elasticity, section 109). Warping is no coordinate
+here; its effect on the stiffness is the factor ``torsion`` = J/(Iy + Iz). Over a section the shears xy and xz are
+linear in y and z, so their energy is that of their mean plus that of their variation: transverse shear, with the
+factor ``shear``, and torsion. The volume has the factor of torsion, the axis the difference of the two. What is left
+out: the stiffness and the stress of warping that a clamp or a change of the twist holds back.
 """
 
 from __future__ import annotations
@@ -25,6 +32,7 @@ from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 
 ROWS = 8  # vectors of coordinates of an element: position and three gradients at two nodes
 ACROSS = 2  # Gauss points across the width, and across the height
+PLACES = ACROSS * ACROSS + 1  # of a section: the Gauss points of its area, and the axis
 GAUSS = 4  # Gauss points along the element
 PAIRS = np.array(
     [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]]
@@ -43,7 +51,8 @@ class Beam(NamedTuple):
     rho: float  # density, kg/m3
     E: float  # Young's modulus, Pa
     nu: float  # Poisson's ratio, below 0.5
-    shear: float  # shear correction factor of the xy and xz stresses
+    shear: float  # correction factor of the xy and xz stresses in transverse shear
+    torsion: float  # the same in torsion: Saint-Venant's constant over the polar moment of the section
     split: bool  # lateral coupling on the axis only
     tau: float  # damping time: stress tau x rate of the elastic one, s
 
@@ -111,15 +120,18 @@ def strain(F, E):
 def law(c, axis):
     """Moduli, Pa: direct and lateral of the normal strains, shear with the axis, shear within the section.
 
-    Of the volume, or (``axis``) of what the split leaves to the axis.
+    Of the volume, or of what it leaves to the axis (``axis``): mean shear, and lateral coupling where it is split.
     """
     G = 0.5 * c.E / (1.0 + c.nu)
     lame = 2.0 * G * c.nu / (1.0 - 2.0 * c.nu)
-    if not c.split:
-        return 2.0 * G + lame, lame, c.shear * G, G
     if axis:
-        return 2.0 * G + lame - c.E, lame, 0.0, 0.0
-    return c.E, 0.0, c.shear * G, G
+        mean = (c.shear - c.torsion) * G
+        if c.split:
+            return 2.0 * G + lame - c.E, lame, mean, 0.0
+        return 0.0, 0.0, mean, 0.0
+    if c.split:
+        return c.E, 0.0, c.torsion * G, G
+    return 2.0 * G + lame, lame, c.torsion * G, G
 
 
 @kernel
@@ -133,15 +145,9 @@ def hooke(moduli, E, T):
 
 
 @kernel
-def points(c):
-    """Number of places of a section: the Gauss points of the area, and the axis where the law is split."""
-    return ACROSS * ACROSS + (1 if c.split else 0)
-
-
-@kernel
 def place(c, k):
     """Of the place ``k`` of a section: ``y``, ``z``, m, its share of the area, its moduli."""
-    if k == ACROSS * ACROSS:
+    if k == PLACES - 1:
         return 0.0, 0.0, 1.0, law(c, True)
     i, j = k // ACROSS, k % ACROSS
     share = WEIGHTS[ACROSS, i] * WEIGHTS[ACROSS, j]
@@ -204,7 +210,7 @@ def energy(c, e):
     for p in range(GAUSS):
         basis(c, p, N)
         seen(N, e, G)
-        for k in range(points(c)):
+        for k in range(PLACES):
             y, z, share, moduli = place(c, k)
             fibre(G, y, z, F)
             strain(F, E)
@@ -228,7 +234,7 @@ def react(c, e, v, elastic, tau, Q):
         seen(N, e, G)
         seen(N, v, H)
         P[:] = 0.0
-        for k in range(points(c)):
+        for k in range(PLACES):
             y, z, share, moduli = place(c, k)
             w = volume * WEIGHTS[GAUSS, p] * share
             fibre(G, y, z, F)
@@ -339,7 +345,7 @@ def stiffen(c, e, v, tau, by_rate, K):
         seen(N, e, G)
         seen(N, v, Z)
         H[:] = 0.0
-        for k in range(points(c)):
+        for k in range(PLACES):
             y, z, share, moduli = place(c, k)
             fibre(G, y, z, F)
             strain(F, E)

@@ -152,4 +152,4 @@ def jump_of_strain(axis: Floats, l: float = 1.0) -> Floats:
 
 def _beam(l: float) -> beam.Beam:
     """An element of length ``l``: geometry alone counts here."""
-    return beam.Beam(l, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, False, 0.0)
+    return beam.Beam(l, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, False, 0.0)
