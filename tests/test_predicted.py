@@ -44,7 +44,7 @@ def settled(kind):
 
 @cache
 def standing(kind, *changes):
-    """What the outputs of a settled vehicle come to after a change: means that fade in and out, so that ringing cancels."""
+    """What the outputs of a settled vehicle come to after a change; means that fade in and out: ringing cancels."""
     vehicle = InProcess(scene_of("settle", kind, STANDING, **dict(changes)))
     for name, member in vehicle.members.items():
         member.model.state[:] = settled(kind)[name]
@@ -74,7 +74,7 @@ MASSES = {
 def test_a_mass_weighs_on_the_ground(part):
     """Half of it on the left track."""
     table = load("settle", "rigid").vehicle
-    mass = getattr(getattr(table, part.split(".")[0]), "mass")
+    mass = getattr(table, part.split(".")[0]).mass
     more = 0.5 * MASSES[part] * (MORE - 1.0) * mass * G
     found = change("cable", "left_track.ground.force.z", f"vehicle.{part}", MORE * mass)
     assert found == pytest.approx(more, rel=FAINT)
@@ -104,7 +104,8 @@ def potential(means):
 def test_a_stiffer_contact_stores_less(kind):
     """At rest d(potential)/d(ln k) is the energy that the springs k store, wherever they are."""
     laws = load("settle", "rigid").vehicle.contact
-    stiffer = tuple((f"vehicle.contact.{p}.stiffness", MORE * getattr(laws, p).stiffness) for p in ("sprocket", "wheel", "ground"))
+    pairs = ("sprocket", "wheel", "ground")
+    stiffer = tuple((f"vehicle.contact.{pair}.stiffness", MORE * getattr(laws, pair).stiffness) for pair in pairs)
     before, after = standing(kind), standing(kind, *stiffer)
     stored = before["left_track.energy.contact"] + after["left_track.energy.contact"]  # twice the mean, of two sides
     assert potential(after) - potential(before) == pytest.approx(math.log(MORE) * stored, rel=FAINT)
@@ -158,7 +159,7 @@ def spun(kind, **changes):
     return float(length.mean() / 0.1524 - 1.0), float(abs(turned).mean())
 
 
-@pytest.mark.parametrize("kind", ("cable", "planar", "beam"))
+@pytest.mark.parametrize("kind", ["cable", "planar", "beam"])
 def test_links_stretch_and_bend_by_their_stiffness(kind):
     """T/EA, and w l^3/24EI of a link on two pins under its own m omega^2 Rc."""
     table = load("spinning_loop", "flexible").vehicle
