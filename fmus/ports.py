@@ -47,12 +47,12 @@ WRENCH = 6  # force 3, torque 3
 
 
 def wheel_state(
-    name: str, causality: str, position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    name: str, causality: str, start: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 ) -> list[Port]:
-    """The 13 variables of a wheel's (or mount's) motion in the world frame."""
+    """The 13 variables of a wheel's (or mount's) motion in the world frame; it stands still in the pose ``start``."""
     centre = [
-        Port(f"{name}.position.{axis}", causality, "m", f"{axis} of the centre of {name}, world", start)
-        for axis, start in zip("xyz", position, strict=True)
+        Port(f"{name}.position.{axis}", causality, "m", f"{axis} of the centre of {name}, world", place)
+        for axis, place in zip("xyz", start[:3], strict=True)
     ]
     orientation = [
         Port(
@@ -60,9 +60,9 @@ def wheel_state(
             causality,
             "1",
             f"{part} of the quaternion of {name}, body to world",
-            start,
+            turn,
         )
-        for part, start in zip("wxyz", (1.0, 0.0, 0.0, 0.0), strict=True)
+        for part, turn in zip("wxyz", start[3:7], strict=True)
     ]
     velocity = [
         Port(f"{name}.velocity.{axis}", causality, "m/s", f"{axis} velocity of the centre of {name}, world")

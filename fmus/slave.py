@@ -32,6 +32,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
+from fmus.defaults import check_names, checked, configured
 from fmus.description import document
 from fmus.elsewhere import Elsewhere
 from fmus.jit import source_hash
@@ -107,8 +108,9 @@ class Slave(Fmi2Slave):
 
             model = Model
 
-    Beside it, in the FMU's resources, lie ``config.json`` (what the model is made from) and ``build.txt``
-    (hash of the ``fmus`` tree that was packed). In one process all FMUs share the first one's ``fmus``, also
+    Beside it, in the FMU's resources, lie ``config.json`` (what the model is made from, and under ``parameters``
+    what the FMU's parameters are by default; see ``defaults``) and ``build.txt`` (hash of the ``fmus`` tree that
+    was packed). In one process all FMUs share the first one's ``fmus``, also
     when its folder is gone (see ``elsewhere``); an FMU from another build is refused, because it would
     silently run the wrong code.
     """
@@ -138,8 +140,10 @@ class Slave(Fmi2Slave):
         self.guid = str(
             uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)}".encode() + config).digest()[:16])
         )
-        self._model = type(self).model(json.loads(config))
-        self._sort_ports(self._model.ports, self._model.link_ports)
+        made_from = json.loads(config)
+        self._model = type(self).model(made_from)
+        check_names(self._model.ports, made_from)
+        self._sort_ports(configured(self._model.ports, made_from), self._model.link_ports)
         self._stale, self._links_stale = True, False
         self._used: dict[str, float | int | str] = {}  # parameters of the last start
 
@@ -302,20 +306,10 @@ class Slave(Fmi2Slave):
         self._phase = "running"
 
     def _given(self) -> dict[str, float | int | str]:
-        given: dict[str, float | int | str] = {}
-        for port, value in zip(
-            self._reals[self._parameters], self._values[self._parameters].tolist(), strict=True
-        ):
-            if not math.isfinite(value):
-                raise InvalidParameter(f"{port.name} = {value}: must be a finite number")
-            given[port.name] = value
-        for port, number in zip(self._integer_parameters, self._integer_values.tolist(), strict=True):
-            given[port.name] = number
-        for port, text in zip(self._string_ports, self._string_values, strict=True):
-            if port.choices and text not in port.choices:
-                raise InvalidParameter(f"{port.name} = '{text}': must be one of {', '.join(port.choices)}")
-            given[port.name] = text
-        return given
+        ports = (*self._reals[self._parameters], *self._integer_parameters, *self._string_ports)
+        reals, integers = self._values[self._parameters].tolist(), self._integer_values.tolist()
+        values = (*reals, *integers, *self._string_values)
+        return {port.name: checked(port, value) for port, value in zip(ports, values, strict=True)}
 
     def _initialise(self) -> None:
         self._used = self._given()

@@ -35,6 +35,10 @@ class Start(NamedTuple):
         cp, sp = np.cos(0.5 * self.pitch), np.sin(0.5 * self.pitch)
         return ch * cp, 0.0 - sh * sp, ch * sp, sh * cp
 
+    def standing(self, x: float, y: float, z: float) -> tuple[float, ...]:
+        """The 13 of a wheel or mount that stands still at a point of the vehicle frame (see ``ports.wheel_state``)."""
+        return tuple(map(float, (*self.place(x, y, z), *self.quaternion, *6 * [0.0])))
+
 
 def start(parameters: Mapping[str, Any]) -> Start:
     """From the values of ``ports.start_pose``."""

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmus.defaults import configured
 from fmus.model import Floats, InvalidParameter, StepFailed, check_orientation, check_steps
 from fmus.physics.chain_layout import (
     chain_of_angles,
@@ -114,7 +115,7 @@ class TrackModel:
         self.rows = np.zeros((wheels, WIDTH))
         self.start_rows = np.zeros((wheels, WIDTH))
         self.frame = np.zeros(5)
-        self.ports = self._ports(bool(config.get("link_outputs", True)))
+        self.ports = self._ports(config)
         self.link_ports = (2 * self.links_count + 6 * self.nodes) if config.get("link_outputs", True) else 0
         self.counters = np.zeros(4, dtype=np.int64)
         self.allocate()
@@ -130,15 +131,19 @@ class TrackModel:
         )  # force, torque by turns
         self.report = self.state[size + WRENCH * wheels :]
 
-    def _ports(self, links: bool) -> tuple[Port, ...]:
+    def _ports(self, config: Mapping[str, Any]) -> tuple[Port, ...]:
         vehicle, ports = self.vehicle, []
+        text = "lateral position of the track plane in the vehicle, left positive"
+        place = [*start_pose(), Port("start.lateral", "parameter", "m", text, vehicle["track"]["lateral"])]
+        drawn = {port.name: port.start for port in configured(place, config)}
+        pose, lateral = start(drawn), float(drawn["start.lateral"])
         for wheel in self.wheel_list:
             x, z = wheel["position"]
-            ports += wheel_state(wheel["name"], "input", (x, vehicle["track"]["lateral"], z))
+            ports += wheel_state(wheel["name"], "input", pose.standing(x, lateral, z))
         for wheel in self.wheel_list:
             ports += wrench(wheel["name"], "output")
         ports += [Port(name, "output", unit, text) for name, unit, text in REPORT]
-        if links:
+        if config.get("link_outputs", True):
             for i in range(1, self.links_count + 1):
                 ports.append(Port(f"link[{i}].tension", "output", "N", f"tension of link {i}"))
             for i in range(1, self.links_count + 1):
@@ -159,16 +164,7 @@ class TrackModel:
                 ]
         for name in ("steps", "evaluations", "iterations", "rejected"):
             ports.append(Port(f"solver.{name}", "output", "1", f"{name} of the integrator so far", 0))
-        ports += start_pose()
-        ports.append(
-            Port(
-                "start.lateral",
-                "parameter",
-                "m",
-                "lateral position of the track plane in the vehicle, left positive",
-                vehicle["track"]["lateral"],
-            )
-        )
+        ports += place
         starts = {PINNED: ("rest", "polygon", "displaced"), HELD: ("straight", "folded")}.get(
             self.ends_kind, ("rest", "polygon")
         )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.defaults import configured
 from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
@@ -76,10 +77,12 @@ class Model:
         self._inertia, self._place = float(drive["inertia"]), tuple(float(x) for x in drive["mount"])
         if not self._inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self._inertia} kg m2 must be positive")
+        parameters = configured(parameter_ports(), config)
+        mount = self._standing({port.name: port.start for port in parameters})
         self.ports: tuple[Port, ...] = (
-            *wheel_state("mount", "input", self._place),
+            *wheel_state("mount", "input", mount),
             *wrench("sprocket", "input"),
-            *wheel_state("sprocket", "output", self._place),
+            *wheel_state("sprocket", "output", mount),
             *wrench("mount", "output"),
             Port("speed", "output", "rad/s", "speed of the sprocket against the mount"),
             Port(
@@ -94,7 +97,7 @@ class Model:
             Port(
                 "solver.evaluations", "output", "1", "evaluations of the spin's equation since the start", 0
             ),
-            *parameter_ports(),
+            *parameters,
         )
         self._defaults = {port.name: port for port in self.ports if port.causality == "parameter"}
         self._unconnected = np.array([port.start for port in self.ports[:STATE]])
@@ -107,10 +110,7 @@ class Model:
         """The sprocket at its start angle and speed on a mount that stands still at the start pose."""
         values = {name: parameters.get(name, port.start) for name, port in self._defaults.items()}
         self.drive = self._checked(values)
-        pose, (x, y, z) = start(values), self._place
-        self.standing[:3] = pose.place(x, y + float(values["start.lateral"]), z)
-        self.standing[3:7] = pose.quaternion
-        self.standing[7:] = 0.0
+        self.standing[:] = self._standing(values)
         self.state[:] = 0.0
         self.state[ANGLE] = float(values["start.angle"])
         self.state[RATE] = profile(self.drive, 0.0)[0]
@@ -153,6 +153,11 @@ class Model:
     def warnings(self) -> list[str]:
         """None here."""
         return []
+
+    def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
+        """The mount's 13 when nothing moves it."""
+        x, y, z = self._place
+        return start(values).standing(x, y + float(values["start.lateral"]), z)
 
     def _checked(self, values: Mapping[str, Any]) -> Drive:
         """The parameters as a Drive; raises InvalidParameter."""

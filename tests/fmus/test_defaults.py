@@ -1,0 +1,131 @@
+"""What an FMU's parameters and inputs are when nobody sets them."""
+
+import json
+
+import numpy as np
+import pytest
+from conftest import build_toy
+from toy.model import Model as Toy
+
+from fmus.build import BuildFailed
+from fmus.defaults import check_names, configured
+from fmus.model import InvalidParameter
+from fmus.sprocket_drive.model import Model as Drive
+from fmus.track_rigid.model import Model as RigidTrack
+from orchestrator.component import Component
+from orchestrator.scene import load
+from orchestrator.system import assemble, placed
+
+H = 1e-3
+PLACE = {"start.position.x": 3.0, "start.position.y": -2.0, "start.heading": 0.7, "start.pitch": 0.2}
+
+
+def starts(component):
+    return {v.name: v.start for v in component.description.modelVariables if v.causality == "parameter"}
+
+
+def trace(component, parameters):
+    component.initialise(parameters)
+    rows = []
+    for k in range(5):
+        component.step(k * H, H)
+        component.read()
+        rows.append(component.y.copy())
+    return np.array(rows)
+
+
+def test_parameters_of_a_config_are_the_defaults_of_its_fmu(toy):
+    given = {"start.x": 0.1 + 0.2, "stiffness": 130, "substeps": 7, "trouble": "warn"}
+    with Component(build_toy(parameters=given), "toy") as own, Component(toy, "toy") as plain:
+        assert starts(own) == {
+            "start.x": "0.30000000000000004", "stiffness": "130.0", "damping": "0.1", "substeps": "7",
+            "trouble": "warn",
+        }  # fmt: skip
+        assert np.array_equal(trace(own, {}), trace(plain, given))
+        assert not np.array_equal(trace(own, {}), trace(plain, {**given, "stiffness": 133}))
+        assert np.array_equal(trace(own, {"stiffness": 133}), trace(plain, {**given, "stiffness": 133}))
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"stifness": 1.0}, "there is no parameter 'stifness'"),
+        ({"x": 1.0}, "there is no parameter 'x'"),
+        ({"stiffness": "high"}, "stiffness = 'high': must be a number"),
+        ({"stiffness": True}, "stiffness = True: must be a number"),
+        ({"stiffness": float("inf")}, "stiffness = inf: must be a finite number"),
+        ({"substeps": 2.0}, "substeps = 2.0: must be a whole number"),
+        ({"trouble": 3}, "trouble = 3: must be a text"),
+        ({"trouble": "explode"}, "trouble = 'explode': must be one of none, raise, nan, zero, warn"),
+    ],
+)
+def test_what_no_parameter_can_be_is_refused(given, sentence):
+    config = {"spare": 0, "start": 0.1, "parameters": given}
+    ports = Toy(config).ports
+
+    def refused():
+        check_names(ports, config)
+        configured(ports, config)
+
+    with pytest.raises(InvalidParameter) as caught:
+        refused()
+    assert str(caught.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [({"stifness": 1.0}, "there is no parameter 'stifness'"), ({"substeps": "4"}, "substeps = '4': must be a whole")],
+)
+def test_an_fmu_with_wrong_defaults_is_not_built(given, sentence):
+    with pytest.raises(BuildFailed) as caught:
+        build_toy(parameters=given)
+    assert str(caught.value).startswith(f"cannot build toy_fmu: {sentence}")
+    assert "\n" not in str(caught.value)
+
+
+def part(name):
+    return next(part for part in assemble(placed(load("rig", "rigid"))).parts if part.name == name)
+
+
+def unconnected(model, parameters, shift=0.0):
+    """Outputs after ten steps with the inputs as they are declared, the first connector's x shifted."""
+    model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters)
+    u = np.array([port.start for port in model.ports if port.causality == "input"])
+    u[0] += shift
+    for k in range(10):
+        model.step(k * H, H, u)
+    outputs = [p for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
+    y = np.zeros(len(outputs) - model.link_ports)
+    model.outputs(y)
+    return dict(zip((port.name for port in outputs), y, strict=False))
+
+
+@pytest.mark.parametrize("lateral", [1.0795, -1.0795])
+def test_a_track_that_nothing_moves_stays_on_its_wheels(lateral):
+    """Wherever its config makes it start."""
+    own = {**PLACE, "start.lateral": lateral}
+    drawn = unconnected(RigidTrack(part("track").config), {})
+    model = RigidTrack(part("track").config | {"parameters": own})
+    found, off = unconnected(model, own), unconnected(model, own, 1e-3)
+    assert 1.4e4 < drawn["tension.mean"] < 1.6e4
+    for name in ("tension.mean", "tension.max", "energy.contact"):
+        assert found[name] == pytest.approx(drawn[name], rel=1e-6)
+        assert off[name] != pytest.approx(drawn[name], rel=1e-3)
+
+
+@pytest.mark.parametrize(("kind", "name", "connector"), [(Drive, "drive", "mount"), (RigidTrack, "track", "sprocket")])
+def test_declared_motions_of_inputs_are_those_of_the_configured_start(kind, name, connector):
+    own = {**part(name).parameters, **PLACE, "start.lateral": -1.0795}
+    config = json.loads(json.dumps(part(name).config | {"parameters": own}))
+    declared = {port.name: port.start for port in kind(config).ports}
+    c, s = np.cos(0.7), np.sin(0.7)
+    assert declared[f"{connector}.position.x"] == pytest.approx(3.0 + s * 1.0795)
+    assert declared[f"{connector}.position.y"] == pytest.approx(-2.0 - c * 1.0795)
+    assert declared[f"{connector}.orientation.w"] == pytest.approx(np.cos(0.35) * np.cos(0.1))
+    assert declared[f"{connector}.orientation.y"] == pytest.approx(np.cos(0.35) * np.sin(0.1))
+
+
+def test_a_drive_that_nothing_moves_is_a_fixed_axle_on_either_side():
+    model = Drive(part("drive").config | {"parameters": {"start.lateral": 1.0795}})
+    assert unconnected(model, {})["sprocket.position.y"] == 1.0795
+    assert unconnected(model, {"start.lateral": -1.0795})["sprocket.position.y"] == -1.0795
