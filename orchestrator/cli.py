@@ -137,25 +137,29 @@ def build(
     scene: Annotated[str | None, typer.Argument(metavar="[SCENE]", help="only what this scene needs")] = None,
     everything: Annotated[bool, typer.Option("--all", help="every distinct FMU of the gallery")] = False,
     track: TrackOption = None,
+    settings: Settings = None,
     vehicle: Annotated[
         str | None, typer.Option("--vehicle", metavar="FILE", help="a vehicle, instead of the scene's")
     ] = None,
 ) -> None:
-    """FMUs to be kept: the four standard ones, a scene's, or all."""
+    """FMUs to be kept, the scene's parameters their defaults.
+
+    The four standard ones, a scene's, or all.
+    """
     from orchestrator import products
     from orchestrator.scene import load
     from orchestrator.system import TRACKS
 
     if scene is not None and everything:
         raise BadInput("give a scene or --all, not both")
-    settings = [f"vehicle={vehicle}"] if vehicle else []
+    changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
     models = [track.value] if track else list(TRACKS)
     if everything:
-        wanted = products.of_gallery(models, settings)
+        wanted = products.of_gallery(models, changes)
     elif scene is None:
-        wanted = products.of_scenes([load(products.STANDARD, model, settings) for model in models])
+        wanted = products.of_scenes([load(products.STANDARD, model, changes) for model in models])
     else:
-        wanted = products.of_scenes([load(scene, _model(track), settings)])
+        wanted = products.of_scenes([load(scene, _model(track), changes)])
     if not wanted:
         raise BadInput(f"scene '{scene}' needs no FMU")
     for file in products.build_to(output, wanted):

@@ -10,7 +10,7 @@ from typing import Any
 from fmus.vehicle import BadInput
 from orchestrator import gallery
 from orchestrator.scene import Scene, TrackScene, load, tracked
-from orchestrator.system import TRACKS, assemble, build_all, placed
+from orchestrator.system import TRACKS, Part, assemble, build_all, placed
 
 STANDARD = "straight"  # its components carry the plain names
 
@@ -24,15 +24,20 @@ def of_gallery(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = 
 
 
 def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
-    """Every distinct FMU of some scenes; variants carry the scene's name, and the component's if need be."""
+    """Every distinct FMU of some scenes, their parameters its defaults; of two sides, those of the left one.
+
+    Variants carry the scene's name, and the component's if need be.
+    """
     seen: set[str] = set()
     names: set[str] = set()
     products: list[Product] = []
     for scene in scenes:
         if not isinstance(scene, TrackScene):
             continue
-        for part in assemble(placed(scene)).parts:
-            key = json.dumps([part.kind, part.config], sort_keys=True)
+        for part in sorted(assemble(placed(scene)).parts, key=_side):
+            config = part.config | {"parameters": part.parameters}
+            mirrored = part.parameters | {"start.lateral": abs(_side(part))}  # one FMU serves both sides
+            key = json.dumps([part.kind, part.config, mirrored], sort_keys=True)
             if key in seen:
                 continue
             seen.add(key)
@@ -40,8 +45,13 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
             if name in names:
                 name = f"{part.kind}-{scene.name}-{part.name}"
             names.add(name)
-            products.append((part.kind, part.config, name))
+            products.append((part.kind, config, name))
     return products
+
+
+def _side(part: Part) -> float:
+    """Left before right: how far to the right the part is made to stand, m."""
+    return -float(part.parameters.get("start.lateral", 0.0))
 
 
 def build_to(folder: Path, products: Sequence[Product]) -> list[Path]:

@@ -24,8 +24,8 @@ def load(folder, kind, name):
     return fmu, {variable.name: variable.valueReference for variable in said.modelVariables}
 
 
-def main(folder, track="TrackFlexible", stop=0.1, speed=20.0, ramp=(2.0, 6.0), lateral=1.0795):
-    """Position and speed of the chassis after ``stop`` s."""
+def main(folder, track="TrackFlexible", stop=0.1, speed=None, ramp=None, lateral=1.0795):
+    """Position and speed of the chassis after ``stop`` s; drives told nothing keep the profile of their scene."""
     order = {f"{side}_{part}": kind for part, kind in (("track", track), ("drive", "SprocketDrive"))
              for side in ("left", "right")} | {"chassis": "Chassis"}  # fmt: skip
     fmus, where = {}, {}
@@ -37,12 +37,12 @@ def main(folder, track="TrackFlexible", stop=0.1, speed=20.0, ramp=(2.0, 6.0), l
         feeds.append((giver, [where[giver][f"{connector}.{n}"] for n in names],
                       taker, [where[taker][f"{port}.{n}"] for n in names]))  # fmt: skip
 
-    for side, y in (("left", lateral), ("right", -lateral)):
+    for side in ("left", "right"):
         chain, drive = f"{side}_track", f"{side}_drive"
-        for name in (chain, drive):
-            fmus[name].setReal([where[name]["start.lateral"]], [y])
-        fmus[drive].setString([where[drive]["mode"]], ["speed"])
-        profile = {"speed.end": speed, "ramp.start": ramp[0], "ramp.end": ramp[1]}
+        for name in (chain, drive) if side == "right" else ():  # the left side's place is the default
+            fmus[name].setReal([where[name]["start.lateral"]], [-lateral])
+        profile = {} if speed is None else {"speed.end": speed}
+        profile |= {} if ramp is None else {"ramp.start": ramp[0], "ramp.end": ramp[1]}
         fmus[drive].setReal([where[drive][name] for name in profile], list(profile.values()))
         pairs = [(drive, "sprocket", chain, "sprocket"), ("chassis", f"{side}.sprocket", drive, "mount")]
         wheels = [f"road_wheel[{i}]" for i in range(1, 6)] + ["idler"]

@@ -17,15 +17,15 @@ PROGRAM = """
 import sys
 sys.path.insert(0, sys.argv[1])
 import own_master
-for speed in (20.0, 20.5):
-    print(own_master.main(sys.argv[2], sys.argv[3], stop=0.05, speed=speed, ramp=(0.0, 0.2)))
+for speed in (None, 20.5):
+    print(own_master.main(sys.argv[2], sys.argv[3], stop=0.05, speed=speed))
 """
 BRIEF = ("run.stop=0.05 s", "run.outputs=1", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s")
 
 
 @pytest.mark.parametrize(("model", "kind"), [("flexible", "TrackFlexible"), ("rigid", "TrackRigid")])
 def test_a_master_of_ones_own_does_what_cotrack_does(model, kind, environment, tmp_path):
-    products.build_to(tmp_path, products.of_scenes([load(products.STANDARD, model)]))
+    products.build_to(tmp_path, products.of_scenes([load(products.STANDARD, model, BRIEF)]))
     alone = {key: value for key, value in environment.items() if key != "PYTHONPATH"}
     program = [sys.executable, "-c", PROGRAM, str(HERE), str(tmp_path), kind]
     done = subprocess.run(program, env=alone, cwd=tmp_path, capture_output=True, text=True)

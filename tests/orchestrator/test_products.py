@@ -1,0 +1,151 @@
+"""FMUs of ``cotrack build``: a scene's parameters are what they start with when nobody sets any."""
+
+import json
+import sys
+from contextlib import ExitStack
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from fmus.build import KINDS
+from fmus.jit import source_hash
+from orchestrator import gallery
+from orchestrator.cli import main
+from orchestrator.coupling.tracks_first import TracksFirst
+from orchestrator.graph import wire
+from orchestrator.products import build_to, of_gallery, of_scenes
+from orchestrator.scene import load, tracked
+from orchestrator.simulate import load as loaded
+from orchestrator.system import assemble, placed, system
+
+SCENES = [name for name in gallery.names() if tracked(name)]
+VARIANTS = {"flexible": (), "rigid": (), "beam": ("track.element=beam",)}
+
+
+def variant(name, kind):
+    return placed(load(name, "rigid" if kind == "rigid" else "flexible", VARIANTS[kind]))
+
+
+def described(kind, config, folder):
+    """Start values in the modelDescription.xml that the FMU would have."""
+    (folder / "config.json").write_text(json.dumps(config))
+    (folder / "build.txt").write_text(source_hash())
+    shell = getattr(import_module("fmus." + KINDS[kind].removesuffix(".py").replace("/", ".")), kind)
+    xml = shell(instance_name=kind, resources=str(folder)).to_xml()
+    return {v.get("name"): v[0].get("start") for v in xml.iter("ScalarVariable") if v.get("causality") != "output"}
+
+
+def text(value):
+    return value if isinstance(value, str) else repr(float(value))
+
+
+@pytest.mark.parametrize("kind", VARIANTS)
+@pytest.mark.parametrize("name", SCENES)
+def test_every_parameter_of_a_scene_is_a_start_value(name, kind, tmp_path):
+    scene = variant(name, kind)
+    found = [(product, described(*product[:2], tmp_path)) for product in of_scenes([scene])]
+    for part in assemble(scene).parts:
+        wanted = {key: text(value) for key, value in part.parameters.items()}
+        lateral = float(wanted.pop("start.lateral", 0.0))
+        fitting = [
+            starts
+            for (kind_, config, _), starts in found
+            if kind_ == part.kind and {key: config[key] for key in part.config} == part.config
+            if {key: starts[key] for key in wanted} == wanted
+        ]
+        assert len(fitting) == 1, part.name
+        assert float(fitting[0].get("start.lateral", 0.0)) == abs(lateral)
+        before = described(part.kind, part.config, tmp_path)  # as runs build it: the model's own defaults
+        if kind == "beam" and part.kind == "TrackFlexible":
+            assert (before["element"], fitting[0]["element"]) == ("cable", "beam")
+        if part.kind == "SprocketDrive":
+            assert before != fitting[0]
+
+
+def test_one_fmu_serves_both_sides_with_the_place_of_the_left_one():
+    for tracks in ('["left", "right"]', '["right", "left"]'):
+        products = of_scenes([load("settle", "rigid", [f"tracks={tracks}"])])
+        assert {kind for kind, _, _ in products} == {"TrackRigid", "SprocketDrive", "Chassis"}
+        assert len(products) == 3
+        laterals = [config["parameters"].get("start.lateral") for _, config, _ in products]
+        assert laterals.count(1.0795) == 2
+        assert -1.0795 not in laterals
+    products = of_scenes([load("settle", "rigid", ['tracks=["right"]'])])
+    assert [config["parameters"].get("start.lateral") for _, config, _ in products].count(-1.0795) == 2
+
+
+def test_plain_names_are_those_of_the_standard_scene():
+    drive = next(part for part in assemble(load("straight")).parts if part.kind == "SprocketDrive")
+    for products in (of_gallery(), of_scenes([load("straight", model) for model in ("flexible", "rigid")])):
+        found = {name: config for _, config, name in products}
+        assert list(found)[:4] == ["TrackFlexible", "SprocketDrive", "Chassis", "TrackRigid"]
+        assert found["SprocketDrive"]["parameters"] == drive.parameters
+        assert (drive.parameters["speed.end"], drive.parameters["start.lateral"]) == (20.0, 1.0795)
+
+
+STOPS = ("drive.ramp_time=5 ms", "drive.stop=6 ms", "drive.stop_time=5 ms")
+
+
+def outputs(scene, parts, graph, change=lambda name, parameters: parameters):
+    """All outputs of 20 coupled steps, with what is set of each part's parameters."""
+    instances = tuple(
+        instance._replace(parameters=change(instance.name, part.parameters))
+        for instance, part in zip(graph.instances, parts, strict=True)
+    )
+    h, rows = 1e-3, []
+    with ExitStack() as stack:
+        components = loaded(graph._replace(instances=instances), scene.run.stop, stack)
+        with TracksFirst(wire(graph, components)) as scheme:
+            for k in range(20):
+                scheme.advance(k * h, h)
+                rows.append(np.concatenate([each.y for each in components.values()]))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "settings", "telling"),
+    [
+        ("hanging_chain", "beam", (), ("element", "cable")),
+        ("rig", "rigid", ("drive.ramp_time=0.1 s",), ("brake.torque", 510.0)),
+        ("hard_stop", "flexible", STOPS, ("stop.start", 7e-3)),
+    ],
+)
+def test_fmus_of_a_scene_do_what_the_scene_does(name, kind, settings, telling, tmp_path):
+    """Bit for bit without a parameter set; one that is set to another value shows."""
+    scene = placed(load(name, "rigid" if kind == "rigid" else "flexible", [*VARIANTS[kind], *settings]))
+    assembly = assemble(scene)
+    ordinary = system(assembly)
+    files = build_to(tmp_path, [(p.kind, p.config | {"parameters": p.parameters}, p.name) for p in assembly.parts])
+    products = ordinary._replace(
+        instances=tuple(i._replace(fmu=f) for i, f in zip(ordinary.instances, files, strict=True))
+    )
+    run = outputs(scene, assembly.parts, ordinary)
+    assert np.array_equal(outputs(scene, assembly.parts, products, lambda *_: {}), run)
+    key, value = telling
+    off = outputs(scene, assembly.parts, products, lambda _, own: {key: value} if key in own else {})
+    assert not np.array_equal(off, run)
+    if kind == "beam":  # nor does what runs build do it without its parameters
+        assert not np.array_equal(outputs(scene, assembly.parts, ordinary, lambda *_: {}), run)
+
+
+def test_build_takes_settings_and_refuses_what_no_fmu_can_have(monkeypatch, capsys, tmp_path):
+    def cotrack(*arguments):
+        monkeypatch.setattr(sys, "argv", ["cotrack", *arguments])
+        try:
+            main()
+        except SystemExit as ended:
+            return ended.code or 0, capsys.readouterr()
+        return 0, capsys.readouterr()
+
+    where = ("hanging_chain", "-o", str(tmp_path / "fmus"))
+    status, said = cotrack("build", *where, "--set", "track.integrator=euler")
+    assert status == 2
+    assert said.err == (
+        "cotrack: cannot build track_flexible_fmu: "
+        "integrator = 'euler': must be one of generalized_alpha, runge_kutta\n"
+    )
+    assert list((tmp_path / "fmus").iterdir()) == []
+    status, said = cotrack("build", *where, "--set", "track.elmnt=beam")
+    assert status == 2
+    assert "unknown key 'track.elmnt'" in said.err
