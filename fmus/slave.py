@@ -329,6 +329,9 @@ class Slave(Fmi2Slave):
         self._check(self._y_new, self._reals[self._outputs], when)
         self._y[:] = self._y_new
         self._links_stale = self._links_new.size > 0
+        self._warn()
+
+    def _warn(self) -> None:
         for sentence in self._model.warnings():
             self._status = WARNING
             self.log(sentence, Fmi2Status.warning)
@@ -363,6 +366,7 @@ class Slave(Fmi2Slave):
             model.step(t, h, self._u)
             self._refresh(f"at t = {t + h}")
         except BaseException:
+            self._warn()  # of what may have led there
             model.state[:], model.counters[:] = state, counters
             raise
 

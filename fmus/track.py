@@ -70,6 +70,7 @@ REPORT = (
 SLIP, COVERED = 16, 17
 STEPS, REJECTED = 0, 3  # of the counters
 MANY = 5  # halvings in one communication step that are worth a word
+HALVED, TILTED = TOLD = range(2)  # what is warned of, once: flags at the end of the state
 
 # How the ends of a chain are held: LOOP has none, HELD lets the last pin go.
 LOOP, PINNED, PULLED, HELD = range(4)
@@ -124,12 +125,13 @@ class TrackModel:
     def allocate(self) -> None:
         """The state, zeroed, and the views into it; again where a parameter decides on the size of a chain."""
         wheels, size = len(self.wheel_list), self.chain_size()
-        self.state = np.zeros(size + WRENCH * wheels + len(REPORT))
+        self.state = np.zeros(size + WRENCH * wheels + len(REPORT) + len(TOLD))
         self.chain = self.state[:size]
         self.wrench = self.state[size : size + WRENCH * wheels].reshape(
             2 * wheels, 3
         )  # force, torque by turns
-        self.report = self.state[size + WRENCH * wheels :]
+        self.report = self.state[size + WRENCH * wheels : -len(TOLD)]
+        self.told = self.state[-len(TOLD) :]
 
     def _ports(self, config: Mapping[str, Any]) -> tuple[Port, ...]:
         vehicle, ports = self.vehicle, []
@@ -229,7 +231,6 @@ class TrackModel:
         self.prepare(p)
         self._start(str(p["start"]), float(p.get("start.spin", 0.0)))
         self._warnings.clear()
-        self.told_slow = False
 
     def _partners(self, p: Mapping[str, Any]) -> Any:
         """What the chain touches (a ``fmus.contacts.Contacts``); None, and nothing of it imported, for nothing."""
@@ -317,8 +318,8 @@ class TrackModel:
         before = int(self.counters[REJECTED])
         self.advance(t, h)
         halved = int(self.counters[REJECTED]) - before
-        if halved > MANY and not self.told_slow:
-            self.told_slow = True
+        if halved > MANY and not self.told[HALVED]:
+            self.told[HALVED] = True
             self._warnings.append(
                 f"the internal step was halved {halved} times from t = {t:.4g} s on: contacts or friction are too sharp"
                 " for it, and the run becomes slow"

@@ -10,7 +10,7 @@ import numpy as np
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.block_cyclic import factor, solve
 from fmus.ports import WRENCH, Port
-from fmus.track import COVERED, DISSIPATED, GROUND, WORK, TrackModel
+from fmus.track import COVERED, DISSIPATED, GROUND, TILTED, WORK, TrackModel
 from fmus.track_flexible.assembly import kernels
 from fmus.track_flexible.chain import CHORD, advance, relax
 from fmus.track_flexible.element import ELASTICITIES
@@ -361,18 +361,16 @@ class Model(TrackModel):
 
     def _watch(self, t: float) -> None:
         """Cable links cannot leave their plane: say so once when a wheel's axis does."""
-        if self.element == "beam" or self.warned or not self.rows.size:
+        if self.element == "beam" or self.told[TILTED] or not self.rows.size:
             return
         along = abs(self.rows[:, 10]).min()
         if along < ALONG:
-            self.warned = True
+            self.told[TILTED] = True
             self._warnings.append(
                 f"a wheel's axis is {np.degrees(np.arccos(along)):.2f} degrees off the pin axis at"
                 f" t = {t:.4g} s: cable chains drive in their own plane only, take beams or rigid links for turns and"
                 " side slopes"
             )
-
-    warned = False
 
     def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
         """Per-link arrays from the state; the pin force is the link's own residual at its first pin."""
