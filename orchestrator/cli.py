@@ -416,6 +416,6 @@ def _model(track: TrackModel | None) -> str | None:
 
 
 def _warn(instance: str, status: int, message: str) -> None:
-    """Warnings of components; what is worse ends the run and is its message."""
+    """Warnings of components, each when it first comes; what is worse ends the run and is its message."""
     if status == FMI_WARNING:
         logging.getLogger("cotrack").warning("%s: %s", instance, message)

@@ -15,7 +15,7 @@ LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
 @app.command("info")
 def info(log: LogPath) -> None:
     """What a log holds and how its run ended."""
-    from orchestrator import log_tools
+    from orchestrator import log_tools, printed
 
     about = log_tools.info(log)
     steps = "" if about.steps is None else f" after {about.steps} steps"
@@ -25,6 +25,8 @@ def info(log: LogPath) -> None:
     for sentence in (about.message, *about.faults):
         if sentence:
             print(f"  {sentence}")
+    for each in about.warnings:
+        print(f"  {printed.warning(each)}")
     for record, entries in about.metadata.items():
         print(f"  {record}: " + ", ".join(f"{key} = {value}" for key, value in entries.items()))
     for topic in about.topics:

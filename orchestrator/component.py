@@ -38,12 +38,14 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
+from orchestrator.warned import Warned, Warnings
+
 Floats = NDArray[np.float64]
-Logger = Callable[[str, int, str], None]  # instance, FMI status, message
+Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a warning only the first of its kind
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")  # an angle has no dimension
 LINK_FAMILIES = ("link[", "joint[")  # outputs of every link: read and recorded at a rate of their own
-_DISCARD, _FATAL = 2, 4
+_WARNING, _DISCARD, _FATAL = 1, 2, 4
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
 
@@ -52,13 +54,14 @@ class ComponentFailed(RuntimeError):
 
 
 class State(NamedTuple):
-    """A saved state of a component with the values of its arrays; good for its instance until freed."""
+    """A saved state of a component with the values of its arrays and its warnings; good until freed."""
 
     handle: fmi2FMUstate
     u: Floats
     y: Floats
     y_links: Floats
     counters: NDArray[np.int32]
+    warned: Mapping[str, Warned]
 
 
 # ------------------------------------------------------------------ messages
@@ -165,6 +168,8 @@ class Component:
         self.wall_time = 0.0  # s inside the FMU since initialise
         self._logger = logger
         self._messages: list[tuple[int, str]] = []
+        self._warnings = Warnings(name)
+        self._time = 0.0  # s, where the last step began
         self._states: list[State] = []
         self._handle: Any = None
         self._phase = "made"
@@ -248,7 +253,14 @@ class Component:
 
     # -------------------------------------------------------------- messages
 
+    @property
+    def warnings(self) -> list[Warned]:
+        """What the FMU has logged with status warning since its start, without what was taken back."""
+        return self._warnings.told()
+
     def _receive(self, status: int, message: str, category: str) -> None:
+        if status == _WARNING and not self._warnings.add(message, self._time):
+            return
         if status >= _DISCARD and category != "traceback":
             self._messages.append((status, message))
         if self._logger is not None:
@@ -284,6 +296,8 @@ class Component:
         if self._phase != "instantiated":
             self._call(self._fmu.fmi2Reset)
             self._phase = "instantiated"
+            self._warnings.clear()
+        self._time = start
         for name, value in parameters.items():
             self._set_parameter(name, value)
         fmu = self._fmu
@@ -328,6 +342,7 @@ class Component:
 
     def step(self, t: float, h: float) -> None:
         """From t to t + h, both in s."""
+        self._time = t
         began = perf_counter()
         self._call(self._fmu.fmi2DoStep, t, h, not self._states)
         self.wall_time += perf_counter() - began
@@ -360,7 +375,7 @@ class Component:
 
     def _state(self, handle: fmi2FMUstate) -> State:
         arrays = (self.u.copy(), self.y.copy(), self.y_links.copy(), self.counters.copy())
-        state = State(handle, *arrays)
+        state = State(handle, *arrays, self._warnings.save())
         self._states.append(state)
         return state
 
@@ -368,7 +383,8 @@ class Component:
         """Back to a saved state, bit for bit; it stays good for another time."""
         self._call(self._able("canGetAndSetFMUstate", "restore a state").fmi2SetFMUstate, state.handle)
         self._phase = "running"
-        self.u[:], self.y[:], self.y_links[:], self.counters[:] = state[1:]
+        self.u[:], self.y[:], self.y_links[:], self.counters[:] = state[1:5]
+        self._warnings.restore(state.warned)
 
     def free(self, state: State) -> None:
         """Forget a saved state."""

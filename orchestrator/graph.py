@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from orchestrator.warned import Warned
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -84,6 +86,10 @@ class Recorded(Steppable, Protocol):
     y_links: Floats
     counters: NDArray[np.int32]
     wall_time: float  # s inside the component
+
+    @property
+    def warnings(self) -> Sequence[Warned]:
+        """What it has warned of so far."""
 
     def unit(self, name: str) -> str:
         """Of a variable, '1' if it has none."""

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
@@ -47,6 +47,7 @@ class Info(NamedTuple):
     faults: list[str]
     status: str  # of the closing record; "cut off" without one
     message: str
+    warnings: list[dict[str, Any]]  # of the components: component, text, time in s, count
     steps: int | None  # communication steps done; None where the log was cut off
     start: float  # s; nan without messages
     end: float  # s; nan without messages
@@ -174,7 +175,8 @@ def _rewrite(log: Log, target: Path) -> Verdict:
                 last, steps = max(last, float(t[-1])), max(steps, int(messages.sequence[-1]))
         closing = log.closing if log.sound() else None
         if closing is not None:
-            recorder.close(closing["status"], closing["message"], closing["steps"])
+            ending = ("status", "message", "steps", "results", "warnings")
+            recorder.close(*(closing[key] for key in ending))
         else:
             recorder.close("failed", f"recovered from a broken log, which reads to t = {last:.6g} s", steps)
     if closing is not None:
@@ -222,6 +224,7 @@ def info(path: str | os.PathLike[str]) -> Info:
             faults=list(log.faults),
             status=closing["status"] if closing else "cut off",
             message=closing["message"] if closing else "",
+            warnings=closing["warnings"] if closing else [],
             steps=closing["steps"] if closing else None,
             start=min((topic.first for topic in written), default=float("nan")),
             end=max((topic.last for topic in written), default=float("nan")),

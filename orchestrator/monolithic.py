@@ -31,7 +31,7 @@ class Shown:
 
     def __init__(self, name: str, model: Any) -> None:
         self.name, self._model = name, model
-        self.wall_time = 0.0
+        self.wall_time, self.warnings = 0.0, ()
         ports: Sequence[Port] = model.ports
         self._units = {port.name: port.unit for port in ports}
         outputs = [port for port in ports if port.causality == "output"]

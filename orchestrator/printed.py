@@ -29,6 +29,12 @@ def _error(found: dict[str, Any]) -> str:
     )
 
 
+def warning(told: dict[str, Any]) -> str:
+    """A component's warning as a line."""
+    times = f", {told['count']} times" if told["count"] > 1 else ""
+    return f"warning: {told['component']} at {told['time']:.6g} s{times}: {told['text']}"
+
+
 def summary(result: dict[str, Any]) -> None:
     """A run's summary, on stdout."""
     r = result
@@ -37,6 +43,8 @@ def summary(result: dict[str, Any]) -> None:
         f"{r['scene']}{track}: {r['status']}, {r['simulated_time']:.6g} s in {r['wall_time']:.3g} s"
         f" ({r['real_time_factor']:.3g} x real time), start-up {r['startup_time']:.3g} s"
     )
+    for told in r["warnings"]:
+        print(f"  {warning(told)}")
     if r["rejected_steps"]:
         print(f"  {r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back")
     for name, check in r["checks"].items():

@@ -118,8 +118,9 @@ class Log:
     """A log opened for reading (a context manager).
 
     ``topics``, ``metadata`` (name -> key -> value) and ``attachments`` (names) are what was recorded before
-    step 0; ``closing`` is the closing record with ``status``, ``message``, ``steps``, and ``messages`` and
-    ``sha256`` by topic, or None where the log was cut off; ``complete`` says whether closing record and
+    step 0; ``closing`` is the closing record with ``status``, ``message``, ``steps``, ``results``, ``warnings`` (dicts
+    with component, text, time in s and count), and ``messages`` and ``sha256`` by topic, or None where the log was cut
+    off; ``complete`` says whether closing record and
     indexes are there and the log could be walked without a fault, ``faults`` what is wrong, in sentences.
 
     :raises LogUnreadable: for a file that is missing or no log.
@@ -472,6 +473,7 @@ def _closing(record: Mapping[str, str]) -> dict:
         "messages": {topic: int(value) for topic, value in by_topic["messages"].items()},
         "sha256": by_topic["sha256"],
         "results": by_topic["result"],
+        "warnings": json.loads(record.get("warnings", "[]")),
     }
 
 

@@ -188,11 +188,18 @@ class Recorder:
         if self._failure is not None and self._failure is not known:
             raise self._failure
 
-    def close(self, status: str, message: str, steps: int, results: Mapping[str, str] | None = None) -> None:
+    def close(
+        self,
+        status: str,
+        message: str,
+        steps: int,
+        results: Mapping[str, str] | None = None,
+        warnings: Sequence[Mapping[str, object]] = (),
+    ) -> None:
         """Write what is left, the closing record and the indexes; a second call does nothing.
 
-        ``results`` (text by name) go into the closing record. After a failure that was raised before, what can
-        still be written is written and nothing is raised.
+        ``results`` (text by name) and ``warnings`` (``warned.Warned`` as dicts) go into the closing record. After a
+        failure that was raised before, what can still be written is written and nothing is raised.
         """
         if self._closed:
             return
@@ -205,6 +212,7 @@ class Recorder:
         try:
             record = self._closing_record(status, message, steps)
             record |= {f"result:{name}": text for name, text in (results or {}).items()}
+            record["warnings"] = json.dumps(list(warnings))
             self._file.metadata(CLOSING, record)
             self._file.finish()
         except OSError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -133,7 +134,7 @@ def answer(
                 component.read_links()
                 recorder.write(f"/{name}/links", k, t, h, component.y_links)
             answers.append(component.y.copy())
-        recorder.close("ok", "", len(inputs.t))
+        recorder.close("ok", "", len(inputs.t), warnings=[asdict(one) for one in component.warnings])
     every_out = log.topics[f"/{name}/out"].every
     return _table(log.read(f"/{name}/out"), component, np.array(answers)[::every_out])
 

@@ -11,6 +11,7 @@ import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -106,15 +107,18 @@ def _simulate(
                     "cpu_time": spent,
                     "rejected_steps": 0 if isinstance(pace, master.Clock) else pace.rejected,
                     "components": {name: cost(component) for name, component in components.items()},
+                    "warnings": warnings(components),
                 }
                 if outcome.steps:
                     result |= _evaluated(scene, path, outcome)
                     if estimated and result["status"] == "ok":
                         result["error"] = estimate.estimate(scene, path, result, _companion(interrupt))
-                recorder.close(outcome.status, outcome.message, outcome.steps, _results(result))
+                recorder.close(
+                    outcome.status, outcome.message, outcome.steps, _results(result), result["warnings"]
+                )
         except LogFailed as failure:
             outcome = master.Outcome("failed", f"{failure}, at t = {reached:.6g} s", done, reached)
-            result |= _how_it_ended(outcome, startup, wall)
+            result |= _how_it_ended(outcome, startup, wall) | {"warnings": warnings(components)}
         interrupt.gentle = False
     return result | {"log": str(path), "log_bytes": path.stat().st_size if path.exists() else 0}
 
@@ -322,6 +326,12 @@ def cost(component: Recorded) -> dict[str, float | int]:
     counters.pop("status", None)
     blank = dict.fromkeys(("steps", "evaluations", "iterations", "rejected"), 0)
     return {"wall_time": component.wall_time, **blank, **counters}
+
+
+def warnings(components: Mapping[str, Recorded]) -> list[dict[str, Any]]:
+    """What the components have warned of, the first one first."""
+    told = [one for component in components.values() for one in component.warnings]
+    return [asdict(one) for one in sorted(told, key=lambda one: one.time)]
 
 
 def _json(data: Any) -> bytes:

@@ -50,6 +50,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "error": None,
         "checks": {},
         "observables": {},
+        "warnings": [],
     }
 
 

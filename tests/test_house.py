@@ -15,6 +15,7 @@ COMPONENTS = ("track_flexible", "track_rigid", "chassis", "sprocket_drive")
 # Modules that run any FMI 2.0 co-simulation FMU: nothing of ours is behind them.
 GENERIC = (
     "component.py",
+    "warned.py",
     "graph.py",
     "master.py",
     "coupling/held.py",

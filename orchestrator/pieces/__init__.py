@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.component import ComponentFailed
+from orchestrator.warned import Warned
 
 Floats = NDArray[np.float64]
 COUNTERS = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
@@ -50,6 +51,7 @@ class Stepped:
         self.y: Floats = np.zeros(len(self.outputs))
         self.y_links: Floats = np.zeros(len(self.links))
         self.counters: NDArray[Any] = piece.counters
+        self.warnings: tuple[Warned, ...] = ()  # a piece does or fails
         self.read()
         self.wall_time = 0.0  # s
 

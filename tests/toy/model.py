@@ -50,6 +50,8 @@ class Model:
 
     def step(self, t, h, u):
         p, n = self.parameters, self.parameters["substeps"]
+        if p["trouble"] == "warn" or self.config.get("creaks"):
+            self._warnings.append("the spring creaks at 5 % of its load")
         self.counters += n
         advance(self.state, n, h / n, p["stiffness"], p["damping"], u[0])
         if t > 0.0045 and p["trouble"] == "raise":
@@ -58,8 +60,6 @@ class Model:
             1 / 0  # noqa: B018
         if t > 0.0045 and p["trouble"] == "nan":
             self.state[1] = np.nan
-        if p["trouble"] == "warn":
-            self._warnings.append("the spring creaks at 5 % of its load")
 
     def outputs(self, y):
         y[:2] = self.state

@@ -1,0 +1,241 @@
+"""Warnings of components: in the summary, in JSON and in the log, each kind once, with its time and its count."""
+
+import json
+import sys
+from contextlib import ExitStack
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from conftest import build_toy
+
+from orchestrator import rerun, simulate
+from orchestrator.cli import main
+from orchestrator.component import Component, ComponentFailed
+from orchestrator.coupling.iterative import Iterative
+from orchestrator.graph import Connection, Instance, System, wire
+from orchestrator.log_tools import WHOLE, recover, verify
+from orchestrator.reader import Log
+from orchestrator.scene import load
+from orchestrator.system import assemble, build_all, placed
+from orchestrator.warned import Warned, Warnings
+
+H = 1e-3
+CREAKS = "the spring creaks at 5 % of its load"
+
+
+@pytest.fixture
+def cotrack(capsys, caplog, monkeypatch, tmp_path):
+    """Call the command in an empty folder; exit status, stdout, what it said beside it."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
+        status = 0
+        try:
+            main()
+        except SystemExit as ended:
+            status = ended.code or 0
+        said, logged = capsys.readouterr(), list(caplog.messages)
+        caplog.clear()
+        return status, said.out, [*logged, *said.err.splitlines()]
+
+    return call
+
+
+@pytest.fixture
+def creaking(monkeypatch, toy):
+    """The component of every chain scene is a spring that warns at every step."""
+    graph = System((Instance("chain", toy, {"trouble": "warn"}, 0),), ())
+    monkeypatch.setattr(simulate, "system", lambda assembly: graph)
+
+
+def told(out):
+    return json.loads(out.splitlines()[-1])["warnings"]
+
+
+# ------------------------------------------------------------------ counting
+
+
+def test_texts_that_differ_in_numbers_only_are_one():
+    warnings = Warnings("track")
+    first = [
+        warnings.add("link 3 is\n  hot: -1.5e+03 K at t = 0.25 s", 0.25),
+        warnings.add("link 12 is hot: 7 K at t = 0.5 s", 0.5),
+        warnings.add("link 3 is cold: -1.5e+03 K at t = 0.25 s", 0.75),
+    ]
+    assert first == [True, False, True]
+    assert warnings.told() == [
+        Warned("track", "link 3 is hot: -1.5e+03 K at t = 0.25 s", 0.25, 2),
+        Warned("track", "link 3 is cold: -1.5e+03 K at t = 0.25 s", 0.75, 1),
+    ]
+
+
+def test_steps_taken_back_take_their_warnings_with_them_but_for_what_is_said_once():
+    warnings = Warnings("track")
+    warnings.add("hot", 0.0)
+    before = warnings.save()
+    for _ in range(2):  # twice the same step, the first taken back
+        warnings.restore(before)
+        assert not warnings.add("hot", 0.1)
+        warnings.add("cold", 0.1)
+    assert warnings.told() == [Warned("track", "hot", 0.0, 2), Warned("track", "cold", 0.1, 1)]
+    warnings.restore(before)
+    assert warnings.told() == [Warned("track", "hot", 0.0, 1), Warned("track", "cold", 0.1, 1)]
+    warnings.add("cold", 0.3)
+    assert warnings.told()[1] == Warned("track", "cold", 0.3, 1), "when it first came in a step that was kept"
+
+
+def test_a_component_that_warns_at_every_step_is_heard_once(toy):
+    heard = []
+    with Component(toy, "toy", lambda *message: heard.append(message)) as component:
+        component.initialise({"trouble": "warn"})
+        assert component.warnings == []
+        for k in range(5):
+            component.step(0.1 + k * H, H)
+        saved = component.save()
+        component.step(0.2, H)
+        component.restore(saved)
+        assert component.warnings == [Warned("toy", CREAKS, 0.1, 5)]
+        assert heard == [("toy", 1, CREAKS)]
+        component.initialise({"trouble": "none"})
+        component.step(0.0, H)
+        assert component.warnings == [], "a new start"
+
+
+# ------------------------------------------------------------------ runs
+
+SHORT = ("run", "hanging_chain", "--stop", "0.02")
+
+
+VARIABLE = ("--set", "run.variable.tolerance=0.5", "--set", "run.variable.longest=1 ms")
+
+
+@pytest.mark.parametrize("settings", [(), ("--no-estimate",), VARIABLE])
+def test_what_comes_at_every_step_is_one_entry_with_a_count(cotrack, creaking, settings):
+    """Neither the step that warms up, nor tries, nor the coarser runs beside it count."""
+    status, out, err = cotrack(*SHORT, *settings, "--json")
+    assert told(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 20}]
+    assert status == 1, "what the scene expects of a chain a spring does not do"
+    assert err == [f"chain: {CREAKS}"]
+
+
+def test_sweeps_of_an_iteration_count_once(toy):
+    """Two springs on one another, each step repeated until both agree."""
+    instances = tuple(Instance(name, toy, {"trouble": "warn"}, stage) for stage, name in enumerate(("one", "two")))
+    wires = tuple(Connection(a, ("x",), b, ("force",)) for a, b in (("one", "two"), ("two", "one")))
+    graph = System(instances, wires)
+    with ExitStack() as stack:
+        components = simulate.load(graph, 1.0, stack)
+        with Iterative(wire(graph, components), tolerance=1e-9) as scheme:
+            for k in range(5):
+                scheme.advance(k * H, H)
+            assert scheme.sweeps > 5
+        assert simulate.warnings(components) == [asdict(Warned(name, CREAKS, 0.0, 5)) for name in ("one", "two")]
+
+
+def test_warnings_stand_in_summary_and_log(cotrack, creaking, tmp_path):
+    _, out, err = cotrack(*SHORT, "--log", "a.mcap")
+    line = f"  warning: chain at 0 s, 20 times: {CREAKS}\n"
+    assert line in out
+    assert err == [f"chain: {CREAKS}"]
+    assert line in cotrack("log", "info", "a.mcap")[1]
+    with Log(tmp_path / "a.mcap") as log:
+        assert log.closing["warnings"] == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 20}]
+        closing = log.closing
+    content = (tmp_path / "a.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(content[:-20])
+    assert recover(tmp_path / "cut.mcap", tmp_path / "saved.mcap").code == WHOLE
+    with Log(tmp_path / "saved.mcap") as log:
+        assert (log.closing["warnings"], log.closing["results"]) == (closing["warnings"], closing["results"])
+
+
+def test_a_run_that_is_quiet_has_none(cotrack):
+    status, out, err = cotrack(*SHORT, "--json", "--log", "a.mcap")
+    assert (status, told(out), err) == (0, [], [])
+    with Log("a.mcap") as log:
+        assert log.closing["warnings"] == []
+
+
+def test_a_failed_run_tells_its_warnings(cotrack, creaking, monkeypatch):
+    step = Component.step
+
+    def failing(self, t, h):
+        step(self, t, h)
+        if t > 0.0105:
+            raise ComponentFailed("chain: the spring broke")
+
+    monkeypatch.setattr(Component, "step", failing)
+    status, out, _ = cotrack(*SHORT, "--json")
+    assert status == 1
+    assert told(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 12}]
+
+
+# ------------------------------------------------------------------ tracks
+
+ONE_SIDED = ("run", "settle", "--set", 'tracks=["left"]', "--stop", "0.12", "--log", "a.mcap")
+
+
+def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
+    """With one track it stands askew: said once, when the axes pass 0.2 degrees; again in a replay."""
+    status, out, err = cotrack(*ONE_SIDED, "--json")
+    assert status == 0, err
+    (warning,) = told(out)
+    assert (warning["component"], warning["count"]) == ("left_track", 1)
+    assert warning["text"].startswith("a wheel's axis is 0.2")
+    assert 0.05 < warning["time"] < 0.12
+    assert f"at t = {warning['time']:.4g} s" in warning["text"]
+    assert err == [f"left_track: {warning['text']}"]
+    assert verify("a.mcap").code == WHOLE
+    with Log("a.mcap") as log:
+        assert log.closing["warnings"] == [warning]
+    with rerun.opened("a.mcap", "left_track", None) as again:
+        assert again.verify().difference is None
+        assert [asdict(one) for one in again.component.warnings] == [warning]
+        again.answer(again.log.path.with_name("b.mcap"))
+    with Log("b.mcap") as log:
+        assert log.closing["warnings"] == [warning]
+    status, out, _ = cotrack(*ONE_SIDED, "--track", "rigid", "--json")
+    assert told(out) == [], "rigid links go with the vehicle"
+
+
+def test_what_a_track_has_said_is_part_of_its_state():
+    """Said again after going back to before it, and after a new start; else once."""
+    scene = placed(load("rig", "flexible"))
+    part = next(part for part in assemble(scene).parts if part.name == "track")
+    (file,) = build_all([(part.kind, part.config, None)])
+    heard = []
+    with Component(file, "track", lambda *message: heard.append(message)) as track:
+        for _ in range(2):
+            track.u[1::13] = 0.0
+            track.u[4] = 0.0
+            track.initialise(part.parameters)
+            upright = track.save()
+            for t, turn in ((0.0, 0.0019), (H, 0.0017)):  # 0.22 and 0.19 degrees about x
+                for _ in range(2):
+                    track.restore(upright)
+                    track.u[3:5] = np.cos(turn), np.sin(turn)
+                    track.write()
+                    track.step(t, H)
+                    track.step(t + H, H)
+            told = track.warnings
+            assert [(one.time, one.count) for one in told] == [(0.0, 1)]
+            assert told[0].text.startswith("a wheel's axis is 0.22 degrees off the pin axis at t = 0 s")
+            track.restore(upright)
+            track.u[3:5] = np.cos(0.0019), np.sin(0.0019)
+            track.write()
+            track.step(5 * H, H)
+            track.read_counters()
+            assert track.counters[track.integers.index("status")] == 1
+            assert [(one.time, one.count) for one in track.warnings] == [(5 * H, 1)]
+    assert [status for _, status, _ in heard] == [1, 1]
+
+
+def test_a_step_that_fails_tells_what_it_warned_of(toy):
+    heard = []
+    with Component(build_toy(creaks=True), "toy", lambda *message: heard.append(message)) as component:
+        component.initialise({"trouble": "raise"})
+        with pytest.raises(ComponentFailed, match="the spring broke"):
+            component.step(0.01, H)
+        assert [one.text for one in component.warnings] == [CREAKS]
+    assert [status for _, status, _ in heard] == [1, 3, 3]
