@@ -17,6 +17,7 @@ import typer
 from fmus.vehicle import BadInput
 from orchestrator import cli_log, printed
 from orchestrator.cli_log import LogPath
+from orchestrator.narration import Narration
 
 FMI_WARNING = 1
 
@@ -56,13 +57,18 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
+narration = Narration(lambda line: print(f"... {line}", file=sys.stderr, flush=True))
+
+
 @app.callback()
 def _common(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="what is installed")
     ] = False,
 ) -> None:
-    pass
+    context.with_resource(narration)
+    narration.begin(str(context.invoked_subcommand))
 
 
 def main() -> None:
@@ -193,9 +199,9 @@ def run(
     ] = False,
 ) -> None:
     """Run a scene, log it, check what it expects, say how wrong it is."""
+    narration(f"{scene}: the scene is read")
     from orchestrator import summary
     from orchestrator.scene import load
-    from orchestrator.simulate import simulate
 
     result, status = summary.empty(scene, _model(track)), 2
     told = (("stop", stop), ("step", step), ("coupling", coupling))
@@ -208,8 +214,10 @@ def run(
             chosen = cheapest(resolved.name, resolved.variant or "none", fraction(error)).settings
             print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
             resolved = load(scene, _model(track), [*chosen, *changes])
+        from orchestrator.simulate import simulate
+
         path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
-        result = simulate(resolved, path, _warn, progress=True, estimated=estimate)
+        result = simulate(resolved, path, _warn, narration, estimated=estimate)
         checked = all(check["ok"] for check in result["checks"].values())
         status = 0 if result["status"] == "ok" and checked and not summary.doubt(result["energy"]) else 1
     except _refusals() as error:
@@ -341,7 +349,7 @@ def study(
     cases = make(quick, scene) if scene is not None else make(quick)
     workers = workers or (1 if timed else 2)
     try:
-        with Watched(name, len(cases)) as done:
+        with narration.elsewhere(), Watched(name, len(cases)) as done:
             rows = pool.run(chosen, cases, workers, scheduler, Store(output / "cases", chosen.Row), done)
         files = chosen.write(output, name, rows, chosen.TITLE)
     except OSError as error:
@@ -379,7 +387,7 @@ def truth(
     changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
     resolved = load(scene, _model(track), changes)
     try:
-        found = module.truth(resolved, f"truth of {resolved.name}")
+        found = module.truth(resolved, narration)
     except module.TruthFailed as failure:
         _leave(str(failure), 1)
     off = module.apart(against, found.log) if against else {}

@@ -17,6 +17,7 @@ from orchestrator import master
 from orchestrator.component import LINK_FAMILIES, ComponentFailed
 from orchestrator.coupling.tracks_first import TracksFirst
 from orchestrator.graph import Member, System, wire
+from orchestrator.narration import Narration
 from orchestrator.observers import Logging, ProgressBar
 from orchestrator.recorder import Recorder
 from orchestrator.scene import TrackScene
@@ -121,13 +122,13 @@ def run(
     scene: TrackScene,
     path: Path,
     refine: float = 1.0,
-    title: str = "",
+    narration: Narration | None = None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> tuple[master.Outcome, dict[str, float]]:
     """Integrate a scene as a monolith into the log ``path``; how it ended, and what it cost.
 
-    The communication step of the scene is that of the outputs. ``refine`` divides the internal step; a ``title``
-    shows progress. Raises BadInput, BuildFailed or ComponentFailed before the first step.
+    The communication step of the scene is that of the outputs. ``refine`` divides the internal step; a ``narration``
+    is told how far it is. Raises BadInput, BuildFailed or ComponentFailed before the first step.
     """
     scene = placed(scene)
     assembly = assemble(scene)
@@ -154,8 +155,8 @@ def run(
         )
         stats_every = max(1, round(STATS_PERIOD / clock.step))
         observers: list[master.Observer] = [Logging(recorder, list(parts.values()), stats_every)]
-        if title:
-            observers.append(stack.enter_context(ProgressBar(title, scene.run.stop)))
+        if narration:
+            observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
         began = time.perf_counter()
         outcome = master.run(scheme, clock, observers, interrupted)
         wall = time.perf_counter() - began

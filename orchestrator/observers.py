@@ -1,9 +1,10 @@
-"""What looks on while a run steps: the log and the progress bar."""
+"""What looks on while a run steps: the log and the progress of the run."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from types import TracebackType
 
 import numpy as np
@@ -11,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from orchestrator.graph import Recorded
+from orchestrator.narration import Narration
 from orchestrator.recorder import Recorder
 
 REFRESH = 0.2  # s of wall time between updates of the bar
@@ -47,10 +49,10 @@ class Logging:
 
 
 class ProgressBar:
-    """Simulated time and real-time factor on stderr; only where someone watches."""
+    """Simulated time and real-time factor on stderr: a bar where someone watches, else a note for the narration."""
 
-    def __init__(self, title: str, stop: float) -> None:
-        self._stop = stop
+    def __init__(self, title: str, stop: float, narration: Narration) -> None:
+        self._stop, self._narration, self._shown = stop, narration, ExitStack()
         self._began = self._next = 0.0
         self._bar = Progress(
             TextColumn("{task.description}"),
@@ -65,6 +67,7 @@ class ProgressBar:
 
     def __enter__(self) -> ProgressBar:
         if self._bar.console.is_terminal:
+            self._shown.enter_context(self._narration.elsewhere())
             self._bar.start()
         return self
 
@@ -73,6 +76,7 @@ class ProgressBar:
     ) -> None:
         if self._bar.console.is_terminal:
             self._bar.stop()
+            self._shown.close()
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Show time t, a few times a second."""
@@ -81,6 +85,8 @@ class ProgressBar:
             self._began = now
         elif now >= self._next or t >= self._stop - 1e-12:
             self._next = now + REFRESH
-            self._bar.update(self._task, completed=t, factor=t / (now - self._began))
+            factor = t / (now - self._began)
+            self._narration.note(f"{t:.4g} of {self._stop:g} s simulated, {factor:.2f} x real time")
+            self._bar.update(self._task, completed=t, factor=factor)
             if self._bar.console.is_terminal:
                 self._bar.refresh()

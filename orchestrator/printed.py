@@ -14,19 +14,62 @@ def finite(value: Any) -> Any:
     return value
 
 
+# observables in words: name, unit, power of ten of the unit in an SI one, digits
+WORDS = {
+    "distance": ("distance", "m", 1.0, 5),
+    "speed": ("speed", "m/s", 1.0, 4),
+    "settlement": ("settlement", "mm", 1e-3, 4),
+    "ground_force": ("ground carries", "kN", 1e3, 5),
+    "weight": ("weight", "kN", 1e3, 5),
+    "slip": ("slip", "%", 1e-2, 2),
+    "tension_max": ("largest link tension", "kN", 1e3, 4),
+    "tension_mean": ("mean link tension", "kN", 1e3, 4),
+    "sag": ("sag", "m", 1.0, 6),
+    "end_tension": ("tension at the ends", "kN", 1e3, 5),
+}
+
+
 def _error(found: dict[str, Any]) -> str:
     """What a run says of its own error."""
     if found["total"] is None:
-        return f"error: not known, {found['message']}"
+        return f"estimated error: not known, {found['message']}"
     most = max(
         (name for name, one in found["observables"].items() if one["decisive"]),
         key=lambda name: found["observables"][name]["total"],
     )
     integration = "not known" if found["integration"] is None else f"{found['integration']:.2g}"
     return (
-        f"error: about {found['total']:.2g} of the {most.replace('_', ' ')}, other observables less"
-        f" (coupling {found['coupling']:.2g}, integration {integration}; {found['wall_time']:.3g} s more)"
+        f"estimated error: {100.0 * found['total']:.2g} % ({most.replace('_', ' ')}; all other observables are smaller;"
+        f" coupling {found['coupling']:.2g}, integration {integration}; took {found['wall_time']:.3g} s more)"
     )
+
+
+def _headline(r: dict[str, Any]) -> str:
+    """What ran, how it ended, and whether it is as expected."""
+    links = f", {r['track']} links" if r["track"] else ""
+    met = sum(check["ok"] for check in r["checks"].values())
+    checks = f"; {met} of {len(r['checks'])} checks are met" if r["checks"] else ""
+    return f"{r['scene']}{links}: {r['status']}{checks}"
+
+
+def _pace(r: dict[str, Any]) -> str:
+    """How fast it ran."""
+    factor = r["real_time_factor"]
+    pace = f"{factor:.3g} times as fast as" if factor >= 1.0 or not factor else f"{1.0 / factor:.3g} times slower than"
+    return (
+        f"{r['simulated_time']:.6g} s simulated in {r['wall_time']:.3g} s, {pace} real time,"
+        f" after {r['startup_time']:.3g} s of start-up"
+    )
+
+
+def _observables(found: dict[str, float]) -> str:
+    """Those that are numbers, with their units."""
+    told = []
+    for key, value in found.items():
+        name, unit, size, digits = WORDS[key]
+        if value == value:
+            told.append(f"{name} {value / size:.{digits}g} {unit}")
+    return ", ".join(told)
 
 
 def warning(told: dict[str, Any]) -> str:
@@ -36,13 +79,18 @@ def warning(told: dict[str, Any]) -> str:
 
 
 def summary(result: dict[str, Any]) -> None:
-    """A run's summary, on stdout."""
+    """A run's summary, on stdout: in words, then check by check, the energy ledger, the cost of each component."""
     r = result
-    track = f" ({r['track']})" if r["track"] else ""
-    print(
-        f"{r['scene']}{track}: {r['status']}, {r['simulated_time']:.6g} s in {r['wall_time']:.3g} s"
-        f" ({r['real_time_factor']:.3g} x real time), start-up {r['startup_time']:.3g} s"
-    )
+    print(_headline(r))
+    print(f"  {_pace(r)}")
+    if told := _observables(r["observables"]):
+        print(f"  {told}")
+    if r["error"]:
+        print(f"  {_error(r['error'])}")
+    if r["energy"]:
+        lost, work = abs(r["energy"]["residual_relative"]), r["energy"]["work"]
+        worked = f" ({work / 1e3:.4g} kJ of work)" if work else ""
+        print(f"  energy balance: {lost * 100:.2g} % unaccounted for{worked}")
     for told in r["warnings"]:
         print(f"  {warning(told)}")
     if r["rejected_steps"]:
@@ -52,17 +100,13 @@ def summary(result: dict[str, Any]) -> None:
         expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"
         note = f" ({check['note']})" if check["note"] else ""
         print(f"  {mark} {name} = {check['value']:.7g}, expected {expected}{note}")
-    for name, value in r["observables"].items():
-        print(f"      {name} = {value:.7g}")
     if r["energy"]:
         e = r["energy"]
         print(
-            f"  energy: work {e['work']:.6g} J = change {e['change']:.6g} + dissipated {e['dissipated']:.6g}"
+            f"  ledger: work {e['work']:.6g} J = change {e['change']:.6g} + dissipated {e['dissipated']:.6g}"
             f" + covered {e['covered']:.4g} + residual {e['residual']:.4g}"
             f" ({e['residual_relative'] * 100:.3g} %; ports {e['port']:.4g} J)"
         )
-    if r["error"]:
-        print(f"  {_error(r['error'])}")
     for name, cost in r["components"].items():
         counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
         print(f"  {name:12} {cost['wall_time']:8.3f} s  {counts}")

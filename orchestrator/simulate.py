@@ -25,6 +25,7 @@ from orchestrator.coupling.scheme import CouplingFailed, Scheme, gather, needs_s
 from orchestrator.coupling.variable_step import VariableStep
 from orchestrator.evidence import Evidence
 from orchestrator.graph import Instance, Recorded, Stages, System, wire
+from orchestrator.narration import Narration
 from orchestrator.observers import STATS, Logging, ProgressBar
 from orchestrator.reader import Log, LogUnreadable
 from orchestrator.recorder import LogFailed, Recorder, check_writable
@@ -40,9 +41,13 @@ Logger = Callable[[str, int, str], None]
 
 
 def simulate(
-    scene: Scene, path: Path, logger: Logger | None = None, progress: bool = False, estimated: bool = False
+    scene: Scene,
+    path: Path,
+    logger: Logger | None = None,
+    narration: Narration | None = None,
+    estimated: bool = False,
 ) -> dict[str, Any]:
-    """Build, run, record and evaluate a scene; the summary of ``summary.empty``.
+    """Build, run, record and evaluate a scene; the summary of ``summary.empty``. A ``narration`` is told what is done.
 
     ``estimated``: coarser runs beside it say how wrong it is (``estimate``); they cost about as much again.
 
@@ -52,7 +57,7 @@ def simulate(
     check_writable(path)
     with _interruptible() as interrupt:
         try:
-            return _simulate(scene, path, logger, progress, estimated, interrupt)
+            return _simulate(scene, path, logger, narration, estimated, interrupt)
         except (BuildFailed, ComponentFailed):
             if interrupt.asked:  # a component makes a failure of an interruption
                 raise KeyboardInterrupt from None
@@ -63,13 +68,15 @@ def _simulate(
     scene: Scene,
     path: Path,
     logger: Logger | None,
-    progress: bool,
+    narration: Narration | None,
     estimated: bool,
     interrupt: _Interrupt,
 ) -> dict[str, Any]:
     began = time.perf_counter()
     result = summary.empty(scene.name, scene.variant)
+    say = narration or (lambda what: None)
     with ExitStack() as stack:
+        say(f"{scene.name}: components are built and brought to their start")
         scene, graph, components = opened(scene, stack, logger)
         stages = wire(graph, components)
         scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
@@ -93,8 +100,9 @@ def _simulate(
                     count,
                     Logging(recorder, list(components.values()), stats_every),
                 ]
-                if progress:
-                    observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop)))
+                if narration:
+                    observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
+                say(f"{scene.name}: {scene.run.stop:g} s are simulated")
                 startup, spent = time.perf_counter() - began, time.process_time()
                 interrupt.gentle = True
                 try:
@@ -110,8 +118,10 @@ def _simulate(
                     "warnings": warnings(components),
                 }
                 if outcome.steps:
+                    say(f"{scene.name}: results are read from the log")
                     result |= _evaluated(scene, path, outcome)
                     if estimated and result["status"] == "ok":
+                        say(f"{scene.name}: the error is estimated, by up to two runs with longer steps")
                         result["error"] = estimate.estimate(scene, path, result, _companion(interrupt))
                 recorder.close(
                     outcome.status, outcome.message, outcome.steps, _results(result), result["warnings"]
@@ -151,7 +161,7 @@ def _companion(interrupt: _Interrupt) -> estimate.Run:
     def record(scene: Scene, path: Path) -> dict[str, Any]:
         try:
             if not interrupt.asked:
-                return _simulate(scene, path, None, False, False, interrupt)
+                return _simulate(scene, path, None, None, False, interrupt)
             reason = "interrupted"
         except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
             reason = str(failure)

@@ -25,6 +25,7 @@ from fmus.vehicle import BadInput
 from orchestrator import monolithic, system
 from orchestrator.difference import Difference, differences
 from orchestrator.evidence import Evidence
+from orchestrator.narration import Narration
 from orchestrator.reader import Log
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Run
@@ -53,8 +54,8 @@ class Truth(NamedTuple):
         return self.difference[observable].absolute / (2.0**ORDER - 1.0)
 
 
-def truth(scene: Scene, title: str = "") -> Truth:
-    """Find or build the truth about a scene; a ``title`` shows progress.
+def truth(scene: Scene, narration: Narration | None = None) -> Truth:
+    """Find or build the truth about a scene; a ``narration`` is told what is done.
 
     Depends on the physics of the scene and on the sources, not on its communication step, nor on how its components
     integrate. Two processes that want the same build it once. Raises TruthFailed, BadInput or ComponentFailed.
@@ -70,7 +71,9 @@ def truth(scene: Scene, title: str = "") -> Truth:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with _alone(folder.with_suffix(".lock")):
             if not folder.is_dir():
-                _build(scene, folder, title)
+                if narration:
+                    narration(f"{scene.name}: two monolithic runs in short steps make its truth")
+                _build(scene, folder, narration)
                 built = True
     figures = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
     figures["difference"] = {name: Difference(**one) for name, one in figures["difference"].items()}
@@ -95,7 +98,7 @@ def key(scene: TrackScene) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 
-def _build(scene: TrackScene, folder: Path, title: str) -> None:
+def _build(scene: TrackScene, folder: Path, narration: Narration | None) -> None:
     """Both runs side by side and what they differ in, put in place at once."""
     stop = threading.Event()
     fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix="fresh-"))
@@ -104,7 +107,7 @@ def _build(scene: TrackScene, folder: Path, title: str) -> None:
         with ThreadPoolExecutor(2) as pool:
             runs = [
                 pool.submit(monolithic.run, scene, log, refine, shown, stop.is_set)
-                for log, refine, shown in zip(logs, (2.0, 1.0), (title, ""), strict=True)
+                for log, refine, shown in zip(logs, (2.0, 1.0), (None, narration), strict=True)
             ]
             try:
                 results = [each.result() for each in runs]

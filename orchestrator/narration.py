@@ -1,0 +1,94 @@
+"""What a command says while it works: what it turns to, and again every few seconds while that lasts."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+
+PATIENCE = 4.0  # s without a word
+KERNELS = "cotrack.kernels"  # the logger that is told of each kernel that has to be compiled
+FIRST = "kernels are compiled for this machine, which happens once and takes about a minute"
+
+
+class Narration(logging.Handler):
+    """Writes lines from the moment it is entered; thread-safe.
+
+    ``write`` takes a line. While kernels are compiled its reminders count them.
+    """
+
+    def __init__(self, write: Callable[[str], None], patience: float = PATIENCE) -> None:
+        super().__init__()
+        self._write, self._patience = write, patience
+        self._what, self._detail, self._kernels = "", "", 0
+        self._since = self._said = time.monotonic()
+        self._quiet, self._over, self._speaking = False, threading.Event(), threading.RLock()
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> Narration:
+        kernels = logging.getLogger(KERNELS)
+        kernels.setLevel(logging.INFO)
+        kernels.propagate = False
+        kernels.addHandler(self)
+        self._over.clear()
+        self._thread = threading.Thread(target=self._remind, daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        logging.getLogger(KERNELS).removeHandler(self)
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def __call__(self, what: str) -> None:
+        """Say what is done from now on."""
+        with self._speaking:
+            self.begin(what)
+            self._say(what)
+
+    def begin(self, what: str) -> None:
+        """What is done from now on; said only when it takes long."""
+        self._what, self._detail, self._since = what, "", time.monotonic()
+
+    def note(self, detail: str) -> None:
+        """How far it is: for the next reminder."""
+        self._detail = detail
+
+    @contextmanager
+    def elsewhere(self) -> Iterator[None]:
+        """No reminders while something else, a progress bar, shows that the command is at work."""
+        self._quiet = True
+        try:
+            yield
+        finally:
+            self._quiet, self._said = False, time.monotonic()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """A kernel is about to be compiled."""
+        self._kernels += 1
+        if self._kernels == 1 and not self._quiet:
+            self._say(FIRST)
+
+    def _say(self, line: str) -> None:
+        self._write(line)
+        self._said = time.monotonic()
+
+    def _remind(self) -> None:
+        before = 0
+        while not self._over.wait(min(0.25, 0.5 * self._patience)):
+            if self._quiet or time.monotonic() < self._said + self._patience:
+                continue
+            with self._speaking:
+                compiled = f"{self._kernels} kernels compiled" if self._kernels > before else ""
+                before = self._kernels
+                details = ", ".join(filter(None, (self._detail, compiled)))
+                self._say(
+                    f"{self._what}: {time.monotonic() - self._since:.0f} s so far"
+                    + (f", {details}" if details else "")
+                )
