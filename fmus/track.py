@@ -18,6 +18,7 @@ from fmus.physics.chain_layout import (
     closed_polygon,
     folded,
     hanging_arc,
+    ovalling,
     over_sprocket,
     regular_polygon,
     rescaled,
@@ -174,6 +175,8 @@ class TrackModel:
         ports.append(Port("start", "parameter", "1", text, starts[0], starts))
         if self._free():
             ports.append(Port("start.spin", "parameter", "rad/s", "turning of the loop about y at the start"))
+            text = "turning of links by this times cos(2 angle) at the start besides: the loop becomes oval"
+            ports.append(Port("start.ovalling", "parameter", "rad/s", text))
         ports.append(
             Port(
                 "integrator",
@@ -230,6 +233,11 @@ class TrackModel:
         self.state[:] = 0.0
         self.prepare(p)
         self._start(str(p["start"]), float(p.get("start.spin", 0.0)))
+        oval = float(p.get("start.ovalling", 0.0))
+        if oval:
+            if self.links_count < 4:
+                raise InvalidParameter(f"start.ovalling = {oval}: a triangle of links is rigid, it must be 0")
+            self.move(*ovalling(self.pins()[:, [0, 2]], oval))
         self._warnings.clear()
 
     def _partners(self, p: Mapping[str, Any]) -> Any:
@@ -378,6 +386,10 @@ class TrackModel:
 
         A free loop may turn about the origin at ``spin`` rad/s; its equilibrium is then relative to that.
         """
+        raise NotImplementedError
+
+    def move(self, turning: Floats, velocity: Floats) -> None:
+        """Add turning of the links about y (n), rad/s, and velocities of the pins (n, 2) to those of a free loop."""
         raise NotImplementedError
 
     def tighten(self) -> None:

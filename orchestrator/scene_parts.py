@@ -234,13 +234,15 @@ class Chain(Part):
         None  # pinned: distance of the pins over the chain's length
     )
     spin: Annotated[float, In("rad/s")] = 0.0  # of a loop about y, at the start; it has no gravity
+    ovalling: Annotated[float, In("rad/s")] = 0.0  # of its links besides, by this times cos(2 angle)
 
     @model_validator(mode="after")
     def _of_its_ends(self) -> Chain:
         if (self.span is None) == (self.ends == "pinned"):
             raise ValueError(f"ends = '{self.ends}' {'needs' if self.span is None else 'has no'} span")
-        if self.spin and self.ends != "loop":
-            raise ValueError(f"ends = '{self.ends}' has no spin")
+        for key in ("spin", "ovalling"):
+            if getattr(self, key) and self.ends != "loop":
+                raise ValueError(f"ends = '{self.ends}' has no {key}")
         if self.ends == "loop" and self.links < 3:
             raise ValueError(f"a loop needs 3 links, not {self.links}")
         return self

@@ -123,7 +123,8 @@ def _chain(scene: ChainScene) -> Assembly:
     if chain.ends == "loop":
         config = _track_config(scene, links=chain.links, closed=True, wheels=[], gravity=0.0)
         part = _track(scene, "chain", config)
-        return Assembly((part._replace(parameters={**part.parameters, "start.spin": chain.spin}),), ())
+        moving: Parameters = {"start.spin": chain.spin, "start.ovalling": chain.ovalling}
+        return Assembly((part._replace(parameters={**part.parameters, **moving}),), ())
     ends: dict[str, Any] = {"kind": chain.ends, "first": [0.0, 0.0]}
     if chain.span is not None:
         ends["last"] = [chain.span * chain.links * scene.vehicle.track.pitch, 0.0]

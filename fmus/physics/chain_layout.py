@@ -126,6 +126,19 @@ def regular_polygon(pitch: float, links: int) -> Floats:
     return pitch / (2.0 * np.sin(np.pi / links)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
+def ovalling(pins: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Turning about y of the links (n), rad/s, and velocities (n, 2) of the pins of a loop that becomes oval.
+
+    ``pins`` (n, 2) are a regular polygon, n >= 4. A link at the angle phi turns by rate cos(2 phi), to which the loop
+    stays closed, without momentum; no link changes its length.
+    """
+    chord = np.roll(pins, -1, axis=0) - pins
+    turning = rate * np.cos(2.0 * np.arctan2(chord[:, 1], chord[:, 0]))
+    along = np.cumsum(turning[:, None] * np.stack([chord[:, 1], -chord[:, 0]], axis=1), axis=0)
+    velocity = np.roll(along, 1, axis=0)
+    return turning, velocity - velocity.mean(axis=0)
+
+
 def folded(first: Floats, pitch: float, links: int) -> Floats:
     """Pins (links + 1, 2) of a chain that goes down, one link across, and up again to the height of ``first``.
 

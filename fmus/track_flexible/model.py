@@ -196,6 +196,17 @@ class Model(TrackModel):
                 )
         self._observe()
 
+    def move(self, turning: Floats, velocity: Floats) -> None:
+        """Rates of the pins and of the slopes of the links that end and begin there."""
+        place, *slopes = self.kit.PLANE
+        own = len(slopes) // 2  # of each of the two links; what they share lies along y
+        self.v[:, place] += velocity
+        for vectors, rate in ((slopes[-2 * own : -own], np.roll(turning, 1)), (slopes[-own:], turning)):
+            for x, z in vectors:
+                self.v[:, x] += rate * self.q[:, z]
+                self.v[:, z] -= rate * self.q[:, x]
+        self._observe()
+
     def tighten(self) -> None:
         """Deform the links of a chain that is let go, so that no wave is born with it; beams are let go straight."""
         if self.element == "beam":

@@ -74,6 +74,14 @@ class Model(TrackModel):
         self.work.impulse[:] = s.F
         self.publish(1.0)
 
+    def move(self, turning: Floats, velocity: Floats) -> None:
+        """Velocities of the links, and the accelerations that belong to them."""
+        v = self.views.v
+        v[:, [0, 2]] += 0.5 * (velocity + np.roll(velocity, -1, axis=0))
+        v[:, 4] += turning
+        chain.accelerations(*self._system(), self.views, self.work)
+        self.publish(1.0)
+
     def publish(self, h: float) -> None:
         """Show what the impulses of a step of ``h`` and the state say."""
         self.wrench[:] = (self.work.impulse[:-1] / h).reshape(-1, 3)

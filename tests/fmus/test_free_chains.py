@@ -85,8 +85,8 @@ def test_starts_are_those_of_the_ends(kind):
     )
     with pytest.raises(InvalidParameter, match=r"start = 'folded': a fold .* odd number of links, not 8"):
         made(kind, 8, HOLD, start="folded")
-    spins = {model: [p.name for p in model.ports if p.name == "start.spin"] for model in (held, loop)}
-    assert [len(names) for names in spins.values()] == [0, 1]
+    moving = ("start.spin", "start.ovalling")
+    assert [sum(p.name in moving for p in model.ports) for model in (held, loop)] == [0, 2]
 
 
 def test_force_on_a_bar_that_is_let_go():
@@ -135,6 +135,35 @@ def test_a_polygon_that_spins_is_not_yet_stretched():
     stretched = made(Flexible, 16, gravity=0.0, **{"start.spin": 5.0})
     assert stretched.report[T_MEAN] > 400.0
     assert stretched.report[STRAIN] > model.report[STRAIN]
+
+
+@BOTH
+def test_a_loop_becomes_oval_as_its_links_turn(kind):
+    """Velocities of the pins against those of the links' own turning, added up round the loop; other rates show."""
+    links, rate = 16, 3.0
+    model = made(kind, links, gravity=0.0, start="polygon", **{"start.spin": 5.0, "start.ovalling": rate})
+    start = model.pins()[:, [0, 2]]
+    chord = np.roll(start, -1, axis=0) - start
+    turning = 5.0 + rate * np.cos(2.0 * np.arctan2(chord[:, 1], chord[:, 0]))
+    steps = turning[:, None] * np.stack([chord[:, 1], -chord[:, 0]], axis=1)
+    np.testing.assert_allclose(steps.sum(axis=0), 0.0, atol=1e-12)
+    expected = np.cumsum(steps, axis=0) - steps
+    expected -= expected.mean(axis=0)  # no momentum
+    h = 1e-6
+    model.step(0.0, h, np.zeros(0))
+    np.testing.assert_allclose((model.pins()[:, [0, 2]] - start) / h, expected, atol=1e-4)
+    assert np.abs(expected - 5.0 * np.stack([start[:, 1], -start[:, 0]], axis=1)).max() > 0.1 * rate * P
+    mass, section = TABLE["track"]["mass"], TABLE["section"]
+    middle = 0.5 * (expected + np.roll(expected, -1, axis=0))
+    thick = section["bending"] / section["area"] if kind is Beams else 0.0
+    inertia = TABLE["track"]["inertia"][1] if kind is Rigid else mass * (P**2 / 12.0 + thick)
+    kinetic = 0.5 * (mass * (middle**2).sum() + inertia * (turning**2).sum())
+    assert model.report[KINETIC] == pytest.approx(kinetic, rel=1e-4)
+
+
+def test_a_triangle_of_links_cannot_become_oval():
+    with pytest.raises(InvalidParameter, match=r"start.ovalling = 1.0: a triangle of links is rigid, it must be 0"):
+        made(Rigid, 3, gravity=0.0, **{"start.ovalling": 1.0})
 
 
 def test_links_that_are_too_soft_to_spin():

@@ -143,6 +143,7 @@ def test_quantities(quantity):
     [
         ("hanging_chain", "chain.ends=held", "chain: ends = 'held' has no span"),
         ("hanging_chain", "chain.spin=1", "ends = 'pinned' has no spin"),
+        ("hanging_chain", "chain.ovalling=1", "ends = 'pinned' has no ovalling"),
         ("released_chain", "chain.ends=pinned", "ends = 'pinned' needs span"),
         ("released_chain", "chain.ends=hung", "'pinned', 'held' or 'loop'"),
         ("released_chain", "track.start=crooked", "track.start = 'crooked'"),
