@@ -18,7 +18,7 @@ from orchestrator.settings import put
 G = 9.81
 MORE = 1.1
 FAINT = 0.03
-KINDS = ("cable", "planar", "beam", "rigid")
+KINDS = ("cable", "planar", pytest.param("beam", marks=pytest.mark.study), "rigid")
 # the standing half of a vehicle in long steps: statics do not depend on them
 STANDING = ("symmetric=true", "run.step=2 ms", "track.step=2 ms", "track.link_outputs=false", "placed=true")
 
