@@ -419,6 +419,43 @@ def truth(
         )
 
 
+@app.command()
+def bench(
+    only: Annotated[
+        str | None, typer.Option("--only", metavar="A,B,...", help="some parts, instead of all")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="shorter windows, fewer steps and repeats")] = False,
+    repeat: Annotated[
+        int | None, typer.Option("--repeat", metavar="N", help="repeats of each timing, or pairs", min=1)
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", metavar="FOLDER", help="another checkout: both measure themselves in turn"),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="the last line on stdout is one JSON object")
+    ] = False,
+) -> None:
+    """How fast: the chain against peers, the vehicle, a step by part and layer, growth, start, memory."""
+    from orchestrator import bench as module
+    from orchestrator.bench import machine, tables
+
+    names = module.chosen(only)
+    repeats = repeat or (module.QUICK_REPEATS if quick else module.REPEATS)
+    print(machine.sentence(machine.facts()), end="\n\n")
+    result = module.report(
+        names,
+        quick,
+        repeats,
+        against,
+        lambda what: print(f"cotrack: {what}", file=sys.stderr),
+        lambda table: print(tables.to_markdown(table), flush=True),
+    )
+    if as_json:
+        print(json.dumps(printed.finite(result)))
+    sys.exit(0 if result["ok"] else 1)
+
+
 def _model(track: TrackModel | None) -> str | None:
     return track.value if track else None
 

@@ -1,0 +1,133 @@
+"""The parts of a chain's step by the signatures of today's kernels: the one module that a new kernel has to change.
+
+A kernel that is timed runs in a compiled loop: handing its arrays over from Python costs as much as the work.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+from fmus.jit import kernel
+from fmus.physics import block_cyclic
+from fmus.physics.integrate.generalized_alpha import coefficients, slopes
+from fmus.physics.rigid import augmented
+from fmus.track_flexible.assembly import evaluate
+from fmus.track_rigid.chain import residual
+from orchestrator.bench.timing import laps, reading
+
+CALLS = 200  # in a compiled loop
+PARTS = ("matrix", "residual", "factor", "solve")
+
+
+@contextmanager
+def timed(model: Any, times: list[float]) -> Iterator[None]:
+    """CPU time, us, that each step of ``model`` spends in ``advance``, what its kernel is called, into ``times``.
+
+    A track has it as its method, the others have it in their module.
+    """
+    place: Any = model if hasattr(model, "advance") else sys.modules[type(model).__module__]
+    own, clock, idle = place.advance, time.thread_time, reading()
+
+    def advance(*arguments: Any) -> Any:
+        began = clock()
+        result = own(*arguments)
+        times.append(1e6 * (clock() - began - idle))
+        return result
+
+    place.advance = advance
+    try:
+        yield
+    finally:
+        if place is model:
+            del model.advance
+        else:
+            place.advance = own
+
+
+def parts(kind: str, track: Any, h: float, repeats: int) -> dict[str, float]:
+    """Time, us, of each of ``PARTS`` of a track's Newton iteration in its present state, by step ``h``; spoils it."""
+    loops = {"TrackRigid": _rigid, "TrackFlexible": _flexible}[kind](track, h)
+    for loop in loops.values():
+        loop(1)  # compiles
+    least = laps(repeats, *(partial(_often, loop) for loop in loops.values())).min(axis=1) / CALLS
+    return dict(zip(loops, least.tolist(), strict=True))
+
+
+def _often(loop: Callable[[int], None], _: int) -> None:
+    loop(CALLS)
+
+
+# --- flexible: cables and beams ----------------------------------------------------------------------------
+
+
+def _flexible(track: Any, h: float) -> dict[str, Callable[[int], None]]:
+    by, w, closed = slopes(coefficients(track.radius), h), track.work, track.closed
+    chain = track.link, track.contacts, track.environment, track.q, track.v, track.vdot, by.v, by.vdot, w
+    _evaluations(1, *chain, True)
+    matrix, right = w.A.copy(), w.b.copy()
+    return {
+        "matrix": lambda n: _evaluations(n, *chain, True),
+        "residual": lambda n: _evaluations(n, *chain, False),
+        "factor": lambda n: _factorings(n, matrix, w, closed),
+        "solve": lambda n: _solutions(n, right, w, closed),
+    }
+
+
+@kernel
+def _evaluations(n, links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tangent):
+    for _ in range(n):
+        evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tangent)
+
+
+@kernel
+def _factorings(n, matrix, w, closed):
+    for _ in range(n):
+        w.A[:] = matrix  # factored in place
+        block_cyclic.factor(w.A, w.U, w.L, w.factors, closed)
+
+
+@kernel
+def _solutions(n, right, w, closed):
+    for _ in range(n):
+        w.b[:] = right
+        block_cyclic.solve(w.A, w.U, w.factors, closed, w.b)
+
+
+# --- rigid -------------------------------------------------------------------------------------------------
+
+
+def _rigid(track: Any, h: float) -> dict[str, Callable[[int], None]]:
+    chain = track.link, track.ends, track.environment, track.contacts, track.views, track.work
+    half, by, s = track.link.half, slopes(track.method, h), track.work.system
+    _residuals(1, *chain, by, True)
+    matrix = s.K.copy()
+    return {
+        "matrix": lambda n: _residuals(n, *chain, by, True),
+        "residual": lambda n: _residuals(n, *chain, by, False),
+        "factor": lambda n: _eliminations(n, matrix, half, track.ends, s),
+        "solve": lambda n: _increments(n, half, track.ends, s),
+    }
+
+
+@kernel
+def _residuals(n, link, ends, env, contacts, s, w, by, tangent):
+    for _ in range(n):
+        residual(link, ends, env, contacts, s, w, by, tangent)
+
+
+@kernel
+def _eliminations(n, matrix, half, ends, s):
+    for _ in range(n):
+        s.K[:] = matrix  # inverted in place
+        augmented.factor(half, ends, s, 1.0)
+
+
+@kernel
+def _increments(n, half, ends, s):
+    for _ in range(n):
+        augmented.solve(half, ends, s)

@@ -1,0 +1,19 @@
+"""One run, for its memory."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+from orchestrator.studies.leaving_out import peak
+
+
+def measure(scene: str, track: str, stop: float) -> float:
+    """Peak memory of this process after a run to ``stop`` s, MB."""
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        result = simulate(load(scene, track, [f"run.stop={stop} s"]), Path(folder) / "run.mcap")
+    if result["status"] != "ok":
+        raise RuntimeError(result["message"])
+    return peak()
