@@ -443,14 +443,15 @@ def bench(
     names = module.chosen(only)
     repeats = repeat or (module.QUICK_REPEATS if quick else module.REPEATS)
     print(machine.sentence(machine.facts()), end="\n\n")
-    result = module.report(
-        names,
-        quick,
-        repeats,
-        against,
-        lambda what: print(f"cotrack: {what}", file=sys.stderr),
-        lambda table: print(tables.to_markdown(table), flush=True),
-    )
+    with narration.elsewhere():
+        result = module.report(
+            names,
+            quick,
+            repeats,
+            against,
+            lambda what: print(f"... {what}", file=sys.stderr, flush=True),
+            lambda table: print(tables.to_markdown(table), flush=True),
+        )
     if as_json:
         print(json.dumps(printed.finite(result)))
     sys.exit(0 if result["ok"] else 1)
