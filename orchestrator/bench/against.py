@@ -68,6 +68,9 @@ def measured(root: Path, names: Sequence[str], quick: bool) -> Costs:
         told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     except (IndexError, ValueError):
         raise Failed(f"the checkout {root} did not measure itself: {last_line(done.stderr)}") from None
+    for table in (table for part in told["parts"].values() for table in part):
+        if not table["columns"]:
+            raise Failed(f"the checkout {root}: {table['notes'][0]}")
     return {(part, name): cost for part, tables in told["parts"].items() for name, cost in costs(tables).items()}
 
 

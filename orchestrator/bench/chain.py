@@ -64,7 +64,7 @@ def measure(quick: bool, repeats: int) -> list[Table]:
     tables = [Table("Closed chain of 64 links", COLUMNS, rows, (*NOTES, *notes))]
     if not quick:
         tables.append(Table(f"The same at an error of {TARGET:g}", EQUAL, equal(rows), (
-            "Between the steps measured, or at the longest one that is better than asked.",
+            "Between the steps measured, or at the longest where that is better; empty: none of them is good enough.",
         )))  # fmt: skip
     return tables
 

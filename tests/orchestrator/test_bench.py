@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -146,6 +147,17 @@ def test_pairs_are_measured_in_turn(monkeypatch, tmp_path):
     assert [row["least"] for row in itself.rows if row["figure"] == "step"] == [0.5]  # and not of one with itself
 
 
+def test_a_pair_needs_both_sides(monkeypatch):
+    def said(parts):
+        out = json.dumps({"parts": parts})
+        monkeypatch.setattr(against.subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=out, stderr=""))
+        return against.measured(against.ROOT, ["links"], True)
+
+    assert said({"links": [tables.plain(TABLE)]}) == {("links", "a: us"): 2.0}
+    with pytest.raises(Failed, match="not measured: no reason"):
+        said({"links": [tables.plain(tables.failed("Title", "no reason"))]})
+
+
 # ------------------------------------------------------------------ the chain
 
 
@@ -247,8 +259,9 @@ def test_parts_of_an_iteration_by_todays_kernels():
 
 
 def test_start_and_memory(monkeypatch):
-    shell, startup = start.command("hanging_chain", "rigid", str(cache_folder()))
-    assert 0.0 < startup < shell
+    times = start.command("hanging_chain", "rigid", str(cache_folder()))
+    assert 0.0 < times["startup"] < times["first"] < times["whole"]
+    assert list(times) == [column.key for column in start.COLUMNS[2:]]
     with pytest.raises(Failed, match="no scene 'nowhere'"):
         start.command("nowhere", "rigid", os.devnull)
     monkeypatch.setattr(memory_part, "isolated", lambda module, stop, **_: 100.0 + 10.0 * stop)
@@ -284,7 +297,7 @@ def test_exudyn_moves_the_same_chain():
 
 
 @pytest.mark.benchmark
-def test_mujoco_moves_the_same_chain():
+def test_mujoco_moves_the_same_chain(monkeypatch, tmp_path):
     """It closes its loop softly, and goes to our reference nevertheless; energy is kept, and ours."""
     pytest.importorskip("mujoco")
     from orchestrator.bench.peers import mujoco_loops
@@ -301,6 +314,10 @@ def test_mujoco_moves_the_same_chain():
         motion.error(case, 0.1, mujoco_loops.run(case, 0.1, h, "implicitfast")[1][0]) for h in (1e-3, 5e-4)
     )
     assert first / second == pytest.approx(2.0, rel=0.1)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RuntimeError, match=r"steps of 0.02 s: .*simulation is unstable"):
+        mujoco_loops.run(case, 1.0, 0.02, "RK4")
+    assert not list(tmp_path.iterdir())
     ground = motion.CASES["rigid, on the ground"]
     _, (pins, _) = mujoco_loops.run(ground, 0.1, 2.5e-4, "RK4")
     assert motion.error(ground, 0.1, pins) < 0.02  # another law of contact
