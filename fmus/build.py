@@ -1,7 +1,8 @@
 """Build FMUs: stage the sources, let a child process describe them, pack, and keep the result by content.
 
 The child (``python -m fmus.build``) runs in the stage and imports the staged ``fmus``, so that an FMU which
-is built also loads alone; what pythonfmu leaves in ``sys.path`` and ``sys.modules`` goes with it.
+is built also loads alone; what pythonfmu leaves in ``sys.path`` and ``sys.modules`` goes with it. The checksum
+of a kept FMU is its archive's comment; one for which it does not hold is built again.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fmus.jit import ROOT, cache_folder, source_hash, sources
+from fmus.cache import CHECKSUM, cache_folder, keep, kept, own, tell, temporary, write
+from fmus.jit import ROOT, source_hash, sources
 
 # kind of component -> its shell; the stems differ, because modules are global to a process
 KINDS = {
@@ -62,34 +64,34 @@ def build_shell(
     parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), text]
     parts += [f"{package.name} {source_hash(package)}" for package in packages]
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
-    kept = cache_folder() / "fmus" / key / f"{name or script.stem}.fmu"
+    file = f"{name or script.stem}.fmu"
+
+    def found(cache: Path) -> Path:
+        place = own(cache / "fmus" / key) / file
+        if kept(place) is None:
+            with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
+                content = _pack(Path(stage), script, text, packages)
+            if kept(place) is None:  # of two processes that built the same, the first one's stays
+                keep(place, content)
+        return place
+
     try:
-        if not kept.exists():
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(dir=kept.parent, prefix="stage-") as stage:
-                fresh = _pack(Path(stage), script, text, packages)
-                _keep(fresh, kept)
+        try:
+            place = found(cache_folder())
+        except OSError as error:
+            tell(error)
+            place = found(temporary())
         if folder is None:
-            return kept
+            return place
         folder.mkdir(parents=True, exist_ok=True)
-        fresh = folder / f".{kept.name}.{os.getpid()}"
-        shutil.copyfile(kept, fresh)
-        return fresh.replace(folder / kept.name)
+        write(folder / file, place.read_bytes())
+        return folder / file
     except OSError as error:
-        raise BuildFailed(f"cannot build {kept.name}: {error}") from None
+        raise BuildFailed(f"cannot build {file}: {error}") from None
 
 
-def _keep(fresh: Path, kept: Path) -> None:
-    """Put a built file in its place at once; of two processes that built the same, the first one's stays."""
-    try:
-        os.link(fresh, kept)
-    except FileExistsError:
-        pass
-    except OSError:  # a file system without links
-        fresh.replace(kept)
-
-
-def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> Path:
+def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> bytes:
+    """The FMU but for its checksum."""
     tree = stage / "tree"
     for package in (ROOT, *packages):
         for source in sources(package):
@@ -115,7 +117,7 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> P
     if child.returncode:
         last = (child.stderr.strip() or "no message").splitlines()[-1]
         raise BuildFailed(f"cannot build {script.stem}: {last.removeprefix('fmus.slave.Refused: ')}")
-    return _compress(Path(order["target"]), stage / "packed.fmu")
+    return _compress(Path(order["target"]), stage / "packed.fmu").read_bytes()[:-CHECKSUM]
 
 
 def _compress(described: Path, packed: Path) -> Path:
@@ -126,6 +128,7 @@ def _compress(described: Path, packed: Path) -> Path:
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
             target.writestr(entry, source.read(name))
+        target.comment = bytes(CHECKSUM)  # room for it
     return packed
 
 

@@ -3,43 +3,32 @@
 numba's own cache is keyed by the path of the source file (an FMU unpacked elsewhere compiles again) and looks
 at that file alone (an edited callee in another module is not noticed, and the old physics runs on). Here a
 kernel's place in the cache is a hash of its module and of every module of ours that it reaches by imports. An
-overload is one file, named by signature and processor and written at once: processes may compile side by
-side.
+overload is one file, named by signature, processor and compiler and written at once: processes may compile side by
+side. One whose checksum does not hold is compiled again, because damaged machine code ends the process.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
-import os
 import pickle
 import sys
-import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 import numba
+import numpy
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.serialize import dumps
 
+from fmus.cache import cache_folder, keep, kept, own, spared
+
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
-
-
-def cache_folder() -> Path:
-    """Where built FMUs and compiled kernels live: ``$COTRACK_CACHE``, else the user's cache folder."""
-    chosen = os.environ.get("COTRACK_CACHE")
-    if chosen:
-        return Path(chosen).expanduser().absolute()
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
-    elif sys.platform == "darwin":
-        base = "~/Library/Caches"
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(base).expanduser() / "cotrack"
+# numba's settings that make other machine code of the same source
+SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
 
 
 def sources(root: Path = ROOT) -> list[Path]:
@@ -129,6 +118,9 @@ class _Locator(_CacheLocator):
     def get_cache_path(self) -> str:
         return str(cache_folder() / "kernels" / f"{self._module}-{self._stamp[:20]}")
 
+    def ensure_cache_path(self) -> None:
+        own(Path(self.get_cache_path()))
+
     def get_source_stamp(self) -> str:
         return self._stamp
 
@@ -151,27 +143,20 @@ class _Overloads:
         self._folder, self._stem, self._stamp = folder, stem, stamp
 
     def _path(self, key: object) -> Path:
-        made = (numba.__version__, numba.config.BOUNDSCHECK, self._stamp, key)
+        settings = [getattr(numba.config, name, None) for name in SETTINGS]
+        made = (numba.__version__, llvmlite.__version__, numpy.__version__, settings, self._stamp, key)
         name = hashlib.sha256(repr(made).encode()).hexdigest()
         return self._folder / f"{self._stem}.{name[:24]}.kernel"
 
     def load(self, key: object) -> Any:
+        content = kept(self._path(key))
         try:
-            return pickle.loads(self._path(key).read_bytes())
-        except (
-            Exception
-        ):  # not there, cut off by a machine that lost power, or of a class that is gone: compile
+            return None if content is None else pickle.loads(content)
+        except Exception:  # of a class that is gone: compile
             return None
 
     def save(self, key: object, data: object) -> None:
-        path = self._path(key)
-        fresh = path.with_name(f"{path.name}.{uuid.uuid4().hex[:12]}")
-        try:
-            fresh.write_bytes(dumps(data))
-            fresh.replace(path)
-        except BaseException:
-            fresh.unlink(missing_ok=True)
-            raise
+        keep(self._path(key), dumps(data))
 
     def flush(self) -> None:
         for path in self._folder.glob(f"{self._stem}.*.kernel"):
@@ -188,10 +173,7 @@ class _Cache(FunctionCache):
             Path(locator.get_cache_path()), self._impl.filename_base, locator.get_source_stamp()
         )
 
-    @contextmanager
-    def _guard_against_spurious_io_errors(self) -> Iterator[None]:
-        with suppress(OSError):  # a cache that cannot be read or written only costs time
-            yield
+    _guard_against_spurious_io_errors = staticmethod(spared)
 
 
 def kernel(function: Callable[..., Any]) -> Any:

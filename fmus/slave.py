@@ -32,6 +32,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
+from fmus.cache import cache_folder, check, spared, unheard
 from fmus.defaults import check_names, checked, configured
 from fmus.description import document
 from fmus.elsewhere import Elsewhere
@@ -125,6 +126,9 @@ class Slave(Fmi2Slave):
         self._status, self._failure, self._phase = OK, "", "instantiated"
         try:
             self._load(Path(self.resources))
+            with spared():
+                check(cache_folder())  # before a minute of compilation
+            self._pass_on()
         except Exception as error:
             raise Refused(self._sentence(error)) from None
 
@@ -315,6 +319,7 @@ class Slave(Fmi2Slave):
         self._used = self._given()
         self._model.initialise(self._used)
         self._failure, self._status = "", OK
+        self._pass_on()
         self._refresh("at the start")
         self._stale = False
 
@@ -434,6 +439,11 @@ class Slave(Fmi2Slave):
         return sentence
 
     log_categories = {**Fmi2Slave.log_categories, "traceback": "Where in the code an error arose."}  # noqa: RUF012
+
+    def _pass_on(self) -> None:
+        """Tell the host what the cache said where nobody else heard it."""
+        for sentence in unheard():
+            self.log(sentence, Fmi2Status.warning)
 
     def log(
         self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None

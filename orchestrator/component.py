@@ -8,10 +8,7 @@ import hashlib
 import io
 import itertools
 import math
-import os
 import shutil
-import sys
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -38,6 +35,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
+from orchestrator.cache import cache_folder, make, own, temporary, write
 from orchestrator.warned import Warned, Warnings
 
 Floats = NDArray[np.float64]
@@ -46,6 +44,7 @@ Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")  # an angle has no dimension
 LINK_FAMILIES = ("link[", "joint[")  # outputs of every link: read and recorded at a rate of their own
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
+_BYTECODE = "__pycache__"
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
 
@@ -106,50 +105,74 @@ def _finalise() -> None:
             library.finalizePythonInterpreter()
 
 
-def _cache() -> Path:
-    """The folder of unpacked FMUs: ``$COTRACK_CACHE``, else the user's cache folder."""
-    chosen = os.environ.get("COTRACK_CACHE")
-    if chosen:
-        return Path(chosen).expanduser().absolute() / "unpacked"
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
-    elif sys.platform == "darwin":
-        base = "~/Library/Caches"
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(base).expanduser() / "cotrack" / "unpacked"
-
-
 def unpack(fmu: Path) -> Path:
-    """The folder that holds the unpacked FMU, by content: unpacked once. Raises ComponentFailed."""
+    """The folder that holds the unpacked FMU, by content: every file of the FMU is in it as it was packed.
+
+    Where it is not the same any more it is written again; a process that has the old one open keeps it. Where the cache
+    cannot be used the folder lasts as long as this process. Raises ComponentFailed.
+    """
     try:
         content = fmu.read_bytes()
     except FileNotFoundError:
         raise ComponentFailed(f"there is no FMU '{fmu}'") from None
     except OSError as error:
         raise ComponentFailed(f"cannot read the FMU '{fmu}': {error.strerror}") from None
-    folder = _cache() / hashlib.sha256(content).hexdigest()[:24]
-    if folder.is_dir():
-        return folder
+    place = Path("unpacked", hashlib.sha256(content).hexdigest()[:24])
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             if "modelDescription.xml" not in archive.namelist():
                 raise ComponentFailed(f"'{fmu}' is not an FMU: it has no modelDescription.xml")
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix="fresh-"))
             try:
-                archive.extractall(fresh)
-                fresh.chmod(0o755)
-                fresh.rename(folder)
-            finally:
-                if fresh.exists():
-                    shutil.rmtree(fresh, ignore_errors=True)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-        raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive that can be read: {error}") from None
+                return _complete(archive, own(cache_folder() / place))
+            except OSError:
+                return _complete(archive, own(temporary() / place))
+    except ComponentFailed:
+        raise
     except OSError as error:
-        if not folder.is_dir():  # else another process was faster
-            raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None
+        raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None
+    except Exception as error:  # each method of compression has an error of its own
+        raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive that can be read: {error}") from None
+
+
+def _complete(archive: zipfile.ZipFile, folder: Path) -> Path:
+    """Every file of the archive in the folder as it was packed; other files there are left alone.
+
+    Python would run bytecode that nobody checks: there is none, and an empty file where it would be.
+    """
+    of_sources = set()
+    for name in dict.fromkeys(archive.namelist()):
+        entry = archive.getinfo(name)
+        parts = [part for part in name.split("/") if part not in ("", ".", "..")]
+        file = folder.joinpath(*parts)
+        if _BYTECODE in parts:
+            continue
+        if file.suffix == ".py":
+            of_sources.add(file.parent)
+        if entry.is_dir():
+            make(file)
+        elif not _as_packed(file, entry):
+            if not file.is_relative_to(folder):  # it names a drive
+                raise zipfile.BadZipFile(f"it holds a file called '{name}'")
+            make(file.parent)
+            write(file, archive.read(entry))
+    for each in of_sources:
+        _bar(each / _BYTECODE)
     return folder
+
+
+def _as_packed(file: Path, entry: zipfile.ZipInfo) -> bool:
+    try:
+        content = file.read_bytes()
+    except FileNotFoundError:
+        return False
+    return len(content) == entry.file_size and zlib.crc32(content) == entry.CRC
+
+
+def _bar(bytecode: Path) -> None:
+    if bytecode.is_dir():
+        shutil.rmtree(bytecode)
+    if not bytecode.exists():
+        write(bytecode, b"")
 
 
 # ------------------------------------------------------------------ component

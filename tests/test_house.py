@@ -14,6 +14,7 @@ COMPONENTS = ("track_flexible", "track_rigid", "chassis", "sprocket_drive")
 
 # Modules that run any FMI 2.0 co-simulation FMU: nothing of ours is behind them.
 GENERIC = (
+    "cache.py",
     "component.py",
     "warned.py",
     "graph.py",
@@ -33,7 +34,9 @@ GENERIC = (
     "compare.py",
     "replay.py",
 )
-DOORS = {"fmus.build", "fmus.contents", "fmus.vehicle", "fmus.ports", "fmus.tensioning", "fmus.monolith.model"}
+DOORS = {
+    "fmus.build", "fmus.cache", "fmus.contents", "fmus.vehicle", "fmus.ports", "fmus.tensioning", "fmus.monolith.model",
+}  # fmt: skip
 # scenes without an FMU, studies of the mechanics and the motion that other codes are given need the mechanics
 TO_PHYSICS = {"pieces", "studies", "bench"}
 KERNELS = ORCHESTRATOR / "bench" / "kernels.py"  # times the parts of a step by the signatures of the kernels

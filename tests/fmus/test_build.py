@@ -79,10 +79,13 @@ def test_what_cannot_be_built_is_refused_in_one_sentence(call, sentence):
     assert "\n" not in str(caught.value)
 
 
-def test_full_or_forbidden_cache_is_refused_in_one_sentence(tmp_path, monkeypatch):
+def test_without_a_folder_for_it_an_fmu_is_refused_in_one_sentence(toy, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
+    with pytest.raises(BuildFailed, match=r"^cannot build toy_fmu.fmu: .*Not a directory"):
+        build_toy(tmp_path / "file" / "folder")
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "file"))
-    with pytest.raises(BuildFailed, match=r"^cannot build toy_fmu.fmu: "):
+    monkeypatch.setattr("fmus.build.temporary", lambda: tmp_path / "file")
+    with pytest.raises(BuildFailed, match=r"^cannot build toy_fmu.fmu: .*Not a directory"):
         build_toy()
 
 

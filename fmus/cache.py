@@ -1,0 +1,169 @@
+"""The cache folder: what was made once is found again, and checked before it is used.
+
+A place in it is ``cache/kind/key``, made with mode 0700. A file ends with a checksum over its name and content, and is
+written at once. Nothing is taken from a folder that others can write into. Without a cache all goes on, but for longer.
+``orchestrator/cache.py`` says once more what component.py needs, which imports nothing of ``fmus``.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import logging
+import os
+import shutil
+import sys
+import tempfile
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+
+CHECKSUM = 64  # bytes at the end of a kept file: a sha256 in hexadecimal
+OTHERS = 0o022  # mode bits by which a group or others may write
+
+_logger = logging.getLogger("cotrack")
+_said: set[tuple[type, int | None]] = set()
+_unheard: list[str] = []
+
+
+class Untrusted(PermissionError):
+    """Others can write into a folder of the cache; the message is one sentence."""
+
+
+def cache_folder() -> Path:
+    """The cache: ``$COTRACK_CACHE``, else in the user's cache folder."""
+    chosen = os.environ.get("COTRACK_CACHE")
+    if chosen:
+        return Path(chosen).expanduser().absolute()
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
+    elif sys.platform == "darwin":
+        base = "~/Library/Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(base).expanduser() / "cotrack"
+
+
+# ------------------------------------------------------------------ folders
+
+
+def make(folder: Path) -> None:
+    """Make a folder and what it lies in, each for this user alone. Raises OSError."""
+    for each in reversed((folder, *folder.parents)):
+        if not each.exists():
+            with suppress(FileExistsError):  # another process was faster
+                each.mkdir(mode=0o700)
+
+
+def own(place: Path) -> Path:
+    """A place of the cache, made where it is not there. Raises OSError, Untrusted."""
+    check(place, *place.parents[:2])
+    make(place)
+    check(place, *place.parents[:2])  # another user may have been faster
+    return place
+
+
+def check(*folders: Path) -> None:
+    """Raise Untrusted where one of these folders is another user's or can be written by others."""
+    if os.name == "nt":  # no such owners and modes
+        return
+    for folder in folders:
+        with suppress(FileNotFoundError):
+            about = folder.stat()
+            if not _mine(about):
+                raise Untrusted(
+                    f"{folder} belongs to another user ({about.st_uid}); name a folder of your own in COTRACK_CACHE"
+                )
+            if about.st_mode & OTHERS:
+                raise Untrusted(
+                    f"others can write into {folder} (mode {about.st_mode & 0o777:o}); chmod -R go-w it, "
+                    "or name another folder in COTRACK_CACHE"
+                )
+
+
+def _mine(about: os.stat_result) -> bool:
+    return os.name == "nt" or about.st_uid in (0, os.geteuid())
+
+
+@cache
+def temporary() -> Path:
+    """A folder that takes the place of the cache and is gone at the end of this process."""
+    folder = Path(tempfile.mkdtemp(prefix="cotrack-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+# ------------------------------------------------------------------ files
+
+
+def write(file: Path, content: bytes) -> None:
+    """Write a file at once: whoever has the old one open keeps it. Raises OSError."""
+    fresh = file.with_name(f"{file.name}.{uuid.uuid4().hex[:12]}")
+    try:
+        fresh.write_bytes(content)
+        fresh.replace(file)
+    except BaseException:
+        fresh.unlink(missing_ok=True)
+        raise
+
+
+def keep(file: Path, content: bytes) -> None:
+    """Write a file in a place of the cache, with its checksum. Raises OSError."""
+    write(file, content + _checksum(file.name, content))
+
+
+def kept(file: Path) -> bytes | None:
+    """What `keep` wrote; None where nothing is there, or not that any more. Raises OSError, Untrusted."""
+    check(*file.parents[:3])
+    try:
+        with file.open("rb") as stream:
+            mine, whole = _mine(os.fstat(stream.fileno())), stream.read()
+    except FileNotFoundError:
+        return None
+    content = whole[:-CHECKSUM]
+    return content if mine and whole[-CHECKSUM:] == _checksum(file.name, content) else None
+
+
+def _checksum(name: str, content: bytes) -> bytes:
+    digest = hashlib.sha256(name.encode() + b"\0")
+    digest.update(content)
+    return digest.hexdigest().encode()
+
+
+# ------------------------------------------------------------------ going on without
+
+
+@contextmanager
+def spared() -> Iterator[None]:
+    """What the cache fails at in here only costs time; the reason is told."""
+    try:
+        yield
+    except OSError as error:
+        tell(error)
+
+
+def tell(error: OSError) -> None:
+    """Say why the cache is not used, once a process."""
+    kind = (type(error), error.errno)
+    if kind in _said:
+        return
+    _said.add(kind)
+    sentence = (
+        f"the cache folder {cache_folder()} cannot be used, so every process compiles and builds anew: {reason(error)}"
+    )
+    _logger.warning("%s", sentence)
+    if not _logger.hasHandlers():
+        _unheard.append(sentence)
+
+
+def reason(error: OSError) -> str:
+    """What is wrong with the cache, without the number of an errno."""
+    return str(error) if error.strerror is None else f"{error.filename or 'it'}: {error.strerror}"
+
+
+def unheard() -> Iterator[str]:
+    """Sentences that no log was there for, each once: an FMU passes them on to its host."""
+    while _unheard:
+        yield _unheard.pop(0)

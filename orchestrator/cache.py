@@ -1,0 +1,90 @@
+"""The cache folder, for what runs any FMU and imports nothing of ``fmus``: the part of ``fmus/cache.py`` it needs."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import sys
+import tempfile
+import uuid
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+OTHERS = 0o022  # mode bits by which a group or others may write
+
+
+class Untrusted(PermissionError):
+    """Others can write into a folder of the cache; the message is one sentence."""
+
+
+def cache_folder() -> Path:
+    """The cache: ``$COTRACK_CACHE``, else in the user's cache folder."""
+    chosen = os.environ.get("COTRACK_CACHE")
+    if chosen:
+        return Path(chosen).expanduser().absolute()
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
+    elif sys.platform == "darwin":
+        base = "~/Library/Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(base).expanduser() / "cotrack"
+
+
+def make(folder: Path) -> None:
+    """Make a folder and what it lies in, each for this user alone. Raises OSError."""
+    for each in reversed((folder, *folder.parents)):
+        if not each.exists():
+            with suppress(FileExistsError):  # another process was faster
+                each.mkdir(mode=0o700)
+
+
+def own(place: Path) -> Path:
+    """A place of the cache, made where it is not there. Raises OSError, Untrusted."""
+    check(place, *place.parents[:2])
+    make(place)
+    check(place, *place.parents[:2])  # another user may have been faster
+    return place
+
+
+def check(*folders: Path) -> None:
+    """Raise Untrusted where one of these folders is another user's or can be written by others."""
+    if os.name == "nt":  # no such owners and modes
+        return
+    for folder in folders:
+        with suppress(FileNotFoundError):
+            about = folder.stat()
+            if not _mine(about):
+                raise Untrusted(
+                    f"{folder} belongs to another user ({about.st_uid}); name a folder of your own in COTRACK_CACHE"
+                )
+            if about.st_mode & OTHERS:
+                raise Untrusted(
+                    f"others can write into {folder} (mode {about.st_mode & 0o777:o}); chmod -R go-w it, "
+                    "or name another folder in COTRACK_CACHE"
+                )
+
+
+def _mine(about: os.stat_result) -> bool:
+    return os.name == "nt" or about.st_uid in (0, os.geteuid())
+
+
+@cache
+def temporary() -> Path:
+    """A folder that takes the place of the cache and is gone at the end of this process."""
+    folder = Path(tempfile.mkdtemp(prefix="cotrack-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+def write(file: Path, content: bytes) -> None:
+    """Write a file at once: whoever has the old one open keeps it. Raises OSError."""
+    fresh = file.with_name(f"{file.name}.{uuid.uuid4().hex[:12]}")
+    try:
+        fresh.write_bytes(content)
+        fresh.replace(file)
+    except BaseException:
+        fresh.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,327 @@
+"""The cache heals: whatever becomes of a file in it, runs are right; and what others can write into is left alone."""
+
+import errno
+import inspect
+import logging
+import os
+import pickle
+import random
+import shutil
+import stat
+import subprocess
+import sys
+import zipfile
+from itertools import product
+
+import numpy as np
+import pytest
+from conftest import build_toy
+
+import fmus.cache
+import orchestrator.cache
+from fmus.jit import _Overloads
+from orchestrator.component import unpack
+
+POSIX = pytest.mark.skipif(os.name == "nt", reason="no owners and modes there")
+DAMAGES = ("flip", "cut", "empty", "delete")
+
+
+def damage(file, how, rng):
+    """In place, as a bad disk does: whoever has the file open sees it."""
+    content = bytearray(file.read_bytes())
+    if how == "delete":
+        file.unlink()
+        return
+    if how == "flip":
+        at = rng.randrange(8 * len(content))
+        content[at // 8] ^= 1 << at % 8
+    with file.open("r+b") as stream:
+        stream.write(content)
+        stream.truncate({"flip": len(content), "cut": rng.randrange(1, len(content)), "empty": 0}[how])
+
+
+@pytest.fixture(autouse=True)
+def _nothing_said_yet(monkeypatch):
+    monkeypatch.setattr(fmus.cache, "_said", set())
+    monkeypatch.setattr(fmus.cache, "_unheard", [])
+
+
+def test_both_packages_say_the_same():
+    for name, one in vars(orchestrator.cache).items():
+        if getattr(one, "__module__", None) == "orchestrator.cache":
+            assert inspect.getsource(one) == inspect.getsource(getattr(fmus.cache, name)), name
+    assert orchestrator.cache.OTHERS == fmus.cache.OTHERS
+
+
+# --- files -----------------------------------------------------------------------------------------
+
+
+def test_a_kept_file_is_found_whole_or_not_at_all(fresh_cache):
+    file = fmus.cache.own(fresh_cache / "kind" / "key") / "name"
+    assert fmus.cache.kept(file) is None
+    fmus.cache.keep(file, b"content")
+    assert fmus.cache.kept(file) == b"content"
+    whole = file.read_bytes()
+    for bit in range(0, 8 * len(whole), 5):
+        file.write_bytes(bytes(byte ^ (1 << bit % 8) * (i == bit // 8) for i, byte in enumerate(whole)))
+        assert fmus.cache.kept(file) is None, bit
+    for size in range(len(whole)):
+        file.write_bytes(whole[:size])
+        assert fmus.cache.kept(file) is None, size
+    file.write_bytes(whole)
+    assert fmus.cache.kept(file) == b"content"
+    file.rename(file.with_name("other"))
+    assert fmus.cache.kept(file.with_name("other")) is None, "the content of another file"
+
+
+def test_a_damaged_kernel_is_not_unpickled(fresh_cache, monkeypatch):
+    overloads = _Overloads(fmus.cache.own(fresh_cache / "kernels" / "module"), "kernel", "stamp")
+    overloads.save("signature", list(range(2000)))
+    assert overloads.load("signature") == list(range(2000))
+    (file,) = (fresh_cache / "kernels" / "module").iterdir()
+    whole, rng = file.read_bytes(), random.Random(1)
+    monkeypatch.setattr(pickle, "loads", lambda content: "unpickled")
+    assert overloads.load("signature") == "unpickled"
+    for how in [*DAMAGES, *["flip"] * 100]:
+        file.write_bytes(whole)
+        damage(file, how, rng)
+        assert overloads.load("signature") is None, how
+
+
+def test_a_kernel_is_that_of_its_compiler(fresh_cache, monkeypatch):
+    overloads = _Overloads(fmus.cache.own(fresh_cache / "kernels" / "module"), "kernel", "stamp")
+    overloads.save("signature", 1)
+    for place, value in (
+        ("numba.__version__", "1"), ("llvmlite.__version__", "1"), ("numpy.__version__", "3"),
+        ("numba.config.OPT", 0), ("numba.config.USING_SVML", "?"),
+    ):  # fmt: skip
+        with monkeypatch.context() as other:
+            other.setattr(place, value)
+            assert overloads.load("signature") is None, place
+    assert overloads.load("signature") == 1
+
+
+def test_a_damaged_fmu_is_built_again(fresh_cache):
+    fmu = build_toy()
+    with zipfile.ZipFile(fmu) as archive:
+        packed = {name: archive.read(name) for name in archive.namelist()}
+    damage(fmu, "flip", random.Random(2))
+    assert fmus.cache.kept(fmu) is None
+    assert build_toy() == fmu
+    with zipfile.ZipFile(fmu) as archive:
+        again = {name: archive.read(name) for name in archive.namelist()}
+    assert {name for name in packed if again[name] != packed[name]} <= {"modelDescription.xml"}, "but its date"
+    assert fmus.cache.kept(fmu) is not None
+
+
+def as_packed(fmu, folder):
+    """Names of files that are not what the FMU holds."""
+    with zipfile.ZipFile(fmu) as archive:
+        return [
+            name for name in archive.namelist()
+            if not (folder / name).is_file() or (folder / name).read_bytes() != archive.read(name)
+        ]  # fmt: skip
+
+
+def test_an_unpacked_fmu_is_mended(toy, fresh_cache):
+    folder, rng = unpack(toy), random.Random(3)
+    assert as_packed(toy, folder) == []
+    files = [folder / name for name in (
+        "modelDescription.xml", "binaries/linux64/Toy.so", "resources/config.json", "resources/toy/kernels.py",
+    )]  # fmt: skip
+    for file, how in product(files, [*DAMAGES, "flip", "flip"]):
+        damage(file, how, rng)
+        assert as_packed(toy, folder) != []
+        assert unpack(toy) == folder
+        assert as_packed(toy, folder) == []
+
+
+def test_mending_takes_nothing_away_from_who_has_it_open(toy, fresh_cache):
+    folder = unpack(toy)
+    (folder / "resources" / "written by the fmu.txt").write_text("stays")
+    library = folder / "binaries" / "linux64" / "Toy.so"
+    with library.open("r+b") as stream:
+        stream.write(b"old")
+        stream.flush()
+        assert unpack(toy) == folder
+        stream.seek(0)
+        assert stream.read(3) == b"old"
+    assert library.read_bytes()[:3] != b"old"
+    assert (folder / "resources" / "written by the fmu.txt").read_text() == "stays"
+
+
+def test_no_bytecode_is_run_that_nobody_checks(toy, fresh_cache, tmp_path):
+    sources = unpack(toy) / "resources" / "toy"
+    code = "import sys; sys.path.insert(0, sys.argv[1]); import toy; print(toy.__cached__)"
+    env = {**os.environ, "PYTHONDONTWRITEBYTECODE": "", "PYTHONPATH": ""}
+    subprocess.run([sys.executable, "-c", code, sources.parent], env=env, check=True)
+    assert (sources / "__pycache__").read_bytes() == b""
+    (sources / "__pycache__").unlink()  # then Python writes some
+    subprocess.run([sys.executable, "-c", code, sources.parent], env=env, check=True)
+    assert list((sources / "__pycache__").iterdir())
+    unpack(toy)
+    assert (sources / "__pycache__").read_bytes() == b""
+    brought = tmp_path / "brought.fmu"
+    with zipfile.ZipFile(toy) as source, zipfile.ZipFile(brought, "w") as target:
+        for name in source.namelist():
+            target.writestr(name, source.read(name))
+        target.writestr("resources/toy/__pycache__/model.cpython-311.pyc", b"no code")
+    assert (unpack(brought) / "resources" / "toy" / "__pycache__").read_bytes() == b""
+
+
+# --- folders ---------------------------------------------------------------------------------------
+
+
+@POSIX
+def test_folders_are_made_for_their_user_alone(toy, tmp_path, monkeypatch):
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "a" / "b"))
+    before = os.umask(0)
+    try:
+        unpack(toy)
+    finally:
+        os.umask(before)
+    folders = [path for path in tmp_path.rglob("*") if path.is_dir()]
+    assert len(folders) > 20
+    assert {stat.S_IMODE(path.stat().st_mode) for path in folders} == {0o700}
+
+
+@POSIX
+@pytest.mark.parametrize("level", range(3))
+def test_what_others_can_write_or_own_is_not_trusted(fresh_cache, level, monkeypatch):
+    place = fmus.cache.own(fresh_cache / "kind" / "key")
+    fmus.cache.keep(place / "file", b"content")
+    folder = (place, *place.parents)[level]
+    for mode in (0o720, 0o702, 0o777):
+        folder.chmod(mode)
+        for call in (fmus.cache.own, lambda place: fmus.cache.kept(place / "file")):
+            with pytest.raises(fmus.cache.Untrusted) as caught:
+                call(place)
+            assert str(caught.value).startswith(f"others can write into {folder} (mode {mode:o}); chmod -R go-w it, ")
+    folder.chmod(0o755)
+    assert fmus.cache.kept(place / "file") == b"content"
+    me = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: me + 1)
+    if me:  # what belongs to root is trusted
+        with pytest.raises(fmus.cache.Untrusted, match=rf"belongs to another user \({me}\); name a folder of your own"):
+            fmus.cache.own(place)
+
+
+TOY_RUN = """
+import sys
+from pathlib import Path
+from conftest import build_toy
+from orchestrator.component import Component
+def heard(name, status, message):
+    print(status, message)
+with Component(build_toy(), "toy", heard) as component:
+    component.initialise({})
+    for i in range(3):
+        component.step(i * 1e-3, 1e-3)
+    component.read()
+    import toy.kernels
+    hits = sum(toy.kernels.advance.stats.cache_hits.values())
+    print(component.y.tobytes().hex(), hits)
+"""
+
+
+def run_toy(environment, cache):
+    """The toy in a process of its own: what it tells, its outputs, whether its kernel was found, what its log says."""
+    done = subprocess.run(
+        [sys.executable, "-c", TOY_RUN], env={**environment, "COTRACK_CACHE": str(cache)},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, (done.returncode, done.stderr[-2000:])
+    *told, last = done.stdout.splitlines()
+    values, hits = last.split()
+    return told, np.frombuffer(bytes.fromhex(values)).tolist(), int(hits), done.stderr
+
+
+@pytest.fixture(scope="module")
+def warm(environment, tmp_path_factory):
+    """A cache that one run has filled, and its outputs."""
+    cache = tmp_path_factory.mktemp("warm") / "cache"
+    return cache, run_toy(environment, cache)[1]
+
+
+@pytest.fixture
+def cache(warm, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(warm[0], tmp_path / "cache")
+
+
+def test_a_run_on_damaged_files_is_right_and_heals_them(environment, warm, cache):
+    """Before they were checked a cut library ended the process by SIGBUS, a missing resource by SIGSEGV."""
+    rng = random.Random(6)
+    for pattern, how in (
+        ("kernels/*/*advance*.kernel", "flip"),
+        ("unpacked/*/binaries/linux64/*.so", "cut"),
+        ("unpacked/*/resources/config.json", "delete"),
+    ):
+        (file,) = cache.glob(pattern)
+        damage(file, how, rng)
+    assert run_toy(environment, cache) == ([], warm[1], 0, "")
+    assert run_toy(environment, cache) == ([], warm[1], 1, "")
+
+
+class Trap:
+    """Makes a folder where it is unpickled."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def __reduce__(self):
+        return os.mkdir, (self.folder,)
+
+
+@POSIX
+def test_nothing_is_unpickled_from_a_folder_that_others_can_write(environment, warm, cache, tmp_path):
+    trap = tmp_path / "trap"
+    (kernel,) = cache.glob("kernels/*/*advance*.kernel")
+    fmus.cache.keep(kernel, pickle.dumps(Trap(trap)))
+    cache.chmod(0o777)
+    told, values, hits, said = run_toy(environment, cache)
+    assert (values, hits, trap.exists()) == (warm[1], 0, False)
+    sentence = (
+        f"the cache folder {cache} cannot be used, so every process compiles and builds anew: "
+        f"others can write into {cache} (mode 777); chmod -R go-w it, or name another folder in COTRACK_CACHE"
+    )
+    assert told == [f"1 {sentence}"], "what a host hears that has no log of Python's"
+    assert said == f"{sentence}\n"
+    cache.chmod(0o700)
+    pickle.loads(fmus.cache.kept(kernel))
+    assert trap.exists(), "the trap is no trap"
+
+
+# --- going on without ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def full(tmp_path, monkeypatch):
+    """A cache on a full disk."""
+    place = tmp_path / "full"
+    monkeypatch.setenv("COTRACK_CACHE", str(place))
+    put = fmus.cache.write
+
+    def write(file, content):
+        if file.is_relative_to(place):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
+        put(file, content)
+
+    for module in ("fmus.cache", "orchestrator.cache", "orchestrator.component"):
+        monkeypatch.setattr(f"{module}.write", write)
+    return place
+
+
+def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, caplog):
+    fmu = build_toy()
+    assert build_toy() == fmu
+    folder = unpack(fmu)
+    assert as_packed(fmu, folder) == []
+    for place, module in ((fmu, fmus.cache), (folder, orchestrator.cache)):
+        assert place.is_relative_to(module.temporary())
+    (record,) = caplog.records
+    assert record.levelno == logging.WARNING
+    assert record.getMessage().startswith(
+        f"the cache folder {full} cannot be used, so every process compiles and builds anew: {full}/"
+    )
+    assert record.getMessage().endswith("/toy_fmu.fmu: No space left on device")
