@@ -1,16 +1,20 @@
 """What precision costs: settings of scenes with the error and the run time that a study found for them.
 
-The gallery's own are shipped beside the scenes; what ``cotrack study error-runtime`` finds here replaces them.
+The gallery's own are shipped beside the scenes; what ``cotrack study error-runtime`` finds here replaces them. A table
+that was written here has a checksum.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
+import logging
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from fmus.build import cache_folder
+from fmus.cache import Untrusted, cache_folder, check, make, tell
+from fmus.cache import write as put
 from fmus.vehicle import BadInput
 
 SHIPPED = Path(__file__).parent / "scenes" / "precision.json"
@@ -35,14 +39,37 @@ def read(*files: Path) -> list[Setting]:
     """All settings; of a scene and track those of the last file that knows them."""
     found: dict[tuple[str, str], list[Setting]] = {}
     for file in files or (SHIPPED, own()):
-        try:
-            rows = [Setting(**row) for row in json.loads(file.read_text(encoding="utf-8"))]
-        except (OSError, ValueError, TypeError):
-            continue
+        rows = _rows(file)
         known = {(row.scene, row.track) for row in rows}
         for key in known:
             found[key] = [row for row in rows if (row.scene, row.track) == key]
     return [row for rows in found.values() for row in rows]
+
+
+def _rows(file: Path) -> list[Setting]:
+    """The settings of a table; one that is damaged is left out, and that is told."""
+    try:
+        if file == own():
+            check(file.parent)
+        table = json.loads(file.read_text(encoding="utf-8"))
+        if isinstance(table, dict):  # what is shipped has no checksum
+            if table["sha256"] != _checksum(table["rows"]):
+                raise ValueError
+            table = table["rows"]
+        return [Setting(**row) for row in table]
+    except FileNotFoundError:
+        return []
+    except Untrusted as error:
+        tell(error)
+    except (OSError, ValueError, TypeError, LookupError):
+        logging.getLogger("cotrack").warning(
+            "the table %s is damaged and is left out: 'cotrack study error-runtime' writes it again", file
+        )
+    return []
+
+
+def _checksum(rows: list[dict[str, Any]]) -> str:
+    return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
 
 
 def front(settings: Iterable[Setting]) -> list[Setting]:
@@ -55,14 +82,14 @@ def front(settings: Iterable[Setting]) -> list[Setting]:
 
 
 def write(settings: Iterable[Setting], file: Path) -> None:
-    """The fronts of scenes and tracks, beside what the file says of others."""
+    """The fronts of scenes and tracks, beside what the file says of others. Raises OSError."""
     new: dict[tuple[str, str], list[Setting]] = {}
     for one in settings:
         new.setdefault((one.scene, one.track), []).append(one)
     kept = [row for row in read(file) if (row.scene, row.track) not in new]
-    rows = kept + [row for key in sorted(new) for row in front(new[key])]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps([row._asdict() for row in rows], indent=1) + "\n", encoding="utf-8")
+    rows = [row._asdict() for row in kept + [row for key in sorted(new) for row in front(new[key])]]
+    make(file.parent)
+    put(file, (json.dumps({"rows": rows, "sha256": _checksum(rows)}, indent=1) + "\n").encode())
 
 
 def fraction(text: str) -> float:

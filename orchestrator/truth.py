@@ -17,9 +17,9 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from fmus.build import cache_folder
+from fmus.cache import cache_folder, keep, kept, own, reason
 from fmus.monolith.model import content
 from fmus.vehicle import BadInput
 from orchestrator import monolithic, system
@@ -33,6 +33,7 @@ from orchestrator.scene_parts import Run
 ORDER = 2
 SAMPLING, LINKS = 1e-3, 10  # s between outputs; links at one in so many
 LOGS = ("truth.mcap", "coarse.mcap")
+FIGURES = "truth.json"  # with a hash of each log
 
 
 class TruthFailed(RuntimeError):
@@ -58,7 +59,8 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     """Find or build the truth about a scene; a ``narration`` is told what is done.
 
     Depends on the physics of the scene and on the sources, not on its communication step, nor on how its components
-    integrate. Two processes that want the same build it once. Raises TruthFailed, BadInput or ComponentFailed.
+    integrate. Two processes that want the same build it once; one that is damaged is built again. Raises TruthFailed,
+    BadInput (also where it cannot be kept), LogFailed or ComponentFailed.
     """
     if not isinstance(scene, TrackScene):
         raise BadInput(f"truth: scene '{scene.name}' has no track, and is its own reference")
@@ -66,18 +68,38 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
         raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
     scene = bare(scene)
     folder = cache_folder() / "truth" / key(scene)
-    built = False
-    if not folder.is_dir():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with _alone(folder.with_suffix(".lock")):
-            if not folder.is_dir():
-                if narration:
-                    narration(f"{scene.name}: two monolithic runs in short steps make its truth")
-                _build(scene, folder, narration)
-                built = True
-    figures = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+    try:
+        own(folder)
+        found, built = _found(folder), False
+        if found is None:
+            with _alone(folder.with_suffix(".lock")):
+                found = _found(folder)
+                if found is None:
+                    if narration:
+                        narration(f"{scene.name}: two monolithic runs in short steps make its truth")
+                    found, built = _build(scene, folder, narration), True
+    except OSError as error:
+        raise BadInput(f"truth: it cannot be kept in the cache: {reason(error)}") from None
+    figures = {name: value for name, value in found.items() if name != "sha256"}
     figures["difference"] = {name: Difference(**one) for name, one in figures["difference"].items()}
     return Truth(folder / LOGS[0], folder / LOGS[1], **figures, built=built)
+
+
+def _found(folder: Path) -> dict[str, Any] | None:
+    """The figures of a truth whose files are as they were built."""
+    figures = kept(folder / FIGURES)
+    if figures is None:
+        return None
+    found: dict[str, Any] = json.loads(figures)
+    return found if found["sha256"] == _hashes(folder) else None
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    found = {}
+    for name in LOGS:
+        with suppress(FileNotFoundError), (folder / name).open("rb") as log:
+            found[name] = hashlib.file_digest(log, "sha256").hexdigest()
+    return found
 
 
 def bare(scene: TrackScene) -> TrackScene:
@@ -98,8 +120,8 @@ def key(scene: TrackScene) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 
-def _build(scene: TrackScene, folder: Path, narration: Narration | None) -> None:
-    """Both runs side by side and what they differ in, put in place at once."""
+def _build(scene: TrackScene, folder: Path, narration: Narration | None) -> dict[str, Any]:
+    """Both runs side by side and what they differ in; each file is put in its place at once, the figures last."""
     stop = threading.Event()
     fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix="fresh-"))
     logs = [fresh / name for name in LOGS]
@@ -120,11 +142,12 @@ def _build(scene: TrackScene, folder: Path, narration: Narration | None) -> None
             "internal_step": results[0][1]["internal_step"],
             "wall_time": max(cost["wall_time"] for _, cost in results),
             "difference": {name: one._asdict() for name, one in apart(logs[1], logs[0]).items()},
+            "sha256": _hashes(fresh),
         }
-        (fresh / "truth.json").write_text(json.dumps(figures), encoding="utf-8")
-        fresh.chmod(0o755)
-        with suppress(OSError):  # another process was faster
-            fresh.rename(folder)
+        for log in logs:
+            log.replace(folder / log.name)
+        keep(folder / FIGURES, json.dumps(figures).encode())
+        return figures
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
 
@@ -137,7 +160,7 @@ def _alone(lock: Path) -> Iterator[None]:
     except ImportError:
         yield
         return
-    handle = os.open(lock, os.O_CREAT | os.O_RDWR)
+    handle = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield

@@ -2,6 +2,7 @@
 
 import errno
 import inspect
+import json
 import logging
 import os
 import pickle
@@ -11,6 +12,7 @@ import stat
 import subprocess
 import sys
 import zipfile
+from collections import Counter
 from itertools import product
 
 import numpy as np
@@ -20,7 +22,12 @@ from conftest import build_toy
 import fmus.cache
 import orchestrator.cache
 from fmus.jit import _Overloads
+from fmus.vehicle import BadInput
+from orchestrator import precision
 from orchestrator.component import unpack
+from orchestrator.precision import Setting
+from orchestrator.scene import load
+from orchestrator.truth import FIGURES, LOGS, _hashes, truth
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="no owners and modes there")
 DAMAGES = ("flip", "cut", "empty", "delete")
@@ -167,6 +174,55 @@ def test_no_bytecode_is_run_that_nobody_checks(toy, fresh_cache, tmp_path):
             target.writestr(name, source.read(name))
         target.writestr("resources/toy/__pycache__/model.cpython-311.pyc", b"no code")
     assert (unpack(brought) / "resources" / "toy" / "__pycache__").read_bytes() == b""
+
+
+def test_a_damaged_truth_is_built_again(fresh_cache, monkeypatch):
+    monkeypatch.setattr("orchestrator.truth._build", built_of(counter := Counter()))
+    scene = short_chain()
+    first = truth(scene)
+    assert (first.built, counter["built"]) == (True, 1)
+    rng = random.Random(4)
+    for file, how in product((*LOGS, FIGURES), DAMAGES):
+        assert not truth(scene).built
+        damage(first.log.with_name(file), how, rng)
+        again = truth(scene)
+        assert again.built, (file, how)
+        assert again._replace(built=False) == truth(scene)
+
+
+def short_chain():
+    return load("hanging_chain", "flexible", ("run.stop=0.02",))
+
+
+def built_of(counter):
+    """Stands in for the monolith: the two logs, their hashes and some figures."""
+    def build(scene, folder, title):
+        counter["built"] += 1
+        for name in LOGS:
+            (folder / name).write_bytes(name.encode() * 100)
+        figures = {"internal_step": 1e-6, "wall_time": 1.0, "difference": {}, "sha256": _hashes(folder)}
+        fmus.cache.keep(folder / FIGURES, json.dumps(figures).encode())
+        return figures
+
+    return build
+
+
+def test_a_damaged_table_of_settings_is_left_out_and_named(fresh_cache, caplog):
+    precision.write([Setting("swing", "flexible", ("run.step=4 ms",), 0.0125, 1.0)], precision.own())
+    file = precision.own()
+    whole, rng = file.read_bytes(), random.Random(5)
+    assert precision.cheapest("swing", "flexible", 0.1).error == 0.0125
+    for how in ("flip", "cut", "empty") * 40:
+        file.write_bytes(whole)
+        damage(file, how, rng)
+        caplog.clear()
+        found = [row for row in precision.read() if row.scene not in ("straight", "hard_stop", "rig", "hanging_chain")]
+        if found:  # a blank became another one
+            assert found[0].error == 0.0125
+            assert json.loads(file.read_bytes()) == json.loads(whole)
+        else:
+            assert f"the table {file} is damaged and is left out" in caplog.text
+    assert file.read_bytes() != whole
 
 
 # --- folders ---------------------------------------------------------------------------------------
@@ -325,3 +381,9 @@ def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, capl
         f"the cache folder {full} cannot be used, so every process compiles and builds anew: {full}/"
     )
     assert record.getMessage().endswith("/toy_fmu.fmu: No space left on device")
+
+
+def test_a_truth_needs_a_cache(full, monkeypatch):
+    monkeypatch.setattr("orchestrator.truth._build", built_of(Counter()))
+    with pytest.raises(BadInput, match=r"^truth: it cannot be kept in the cache: .*/truth.json: No space left"):
+        truth(short_chain())

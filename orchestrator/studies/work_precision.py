@@ -10,6 +10,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fmus.cache import spared
 from orchestrator import precision
 from orchestrator.studies.files import save
 
@@ -149,12 +150,13 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     settings = [
         precision.Setting(row.item, row.track, means(row), row.error, row.wall_time) for row in runs(rows)
     ]
-    tables = [folder / "precision.json"]
+    files.append(folder / "precision.json")
+    precision.write(settings, files[-1])
     if not any(setting.startswith("run.stop") for row in rows for setting in row.settings):
-        tables.append(precision.own())  # only what was found over the whole scene
-    for table in tables:
-        precision.write(settings, table)
-    return [*files, *tables]
+        with spared():
+            precision.write(settings, precision.own())  # only what was found over the whole scene
+            files.append(precision.own())
+    return files
 
 
 def means(row: Row) -> tuple[str, ...]:
