@@ -14,6 +14,8 @@ import sys
 import zipfile
 from collections import Counter
 from itertools import product
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -26,6 +28,7 @@ from fmus.vehicle import BadInput
 from orchestrator import precision
 from orchestrator.component import unpack
 from orchestrator.precision import Setting
+from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.truth import FIGURES, LOGS, _hashes, truth
 
@@ -387,3 +390,104 @@ def test_a_truth_needs_a_cache(full, monkeypatch):
     monkeypatch.setattr("orchestrator.truth._build", built_of(Counter()))
     with pytest.raises(BadInput, match=r"^truth: it cannot be kept in the cache: .*/truth.json: No space left"):
         truth(short_chain())
+
+
+# --- whole runs ------------------------------------------------------------------------------------
+
+OPENED = """
+import os, sys
+opened = set()
+def note(event, arguments):
+    if event in ("open", "ctypes.dlopen") and isinstance(arguments[0], str | os.PathLike):
+        opened.add(os.fspath(arguments[0]))
+sys.addaudithook(note)
+from orchestrator.cli import main
+try:
+    main()
+finally:
+    print("opened", *opened, sep="\\n", file=sys.stderr)
+"""
+SHORT = ("--stop", "0.02", "--json")
+COMMANDS = (
+    ("run", "hanging_chain", *SHORT, "--no-estimate", "--log", "run.mcap"),
+    ("run", "rig", *SHORT, "--no-estimate", "--log", "run.mcap"),
+    ("run", "hanging_chain", *SHORT, "--no-estimate", "--log", "run.mcap", "--error", "1%"),
+    ("truth", "hanging_chain", *SHORT),
+)
+KINDS = {
+    "kernels": 80, "fmus": 25, "binaries": 25, "resources": 25, "modelDescription.xml": 15, "truth": 20,
+    "precision.json": 10,
+}  # fmt: skip
+
+
+class Ran(NamedTuple):
+    """What a command did."""
+
+    status: int
+    result: str  # digest of its log; of a truth its errors and the digests of its logs
+    told: list[str]  # sentences
+    opened: set[Path]
+
+
+def command(arguments, folder, environment):
+    """Run a command in a folder, its cache beside it."""
+    log = folder / "run.mcap"
+    log.unlink(missing_ok=True)
+    done = subprocess.run(
+        [sys.executable, "-c", OPENED, *arguments], env={**environment, "COTRACK_CACHE": str(folder / "cache")},
+        cwd=folder, capture_output=True, text=True, timeout=900,
+    )  # fmt: skip
+    said, _, opened = done.stderr.partition("opened\n")
+    result, logs = "", [log]
+    if arguments[0] == "truth" and done.returncode == 0:
+        found = json.loads(done.stdout)
+        result, logs = json.dumps(found["observables"]), [Path(found["log"]), Path(found["coarse_log"])]
+    for each in logs:
+        if each.exists():
+            with Log(each) as written:
+                result += written.digest()
+    told = [line for line in said.splitlines() if line.startswith(("cotrack: ", "Traceback"))]
+    inside = {Path(name) for name in opened.splitlines() if name.startswith(str(folder / "cache"))}
+    return Ran(done.returncode, result, told, {file.relative_to(folder / "cache") for file in inside if file.is_file()})
+
+
+@pytest.mark.study
+def test_two_hundred_flips_and_sixty_other_damages(environment, tmp_path):
+    """A run is right, whatever was damaged; it may say so. Half an hour."""
+    precision_table = tmp_path / "cache" / "precision.json"
+    fmus.cache.make(precision_table.parent)
+    swing = ("run.step=2 ms", "track.step=1 ms")
+    precision.write([Setting("hanging_chain", "flexible", swing, 0.004, 0.2)], precision_table)
+    for arguments in COMMANDS:
+        command(arguments, tmp_path, environment)  # fills the cache
+    right = {arguments: command(arguments, tmp_path, environment) for arguments in COMMANDS}
+    assert all(ran.status == 0 and ran.result for ran in right.values())
+    pristine = tmp_path / "pristine"
+    shutil.copytree(tmp_path / "cache", pristine)
+    places = {kind: [] for kind in KINDS}
+    for arguments, ran in right.items():
+        for file in sorted(ran.opened):
+            kind = next((part for part in file.parts if part in KINDS), None)
+            if kind and (pristine / file).stat().st_size:
+                places[kind].append((arguments, file))
+    rng = random.Random(7)
+    plan = [("flip", kind) for kind, share in KINDS.items() for _ in range(share)]
+    plan += [(how, list(KINDS)[i % len(KINDS)]) for how in ("cut", "empty", "delete") for i in range(20)]
+    became = Counter()
+    wrong = []
+    for how, kind in plan:
+        arguments, file = rng.choice(places[kind])
+        shutil.rmtree(tmp_path / "cache")
+        shutil.copytree(pristine, tmp_path / "cache")
+        damage(tmp_path / "cache" / file, how, rng)
+        ran = command(arguments, tmp_path, environment)
+        verdict = "right" if ran[:2] == right[arguments][:2] else "wrong"
+        if verdict == "wrong" and kind == "precision.json" and ran.status == 0:
+            verdict = "told" if any("precision.json is damaged" in line for line in ran.told) else "wrong"
+            verdict = "right" if how == "delete" else verdict  # then it never was there
+        became[how, verdict] += 1
+        if verdict == "wrong":
+            wrong.append((how, file, ran))
+    print(became)
+    assert not wrong, wrong
+    assert sum(count for (how, _), count in became.items() if how == "flip") == 200
