@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import logging
 import pickle
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,7 @@ from numba.core.serialize import dumps
 
 from fmus.cache import cache_folder, keep, kept, own, spared
 
+COMPILED = logging.getLogger("cotrack.kernels")  # is told of each kernel that has to be compiled
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
 # numba's settings that make other machine code of the same source
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
@@ -150,17 +153,21 @@ class _Overloads:
 
     def load(self, key: object) -> Any:
         content = kept(self._path(key))
-        try:
-            return None if content is None else pickle.loads(content)
-        except Exception:  # of a class that is gone: compile
-            return None
+        if content is not None:
+            with suppress(Exception):  # of a class that is gone
+                return pickle.loads(content)
+        COMPILED.info("%s is compiled", self._stem)
+        return None
 
     def save(self, key: object, data: object) -> None:
         keep(self._path(key), dumps(data))
 
     def flush(self) -> None:
-        for path in self._folder.glob(f"{self._stem}.*.kernel"):
+        for path in self.files():
             path.unlink(missing_ok=True)
+
+    def files(self) -> Iterator[Path]:
+        return self._folder.glob(f"{self._stem}.*.kernel")
 
 
 class _Cache(FunctionCache):
@@ -175,6 +182,10 @@ class _Cache(FunctionCache):
 
     _guard_against_spurious_io_errors = staticmethod(spared)
 
+    def found(self) -> bool:
+        """Whether there is any overload."""
+        return any(self._cache_file.files())
+
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a kernel: no Python objects, no GIL, IEEE division, cached by content.
@@ -186,3 +197,10 @@ def kernel(function: Callable[..., Any]) -> Any:
     if compiled is not function:
         compiled._cache = _Cache(function)  # what numba's cache=True does, with our cache
     return compiled
+
+
+def compiled_before(function: Any) -> bool:
+    """Whether the cache has a kernel, for some types of its arguments: else its first call compiles."""
+    if not isinstance(getattr(function, "_cache", None), _Cache):  # NUMBA_DISABLE_JIT
+        return True
+    return function._cache.found()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ class Model(Protocol):
     array made once: saving a model is copying it (and ``counters``), restoring is copying back in place.
     """
 
+    kernel: Any  # what a step spends its time in: compiled at the first one on a machine
     ports: tuple[Port, ...]
     link_ports: int  # how many of the Real outputs, the last ones, are link outputs (computed only when read)
     state: Floats

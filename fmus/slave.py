@@ -36,7 +36,7 @@ from fmus.cache import cache_folder, check, spared, unheard
 from fmus.defaults import check_names, checked, configured
 from fmus.description import document
 from fmus.elsewhere import Elsewhere
-from fmus.jit import source_hash
+from fmus.jit import compiled_before, source_hash
 from fmus.model import InvalidParameter, Model, StepFailed
 from fmus.ports import Port
 from fmus.saved import Saved, from_bytes, to_bytes
@@ -116,7 +116,7 @@ class Slave(Fmi2Slave):
     silently run the wrong code.
     """
 
-    model: Callable[[Mapping[str, Any]], Model]
+    model: type[Model]
 
     def __init_subclass__(cls) -> None:
         _lend(vars(sys.modules[cls.__module__]))  # the shell runs once more before each release
@@ -128,6 +128,8 @@ class Slave(Fmi2Slave):
             self._load(Path(self.resources))
             with spared():
                 check(cache_folder())  # before a minute of compilation
+            if not compiled_before(type(self).model.kernel):
+                self.log("the first start on this machine compiles the kernels, which takes up to a minute")
             self._pass_on()
         except Exception as error:
             raise Refused(self._sentence(error)) from None

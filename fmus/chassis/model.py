@@ -84,6 +84,7 @@ class Model:
     ``ground``, where the chassis itself touches it: see ``contacts.contacts``.
     """
 
+    kernel = advance
     link_ports = 0
 
     def __init__(self, config: Mapping[str, Any]) -> None:

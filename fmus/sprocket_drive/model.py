@@ -70,6 +70,7 @@ class Model:
     stands still at the start pose, so an unconnected drive is a fixed axle.
     """
 
+    kernel = advance
     link_ports = 0
 
     def __init__(self, config: Mapping[str, Any]) -> None:

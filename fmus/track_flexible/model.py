@@ -32,6 +32,7 @@ ELEMENTS = {"cable": (NODE, 4, 3), "planar": (PLANAR_NODE, 4, 2), "beam": (18, 8
 class Model(TrackModel):
     """Cables or beams with pins eliminated, integrated implicitly or explicitly."""
 
+    kernel = advance
     integrators = ("generalized_alpha", "runge_kutta")
     element = "cable"
 

@@ -19,6 +19,7 @@ from fmus.track_rigid.chain import Link
 class Model(TrackModel):
     """Rigid links joined by exact pins, integrated implicitly or, for reference, explicitly."""
 
+    kernel = chain.advance
     integrators = ("generalized_alpha", "runge_kutta")
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:

@@ -170,3 +170,35 @@ def test_cache_folder_is_the_chosen_one_or_the_users(monkeypatch):
     assert jit.cache_folder() == Path("/somewhere/else")
     monkeypatch.delenv("COTRACK_CACHE")
     assert jit.cache_folder().name == "cotrack"
+
+
+ANNOUNCED = """
+import logging, sys
+from pathlib import Path
+from orchestrator.component import Component
+
+events = []
+class Heard(logging.Handler):
+    def emit(self, record):
+        events.append("kernel")
+
+logging.getLogger("cotrack.kernels").addHandler(Heard())
+logging.getLogger("cotrack.kernels").setLevel(logging.INFO)
+with Component(Path(sys.argv[1]), "toy", lambda name, status, message: events.append(message)) as toy:
+    toy.initialise({})
+    toy.step(0.0, 1e-3)
+print(*events, sep="|")
+"""
+
+
+def test_an_fmu_says_before_it_compiles(toy, environment, tmp_path):
+    """Once a machine, before anything is compiled; each kernel is told to its logger."""
+    env = {**environment, "COTRACK_CACHE": str(tmp_path / "cache")}
+    command = [sys.executable, "-c", ANNOUNCED, str(toy)]
+    first, again = (
+        subprocess.run(command, env=env, capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)
+    )
+    said, *compiled = first.split("|")
+    assert "compiles the kernels" in said
+    assert set(compiled) == {"kernel"}
+    assert again == ""
