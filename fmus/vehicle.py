@@ -40,7 +40,10 @@ def to_si(unit: str) -> Callable[[object], float]:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError(f"must be a number or a string like '1 {unit}'")
         if not isinstance(value, str):
-            return float(value)
+            try:
+                return float(value)
+            except OverflowError:
+                raise ValueError(f"must be a finite number in {unit}") from None
         quantity = _QUANTITY.fullmatch(value)
         if quantity is None:
             raise ValueError(f"must be a number or a quantity in {unit}")
@@ -239,6 +242,14 @@ def _short(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
+def shown(value: object) -> str:
+    """A value in a message, of any size or depth."""
+    try:
+        return _short(repr(value))
+    except (ValueError, RecursionError):  # an integer of more digits than Python writes, a list in a list in ...
+        return f"a huge {type(value).__name__}"
+
+
 def sentence(error: ValidationError, where: str) -> str:
     """The first complaint of a validation as one sentence."""
     first = error.errors()[0]
@@ -248,7 +259,7 @@ def sentence(error: ValidationError, where: str) -> str:
     if first["type"] == "missing":
         return f"{where}: key '{key}' is missing"
     message = first["msg"].removeprefix("Value error, ")
-    value = "" if isinstance(first["input"], Mapping) else f" = {_short(repr(first['input']))}"
+    value = "" if isinstance(first["input"], Mapping) else f" = {shown(first['input'])}"
     return f"{where}: {key}{value}: {message[0].lower()}{message[1:]}"
 
 

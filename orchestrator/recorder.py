@@ -62,6 +62,8 @@ CHUNK = 1 << 20  # bytes of messages that make a chunk
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too
 CLOSING = "closing"  # name of the metadata record that ends a log
 COMPRESSION_LEVEL = 1  # of zstandard
+MOST_STEPS = 2**32 - 1  # a message counts them in 32 bits
+LONGEST = 2**64 / 1e9  # s: a message counts nanoseconds in 64 bits
 PREFIX = 31  # bytes of a message record before its data: opcode, length, channel, sequence, two times
 IDENTITY = 11  # bytes of it that depend on the file: opcode, length, channel; the rest is in the digest
 
@@ -144,7 +146,7 @@ class Recorder:
         return sequence % self._channels[topic].every == 0
 
     def write(self, topic: str, sequence: int, t: float, h: float, values: NDArray[np.float64]) -> None:
-        """Record a topic's values at time t (s, >= 0) of step ``sequence``, h (s) being the step's length.
+        """Record a topic's values at time t (s, 0 to LONGEST) of step ``sequence``, h (s) being the step's length.
 
         ``values`` is copied. A step that is not due is left out. Waits only when the disk is far behind.
         """
@@ -153,8 +155,8 @@ class Recorder:
             return
         if len(values) != channel.width:
             raise ValueError(f"{topic} has {channel.width} variables, not {len(values)}")
-        if not t >= 0.0:
-            raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0")
+        if not 0.0 <= t < LONGEST:
+            raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {LONGEST:g}")
         with self._turn:
             if self._failure is not None:
                 raise self._failure

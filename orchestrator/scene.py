@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.vehicle import BadInput, Part, Vehicle, read_table, sentence
+from fmus.vehicle import BadInput, Part, Vehicle, read_table, sentence, shown
 from orchestrator import gallery
 from orchestrator.scene_parts import (
     Bench,
@@ -218,7 +218,9 @@ def tracked(scene: str) -> bool:
 
 
 def _has_track(table: Mapping[str, Any]) -> bool:
-    return issubclass(KINDS.get(str(table.get("assembly")), TrackScene), TrackScene)
+    assembly = table.get("assembly")
+    kind = KINDS.get(assembly, TrackScene) if isinstance(assembly, str) else TrackScene
+    return issubclass(kind, TrackScene)
 
 
 def _complete(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
@@ -239,7 +241,7 @@ def from_table(table: Mapping[str, Any], where: str) -> Scene:
     """Validate a scene whose vehicle is a whole table; raises BadInput with one sentence."""
     assembly = table.get("assembly")
     if not isinstance(assembly, str) or assembly not in KINDS:
-        raise BadInput(f"{where}: assembly = {assembly!r}: must be one of {', '.join(KINDS)}")
+        raise BadInput(f"{where}: assembly = {shown(assembly)}: must be one of {', '.join(KINDS)}")
     try:
         return KINDS[assembly].model_validate(dict(table))
     except ValidationError as error:
@@ -255,7 +257,10 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     if "base" not in vehicle:
         return dict(vehicle)
     over = dict(vehicle)
-    return merged(read_table(str(over.pop("base")))[0], over)
+    base = over.pop("base")
+    if not isinstance(base, str):
+        raise BadInput(f"{where}: vehicle.base = {shown(base)}: must be a name or a .toml file")
+    return merged(read_table(base)[0], over)
 
 
 def _complaint(error: ValidationError, where: str, model: type[Scene]) -> str:

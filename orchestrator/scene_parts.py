@@ -10,14 +10,14 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from fmus.vehicle import Distance, Force, In, Mass, Part
 from orchestrator import measures
+from orchestrator.recorder import MOST_STEPS
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
 Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double has no room for contacts
-Every = Annotated[int, Field(ge=1)]
+Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
 Elements = Annotated[int, Field(ge=1, le=256)]
 Gravity = Annotated[float, In("m/s^2", ge=0)]
-MOST_STEPS = 2**32 - 1  # a log counts them in 32 bits
 OPTIONS = {
     "hold": ("jacobi", "gauss_seidel"),
     "tolerance": ("iterative",),
@@ -210,7 +210,7 @@ class Check(Part):
     start: Time = Field(0.0, alias="from")
     end: Time | None = Field(None, alias="to")  # default: the end of the run
     expected: Annotated[float, Field(allow_inf_nan=False)]
-    tolerance: Annotated[float, Field(ge=0)]
+    tolerance: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     relative: bool = False  # tolerance is a fraction of the expected value
     track: Literal["flexible", "rigid"] | None = None  # only for this track model
 

@@ -13,6 +13,10 @@ from fmus.vehicle import BadInput
 
 def setting(text: str) -> tuple[str, Any]:
     """``key=value`` as a dotted key and a TOML value, or a string where it is no TOML value (``2 ms``)."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise BadInput(f"--set {text}: is not valid UTF-8") from None
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise BadInput(f"--set {text}: must be KEY=VALUE")
@@ -35,7 +39,7 @@ def put(table: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _index(place: list[Any], part: str, key: str) -> int:
-    if not part.isdecimal() or int(part) >= len(place):
+    if not part.isdecimal() or len(part) > 9 or int(part) >= len(place):
         raise BadInput(f"unknown key '{key}': '{part}' must be an index below {len(place)}")
     return int(part)
 

@@ -257,3 +257,63 @@ def test_half_a_turn_of_roll():
     bump = "ground.bump={start=1.0, rise=0.3, slope=0.5, length=1.0, radius=0.3}"
     with pytest.raises(BadInput, match=r"ground\.bump needs start\.roll = 0"):
         load("settle", None, ["start.roll=180 deg", bump])
+
+
+HUGE, HUGER = "9" * 400, "0x" + "f" * 5000  # one that no double holds, one that Python does not even print
+ODD = (HUGE, "-" + HUGE, HUGER, "9" * 5000, "1e400", "nan", "\udcff", "[" * 3000, "[[1]]", "{a = 1}", f'"{HUGE} m"', "")
+
+
+def leaves(value, above=""):
+    """Dotted keys of everything in a table, tables and lists too."""
+    entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in entries:
+        yield f"{above}{key}"
+        yield from leaves(inner, f"{above}{key}.")
+
+
+def test_no_value_ends_otherwise_than_in_a_sentence():
+    """Every key of a scene, with values of all kinds: taken or refused."""
+    found = list(leaves(load("hanging_chain").resolved()))
+    assert {"run.step", "run.links", "chain.links", "vehicle.road_wheel.x.0"} <= set(found)
+    deep = "a." * 3000 + "a"
+    wild = [f"vehicle.road_wheel.x.{HUGE * 13}", deep, f"vehicle.{deep}", "run.\udcff", "", " "]
+    refused = 0
+    for number, key in enumerate([*found, *wild]):
+        for value in ODD[number % 6 :: 6] if key in found else ODD:
+            try:
+                load("hanging_chain", None, [f"{key}={value}"])
+            except BadInput:
+                refused += 1
+    assert refused > 250
+    for key in ("run.step", "run.links", "chain.links", "run.outputs", "expect.rest.tolerance"):
+        for value in (HUGE, HUGER, "1e400"):
+            with pytest.raises(BadInput, match=r"hanging_chain\.toml: "):
+                load("hanging_chain", None, [f"{key}={value}"])
+
+
+@pytest.mark.parametrize(
+    ("replaced", "said"),
+    [
+        (("links = 8", f"links = {HUGE}"), "chain.links = 999"),
+        (('step = "10 ms"', f"step = {HUGE}"), "run.step = 999"),
+        (('step = "10 ms"', f"step = {HUGER}"), "run.step = a huge int: must be a finite number in s"),
+        (('title = "a chain"', f"title = {HUGER}"), "title = a huge int"),
+        (('assembly = "chain"', f"assembly = {HUGER}"), "a huge int: must be one of chain"),
+        (('vehicle = "m113"', "vehicle.base." + "a." * 5000 + "a = 1"), "vehicle.base = a huge dict: must be a name"),
+        (('vehicle = "m113"', "vehicle.base = 1"), "vehicle.base = 1: must be a name"),
+        (("links = 8", f"links = {'[' * 5000}"), "not a readable TOML file"),
+        (('title = "a chain"', 'title = "\udcff"'), "not a readable TOML file"),
+    ],
+)
+def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, replaced, said):
+    text = BARE.format(vehicle='vehicle = "m113"')
+    assert replaced[0] in text
+    (tmp_path / "own.toml").write_bytes(text.replace(*replaced).encode(errors="surrogateescape"))
+    with pytest.raises(BadInput) as caught:
+        load(str(tmp_path / "own.toml"))
+    assert said in str(caught.value)
+    vehicle = tmp_path / "vehicle.toml"
+    for content in (b"\xff\xfe", b"mass = \xff", b"a = " + b"[" * 5000, f"name = {HUGE * 13}".encode(), b"name = 1"):
+        vehicle.write_bytes(content)
+        with pytest.raises(BadInput, match=r"vehicle\.toml.*: not a readable TOML file|own\.toml: vehicle"):
+            load(scene_file(tmp_path, f'vehicle = "{vehicle}"'))
