@@ -55,12 +55,12 @@ def differences(run: Evidence, reference: Evidence) -> dict[str, Difference]:
     for name, observable in observables(reference):
         try:
             pair = observable.read(run), observable.read(reference)
+            if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # not the links of half a vehicle and of a whole
+                found[name] = difference(*pair, observable)
         except (Missing, LookupError):
             continue
-        if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # not the links of half a vehicle and of a whole
-            found[name] = difference(*pair, observable)
     if not found:
-        raise Missing("the two logs have no observable in common")
+        raise Missing("the two logs have no observable in common, or no time")
     return found
 
 
@@ -70,8 +70,10 @@ def worst(found: dict[str, Difference]) -> float:
 
 
 def difference(run: Signal, reference: Signal, observable: Observable) -> Difference:
-    """RMS over the common time, absolute and relative."""
+    """RMS over the common time, absolute and relative; raises Missing where there is none."""
     t = _instants(run, reference)
+    if len(t) <= run.mean:
+        raise Missing("the two logs have no time in common")
     a, b = aligned(run, reference)
     lengths = np.diff(t) if run.mean else since(t)
     absolute = _rms(a - b, lengths)
@@ -86,6 +88,8 @@ def aligned(run: Signal, reference: Signal) -> tuple[Floats, Floats]:
 
 
 def _instants(run: Signal, reference: Signal) -> Floats:
+    if not len(run.t) or not len(reference.t):
+        raise Missing("a log holds no step")
     end = min(run.t[-1], reference.t[-1]) + 1e-9
     sparser = run.t if np.sum(run.t <= end) <= np.sum(reference.t <= end) else reference.t
     return sparser[sparser <= end]
@@ -136,36 +140,54 @@ def observables(run: Evidence) -> Iterator[tuple[str, Observable]]:
 
 
 def _signals(run: Evidence, names: list[str], mean: bool = False) -> Signal:
-    series = [run.signal(name) for name in names]
-    return Signal(series[0][0], np.stack([values for _, values in series], axis=1), mean)
+    return _together([(t, values[:, None]) for t, values in (run.signal(name) for name in names)], mean)
+
+
+def _together(parts: list[tuple[Floats, Floats]], mean: bool = False) -> Signal:
+    """Columns of several topics side by side; in a log that was cut off one may end before the others."""
+    if not parts or not all(values.shape[1] for _, values in parts):
+        raise Missing("nothing of the kind was recorded")
+    m = min(len(t) for t, _ in parts)
+    if m < 2:
+        raise Missing("the log holds no step")
+    first = parts[0][0][:m]
+    if not all(np.array_equal(t[:m], first) for t, _ in parts):
+        raise Missing("the log holds different steps of its components")
+    return Signal(first, np.hstack([values[:m] for _, values in parts]), mean)
 
 
 def _position(run: Evidence) -> Signal:
-    t, position = run.vectors("chassis", "out", "chassis.position")
+    t, position, _ = _together([run.vectors("chassis", "out", "chassis.position")])
     return Signal(t, position - position[0])
 
 
 def _velocity(run: Evidence) -> Signal:
-    return Signal(*run.vectors("chassis", "out", "chassis.velocity"))
+    return _together([run.vectors("chassis", "out", "chassis.velocity")])
 
 
 def _links(run: Evidence, start: str, end: str) -> Signal:
     """Outputs per link of all tracks."""
-    t, columns = None, []
+    parts = []
     for track in run.tracks:
         topic = f"/{track}/links"
         if topic not in run.log.topics:
             raise Missing(f"the log has no outputs per link of '{track}'")
         series = run.log.read(topic)
         chosen = [i for i, n in enumerate(series.names) if n.startswith(start) and n.endswith(end)]
-        t = series.t
-        columns.append(series.values[:, chosen])
-    assert t is not None
-    return Signal(t, np.hstack(columns))
+        parts.append((series.t, series.values[:, chosen]))
+    return _together(parts)
+
+
+def _axes(run: Evidence, what: str) -> list[Signal]:
+    """``joint[i].what`` along x, y and z."""
+    parts = [_links(run, "joint[", f"].{what}.{axis}") for axis in "xyz"]
+    if len({part.values.shape for part in parts}) > 1:
+        raise Missing(f"the log does not have three of 'joint[i].{what}' each")
+    return parts
 
 
 def _pins(run: Evidence) -> Signal:
-    parts = [_links(run, "joint[", f"].position.{axis}") for axis in "xyz"]
+    parts = _axes(run, "position")
     return Signal(parts[0].t, np.hstack([part.values - part.values[:1] for part in parts]))
 
 
@@ -174,7 +196,7 @@ def _tension(run: Evidence) -> Signal:
 
 
 def _joint_force(run: Evidence) -> Signal:
-    parts = [_links(run, "joint[", f"].force.{axis}") for axis in "xyz"]
+    parts = _axes(run, "force")
     return Signal(parts[0].t, np.sqrt(sum(part.values**2 for part in parts)))
 
 
@@ -198,5 +220,7 @@ def _windowed(signal: Signal, reduce: Callable[[Floats, Floats], float]) -> Sign
     lengths, rows = since(signal.t), []
     for low, high in pairwise(edges):
         inside = (signal.t > low + 1e-9) & (signal.t <= high + 1e-9)
+        if not inside.any():
+            raise Missing(f"nothing was recorded between {low:g} and {high:g} s")
         rows.append(reduce(signal.values[inside], lengths[inside]))
     return Signal(edges[1:], np.array(rows)[:, None])

@@ -53,10 +53,16 @@ class Ledger(NamedTuple):
 
 
 def ledger(run: Evidence) -> Ledger:
-    """The ledger of a log; raises Missing where the log holds no energies."""
+    """The ledger of a log; raises Missing where the log holds no energies, or not every step of them."""
     books = {name: _book(run, name) for name in run.instances}
     if not any(books.values()):
         raise Missing("the log holds no energies")
+    inputs = {name: run.log.read(f"/{name}/in") for name in run.instances}
+    for name, series in inputs.items():
+        if gap := series.gap():
+            raise Missing(f"the log lacks the inputs of '{name}' from t = {gap[0]:.6g} to {gap[1]:.6g} s")
+    if len({len(series.t) for series in inputs.values()}) > 1:
+        raise Missing("the log holds different steps of its components: 'cotrack log recover' leaves those of all")
     end = min(float(run.log.read(f"/{name}/out").t[-1]) for name in run.instances)
     received = dict.fromkeys(run.instances, 0.0)
     lost = 0.0
@@ -129,8 +135,10 @@ def ports(run: Evidence) -> list[Port]:
 
 
 def _book(run: Evidence, instance: str) -> dict[str, float]:
-    """Change of each ``energy.*`` output of an instance over the run."""
-    series = run.log.read(f"/{instance}/out")
+    """Change of each ``energy.*`` output of an instance over the run; raises Missing."""
+    topic = f"/{instance}/out"
+    if topic not in run.log.topics or not len((series := run.log.read(topic)).t):
+        raise Missing(f"the log holds no outputs of '{instance}'")
     return {
         name.removeprefix("energy."): float(series.values[-1, i] - series.values[0, i])
         for i, name in enumerate(series.names)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.described import system_of
 from orchestrator.reader import Log
 
 Floats = NDArray[np.float64]
@@ -35,12 +35,15 @@ class Links(NamedTuple):
 
 
 class Evidence:
-    """A log with its scene; arrays are read once."""
+    """A log with its scene; arrays are read once. Raises LogUnreadable and NoSuchSignal.
+
+    ``scene`` is as the log has it, unchecked (``scene.from_table``), and empty where an FMU of unknown scene answered.
+    """
 
     def __init__(self, log: Log) -> None:
         self.log = log
-        self.scene: dict[str, Any] = json.loads(log.attachment("scene.json"))
-        self.system: dict[str, Any] = json.loads(log.attachment("system.json"))
+        self.scene: dict[str, Any] = log.table("scene.json") if "scene.json" in log.attachments else {}
+        self.system: dict[str, Any] = system_of(log)
         self._links: dict[str, Links] = {}
 
     @cached_property
@@ -66,7 +69,7 @@ class Evidence:
         """Whether the log holds this output."""
         instance, _, variable = signal.partition(".")
         topic = f"/{instance}/out"
-        return topic in self.log.topics and variable in self.log.read(topic).names
+        return topic in self.log.topics and variable in self.log.topics[topic].names
 
     def signal(self, name: str, window: Window | None = None) -> tuple[Floats, Floats]:
         """Times and values of ``instance.variable``, within the window; raises Missing."""
@@ -106,17 +109,20 @@ class Evidence:
         if topic not in self.log.topics:
             raise Missing(f"the log has no outputs per link of '{track}'")
         series = self.log.read(topic)
-        names = list(series.names)
+        names = {name: column for column, name in enumerate(series.names)}
         pins = sum(name.startswith("joint[") and name.endswith("].position.x") for name in names)
         links = sum(name.endswith("].tension") for name in names)
-        position = np.stack(
-            [
-                series.values[:, [names.index(f"joint[{i}].position.{axis}") for i in range(1, pins + 1)]]
-                for axis in "xyz"
-            ],
-            axis=-1,
-        )
-        tension = series.values[:, [names.index(f"link[{i}].tension") for i in range(1, links + 1)]]
+        try:
+            position = np.stack(
+                [
+                    series.values[:, [names[f"joint[{i}].position.{axis}"] for i in range(1, pins + 1)]]
+                    for axis in "xyz"
+                ],
+                axis=-1,
+            )
+            tension = series.values[:, [names[f"link[{i}].tension"] for i in range(1, links + 1)]]
+        except KeyError as absent:
+            raise Missing(f"the log has no '{track}.{absent.args[0]}'") from None
         origin, ahead = self._axle(track, series.t)
         offset = position - origin[:, None, :]
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
@@ -133,10 +139,12 @@ class Evidence:
         try:
             times, position = self.vectors(track, "in", "sprocket.position")
             _, q = self.vectors(track, "in", "sprocket.orientation", "wxyz")
-        except (Missing, LookupError):
+        except LookupError:
             start = self.scene["start"]
             ahead = np.array([np.cos(start["heading"]), np.sin(start["heading"]), 0.0])
             return np.tile(start["position"], (len(t), 1)).astype(float), np.tile(ahead, (len(t), 1))
+        if not len(times):
+            raise Missing(f"the log holds no step of '{track}'")
         at = np.searchsorted(times, t + 1e-9) - 1  # the input at t; at the end of the run, the last one
         at = np.clip(at, 0, len(times) - 1)
         w, x, y, z = q[at].T

@@ -6,15 +6,16 @@ import csv
 import hashlib
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orchestrator.reader import Log, LogUnreadable, Messages, NoSuchSignal, Series
-from orchestrator.recorder import LogFailed, Recorder
+from orchestrator.recorder import LogFailed, Recorder, check_writable
 
 WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes
 
@@ -71,6 +72,8 @@ class _Tally:
         """Count messages; sentences on steps that are missing (every ``stride``) and times that are wrong."""
         found = []
         sequence = messages.sequence.astype(np.int64)
+        if stride and self.newest is None and sequence[0] >= stride:
+            found.append(f"{messages.topic}: begins with step {sequence[0]}")
         if self.newest is not None:
             sequence = np.concatenate([[self.newest], sequence])
         steps = np.diff(sequence)
@@ -79,7 +82,8 @@ class _Tally:
             before, after = sequence[wrong[0] : wrong[0] + 2]
             found.append(f"{messages.topic}: step {after} follows step {before}")
         t = messages.decode()[0]
-        times = np.rint(t * 1e9).astype(np.uint64)
+        with np.errstate(invalid="ignore", over="ignore"):
+            times = np.rint(t * 1e9).astype(np.uint64)
         if not (np.array_equal(messages.log_time, times) and np.array_equal(messages.publish_time, times)):
             found.append(f"{messages.topic}: times of records and messages differ near t = {t[0]:.6g} s")
         self.first = float(t[0]) if self.messages == 0 else self.first
@@ -143,7 +147,8 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdic
     """Write a new log with everything that is whole in a broken one.
 
     WHOLE where only the indexes at the end were broken, RECOVERED where something is lost or may have been
-    changed (the new log's closing record says so), BROKEN where nothing could be saved.
+    changed (the new log's closing record says so), BROKEN where nothing could be saved. Of a step that is not whole
+    nothing is saved, so that all topics end with the same one; results of the closing record stay in any case.
     """
     source, target = Path(path), Path(out)
     if target.exists() and source.exists() and target.samefile(source):
@@ -152,40 +157,99 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdic
         with Log(source) as log:
             if not log.topics:
                 return Verdict(BROKEN, [f"nothing could be saved from {source}", *log.faults])
-            return _rewrite(log, target)
+            with _replacing(target) as fresh:
+                return _rewrite(log, fresh, target)
     except (LogUnreadable, LogFailed, ValueError) as error:
         return Verdict(BROKEN, [str(error)])
 
 
-def _rewrite(log: Log, target: Path) -> Verdict:
+@contextmanager
+def _replacing(target: Path) -> Iterator[Path]:
+    """A file to be written, which takes the place of ``target`` once it is whole; a device is written as it stands."""
+    check_writable(target)
+    if target.exists() and not target.is_file():
+        yield target
+        return
+    fresh = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        yield fresh
+        fresh.replace(target)
+    except LogFailed as error:
+        raise LogFailed(str(error).replace(str(fresh), str(target))) from None
+    except OSError as error:
+        raise LogFailed(f"the log {target} cannot be written: {error.strerror}") from None
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     attachments = {
         name: content for name in log.attachments if (content := _attachment(log, name)) is not None
     }
     topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
     every = {topic: about.every for topic, about in log.topics.items()}
     saved = dict.fromkeys(log.topics, 0)
-    last, steps = 0.0, 0
-    with Recorder(target, topics, attachments, log.metadata, every=every) as recorder:
+    closing = log.closing or {"status": "", "steps": 0, "messages": {}, "results": {}, "warnings": []}
+    untouched = log.closing is not None and log.sound()
+    steps = None if untouched else _whole_steps(log, closing["messages"])
+    reached = 0.0
+    with Recorder(fresh, topics, attachments, log.metadata, every=every) as recorder:
         for piece in log.intact():
             for messages in piece:
                 t, h, values = messages.decode()
-                for row, sequence in enumerate(messages.sequence.tolist()):
-                    recorder.write(messages.topic, sequence, t[row], h[row], values[row])
-                saved[messages.topic] += len(t)
-                last, steps = max(last, float(t[-1])), max(steps, int(messages.sequence[-1]))
-        closing = log.closing if log.sound() else None
-        if closing is not None:
-            ending = ("status", "message", "steps", "results", "warnings")
-            recorder.close(*(closing[key] for key in ending))
-        else:
-            recorder.close("failed", f"recovered from a broken log, which reads to t = {last:.6g} s", steps)
-    if closing is not None:
-        return Verdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
-    sentence = f"{target} holds {sum(saved.values())} messages, to t = {last:.6g} s; the rest is lost"
-    lost = log.closing is None or saved != log.closing["messages"] or len(attachments) < len(log.attachments)
-    if not lost:
+                kept = slice(None) if steps is None else np.isin(_steps(messages), steps)
+                ends = t + h if _is_input(messages.topic) else t
+                for row in np.arange(len(t))[kept].tolist():
+                    recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
+                    saved[messages.topic] += 1
+                reached = max([reached, *ends[kept].tolist()])
+        if untouched:
+            recorder.close(*(closing[key] for key in ("status", "message", "steps", "results", "warnings")))
+            return Verdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
+        ended = f"; the run ended with status {closing['status']}" if closing["status"] else ""
+        recorder.close(
+            "failed",
+            f"recovered from a broken log, which reads to t = {reached:.6g} s{ended}",
+            closing["steps"] if steps is None else int(steps[-1]) if len(steps) else 0,
+            closing["results"],
+            closing["warnings"],
+        )
+    sentence = f"{target} holds {sum(saved.values())} messages, to t = {reached:.6g} s; the rest is lost"
+    if saved == closing["messages"] and len(attachments) == len(log.attachments):
         sentence = f"{target} holds all {sum(saved.values())} messages, but names or metadata may be damaged"
     return Verdict(RECOVERED, [sentence, *log.faults])
+
+
+def _whole_steps(log: Log, recorded: Mapping[str, int]) -> NDArray[np.int64] | None:
+    """Numbers of the steps of which no message is lost (m,); None where all that were ``recorded`` are there.
+
+    An input belongs to the step that it leads to.
+    """
+    found: dict[str, list[NDArray[np.int64]]] = {topic: [] for topic in log.topics if _stride(log, topic)}
+    count = dict.fromkeys(log.topics, 0)
+    for piece in log.intact():
+        for messages in piece:
+            count[messages.topic] += len(messages.rows)
+            if messages.topic in found:
+                found[messages.topic].append(_steps(messages))
+    if count == recorded:
+        return None
+    of = {topic: np.unique(np.concatenate([np.empty(0, np.int64), *parts])) for topic, parts in found.items()}
+    steps = np.unique(np.concatenate([np.empty(0, np.int64), *of.values()]))
+    whole = np.ones(len(steps), bool)
+    for topic, its in of.items():
+        every, first = log.topics[topic].every, int(_is_input(topic))
+        if len(its) or not len(steps) or steps[-1] < every:  # else it was never recorded, which is no loss
+            whole &= (steps < first) | ((steps - first) % every != 0) | np.isin(steps, its)
+    return steps[whole]
+
+
+def _steps(messages: Messages) -> NDArray[np.int64]:
+    return messages.sequence.astype(np.int64) + int(_is_input(messages.topic))
+
+
+def _is_input(topic: str) -> bool:
+    return topic.endswith("/in")
 
 
 def _attachment(log: Log, name: str) -> bytes | None:
@@ -255,9 +319,11 @@ def export(
     target = Path(out)
     with Log(path) as log:
         chosen = _choose(log, signals, topics)
+        if not chosen:
+            raise NoSuchSignal(f"{path} holds nothing to export")
         tables = {topic: log.read(topic) for topic in chosen}
         if target.suffix.lower() != ".csv":
-            files = {target / f"{topic.strip('/').replace('/', '.')}.csv": [topic] for topic in chosen}
+            files = dict(zip(_files(target, list(chosen)), ([topic] for topic in chosen), strict=True))
         else:
             first, *others = chosen
             for topic in others:
@@ -274,6 +340,24 @@ def export(
             ]
             _write(file, header, [(tables[topic], chosen[topic]) for topic in members])
     return list(files)
+
+
+def file_name(name: str) -> str:
+    """What a log calls something as part of a file's name, wherever the log comes from."""
+    return re.sub(r"[^\w.()\[\]-]", "_", name.strip("/").replace("/", ".")).strip(".")[:100] or "_"
+
+
+def _files(folder: Path, topics: Sequence[str]) -> list[Path]:
+    """A file for each topic, no two alike, in a folder."""
+    taken: set[str] = set()
+    found = []
+    for topic in topics:
+        name, number = file_name(topic), 1
+        while (candidate := name if number == 1 else f"{name}-{number}").lower() in taken:
+            number += 1
+        taken.add(candidate.lower())
+        found.append(folder / f"{candidate}.csv")
+    return found
 
 
 def _choose(log: Log, signals: Sequence[str], topics: Sequence[str]) -> dict[str, list[int]]:
@@ -311,7 +395,7 @@ def _write(file: Path, header: list[str], parts: Sequence[tuple[Series, list[int
 def _writing(file: Path) -> Iterator[TextIO]:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with file.open("w", newline="") as stream:
+        with file.open("w", newline="", encoding="utf-8") as stream:
             yield stream
     except OSError as error:
         reason = error.strerror or str(error)

@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.vehicle import BadInput
-from orchestrator.evidence import Evidence, Links
+from orchestrator.evidence import Evidence, Links, Window, within
 from orchestrator.reader import Log
+from orchestrator.scene import TrackScene, from_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 INSTANTS = 3
+WHEELS = ("sprocket", "road_wheel", "idler")
 MARGIN = 0.25  # m round what is drawn
 
 Floats = NDArray[np.float64]
@@ -33,10 +35,13 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         raise BadInput(f"the picture {output} cannot be written: it is a directory")
     with Log(path) as log:
         run = Evidence(log)
-        if not run.tracks or not len((links := run.links(run.tracks[0])).t):
+        run.scene = _scene(run)
+        if not run.tracks or not _drawable(links := run.links(run.tracks[0])):
             raise BadInput(f"{path} holds no links to draw")
         track = run.tracks[0]
         rows = _rows(links, times)
+        if not np.isfinite([links.forward[rows], links.up[rows]]).all():
+            raise BadInput(f"{path}: places of links are no finite numbers at one of these instants")
         shown = links.tension[rows] / 1e3
         scale = ScalarMappable(Normalize(min(0.0, float(shown.min())), float(shown.max())), "viridis")
         figure = Figure(figsize=(9.0, 2.1 * len(rows) + 0.4), layout="constrained")
@@ -46,11 +51,28 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
             _pane(pane, run, track, links, row, scale)
         panes[-1].set_xlabel("ahead of the sprocket axle, m")
         figure.colorbar(scale, ax=list(panes), label="link tension, kN", shrink=0.8)
-        figure.suptitle(f"{run.scene['title']} ({run.scene['track']['model']} links)", fontsize=10)
+        title = f"{run.scene['title']} ({run.scene['track']['model']} links)"
+        figure.suptitle(title, fontsize=10, parse_math=False)
         try:
-            figure.savefig(output, dpi=120)
+            figure.savefig(output, dpi=120, format=output.suffix[1:] or "png")
         except (OSError, ValueError) as error:
             raise BadInput(f"the picture {output} cannot be written: {error}") from None
+
+
+def _scene(run: Evidence) -> dict[str, Any]:
+    """The scene, checked and complete; raises BadInput."""
+    if not run.scene:
+        raise BadInput(f"{run.log.path} does not say of which scene it is: there is nothing to draw it by")
+    scene = from_table(run.scene, f"{run.log.path}: scene.json")
+    if not isinstance(scene, TrackScene):
+        raise BadInput(f"{run.log.path} holds no links to draw")
+    return scene.resolved()
+
+
+def _drawable(links: Links) -> bool:
+    """Whether there are records of links, each between two pins."""
+    pins, count = links.forward.shape[1], links.tension.shape[1]
+    return len(links.t) > 0 and count > 0 and pins in (count, count + 1)
 
 
 def _rows(links: Links, times: Sequence[float] | None) -> list[int]:
@@ -58,9 +80,10 @@ def _rows(links: Links, times: Sequence[float] | None) -> list[int]:
     if times is None:
         end = links.t[-1]
         times = [end * (i + 1) / INSTANTS for i in range(INSTANTS)] if end else [0.0]
+    recorded = Window(float(links.t[0]), float(links.t[-1]))
     for t in times:
-        if not links.t[0] <= t <= links.t[-1]:
-            raise BadInput(f"--at {t:g}: links were recorded from {links.t[0]:g} to {links.t[-1]:g} s")
+        if not within(np.array(t), recorded):
+            raise BadInput(f"--at {t:.9g}: links were recorded from {recorded.start:.9g} to {recorded.end:.9g} s")
     return [int(np.abs(links.t - t).argmin()) for t in times]
 
 
@@ -131,13 +154,10 @@ def _wheels(run: Evidence, track: str, t: float) -> list[tuple[str, tuple[float,
     """Name, centre in the plane of the track, and radius, of every wheel."""
     vehicle = run.scene["vehicle"]
     pitch_radius = vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"]))
-    names = [
-        n.removesuffix(".position.x")
-        for n in run.log.topics[f"/{track}/in"].names
-        if n.endswith(".position.x")
-    ]
+    inputs = run.log.topics[run.log.known_topic(f"/{track}/in")].names
+    names = [n.removesuffix(".position.x") for n in inputs if n.endswith(".position.x")]
     found = []
-    for name in names:
+    for name in (name for name in names if name.partition("[")[0] in WHEELS):
         centre = run.in_plane(track, name, t)
         radius = pitch_radius if name == "sprocket" else vehicle[name.partition("[")[0]]["radius"]
         found.append((name, centre, float(radius)))

@@ -41,7 +41,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from orchestrator import schema
-from orchestrator.recorder import CLOSING, IDENTITY, PREFIX
+from orchestrator.recorder import CLOSING, IDENTITY, MOST_STEPS, PREFIX
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,10 @@ HEAD = struct.Struct("<BQ")  # opcode and length before every record
 KEEP = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
 _MESSAGE = struct.Struct("<BQH")
-_DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError)
+_DAMAGE = (
+    McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError, OverflowError,
+    RecursionError,
+)  # fmt: skip
 
 
 class LogUnreadable(RuntimeError):
@@ -78,6 +81,12 @@ class Series(NamedTuple):
     h: Floats  # (m,) s, communication step
     names: tuple[str, ...]
     values: Floats  # (m, variables)
+
+    def gap(self) -> tuple[float, float] | None:
+        """Beginning and end, s, of the first steps that are missing; of inputs, recorded at every step from 0 on."""
+        expected = np.append(0.0, self.t + self.h)[:-1]
+        missing = np.flatnonzero(~(np.abs(self.t - expected) <= 1e-9))
+        return (float(expected[missing[0]]), float(self.t[missing[0]])) if len(missing) else None
 
 
 class Messages(NamedTuple):
@@ -183,6 +192,18 @@ class Log:
             raise LogUnreadable(f"{self.path}: the attachment '{name}' at byte {offset} is damaged")
         record = _parse(Attachment, body)
         return record.data
+
+    def table(self, name: str) -> dict[str, Any]:
+        """The JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
+        content = self.attachment(name)
+        try:
+            found = json.loads(content)
+            json.dumps(found, ensure_ascii=False).encode()  # half a surrogate pair is JSON, but no text
+        except (ValueError, RecursionError) as damage:
+            raise LogUnreadable(f"{self.path}: the attachment '{name}' is not readable JSON: {damage}") from None
+        if not isinstance(found, dict):
+            raise LogUnreadable(f"{self.path}: the attachment '{name}' is no JSON object")
+        return found
 
     def read(self, topic: str) -> Series:
         """All messages of a topic; raises NoSuchSignal, LogUnreadable. Kept: do not write into the arrays."""
@@ -321,7 +342,7 @@ class Log:
             self._chunks.append(offset)
         elif opcode == Opcode.DATA_END and length == 4:
             self._data_end = offset
-        elif opcode == Opcode.FOOTER:
+        elif opcode == Opcode.FOOTER and length == 20:
             self._ended = following + len(MCAP0_MAGIC) == self.size and self._data[following:] == MCAP0_MAGIC
             return self.size if self._ended else None
         elif opcode in (Opcode.ATTACHMENT, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL):
@@ -352,13 +373,18 @@ class Log:
         if channel.id in self._channels or "places" not in channel.metadata:
             return
         about = channel.metadata
-        names, units, where = (tuple(json.loads(about[key])) for key in ("names", "units", "places"))
+        names, units, where = (_texts(about[key]) for key in ("names", "units", "places"))
         if not len(names) == len(set(names)) == len(units) == len(where):
             raise ValueError("names, units and places do not belong together")
+        described = Topic(names, units, int(about["every"]))
+        if not 1 <= described.every <= MOST_STEPS:
+            raise ValueError(f"a topic is not recorded every {described.every} steps")
+        if self.topics.get(channel.topic, described) != described:
+            raise ValueError(f"{channel.topic} is described twice, not alike")
         laid_out = schema.layout(where)
         if not schema.describes(self._schemas[channel.schema_id].data, laid_out.fields):
             raise ValueError("schema and places differ")
-        self.topics[channel.topic] = Topic(names, units, int(about["every"]))
+        self.topics[channel.topic] = described
         self._channels[channel.id] = channel.topic, laid_out
 
     def _indexed(self) -> list[int]:
@@ -436,6 +462,8 @@ def _parse(kind: Any, body: bytes) -> Any:
 def _content(chunk: Chunk) -> bytes:
     """The uncompressed records of a chunk, checked; raises one of _DAMAGE."""
     if chunk.compression == "zstd":
+        if zstandard.frame_content_size(chunk.data) not in (-1, chunk.uncompressed_size):  # -1: not said
+            raise ValueError("its size does not hold")
         content = zstandard.decompress(chunk.data, chunk.uncompressed_size)
     elif chunk.compression == "":
         content = chunk.data
@@ -444,6 +472,15 @@ def _content(chunk: Chunk) -> bytes:
     if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
         raise ValueError("its checksum does not hold")
     return content
+
+
+def _texts(text: str) -> tuple[str, ...]:
+    """A JSON list of texts; raises one of _DAMAGE."""
+    found = json.loads(text)
+    if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
+        raise ValueError("not a list of texts")
+    "".join(found).encode()  # half a surrogate pair is JSON, but no text
+    return tuple(found)
 
 
 def _message_offsets(content: bytes) -> dict[int, list[int]]:

@@ -1,4 +1,5 @@
 import csv
+import shutil
 import struct
 import tempfile
 from pathlib import Path
@@ -7,11 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from mutated import Content
 from recorded import ATTACHMENTS, STEP, TOPICS, record, record_in_chunks
 
+from orchestrator import recorder as module
 from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, export, info, recover, verify
 from orchestrator.reader import Log, LogUnreadable, NoSuchSignal
-from orchestrator.recorder import LogFailed, Recorder
+from orchestrator.recorder import PREFIX, LogFailed, Recorder
 
 
 @pytest.fixture(scope="module")
@@ -171,6 +174,115 @@ def test_recovering_a_cut_log_saves_its_beginning(chunked, fraction):
             assert "recovered" in saved.closing["message"]
 
 
+STRIDES = {"/a/in": 1, "/a/out": 3, "/a/links": 7, "/b/in": 1, "/b/out": 1, "/stats/a": 1}
+
+
+def ragged(path, steps=60, results=None):
+    """A log as a run writes it, topic after topic, in chunks that end anywhere in a step."""
+    topics = {topic: [("x", "m"), ("y", "m")] for topic in STRIDES}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "CHUNK", 500)
+        with Recorder(path, topics, ATTACHMENTS, {}, every=STRIDES, flush=60) as recorder:
+            for k in range(steps + 1):
+                for name in ("a", "b"):
+                    if k:
+                        recorder.write(f"/{name}/in", k - 1, (k - 1) * STEP, STEP, np.array([k, 0.0]))
+                    recorder.write(f"/{name}/out", k, k * STEP, STEP, np.array([k, 1.0]))
+                recorder.write("/a/links", k, k * STEP, STEP, np.array([k, 2.0]))
+                if k % 10 == 0:
+                    recorder.stats("a", k, k * STEP, STEP, np.array([k, 3.0]))
+            recorder.close("ok", "done", steps, results)
+    return path
+
+
+def test_a_recovered_log_ends_with_a_step_that_all_topics_have(tmp_path):
+    """Wherever it was cut: with every step before that, at each topic's own stride."""
+    data = ragged(tmp_path / "whole.mcap").read_bytes()
+    spans = chunk_spans(data)
+    assert len(spans) > 20
+    cuts = {*np.linspace(spans[0][0], len(data) - 1, 40).astype(int).tolist(), *(end for _, end in spans)}
+    ends = set()
+    for cut in sorted(cuts):
+        (tmp_path / "cut.mcap").write_bytes(data[:cut])
+        assert recover(tmp_path / "cut.mcap", tmp_path / "saved.mcap").code == RECOVERED or cut > spans[-1][1]
+        assert verify(tmp_path / "saved.mcap").code == WHOLE
+        with Log(tmp_path / "saved.mcap") as saved, Log(tmp_path / "cut.mcap") as left:
+            n = saved.closing["steps"]
+            ends.add(n)
+            assert not saved.faults
+            for topic, every in STRIDES.items():
+                found = saved.sequence(topic).tolist()
+                stop = n if topic.endswith("/in") else n + 1
+                if topic.startswith("/stats/"):
+                    assert found == [k for k in left.sequence(topic).tolist() if k <= n]
+                elif len(left.sequence("/b/out")):
+                    assert found == list(range(0, stop, every)), (cut, topic)
+            lasts = [len(left.sequence(topic)) for topic in ("/a/in", "/b/in")]
+            assert n >= min(lasts) - 1, "no more than the step that was cut is lost"
+    assert len(ends) > 15
+
+
+def test_a_topic_that_was_never_recorded_takes_nothing_with_it(tmp_path):
+    topics = {"/a/out": [("x", "m")], "/b/out": [("x", "m")]}
+    with Recorder(tmp_path / "a.mcap", topics, {}, {}) as recorder:
+        for k in range(5):
+            recorder.write("/a/out", k, k * STEP, STEP, np.zeros(1))
+        recorder.end()
+        data = (tmp_path / "a.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data)
+    assert recover(tmp_path / "cut.mcap", tmp_path / "saved.mcap").code == RECOVERED
+    with Log(tmp_path / "saved.mcap") as saved:
+        assert len(saved.sequence("/a/out")) == 5
+
+
+def test_results_of_the_closing_record_are_kept(tmp_path):
+    results = {"wall_time": "1.5", "error": '{"total": 0.01}', "energy_residual": "-0.002"}
+    data = bytearray(ragged(tmp_path / "whole.mcap", results=results).read_bytes())
+    with Log(tmp_path / "whole.mcap") as log:
+        closing = log.closing
+        assert closing["results"] == results
+        indexes = log._data_end + 13 + 20
+    for change in (lambda data: data[:indexes], lambda data: data[:indexes] + b"\xff" * 9 + data[indexes + 9 :]):
+        (tmp_path / "bad.mcap").write_bytes(change(data))
+        assert verify(tmp_path / "bad.mcap").code == BROKEN
+        assert recover(tmp_path / "bad.mcap", tmp_path / "saved.mcap").code == WHOLE
+        with Log(tmp_path / "saved.mcap") as saved:
+            assert saved.closing == closing
+    start, _ = chunk_spans(data)[3]
+    data[start + 100] ^= 4
+    (tmp_path / "bad.mcap").write_bytes(data)
+    assert recover(tmp_path / "bad.mcap", tmp_path / "saved.mcap").code == RECOVERED
+    with Log(tmp_path / "saved.mcap") as saved:
+        assert saved.closing["results"] == results
+        assert (saved.closing["status"], saved.closing["steps"]) == ("failed", 60)
+        assert "; the run ended with status ok" in saved.closing["message"]
+        inputs, outputs = saved.sequence("/a/in"), saved.sequence("/b/out")
+        assert 40 < len(inputs) < 60
+        assert np.array_equal(inputs + 1, outputs[1:]), "steps round the gap are whole"
+
+
+def test_a_recovery_that_fails_leaves_what_was_there(small, tmp_path):
+    content = Content(small)
+    content.chunks[0] = [(number, rows.copy(), times) for number, rows, times in content.chunks[0]]
+    content.chunks[0][0][1][0, PREFIX + 1 : PREFIX + 9] = list(np.float64(-1.0).tobytes())  # t
+    del content.metadata["closing"]
+    strange = content.write(tmp_path / "strange.mcap")
+    saved = Path(shutil.copy(small, tmp_path / "saved.mcap"))
+    verdict = recover(strange, saved)
+    assert verdict.code == BROKEN
+    assert "cannot be recorded at t = -1" in verdict.sentences[0]
+    assert saved.read_bytes() == small.read_bytes()
+    assert {file.name for file in tmp_path.iterdir()} == {"strange.mcap", "saved.mcap"}
+
+
+def test_a_log_without_its_beginning_is_broken(tmp_path):
+    with Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m")]}, {}, {}, every={"/a/out": 2}) as recorder:
+        for k in range(4, 10):
+            recorder.write("/a/out", k, k * STEP, STEP, np.zeros(1))
+        recorder.close("ok", "", 9)
+    assert verify(tmp_path / "a.mcap") == (BROKEN, ["/a/out: begins with step 4"])
+
+
 def test_recovering_leaves_out_a_damaged_chunk_only(chunked, tmp_path):
     data = bytearray(chunked.read_bytes())
     start, _ = chunk_spans(data)[1]
@@ -267,6 +379,20 @@ def test_export_of_signals_and_topics(small, tmp_path):
     assert len(table(file)[0]) == 65
     (file,) = export(small, tmp_path / "csv", topics=["/*/in"])
     assert file.name == "left_track.in.csv"
+
+
+def test_files_of_topics_stay_in_their_folder(tmp_path):
+    topics = ["/../../a/out", "/..\\..\\a/out", "/A.b", "/a/b", "/", "\0", "/" + "x" * 5000]
+    with Recorder(tmp_path / "a.mcap", {topic: [("x", "m")] for topic in topics}, {}, {}) as recorder:
+        recorder.close("ok", "", 0)
+    files = export(tmp_path / "a.mcap", tmp_path / "csv")
+    assert len({file.name.lower() for file in files}) == len(topics)
+    assert all(file.parent == tmp_path / "csv" and file.is_file() and len(file.name) < 120 for file in files)
+    with Recorder(tmp_path / "none.mcap", {}, {}, {}) as recorder:
+        recorder.close("ok", "", 0)
+    for out in ("csv", "a.csv"):
+        with pytest.raises(NoSuchSignal, match="holds nothing to export"):
+            export(tmp_path / "none.mcap", tmp_path / out)
 
 
 def test_export_of_what_is_not_there(small, tmp_path):

@@ -1,0 +1,58 @@
+"""What a log says of its system (``system.json``), checked: it may come from anyone."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from fmus.vehicle import sentence
+from orchestrator.reader import Log, LogUnreadable
+
+Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+
+class _Instance(_Part):
+    name: str
+    fmu: str | None = None  # name of its file, hash of its content; neither: stepped without an FMU
+    sha256: str | None = None
+    parameters: dict[str, bool | Integer | float | str] = Field(default_factory=dict)
+    stage: Integer = 0
+
+
+class _Connection(_Part):
+    source: str
+    outputs: list[str]
+    target: str
+    inputs: list[str]
+
+
+class _System(_Part):
+    instances: list[_Instance]
+    connections: list[_Connection]
+
+    @model_validator(mode="after")
+    def _fits(self) -> _System:
+        names = [instance.name for instance in self.instances]
+        if len(set(names)) < len(names):
+            raise ValueError("two instances have one name")
+        for connection in self.connections:
+            if not {connection.source, connection.target} <= set(names):
+                raise ValueError(f"no instances '{connection.source}' and '{connection.target}' to connect")
+            if len(connection.outputs) != len(connection.inputs):
+                raise ValueError("a connection does not have as many outputs as inputs")
+        return self
+
+
+def system_of(log: Log) -> dict[str, Any]:
+    """Instances and connections of a log, as ``simulate.describe`` wrote them; raises LogUnreadable, NoSuchSignal."""
+    table = log.table("system.json")
+    try:
+        _System.model_validate(table)
+    except ValidationError as error:
+        raise LogUnreadable(sentence(error, f"{log.path}: system.json")) from None
+    return table

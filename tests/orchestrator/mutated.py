@@ -1,0 +1,156 @@
+"""Damaged logs: bytes flipped, cut or put in, and logs whose checksums hold but whose content is altered."""
+
+import json
+import random
+import struct
+from collections.abc import Iterator
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+from mcap.reader import make_reader
+
+from orchestrator.reader import Log
+from orchestrator.recorder import CLOSING, PREFIX, _File
+
+DIGITS = int("9" * 400)
+VALUES = (
+    DIGITS, -DIGITS, -1, 0, 0.5, 1e308, -1e-308, float("nan"), float("inf"), 2**31, 2**64, None, True, False, "", "x",
+    "\udcff", "\x00", "\x1b[2J", "../../evil", "/tmp/evil", "9" * 400, "y" * 70_000, [], {}, [[]], [1, "x"], {"a": {}},
+)  # fmt: skip
+WORDS = (bytes(8), b"\xff" * 8, struct.pack("<d", float("inf")), struct.pack("<d", -1.0), struct.pack("<d", 1e300))
+TEXTS = (b"", b"{", b"[]", b"7", b"null", b"\xff\xfe", b'"x"', b"{}", b'{"a":' * 5000, b"[" * 100_000, b"9" * 5000)
+
+
+class Content:
+    """What a log holds, to be altered and written again with checksums that hold."""
+
+    def __init__(self, path: Path) -> None:
+        with path.open("rb") as stream:
+            reader = make_reader(stream)
+            summary = reader.get_summary()
+            self.attachments = {each.name: each.data for each in reader.iter_attachments()}
+            self.metadata = {each.name: dict(each.metadata) for each in reader.iter_metadata()}
+        self.channels = {
+            number: (channel.topic, summary.schemas[channel.schema_id], dict(channel.metadata))
+            for number, channel in summary.channels.items()
+        }
+        with Log(path) as log:
+            self.chunks = [
+                [(int.from_bytes(each.rows[0, 9:11], "little"), each.rows, each.log_time) for each in piece]
+                for piece in log.chunks()
+            ]
+
+    def write(self, path: Path) -> Path:
+        """A log of it; raises UnicodeEncodeError for text that no record can hold."""
+        file = _File(path)
+        try:
+            for name, entries in self.metadata.items():
+                if name != CLOSING:
+                    file.metadata(name, entries)
+            for name, content in self.attachments.items():
+                file.attachment(name, content)
+            for number, (topic, described, about) in self.channels.items():
+                file.channel(number, topic, described.name, described.data, about)
+            for piece in self.chunks:
+                file.chunk(piece)
+            if CLOSING in self.metadata:
+                file.metadata(CLOSING, self.metadata[CLOSING])
+            file.finish()
+        finally:
+            file.close()
+        return path
+
+
+def bytes_changed(data: bytes, chance: random.Random) -> bytes:
+    """A few bytes flipped, cut out, put in or written twice, or the end cut off."""
+    changed = bytearray(data)
+    for _ in range(chance.choice((1, 1, 1, 3, 20))):
+        at = chance.randrange(len(changed))
+        length = min(chance.choice((1, 4, 8, 100, 5000)), len(changed) - at)
+        match chance.randrange(6):
+            case 0:
+                changed[at] ^= 1 << chance.randrange(8)
+            case 1:
+                changed[at : at + length] = chance.randbytes(length)
+            case 2:
+                del changed[at : at + length]
+            case 3:
+                changed[at:at] = chance.randbytes(length)
+            case 4:
+                changed[at:at] = changed[at : at + length]
+            case _ if len(changed) > 1000:
+                del changed[at:]
+        if not changed:
+            changed += b"\x89"
+    return bytes(changed)
+
+
+def content_changed(content: Content, chance: random.Random) -> Content:
+    """One or two things altered: of an attachment, of metadata, of the closing record, of a channel, of messages."""
+    altered = deepcopy(content)
+    for _ in range(chance.choice((1, 1, 2))):
+        match chance.randrange(7):
+            case 0 | 1:
+                name = chance.choice([name for name in altered.attachments if name.endswith(".json")])
+                altered.attachments[name] = _json(altered.attachments[name], chance)
+            case 2:
+                number = chance.choice(list(altered.channels))
+                _, _, about = altered.channels[number]
+                key = chance.choice(list(about))
+                about[key] = _json(about[key].encode(), chance).decode("utf-8", "replace")
+            case 3:
+                number = chance.choice(list(altered.channels))
+                topic = chance.choice(("", "/", "/../../evil/out", "x" * 5000, "/chain/out", "\x00", "/a/b/c"))
+                altered.channels[number] = (topic, *altered.channels[number][1:])
+            case 4:
+                _, rows, _ = chance.choice(chance.choice(altered.chunks))
+                rows.flags.writeable = True
+                for row in rows[chance.randrange(len(rows)) :][: chance.choice((1, 1, 1000))]:
+                    at = chance.choice((11, PREFIX + 1, PREFIX + 10, PREFIX + chance.randrange(len(row) - PREFIX)))
+                    row[at : at + 8] = list(chance.choice(WORDS))[: len(row) - at]
+            case _:
+                entries = altered.metadata[chance.choice((CLOSING, CLOSING, chance.choice(list(altered.metadata))))]
+                key = chance.choice(list(entries))
+                if chance.randrange(4):
+                    entries[key] = _text(chance)
+                else:
+                    del entries[key]
+    if not chance.randrange(5):
+        name = chance.choice(list(altered.attachments))
+        altered.attachments[chance.choice(("../../evil", "/tmp/evil", ""))] = altered.attachments.pop(name)
+    return altered
+
+
+def _text(chance: random.Random) -> str:
+    value = chance.choice(VALUES)
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text.encode("utf-8", "replace").decode()[:60_000]
+
+
+def _json(content: bytes, chance: random.Random) -> bytes:
+    """A JSON text with one value replaced or left out, or what is no JSON."""
+    if not chance.randrange(5):
+        cut = chance.randrange(len(content)) if content else 0
+        return chance.choice((*TEXTS, content[:cut], content[:cut] + b"\xff" + content[cut:]))
+    try:
+        table = json.loads(content)
+    except ValueError:
+        return chance.choice(TEXTS)
+    places = list(_places(table))
+    if not places:
+        return chance.choice(TEXTS)
+    holder, key = chance.choice(places)
+    if chance.randrange(4):
+        holder[key] = chance.choice(VALUES)
+    else:
+        del holder[key]
+    return json.dumps(table).encode()
+
+
+def _places(value: Any) -> Iterator[tuple[Any, Any]]:
+    """Every (dict, key) and (list, index) within a JSON value."""
+    entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in entries:
+        yield value, key
+        yield from _places(inner)
