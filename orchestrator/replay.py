@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,15 @@ class Verdict(NamedTuple):
     difference: Difference | None  # None: all are equal
 
     @property
+    def equal(self) -> bool:
+        """Whether something was compared and nothing differed."""
+        return self.difference is None and self.steps > 0 and self.compared > 0
+
+    @property
     def sentence(self) -> str:
         """The verdict in words."""
+        if not self.steps or not self.compared:
+            return f"nothing was compared: the log holds {self.steps} steps and {self.compared} numbers of it"
         if self.difference is None:
             return f"equal: {self.compared} numbers of {self.steps} steps, bit by bit"
         return f"different: {self.difference}"
@@ -50,39 +58,51 @@ class Row(NamedTuple):
     replayed_rms: float
 
 
-def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
-    """Step a component through recorded inputs; yields (k, t) at the start and after every step. Raises Unfit."""
+def check(component: Component, inputs: Series) -> None:
+    """Whether a component can be driven by recorded inputs; raises Unfit."""
     if tuple(component.inputs) != tuple(inputs.names):
         missing = sorted(set(component.inputs) ^ set(inputs.names))
         raise Unfit(
             f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})"
         )
-    expected = np.concatenate([[0.0], inputs.t[:-1] + inputs.h[:-1]])
-    gaps = np.flatnonzero(np.abs(inputs.t - expected) > 1e-9)
-    if len(gaps):
-        before, after = expected[gaps[0]], inputs.t[gaps[0]]
-        raise Unfit(f"{component.name}: the log lacks its inputs from t = {before:.6g} to {after:.6g} s")
+    if gap := inputs.gap():
+        raise Unfit(f"{component.name}: the log lacks its inputs from t = {gap[0]:.6g} to {gap[1]:.6g} s")
+
+
+def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
+    """Step a component through recorded inputs; yields (k, t) at the start and after every step. Raises Unfit."""
+    check(component, inputs)
     component.initialise(parameters, 0.0)
     yield 0, 0.0
+    ends = np.append(inputs.t[1:], inputs.t[-1:] + inputs.h[-1:])
     for k, (t, h, u) in enumerate(zip(inputs.t, inputs.h, inputs.values, strict=True), 1):
         component.u[:] = u
         component.write()
         component.step(float(t), float(h))
         component.read()
-        yield k, float(t + h)
+        yield k, float(ends[k - 1])
 
 
 def verify(
     log: Log, component: Component, parameters: Parameters, progress: Progress | None = None
 ) -> Verdict:
-    """Step the component again and compare every recorded output and link output, bit by bit."""
+    """Step the component again and compare every recorded output and link output, bit by bit; raises Unfit."""
     inputs = log.read(f"/{component.name}/in")
+    check(component, inputs)
     recorded = {
         kind: log.read(topic)
         for kind in ("out", "links")
         if (topic := f"/{component.name}/{kind}") in log.topics
     }
     every = {kind: log.topics[f"/{component.name}/{kind}"].every for kind in recorded}
+    for kind in recorded:
+        topic, due = f"/{component.name}/{kind}", np.arange(0, len(inputs.t) + 1, every[kind])
+        if not np.array_equal(log.sequence(topic), due):
+            raise Unfit(
+                f"{topic} does not hold the steps that the inputs lead to: 'cotrack log recover' leaves whole steps"
+            )
+        if recorded[kind].names != (component.outputs if kind == "out" else component.links):
+            raise Unfit(f"{component.name}: its outputs are not those of the log")
     rows: dict[str, list[Floats]] = {kind: [] for kind in recorded}
     for k, t in drive(component, inputs, parameters):
         if progress is not None:
@@ -111,21 +131,29 @@ def answer(
     links_every: int,
     progress: Progress | None = None,
 ) -> list[Row]:
-    """Another model under the recorded inputs: its answer goes to the log ``path``, forces side by side."""
+    """Another model under the recorded inputs: its answer goes to the log ``path``, forces side by side.
+
+    The answer names the log that it is an answer to, and that log's digest. Raises Unfit.
+    """
     name = component.name
-    inputs = log.read(f"/{name}/in")
+    inputs, recorded = log.read(f"/{name}/in"), log.read(f"/{name}/out")
     topics = {
         f"/{name}/{kind}": [(variable, component.unit(variable)) for variable in names]
         for kind, names in (("in", component.inputs), ("out", component.outputs), ("links", component.links))
         if names or kind == "in"
     }
-    metadata = {"replay": {"of": str(log.path), "component": name}}
+    of = str(log.path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are no text
+    metadata = {"replay": {"of": of, "digest": log.digest(), "component": name}}
     every = {topic: links_every for topic in topics if topic.endswith("/links")}
+    ends = dict(zip(log.sequence(f"/{name}/out").tolist(), recorded.t.tolist(), strict=True))
     answers: list[Floats] = []
+    steps = drive(component, inputs, parameters)
+    start = next(steps)  # what cannot be driven leaves no log
     with Recorder(path, topics, attachments, metadata, every=every) as recorder:
-        for k, t in drive(component, inputs, parameters):
+        for k, t in chain([start], steps):
             if progress is not None:
                 progress(k, t)
+            t = ends.get(k, t)
             h = float(inputs.h[max(k - 1, 0)])
             if k:
                 recorder.write(f"/{name}/in", k - 1, float(inputs.t[k - 1]), h, component.u)
@@ -136,7 +164,7 @@ def answer(
             answers.append(component.y.copy())
         recorder.close("ok", "", len(inputs.t), warnings=[asdict(one) for one in component.warnings])
     every_out = log.topics[f"/{name}/out"].every
-    return _table(log.read(f"/{name}/out"), component, np.array(answers)[::every_out])
+    return _table(recorded, component, np.array(answers)[::every_out])
 
 
 def _table(recorded: Series, component: Component, answers: Floats) -> list[Row]:
@@ -144,7 +172,7 @@ def _table(recorded: Series, component: Component, answers: Floats) -> list[Row]
     mine = {name: i for i, name in enumerate(component.outputs)}
     rows = []
     for i, name in enumerate(recorded.names):
-        if name not in mine or not (name.startswith("tension.") or ".force." in name):
+        if not len(recorded.t) or name not in mine or not (name.startswith("tension.") or ".force." in name):
             continue
         theirs, ours = recorded.values[:, i], answers[: len(recorded.t), mine[name]]
         rows.append(
@@ -157,12 +185,3 @@ def _table(recorded: Series, component: Component, answers: Floats) -> list[Row]
 
 def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def instance(system: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The entry of a component in a log's system; raises Unfit."""
-    for entry in system["instances"]:
-        if entry["name"] == name:
-            return dict(entry)
-    known = ", ".join(entry["name"] for entry in system["instances"])
-    raise Unfit(f"the log has no component '{name}': one of {known}")

@@ -1,22 +1,37 @@
-"""Which FMU replays a component of a log: the one that ran, the other track model, or one that was given."""
+"""What replays a component of a log: the FMU that ran, the other track model, or an FMU that was given.
+
+Nothing that only the log vouches for is run: its scene is built again from our own sources, and what is built must
+have the hash that the log names.
+"""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.vehicle import BadInput
+from fmus.vehicle import BadInput, shown
 from orchestrator import replay
 from orchestrator.component import Component
+from orchestrator.described import system_of
+from orchestrator.graph import Instance, System
 from orchestrator.reader import Log
 from orchestrator.scene import TrackScene, from_table
-from orchestrator.simulate import sha256
+from orchestrator.simulate import as_json, describe, description, sha256
 from orchestrator.system import TRACKS, Part, assemble, build_all, placed
 
 Logger = Callable[[str, int, str], None]
+
+
+class Model(NamedTuple):
+    """What is stepped in a component's place."""
+
+    fmu: Path
+    parameters: replay.Parameters
+    stage: int
+    scene: TrackScene | None  # that it belongs to, None for another's FMU
+    ran: bool  # whether it is what the log's component was
 
 
 class Again(NamedTuple):
@@ -25,20 +40,33 @@ class Again(NamedTuple):
     log: Log
     component: Component
     parameters: replay.Parameters
-    scene: dict[str, Any]
+    model: Model
 
     def verify(self) -> replay.Verdict:
         """Bit by bit against the log."""
         return replay.verify(self.log, self.component, self.parameters)
 
     def answer(self, path: Path) -> list[str]:
-        """Log the component's own answer, and lines of a table of forces."""
-        if path.exists() and path.samefile(self.log.path):
+        """Log the component's own answer, and lines of a table of forces; nothing for a log without a step.
+
+        That log holds the FMU's hash and its parameters, and the scene that it belongs to where that is known: it can
+        be replayed in turn. Raises BadInput, Unfit.
+        """
+        log, name = self.log, self.component.name
+        if path.exists() and path.samefile(log.path):
             raise BadInput(f"{path} is the log itself: give another name")
-        attachments = {name: self.log.attachment(name) for name in ("scene.json", "system.json")}
-        rows = replay.answer(
-            self.log, self.component, self.parameters, path, attachments, self.scene["run"]["links"]
-        )
+        if not len(log.read(f"/{name}/in").t):
+            return []
+        ran = Instance(name, self.model.fmu, dict(self.parameters), self.model.stage)
+        attachments = {
+            "system.json": as_json(describe(System((ran,), ()))),
+            f"{name}.modelDescription.xml": description(self.model.fmu),
+        }
+        if self.model.scene is not None:
+            attachments["scene.json"] = as_json(self.model.scene.resolved())
+        links = log.topics.get(f"/{name}/links")
+        every = links.every if links else self.model.scene.run.links if self.model.scene else 1
+        rows = replay.answer(log, self.component, self.parameters, path, attachments, every)
         head = (
             f"{'signal':28} {'unit':5} {'mean, log':>12} {'mean, now':>12} {'rms, log':>12} {'rms, now':>12}"
         )
@@ -51,52 +79,68 @@ class Again(NamedTuple):
 
 @contextmanager
 def opened(path: Path, name: str, other: str | None, logger: Logger | None = None) -> Iterator[Again]:
-    """The component ``name`` of a log, or ``other`` ("rigid", "flexible" or an FMU file) in its place."""
+    """The component ``name`` of a log, or ``other`` ("rigid", "flexible" or an FMU file) in its place.
+
+    Raises BadInput, Unfit, BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
+    """
     with Log(path) as log:
-        scene = json.loads(log.attachment("scene.json"))
-        entry = replay.instance(json.loads(log.attachment("system.json")), name)
-        fmu, parameters = _fmu(scene, entry, other)
-        with Component(fmu, name, logger) as component:
+        entry = _entry(log, name)
+        model = _theirs(log, entry, Path(other)) if other and other not in TRACKS else _ours(log, entry, other)
+        with Component(model.fmu, name, logger) as component:
             known = set(component.parameters)
-            yield Again(
-                log, component, {key: value for key, value in parameters.items() if key in known}, scene
-            )
+            parameters = {key: value for key, value in model.parameters.items() if key in known}
+            yield Again(log, component, parameters, model)
 
 
-def _fmu(table: dict[str, Any], entry: dict[str, Any], other: str | None) -> tuple[Path, replay.Parameters]:
-    """File and parameters of the FMU that is to be stepped."""
-    if "path" not in entry:
-        raise BadInput(f"'{entry['name']}' of the log was stepped without an FMU: there is nothing to replay")
-    if other is not None and other not in TRACKS:
-        if not Path(other).is_file():
-            raise BadInput(f"no FMU '{other}': give rigid, flexible or an .fmu file")
-        return Path(other), entry["parameters"]
-    scene = from_table(table, "the scene of the log")
-    assert isinstance(scene, TrackScene)  # it has FMUs
-    if other is not None:
-        part = _part(
-            scene.model_copy(
-                update={
-                    "planar": False,
-                    "track": scene.track.model_copy(
-                        update={"model": other, "integrator": None, "element": None, "elasticity": None}
-                    )
-                }
-            ),
-            entry["name"],
-        )
-        if part.kind != TRACKS[other]:
-            raise BadInput(f"--with {other}: '{entry['name']}' is no track")
-        return build_all([(part.kind, part.config, None)])[0], part.parameters
-    recorded = Path(entry["path"])
-    if recorded.is_file() and sha256(recorded) == entry["sha256"]:
-        return recorded, entry["parameters"]
-    part = _part(scene, entry["name"])
-    built = build_all([(part.kind, part.config, None)])[0]
-    if sha256(built) != entry["sha256"]:
-        raise BadInput(f"the log was made by another build of {entry['fmu']}: name an FMU with --with")
-    return built, entry["parameters"]
+def _entry(log: Log, name: str) -> dict[str, Any]:
+    """What the log says of a component; raises Unfit, BadInput."""
+    instances = {entry["name"]: entry for entry in system_of(log)["instances"]}
+    if name not in instances:
+        raise replay.Unfit(f"the log has no component '{name}': one of {', '.join(instances)}")
+    if not instances[name].get("sha256"):
+        raise BadInput(f"'{name}' of the log was stepped without an FMU: there is nothing to replay")
+    return instances[name]
+
+
+def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> Model:
+    """An FMU that the user trusts, told what the component of the log was told."""
+    if not fmu.is_file():
+        raise BadInput(f"no FMU '{fmu}': give rigid, flexible or an .fmu file")
+    ran = sha256(fmu) == entry["sha256"]
+    scene = _scene(log) if ran and "scene.json" in log.attachments else None
+    return Model(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, ran)
+
+
+def _ours(log: Log, entry: Mapping[str, Any], track: str | None) -> Model:
+    """Built from the scene of the log, with its own track model or with ``track``."""
+    name = entry["name"]
+    if "scene.json" not in log.attachments:
+        raise BadInput(f"{log.path} does not say of which scene '{name}' is: name its FMU with --with")
+    scene = _scene(log)
+    if track is not None:
+        own = {"model": track, "integrator": None, "element": None, "elasticity": None}
+        scene = scene.model_copy(update={"planar": False, "track": scene.track.model_copy(update=own)})
+    part = _part(scene, name)
+    if track is not None and part.kind != TRACKS[track]:
+        raise BadInput(f"--with {track}: '{name}' is no track")
+    fmu = build_all([(part.kind, part.config, None)])[0]
+    if track is not None:
+        ran = sha256(fmu) == entry["sha256"] and part.parameters == entry.get("parameters", {})
+        return Model(fmu, part.parameters, part.stage, scene, ran)
+    if sha256(fmu) != entry["sha256"]:
+        raise BadInput(f"the log was made by another build of {shown(entry.get('fmu'))}: name an FMU with --with")
+    return Model(fmu, entry.get("parameters", {}), part.stage, scene, True)
+
+
+def _scene(log: Log) -> TrackScene:
+    scene = from_table(log.table("scene.json"), f"{log.path}: scene.json")
+    if not isinstance(scene, TrackScene):
+        raise BadInput(f"{log.path}: a scene of assembly = '{scene.assembly}' has no FMU to replay")
+    return scene
 
 
 def _part(scene: TrackScene, name: str) -> Part:
-    return next(part for part in assemble(placed(scene)).parts if part.name == name)
+    parts = {part.name: part for part in assemble(placed(scene)).parts}
+    if name not in parts:
+        raise replay.Unfit(f"the scene of the log has no component '{name}': one of {', '.join(parts)}")
+    return parts[name]

@@ -247,8 +247,8 @@ def contents(
     """What a log holds before step 0: topics, attachments, metadata."""
     topics: dict[str, list[tuple[str, str]]] = {}
     attachments = {
-        "scene.json": _json(scene.resolved()),
-        "system.json": _json(describe(graph)),
+        "scene.json": as_json(scene.resolved()),
+        "system.json": as_json(describe(graph)),
     }
     for name, component in components.items():
         families = {"in": component.inputs, "out": component.outputs, "links": component.links}
@@ -295,7 +295,8 @@ def describe(graph: System) -> dict[str, Any]:
 
 
 def _file(fmu: Path) -> dict[str, str]:
-    return {"fmu": fmu.name, "path": str(fmu), "sha256": sha256(fmu)}
+    name = fmu.name.encode(errors="backslashreplace").decode()  # it may hold bytes that are no text
+    return {"fmu": name, "sha256": sha256(fmu)}
 
 
 def _version(package: str) -> str:
@@ -344,7 +345,8 @@ def warnings(components: Mapping[str, Recorded]) -> list[dict[str, Any]]:
     return [asdict(one) for one in sorted(told, key=lambda one: one.time)]
 
 
-def _json(data: Any) -> bytes:
+def as_json(data: Any) -> bytes:
+    """Data as the content of an attachment."""
     return json.dumps(data, indent=1, sort_keys=True).encode()
 
 

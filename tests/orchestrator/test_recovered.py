@@ -1,0 +1,129 @@
+"""Recovered logs are logs: verified, compared, balanced, replayed and drawn like any other, wherever they were cut."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from orchestrator import recorder, rerun
+from orchestrator.difference import differences
+from orchestrator.energy import ledger
+from orchestrator.evidence import Evidence, Missing
+from orchestrator.log_tools import RECOVERED, WHOLE, recover, verify
+from orchestrator.picture import draw
+from orchestrator.reader import Log
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+
+WINDOWED = ("_mean", "_rms")  # over a second, of which less is left
+
+
+def recorded(path, scene, track, *settings):
+    """A run's log in chunks of which most end in the middle of a step."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorder, "CHUNK", 12_000)
+        assert simulate(load(scene, track, settings), path)["status"] == "ok"
+    return path
+
+
+def borders(data):
+    """Beginnings and ends of the chunks."""
+    found, offset = [], 8
+    while offset < len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, offset)
+        found += [offset, offset + 9 + length] if opcode == 0x06 else []
+        offset += 9 + length
+    return found
+
+
+def ends(log):
+    """The last step of each topic that is recorded at every step."""
+    return {
+        topic: int(log.sequence(topic)[-1]) + topic.endswith("/in")
+        for topic, about in log.topics.items()
+        if about.every == 1 and not topic.startswith("/stats/")
+    }
+
+
+def survey(whole, rerun_to, cuts, components, folder, seldom):
+    """Cut a log at each place and use what is recovered; ``rerun_to`` runs so many steps. The last steps found."""
+    data, found = whole.read_bytes(), set()
+    with Log(whole) as log:
+        reference = Evidence(log)
+        for number, cut in enumerate(cuts):
+            broken, saved = folder / "cut.mcap", folder / "saved.mcap"
+            broken.write_bytes(data[:cut])
+            assert recover(broken, saved).code == RECOVERED
+            assert verify(saved).code == WHOLE
+            with Log(saved) as left:
+                n = left.closing["steps"]
+                found.add(n)
+                if n < 1:
+                    continue
+                assert set(ends(left).values()) == {n}, cut
+                run = Evidence(left)
+                books = ledger(run)
+                assert np.isfinite(books.residual)
+                apart = differences(run, reference)
+                assert apart.keys() & {"torque", "position", "chain_speed"}
+                assert all(one.relative < 1e-9 for name, one in apart.items() if not name.endswith(WINDOWED)), cut
+                if number % seldom == 0:
+                    with Log(rerun_to(n)) as shorter:
+                        theirs, ours = shorter.hashes(), left.hashes()
+                        assert {t: h for t, h in ours.items() if "stats" not in t}.items() <= theirs.items()
+                        assert ledger(Evidence(shorter)) == books
+            if number % seldom == 0:
+                for name in components:
+                    with rerun.opened(saved, name, None) as again:
+                        verdict = again.verify()
+                    assert verdict.equal, verdict.sentence
+                    assert verdict.steps == n
+                draw(saved, folder / "view.png")
+    return found
+
+
+def places(whole, count):
+    """So many places all over the messages, and the borders of the chunks."""
+    with Log(whole) as log:
+        end = log._data_end
+    edges = borders(whole.read_bytes())
+    return sorted({*np.linspace(edges[0], end - 1, count).astype(int).tolist(), *edges, end})
+
+
+def test_what_is_left_of_a_run_is_as_good_as_a_shorter_run(tmp_path):
+    def run(n):
+        settings = (f"run.stop={n * 1e-3}", "run.links=4", "expect={}", "drive.ramp_start=0")
+        return recorded(tmp_path / f"rig-{n}.mcap", "rig", "rigid", *settings)
+
+    whole = run(30)
+    found = survey(whole, run, places(whole, 12), ("track", "drive"), tmp_path, 13)
+    assert len(found) > 5
+
+
+def test_steps_that_are_lost_are_no_shorter_run(tmp_path):
+    """A chunk in the middle is gone: no ledger, no replay, each in a sentence."""
+    whole = recorded(tmp_path / "chain.mcap", "hanging_chain", "rigid", "run.stop=0.1", "chain.links=8", "expect={}")
+    data = bytearray(whole.read_bytes())
+    edges = borders(data)
+    data[edges[2] + 100] ^= 4
+    (tmp_path / "bad.mcap").write_bytes(data)
+    assert recover(tmp_path / "bad.mcap", tmp_path / "saved.mcap").code == RECOVERED
+    with Log(tmp_path / "saved.mcap") as log:
+        assert log.closing["steps"] == 100
+        with pytest.raises(Missing, match=r"lacks the inputs of 'chain' from t = 0\.0\d+ to 0\.0\d+ s"):
+            ledger(Evidence(log))
+        with Log(whole) as reference:
+            assert "pins" in differences(Evidence(log), Evidence(reference))
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("track", ["flexible", "rigid"])
+def test_what_is_left_of_a_vehicle_is_as_good_as_a_shorter_run(tmp_path, track):
+    for outputs, count in ((1, 200), (3, 40)):
+
+        def run(n, outputs=outputs):
+            settings = (f"run.stop={n * 1e-3}", "run.links=7", "expect={}", f"run.outputs={outputs}")
+            return recorded(tmp_path / f"settle-{outputs}-{n}.mcap", "settle", track, *settings)
+
+        whole = run(100)
+        survey(whole, run, places(whole, count), ("left_track", "left_drive", "chassis"), tmp_path, 20)

@@ -1,0 +1,235 @@
+"""Replay: what is stepped is our own build or an FMU that the user names; answers can be replayed in turn."""
+
+import hashlib
+import json
+import zipfile
+from pathlib import Path
+
+import pytest
+from mutated import Content
+
+from fmus.build import build
+from fmus.vehicle import BadInput
+from orchestrator import log_tools, replay, rerun
+from orchestrator.difference import differences
+from orchestrator.evidence import Evidence
+from orchestrator.log_tools import WHOLE, verify
+from orchestrator.picture import draw
+from orchestrator.reader import Log, LogUnreadable
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+from orchestrator.system import assemble
+
+SETTINGS = ("run.stop=0.02", "chain.links=8", "run.links=7", "expect={}")
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """A hanging chain of eight links."""
+    path = tmp_path_factory.mktemp("rerun") / "chain.mcap"
+    assert simulate(load("hanging_chain", "flexible", SETTINGS), path)["status"] == "ok"
+    return path
+
+
+def altered(log, path, change):
+    """The log with another system.json and scene.json; all checksums hold."""
+    content = Content(log)
+    tables = {name: json.loads(content.attachments[f"{name}.json"]) for name in ("system", "scene")}
+    change(**tables)
+    content.attachments |= {f"{name}.json": json.dumps(table).encode() for name, table in tables.items()}
+    return content.write(path)
+
+
+def fmu_of(log):
+    """Our own build of the chain."""
+    with Log(log) as opened:
+        (part,) = assemble(rerun._scene(opened)).parts
+    return build(part.kind, part.config)
+
+
+def test_an_fmu_that_only_the_log_vouches_for_is_not_run(log, tmp_path):
+    """A stranger's log names a stranger's FMU, with its hash."""
+    mark, stranger = tmp_path / "ran", tmp_path / "stranger.fmu"
+    with zipfile.ZipFile(fmu_of(log)) as ours, zipfile.ZipFile(stranger, "w") as theirs:
+        for name in ours.namelist():
+            content = ours.read(name)
+            if name.endswith("track_flexible_fmu.py"):
+                content = f"open({str(mark)!r}, 'w').close()\n".encode() + content
+            theirs.writestr(name, content)
+
+    def named(system, scene):
+        system["instances"][0] |= {
+            "path": str(stranger), "sha256": hashlib.sha256(stranger.read_bytes()).hexdigest()
+        }  # fmt: skip
+
+    strange = altered(log, tmp_path / "strange.mcap", named)
+    assert verify(strange).code == WHOLE
+    said = "another build of 'TrackFlexible.fmu': name an FMU with --with"
+    with pytest.raises(BadInput, match=said), rerun.opened(strange, "chain", None):
+        pass
+    with rerun.opened(strange, "chain", "rigid") as again:
+        assert again.model.fmu.name == "TrackRigid.fmu"
+    assert not mark.exists()
+
+
+def test_replay_builds_what_it_steps(log):
+    with rerun.opened(log, "chain", None) as again:
+        assert again.model.fmu == fmu_of(log)
+        verdict = again.verify()
+    assert verdict.equal, verdict.sentence
+    assert verdict.steps == 20
+    with Log(log) as opened:
+        assert "path" not in json.loads(opened.attachment("system.json"))["instances"][0]
+
+
+@pytest.mark.parametrize("other", ["rigid", "fmu"])
+def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other):
+    rigid = build("TrackRigid", assemble(load("hanging_chain", "rigid", SETTINGS)).parts[0].config)
+    given = other if other == "rigid" else tmp_path / "mine.fmu"
+    if other == "fmu":
+        given.write_bytes(rigid.read_bytes())
+    answer = tmp_path / "answer.mcap"
+    with rerun.opened(log, "chain", str(given)) as again:
+        assert not again.model.ran
+        again.answer(answer)
+    assert verify(answer).code == WHOLE
+    with Log(log) as source, Log(answer) as log_of_answer:
+        assert log_of_answer.metadata["replay"] == {
+            "of": str(log), "digest": source.digest(), "component": "chain"
+        }  # fmt: skip
+        (entry,) = log_of_answer.table("system.json")["instances"]
+        assert entry["sha256"] == hashlib.sha256(rigid.read_bytes()).hexdigest()
+        assert entry["fmu"] == ("TrackRigid.fmu" if other == "rigid" else "mine.fmu")
+        assert log_of_answer.topics["/chain/links"].every == 7
+        assert differences(Evidence(log_of_answer), Evidence(source))["tension"].absolute > 0
+        if other == "rigid":
+            scene, theirs = (each.table("scene.json") for each in (log_of_answer, source))
+            assert (scene["track"]["model"], theirs["track"]["model"]) == ("rigid", "flexible")
+            assert scene["vehicle"] == theirs["vehicle"]
+        else:
+            assert "scene.json" not in log_of_answer.attachments, "nobody knows which scene that FMU is of"
+    if other == "rigid":
+        draw(answer, tmp_path / "answer.png")
+    else:
+        with pytest.raises(BadInput, match="does not say of which scene"):
+            draw(answer, tmp_path / "answer.png")
+        with pytest.raises(BadInput, match="name its FMU with --with"), rerun.opened(answer, "chain", None):
+            pass
+    with rerun.opened(answer, "chain", None if other == "rigid" else str(given)) as again:
+        assert again.model.ran
+        verdict = again.verify()
+        assert verdict.equal, verdict.sentence
+        twin = again._replace(parameters={**again.parameters, "start.position.x": 1e-12}).verify()
+    assert not twin.equal
+
+
+def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
+    copy = tmp_path / "copy.fmu"
+    copy.write_bytes(fmu_of(log).read_bytes())
+    with rerun.opened(log, "chain", str(copy)) as again:
+        assert again.model.ran
+        assert again.verify().equal
+        again.answer(tmp_path / "own.mcap")
+    with Log(log) as one, Log(tmp_path / "own.mcap") as two:
+        assert two.table("scene.json") == one.table("scene.json")
+        for topic in ("/chain/in", "/chain/out", "/chain/links"):
+            assert two.hashes()[topic] == one.hashes()[topic]
+
+
+def test_a_replay_of_no_step_is_no_success(log, tmp_path):
+    content = Content(log)
+    content.chunks = []
+    empty = content.write(tmp_path / "empty.mcap")
+    with rerun.opened(empty, "chain", None) as again, pytest.raises(replay.Unfit, match="does not hold the steps"):
+        again.verify()
+    content = Content(log)
+    topics = {number: topic for number, (topic, _, _) in content.channels.items()}
+    content.chunks = [
+        [
+            (number, rows[:1], times[:1])
+            for number, rows, times in content.chunks[0]
+            if topics[number] in ("/chain/out", "/chain/links")
+        ]
+    ]
+    start = content.write(tmp_path / "start.mcap")
+    with rerun.opened(start, "chain", None) as again:
+        verdict = again.verify()
+        assert (verdict.steps, verdict.difference, verdict.equal) == (0, None, False)
+        assert verdict.sentence.startswith("nothing was compared: the log holds 0 steps")
+        assert again.answer(tmp_path / "answer.mcap") == []
+    assert not (tmp_path / "answer.mcap").exists()
+
+
+def test_a_log_that_was_cut_off_is_replayed_as_far_as_all_of_it_goes(log, tmp_path):
+    content = Content(log)
+    topics = {number: topic for number, (topic, _, _) in content.channels.items()}
+    content.chunks = [
+        [
+            (number, *(each[:7] for each in part)) if topics[number] == "/chain/in" else (number, *part)
+            for number, *part in content.chunks[0]
+        ]
+    ]
+    del content.metadata["closing"]
+    ragged = content.write(tmp_path / "ragged.mcap")
+    with rerun.opened(ragged, "chain", None) as again, pytest.raises(replay.Unfit, match="log recover"):
+        again.verify()
+    assert log_tools.recover(ragged, tmp_path / "saved.mcap").code == log_tools.RECOVERED
+    with rerun.opened(tmp_path / "saved.mcap", "chain", None) as again:
+        verdict = again.verify()
+    assert (verdict.equal, verdict.steps) == (True, 7), verdict.sentence
+
+
+def test_names_in_a_log_lead_nowhere(log, tmp_path):
+    """Instances, attachments, topics and the scene may be called anything; files are those that were asked for."""
+    content = Content(log)
+    scene, system = (json.loads(content.attachments[name]) for name in ("scene.json", "system.json"))
+    system["instances"][0]["name"] = "../../evil"
+    system["instances"][0]["fmu"] = "../../../evil.fmu"
+    content.attachments = {
+        "scene.json": json.dumps(scene | {"title": "../../$\\frac$"}).encode(),
+        "system.json": json.dumps(system).encode(),
+        "../../evil": b"x",
+        "/tmp/evil": b"x",
+    }
+    for number, (topic, described, about) in content.channels.items():
+        content.channels[number] = (topic.replace("chain", "../../evil"), described, about)
+    inner = tmp_path / "a" / "b" / "c"
+    inner.mkdir(parents=True)
+    evil = content.write(inner / "evil.mcap")
+    before = set(tmp_path.rglob("*"))
+    files = log_tools.export(evil, inner / "csv")
+    assert len(set(files)) == 4
+    assert all(file.resolve().parent == (inner / "csv").resolve() for file in files)
+    log_tools.recover(evil, inner / "saved.mcap")
+    with pytest.raises((BadInput, LogUnreadable, replay.Unfit)), rerun.opened(evil, "../../evil", None):
+        pass
+    copy = tmp_path / "copy.fmu"
+    copy.write_bytes(fmu_of(log).read_bytes())
+    with rerun.opened(evil, "../../evil", str(copy)) as again:  # the user trusts this one
+        again.answer(inner / "answer.mcap")
+    allowed = {inner / "csv", *files, inner / "saved.mcap", inner / "answer.mcap", copy}
+    assert set(tmp_path.rglob("*")) - before <= allowed
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda system, scene: system.update(instances=7), "system.json: instances = 7"),
+        (lambda system, scene: system["instances"].append(system["instances"][0]), "two instances have one name"),
+        (lambda system, scene: system["instances"][0].update(name="track"), "no component 'chain': one of track"),
+        (lambda system, scene: system["instances"][0].pop("sha256"), "was stepped without an FMU"),
+        (lambda system, scene: system["instances"][0].update(parameters={"x": 10**400}), "parameters"),
+        (lambda system, scene: scene.update(vehicle="/etc/passwd"), "scene.json: vehicle = '/etc/passwd'"),
+        (lambda system, scene: scene["run"].update(step=10**400), "run.step = 99999"),
+        (lambda system, scene: scene.update(assembly="pendulum"), "scene.json"),
+        (lambda system, scene: scene.update(assembly=["x"]), "assembly = ['x']"),
+        (lambda system, scene: scene.clear(), "assembly = None"),
+    ],
+)
+def test_a_scene_or_system_that_cannot_be_is_refused_in_a_sentence(log, tmp_path, change, said):
+    forged = altered(log, tmp_path / "forged.mcap", change)
+    refusal = (BadInput, LogUnreadable, replay.Unfit)
+    with pytest.raises(refusal) as caught, rerun.opened(Path(forged), "chain", None):
+        pass
+    assert said.replace("99999", str(10**400)[:5]) in str(caught.value)
+    assert len(str(caught.value)) < 400
