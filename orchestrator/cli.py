@@ -5,9 +5,13 @@ Exit status: 0 done and every check made is ok, 1 failed, a check not ok or an e
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
+import os
 import sys
+import traceback
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -20,6 +24,7 @@ from orchestrator.cli_log import LogPath
 from orchestrator.narration import Narration
 
 FMI_WARNING = 1
+LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # of a stream that takes no more
 
 app = typer.Typer(
     name="cotrack",
@@ -57,7 +62,12 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-narration = Narration(lambda line: print(f"... {line}", file=sys.stderr, flush=True))
+def _narrate(line: str) -> None:
+    with suppress(OSError, ValueError):  # nobody listens
+        print(f"... {printed.plain(line)}", file=sys.stderr, flush=True)
+
+
+narration = Narration(_narrate)
 
 
 @app.callback()
@@ -66,26 +76,52 @@ def _common(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="what is installed")
     ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="show where an error was raised; before the command")
+    ] = False,
 ) -> None:
+    logging.getLogger("cotrack").setLevel(logging.DEBUG if debug else logging.NOTSET)
     context.with_resource(narration)
     narration.begin(str(context.invoked_subcommand))
 
 
 def main() -> None:
-    """Run the command line; what a user gave wrong ends as one sentence and exit status 2."""
+    """Run the command line; an error ends as one sentence, with exit status 2 where the user gave something wrong."""
     logging.basicConfig(format="cotrack: %(message)s", level=logging.WARNING, stream=sys.stderr)
+    for stream in (sys.stdout, sys.stderr):  # names of files may hold bytes that are no text
+        with suppress(AttributeError):  # closed, or not the system's
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    status: Any = 0
     try:
         app()
     except KeyboardInterrupt:
-        _leave("interrupted", 1)
+        status = _tell("interrupted", 1)
     except SystemExit as ended:
-        if ended.code == 130:  # typer's word for Ctrl-C
-            _leave("interrupted", 1)
-        raise
+        status = _tell("interrupted", 1) if ended.code == 130 else ended.code  # typer's word for Ctrl-C
     except Exception as error:
-        if not isinstance(error, _refusals()):
-            raise
-        _leave(str(error), 2)
+        status = _tell(*_ended_by(error))
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            if stream is not None:
+                stream.flush()
+        except OSError as error:
+            status = _tell(*_ended_by(error)) if stream is sys.stdout else status
+            with suppress(OSError, ValueError):  # what is still to be written must not complain again
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(status)
+
+
+def _ended_by(error: Exception) -> tuple[str, int]:
+    """What is said of an error, and the exit status."""
+    if logging.getLogger("cotrack").isEnabledFor(logging.DEBUG):
+        traceback.print_exception(error)
+    if isinstance(error, _refusals()):
+        return str(error), 2
+    if isinstance(error, BrokenPipeError):  # who reads has read enough
+        return "", 1
+    if isinstance(error, OSError) and error.filename is None and error.errno in LOST:
+        return f"the output cannot be written: {os.strerror(error.errno).lower()}", 1
+    return f"internal error: {type(error).__name__}: {error}; run 'cotrack --debug ...' to see where", 1
 
 
 def _refusals() -> tuple[type[Exception], ...]:
@@ -113,9 +149,15 @@ def _refusals() -> tuple[type[Exception], ...]:
     )
 
 
+def _tell(message: str, status: int) -> int:
+    if message and sys.stderr is not None:
+        with suppress(OSError):  # nobody can be told
+            print(f"cotrack: {printed.plain(message)}", file=sys.stderr)
+    return status
+
+
 def _leave(message: str, status: int) -> NoReturn:
-    print(f"cotrack: {message}", file=sys.stderr)
-    sys.exit(status)
+    sys.exit(_tell(message, status))
 
 
 @app.command()
@@ -220,12 +262,11 @@ def run(
         result = simulate(resolved, path, _warn, narration, estimated=estimate)
         checked = all(check["ok"] for check in result["checks"].values())
         status = 0 if result["status"] == "ok" and checked and not summary.doubt(result["energy"]) else 1
-    except _refusals() as error:
-        result["message"] = str(error)
     except KeyboardInterrupt:
         result["message"], status = "interrupted", 1
-    if result["message"]:
-        print(f"cotrack: {result['message']}", file=sys.stderr)
+    except Exception as failure:
+        result["message"], status = _ended_by(failure)
+    _tell(result["message"], status)
     if as_json:
         print(json.dumps(printed.finite(result)))
     elif status != 2:
@@ -250,16 +291,22 @@ def replay(
     """Feed a component its recorded inputs: is it equal?
 
     Bit by bit; or, with another model in its place, how does that one answer.
+    What is stepped is built from the scene in the log, or is the FMU that --with names: no file that the log names.
+    An FMU that is the one that ran, by its hash, is compared bit by bit unless -o asks for its log.
     """
     from orchestrator import rerun
+    from orchestrator.log_tools import file_name
 
     with rerun.opened(log, component, other, _warn) as again:
-        if other is None:
+        if other is None or (again.model.ran and output is None):
             verdict = again.verify()
             print(verdict.sentence)
-            sys.exit(0 if verdict.difference is None else 1)
-        path = output or log.with_name(f"{log.stem}-{component}-{Path(other).stem}.mcap")
-        for line in again.answer(path):
+            sys.exit(0 if verdict.equal else 1)
+        path = output or log.with_name(f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap")
+        lines = again.answer(path)
+        if not lines:
+            _leave(f"{log} holds no step of '{component}': there is nothing to answer", 1)
+        for line in lines:
             print(line)
         print(f"log {path}")
 
@@ -268,14 +315,23 @@ def replay(
 def compare(
     run: Annotated[Path, typer.Argument(metavar="A", help="an MCAP log")],
     reference: Annotated[Path, typer.Argument(metavar="B", help="the log that A is held against")],
+    different: Annotated[bool, typer.Option("--different", help="even if they are runs of different scenes")] = False,
 ) -> None:
-    """How far two runs of a scene are apart, by observable."""
+    """How far two runs of a scene are apart, by observable.
+
+    They may differ in the track model, in what its links are, in steps, coupling, duration, checks and records; where
+    anything else of their scenes differs, vehicle included, they are refused (--different compares them all the same).
+    """
     from orchestrator.difference import differences
     from orchestrator.evidence import Evidence
     from orchestrator.reader import Log
+    from orchestrator.scene import of_one_scene
 
     with Log(run) as one, Log(reference) as other:
-        found = differences(Evidence(one), Evidence(other))
+        a, b = Evidence(one), Evidence(other)
+        if not different:
+            of_one_scene((f"{run}", a.scene), (f"{reference}", b.scene))
+        found = differences(a, b)
     print(f"{'observable':18} {'RMS':>10}       {'relative':>9}")
     for name, apart in found.items():
         note = "" if apart.decisive else "  instant by instant: sensitive"
@@ -382,10 +438,17 @@ def truth(
     With its own error; built once, then found.
     """
     from orchestrator import truth as module
-    from orchestrator.scene import load
+    from orchestrator.evidence import Evidence
+    from orchestrator.reader import Log
+    from orchestrator.scene import TrackScene, load, of_one_scene
+    from orchestrator.system import placed
 
     changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
     resolved = load(scene, _model(track), changes)
+    if against:
+        with Log(against) as log:
+            own = placed(resolved) if isinstance(resolved, TrackScene) else resolved
+            of_one_scene((f"{against}", Evidence(log).scene), (f"the truth of {scene}", own.resolved()))
     try:
         found = module.truth(resolved, narration)
     except module.TruthFailed as failure:

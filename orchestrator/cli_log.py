@@ -8,6 +8,8 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from orchestrator.printed import plain
+
 app = typer.Typer(help="Look into a log.", no_args_is_help=True, rich_markup_mode=None)
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
 
@@ -19,24 +21,22 @@ def info(log: LogPath) -> None:
 
     about = log_tools.info(log)
     steps = "" if about.steps is None else f" after {about.steps} steps"
-    print(
-        f"{about.path}: {about.bytes / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {about.status}{steps}"
-    )
-    for sentence in (about.message, *about.faults):
-        if sentence:
-            print(f"  {sentence}")
-    for each in about.warnings:
-        print(f"  {printed.warning(each)}")
+    lines = [
+        f"{about.path}: {about.bytes / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {about.status}{steps}",
+        *(f"  {sentence}" for sentence in (about.message, *about.faults) if sentence),
+        *(f"  {printed.warning(each)}" for each in about.warnings),
+    ]
     for record, entries in about.metadata.items():
-        print(f"  {record}: " + ", ".join(f"{key} = {value}" for key, value in entries.items()))
+        lines.append(f"  {record}: " + ", ".join(f"{key} = {value}" for key, value in entries.items()))
     for topic in about.topics:
-        print(
+        lines.append(
             f"  {topic.topic:22} {topic.signals:5} signals, {topic.messages:7} messages,"
             f" one step in {topic.every}, {topic.bytes / 1e6:.2f} MB"
         )
-    for name, size in about.attachments:
-        print(f"  attached: {name}, {size} bytes")
-    print(f"  digest {about.digest or 'none: a part is damaged'}")
+    lines += [f"  attached: {name}, {size} bytes" for name, size in about.attachments]
+    lines.append(f"  digest {about.digest or 'none: a part is damaged'}")
+    for line in lines:
+        print(plain(line))
 
 
 @app.command("verify")
@@ -83,5 +83,5 @@ def export(
 
 def _report(verdict: Any) -> NoReturn:
     for sentence in verdict.sentences:
-        print(sentence)
+        print(plain(sentence))
     sys.exit(verdict.code)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+MOST = 1000  # characters of a sentence
+
 
 def finite(value: Any) -> Any:
     """JSON knows no NaN."""
@@ -12,6 +14,12 @@ def finite(value: Any) -> Any:
     if isinstance(value, float) and (value != value or abs(value) == float("inf")):
         return None
     return value
+
+
+def plain(text: str) -> str:
+    """Text of any origin as one line that a terminal only shows, and that somebody reads to its end."""
+    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:MOST])
+    return shown if len(text) <= MOST else f"{shown} ..."
 
 
 # observables in words: name, unit, power of ten of the unit in an SI one, digits

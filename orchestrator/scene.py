@@ -34,6 +34,11 @@ from orchestrator.scene_parts import (
 )
 from orchestrator.settings import keys, merged, put, setting
 
+# how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
+COMPUTED = (
+    "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name",
+    *(f"track.{key}" for key in ("model", "element", "elasticity", "integrator", "step", "link_outputs")),
+)  # fmt: skip
 SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of theirs
 
 
@@ -246,6 +251,30 @@ def from_table(table: Mapping[str, Any], where: str) -> Scene:
         return KINDS[assembly].model_validate(dict(table))
     except ValidationError as error:
         raise BadInput(_complaint(error, where, KINDS[assembly])) from None
+
+
+def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]]) -> None:
+    """Refuse two runs, each where it is from and its scene as logged, that are not of one scene; raises BadInput."""
+    for where, table in (one, other):
+        if not table:
+            raise BadInput(f"{where} does not say of which scene it is")
+    if apart := unlike(one[1], other[1]):
+        named = [f"{where} ({shown(table.get('name'))})" for where, table in (one, other)]
+        raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}")
+
+
+def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:
+    """What makes two resolved, placed scenes different ones, "key = value and value"; None where it is one scene."""
+    for name in sorted({*one, *other}):
+        key, a, b = f"{above}{name}", one.get(name), other.get(name)
+        if key in COMPUTED or a == b:
+            continue
+        if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:
+            if (found := unlike(a, b, f"{key}.")) is not None:
+                return found
+        else:
+            return f"{key} = {' and '.join('not given' if value is None else shown(value) for value in (a, b))}"
+    return None
 
 
 def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:

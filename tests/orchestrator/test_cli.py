@@ -2,17 +2,22 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from decimal import Decimal
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from orchestrator import gallery, simulate
+from fmus.vehicle import BadInput
+from orchestrator import gallery, picture, rerun, simulate
 from orchestrator.cli import main
 from orchestrator.component import Component, ComponentFailed
+from orchestrator.evidence import Links
 from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, recover, verify
 from orchestrator.reader import Log
 from orchestrator.recorder import Recorder
@@ -289,6 +294,139 @@ def test_replay_with_the_other_track_model(cotrack, tmp_path):
     status, _, err = cotrack("replay", "a.mcap", "--component", "chain", "--with", "none.fmu")
     assert status == 2
     assert "no FMU 'none.fmu'" in err
+
+
+def test_an_answer_is_replayed_in_turn(cotrack, tmp_path):
+    assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
+    assert cotrack("replay", "a.mcap", "--component", "chain", "--with", "rigid", "-o", "b.mcap")[0] == 0
+    status, out, _ = cotrack("replay", "b.mcap", "--component", "chain")
+    assert (status, out[:7]) == (0, "equal: ")
+    with rerun.opened(Path("a.mcap"), "chain", None) as again:
+        shutil.copy(again.model.fmu, "mine.fmu")
+    status, out, _ = cotrack("replay", "a.mcap", "--component", "chain", "--with", "mine.fmu")
+    assert (status, out[:7]) == (0, "equal: "), "the file is what ran"
+    status, out, _ = cotrack("replay", "b.mcap", "--component", "chain", "--with", "mine.fmu")
+    assert (status, out.splitlines()[-1]) == (0, "log b-chain-mine.mcap")
+    status, _, err = cotrack("replay", "b-chain-mine.mcap", "--component", "chain")
+    assert status == 2
+    assert "name its FMU with --with" in err
+    assert cotrack("replay", "b-chain-mine.mcap", "--component", "chain", "--with", "mine.fmu")[0] == 0
+
+
+def test_a_replay_of_no_step_is_exit_1(cotrack, tmp_path):
+    assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
+    with Log("a.mcap") as log:
+        topics = {topic: list(zip(*log.topics[topic][:2], strict=True)) for topic in ("/chain/in", "/chain/out")}
+        attachments = {name: log.attachment(name) for name in log.attachments}
+        out = log.read("/chain/out")
+        with Recorder(tmp_path / "start.mcap", topics, attachments, log.metadata) as recorder:
+            recorder.write("/chain/out", 0, 0.0, out.h[0], out.values[0])
+            recorder.close("failed", "no step", 0)
+    status, out, _ = cotrack("replay", "start.mcap", "--component", "chain")
+    assert status == 1
+    assert out.startswith("nothing was compared: the log holds 0 steps")
+    status, _, err = cotrack("replay", "start.mcap", "--component", "chain", "--with", "rigid", "-o", "b.mcap")
+    assert status == 1
+    assert "holds no step of 'chain'" in err
+    assert not (tmp_path / "b.mcap").exists()
+    for arguments in (("compare", "start.mcap", "a.mcap"), ("view", "start.mcap", "-o", "v.png")):
+        status, _, err = cotrack(*arguments)
+        assert (status, len(err.splitlines())) == (2, 1), err
+
+
+def test_different_scenes_are_compared_when_asked(cotrack):
+    for name, *settings in (
+        ("a",), ("b", "--track", "rigid", "--step", "2 ms", "--coupling", "jacobi"),
+        ("c", "--set", "vehicle.gravity=9.9"), ("d", "--set", "chain.span=0.7"),
+        ("e", "--set", "name=mine", "--set", "expect.rest.expected=3"),
+    ):  # fmt: skip
+        assert cotrack(*SHORT, "--no-estimate", *settings, "--log", f"{name}.mcap")[0] in (0, 1)
+    for same in ("b", "e"):
+        status, out, err = cotrack("compare", f"{same}.mcap", "a.mcap")
+        assert status == 0, err
+        assert "pins" in out
+    for other, apart in (("c", "vehicle.gravity = 9.9 and 9.80665"), ("d", "chain.span = 0.7 and 0.8")):
+        status, _, err = cotrack("compare", f"{other}.mcap", "a.mcap")
+        assert status == 2
+        named = f"{other}.mcap ('hanging_chain') and a.mcap ('hanging_chain') are runs of different scenes: {apart}"
+        assert named in err.replace("9.81", "9.80665")
+        assert cotrack("compare", f"{other}.mcap", "a.mcap", "--different")[0] == 0
+    status, _, err = cotrack("truth", "rig", "--against", "a.mcap")
+    assert status == 2
+    assert "a.mcap ('hanging_chain') and the truth of rig ('rig') are runs of different scenes: assembly" in err
+
+
+@pytest.mark.parametrize(("step", "refused"), [("0.3e-3", 557), ("0.7e-3", 71), ("1e-3", 0)])
+def test_view_takes_the_end_as_it_is_written(step, refused):
+    """Of 1000 ends k H, so many lie above the last record by rounding."""
+    above = 0
+    for k in range(1, 1001):
+        links = Links(np.arange(k + 1) * float(step), *3 * (np.empty(0),))
+        end = float(k * Decimal(step))
+        above += end > links.t[-1]
+        assert picture._rows(links, [end]) == [k]
+        assert picture._rows(links, None)[-1] == k
+        with pytest.raises(BadInput, match=f"from 0 to {end:.9g} s"):
+            picture._rows(links, [end + 1e-3 * float(step)])
+    assert above == refused
+
+
+def child(arguments, environment, **streams):
+    command = [sys.executable, "-m", "orchestrator", *arguments]
+    return subprocess.run(command, env=environment, text=True, **streams)
+
+
+@pytest.mark.parametrize("buffered", [True, False])
+def test_a_full_or_closed_stdout_is_a_sentence(environment, buffered):
+    if not os.path.exists("/dev/full"):
+        pytest.skip("no /dev/full here")
+    environment = {**environment, "PYTHONUNBUFFERED": "" if buffered else "1"}
+    with open("/dev/full", "w") as full:
+        ended = child(["scenes"], environment, stdout=full, stderr=subprocess.PIPE)
+    assert (ended.returncode, ended.stderr) == (1, "cotrack: the output cannot be written: no space left on device\n")
+    reading, writing = os.pipe()
+    os.close(reading)
+    ended = child(["scenes"], environment, stdout=writing, stderr=subprocess.PIPE)
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (1, ""), "who reads has read enough"
+
+
+def test_an_error_of_ours_is_a_sentence_too(cotrack, monkeypatch):
+    def broken():
+        raise ZeroDivisionError("by\nnought")
+
+    monkeypatch.setattr(gallery, "names", broken)
+    status, _, err = cotrack("scenes")
+    assert status == 1
+    assert err == "cotrack: internal error: ZeroDivisionError: by\\nnought; run 'cotrack --debug ...' to see where\n"
+    status, _, err = cotrack("--debug", "scenes")
+    assert status == 1
+    assert "Traceback" in err
+    assert "in broken" in err
+    status, out, err = cotrack("run", "rig", "--json")
+    assert status == 1
+    assert last(out)["message"].startswith("internal error: ZeroDivisionError")
+    assert "Traceback" not in err, "asked for once only"
+
+
+def test_names_of_files_need_not_be_text(cotrack, tmp_path):
+    odd = os.fsdecode(b"\xff.mcap")
+    status, _, err = cotrack("log", "info", odd)
+    assert status == 2
+    assert "the log \\udcff.mcap cannot be read" in err
+    assert cotrack(*SHORT, "--no-estimate", "--log", odd)[0] == 0
+    status, out, _ = cotrack("log", "verify", odd)
+    assert status == 0
+    assert out.startswith("\\udcff.mcap is whole")
+    assert cotrack("replay", odd, "--component", "chain", "--with", "rigid", "-o", "b.mcap")[0] == 0
+    with Log("b.mcap") as log:
+        assert log.metadata["replay"]["of"] == "\\udcff.mcap"
+    for arguments in (
+        ("show", odd), ("truth", odd), ("build", odd, "-o", "x"), ("study", odd, "-o", "x"),
+        ("run", "rig", "--stop", odd), ("run", "rig", "--set", odd), ("run", "rig", "--set", f"name={odd}"),
+    ):  # fmt: skip
+        status, _, err = cotrack(*arguments)
+        assert (status, len(err.splitlines())) == (2, 1), err
 
 
 def test_log_commands(cotrack, tmp_path):

@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 from fmus.start import start
 from fmus.vehicle import BadInput
 from orchestrator import gallery
-from orchestrator.scene import Scene, from_table, load, tracked
+from orchestrator.scene import Scene, from_table, load, of_one_scene, tracked
 from orchestrator.settings import keys
 from orchestrator.show import describe
-from orchestrator.system import assemble
+from orchestrator.system import assemble, placed
 
 BARE = """
 title = "a chain"
@@ -317,3 +317,30 @@ def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, repla
         vehicle.write_bytes(content)
         with pytest.raises(BadInput, match=r"vehicle\.toml.*: not a readable TOML file|own\.toml: vehicle"):
             load(scene_file(tmp_path, f'vehicle = "{vehicle}"'))
+
+
+def test_runs_of_one_scene():
+    """However computed, recorded, named or checked; any other number makes another scene."""
+    whole = load("straight").resolved()
+    for change in (
+        "track=rigid", "track.element=beam", "track.step=1 ms", "run.stop=1 s", "run.step=2 ms", "run.links=1",
+        "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}",
+    ):  # fmt: skip
+        of_one_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
+    for change, said in (
+        ("vehicle.chassis.mass=1", "vehicle.chassis.mass = 1.0 and "),
+        ("drive.speed=19", "drive.speed = 19.0 and 20.0"),
+        ("start.heading=1", "start.heading = 1.0 and 0.0"),
+        ("track.start=polygon", "track.start = 'polygon' and not given"),
+        ("ground.hull=true", "ground.hull = True and False"),
+    ):
+        with pytest.raises(BadInput) as caught:
+            of_one_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
+        assert str(caught.value).startswith(f"a ('straight') and b ('straight') are runs of different scenes: {said}")
+    with pytest.raises(BadInput, match="b does not say of which scene it is"):
+        of_one_scene(("a", whole), ("b", {}))
+    for name in ("rig", "settle"):
+        flexible, rigid = (placed(load(name, model)).resolved() for model in ("flexible", "rigid"))
+        of_one_scene(("a", flexible), ("b", rigid))
+    with pytest.raises(BadInput, match=r"vehicle\.tensioner\.preload = "):
+        of_one_scene(("a", placed(load("settle", None, ["vehicle.tensioner.preload=1 kN"])).resolved()), ("b", rigid))

@@ -1,0 +1,129 @@
+"""Logs of all kinds of damage under the whole command line: sentences and exit statuses, nothing else."""
+
+import io
+import random
+import signal
+import sys
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+
+import pytest
+from mutated import Content, bytes_changed, content_changed
+
+from fmus.build import BuildFailed
+from orchestrator import rerun
+from orchestrator.cli import main
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+
+LONG = 1500  # characters that nobody reads as a sentence
+HANG = 60  # s
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A small log with links, its component described in a line."""
+    folder = tmp_path_factory.mktemp("mutated")
+    settings = ("run.stop=0.02", "chain.links=8", "run.links=7", "expect={}")
+    simulate(load("hanging_chain", "flexible", settings), folder / "run.mcap")
+    content = Content(folder / "run.mcap")
+    content.attachments["chain.modelDescription.xml"] = b"<fmiModelDescription/>"
+    return content.write(folder / "whole.mcap")
+
+
+def commands(path, whole, drawn):
+    yield "log", "info", path
+    yield "log", "verify", path
+    yield "log", "recover", path, "-o", "saved.mcap"
+    yield "log", "export", path, "-o", "csv"
+    yield "compare", path, whole
+    yield "compare", whole, path, "--different"
+    yield "replay", path, "--component", "chain"
+    yield "replay", path, "--component", "chain", "--with", "rigid", "-o", "answer.mcap"
+    if drawn:
+        yield "view", path, "-o", "view.png"
+
+
+def called(arguments, monkeypatch):
+    """Exit status, what was printed; raises what the command lets out."""
+    out, err = io.StringIO(), io.StringIO()
+    monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
+    with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
+        main()
+    return ended.value.code or 0, out.getvalue(), err.getvalue()
+
+
+@contextmanager
+def ended_at(limit):
+    """What takes longer fails, where the system has an alarm."""
+    if not hasattr(signal, "alarm"):
+        yield
+        return
+
+    def late(*_):
+        raise RuntimeError(f"not done after {limit} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(limit)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def survey(whole, seeds, drawn, monkeypatch, folder):
+    """Call every command on every mutant; the statuses that were seen, by command."""
+
+    def not_built(*_):
+        raise BuildFailed("not built here")  # what is stepped is no matter of the log
+
+    monkeypatch.setattr(rerun, "build_all", not_built)
+    monkeypatch.chdir(folder)
+    data, content = whole.read_bytes(), Content(whole)
+    seen = {}
+    for seed in seeds:
+        chance, path = random.Random(seed), folder / "mutant.mcap"
+        path.unlink(missing_ok=True)
+        if seed % 2:
+            path.write_bytes(bytes_changed(data, chance))
+        else:
+            content_changed(content, chance).write(path)
+        for arguments in commands(path, whole, seed % drawn < 2):
+            with ended_at(HANG):
+                status, out, err = called(arguments, monkeypatch)
+            where = f"seed {seed}: {' '.join(map(str, arguments))}: {status}\n{out[-500:]}\n{err[-500:]}"
+            assert status in (0, 1, 2, 3), where
+            assert out or err, where
+            assert "internal error" not in err, where
+            assert "Traceback" not in err, where
+            assert "Warning" not in err, where
+            assert all(line.startswith("cotrack: ") for line in err.splitlines()), where
+            assert len(err) < LONG, where
+            seen.setdefault(arguments[0] if arguments[0] != "log" else arguments[1], set()).add(status)
+    assert not {file.name for file in folder.iterdir()} - {"mutant.mcap", "saved.mcap", "view.png", "csv"}
+    return seen
+
+
+def test_a_mutated_log_ends_in_a_sentence(whole, monkeypatch, tmp_path):
+    seen = survey(whole, range(48), 24, monkeypatch, tmp_path)
+    assert seen["verify"] == {0, 1}, "mutants of both kinds"
+    assert seen["recover"] >= {0, 3}
+    assert seen["compare"] == seen["view"] == {0, 2}
+    assert seen["replay"] == {2}
+
+
+@pytest.mark.study
+def test_many_mutated_logs_end_in_sentences(whole, monkeypatch, tmp_path):
+    survey(whole, range(1000, 3000), 4, monkeypatch, tmp_path)
+
+
+def test_the_survey_sees_a_traceback(whole, monkeypatch, tmp_path):
+    """A fault behind the command line does not go unseen."""
+    from orchestrator import log_tools
+
+    def broken(path):
+        raise AttributeError("no such thing")
+
+    monkeypatch.setattr(log_tools, "verify", broken)
+    with pytest.raises(AssertionError, match="internal error: AttributeError: no such thing; run 'cotrack --debug"):
+        survey(whole, range(1), 1, monkeypatch, tmp_path)
