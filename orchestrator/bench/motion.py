@@ -72,7 +72,6 @@ def scene(case: Case, links: int = LINKS, *settings: str) -> TrackScene:
         "vehicle=m113",
         f"vehicle.track.mass={MASS}",
         f"vehicle.track.inertia={list(inertia)}",
-        f"vehicle.material.density={MASS / (rod.section.area * rod.track.pitch)!r}",
         f"chain.links={links}",
         f"chain.spin={SPIN * LINKS / links!r}",
         f"chain.ovalling={0.0 if case.ground else OVALLING * LINKS / links!r}",
