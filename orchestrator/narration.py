@@ -55,6 +55,7 @@ class Narration(logging.Handler):
     def begin(self, what: str) -> None:
         """What is done from now on; said only when it takes long."""
         self._what, self._detail, self._since = what, "", time.monotonic()
+        self._said = self._since
 
     def note(self, detail: str) -> None:
         """How far it is: for the next reminder."""

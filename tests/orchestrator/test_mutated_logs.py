@@ -97,7 +97,7 @@ def survey(whole, seeds, drawn, monkeypatch, folder):
             assert "internal error" not in err, where
             assert "Traceback" not in err, where
             assert "Warning" not in err, where
-            assert all(line.startswith("cotrack: ") for line in err.splitlines()), where
+            assert all(line.startswith(("cotrack: ", "... ")) for line in err.splitlines()), where
             assert len(err) < LONG, where
             seen.setdefault(arguments[0] if arguments[0] != "log" else arguments[1], set()).add(status)
     assert not {file.name for file in folder.iterdir()} - {"mutant.mcap", "saved.mcap", "view.png", "csv"}

@@ -45,6 +45,17 @@ def test_what_is_quick_or_seen_elsewhere_needs_no_word():
     assert [line for _, line in told(lambda n: (n.begin("scenes"), time.sleep(0.2)))] != []
 
 
+def test_patience_begins_with_the_work():
+    """Not when the module was loaded."""
+    lines = []
+    narration = Narration(lines.append, 0.3)
+    time.sleep(0.4)
+    with narration:
+        narration.begin("scenes")
+        time.sleep(0.15)
+    assert lines == []
+
+
 def test_kernels_that_are_compiled_are_announced_and_counted():
     def work(narration):
         narration("components start")
