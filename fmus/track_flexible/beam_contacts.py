@@ -107,7 +107,7 @@ def _wheels(contacts, links, q, v, w, by_rate, tangent):
                     for a in range(3):
                         u[a] = (1.0 - foot) * de[0, a] + foot * de[4, a]
                     rate = closing(row, u, s.side)
-                    ends = creeping(row, radius, (q[i], de[0]), (q[j], de[4]), links.face, s.side, part, s.w)
+                    ends = creeping(row, (q[i], de[0]), (q[j], de[4]), links.face, s.side, part, s.w)
                     share = 0.25 * (high - low)
                     for g in range(4):
                         xi = low + (high - low) * (0.5 + (2 * (g // 2) - 1) * GAUSS)
@@ -134,7 +134,7 @@ def _wheels(contacts, links, q, v, w, by_rate, tangent):
             if high <= low:
                 continue
             open_link(q, v, i, w)
-            ends = creeping(row, disc, (q[i], de[0]), (q[j], de[4]), links.face, s.side, part, s.w)
+            ends = creeping(row, (q[i], de[0]), (q[j], de[4]), links.face, s.side, part, s.w)
             share = 0.5 * (high - low)
             for side in (-1.0, 1.0):
                 xi = 0.5 * (low + high) + side * GAUSS * (high - low)

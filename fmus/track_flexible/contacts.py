@@ -155,7 +155,7 @@ def touch_links(contacts, links, q, v, w, by_rate, tangent):
             for a in range(3):
                 u[a] = (1.0 - foot) * de[0, a] + foot * de[2, a]
             rate = closing(row, u, s.side)
-            ends = creeping(row, radius, (q[i], de[0]), (q[j], de[2]), links.face, s.side, part, s.w)
+            ends = creeping(row, (q[i], de[0]), (q[j], de[2]), links.face, s.side, part, s.w)
             share = 0.5 * (high - low)
             for side in (-1.0, 1.0):
                 xi = 0.5 * (low + high) + side * GAUSS * (high - low)

@@ -143,7 +143,8 @@ def touch_plane(contacts, links, q, v, w, by_rate, tangent):
             b0, b2 = slide(row, q[j, 0] - row[0], q[j, 1] - row[2], de[2, 0], de[2, 1])
             first, last = (n0 * a0 + n2 * a2, n2 * a0 - n0 * a2), (n0 * b0 + n2 * b2, n2 * b0 - n0 * b2)
             length, part = n2 * (q[j, 0] - q[i, 0]) - n0 * (q[j, 1] - q[i, 1]), (low, high, foot)
-            ends = creep(radius, length, links.face, part, first, last)
+            height = n0 * (q[i, 0] - row[0]) + n2 * (q[i, 1] - row[2]) - links.face
+            ends = creep(height, length, links.face, part, first, last)
             share = 0.5 * (high - low)
             for side in (-1.0, 1.0):
                 xi = 0.5 * (low + high) + side * GAUSS * (high - low)

@@ -35,7 +35,7 @@ def _rims(link, law, contacts, s, w, by_v, tangent):
             low, high, foot = part
             if high <= low:
                 continue
-            ends = creeping(row, radius, (N[0, 0], N[0, 1]), (N[1, 0], N[1, 1]), link.face, c.side, part, c.w)
+            ends = creeping(row, (N[0, 0], N[0, 1]), (N[1, 0], N[1, 1]), link.face, c.side, part, c.w)
             lever(A[i], v[i], q[i], (2.0 * foot - 1.0) * link.half, 0.0, 0.0, p)
             rate = closing(row, p[1], c.side)
             share = 0.25 * (high - low)
@@ -121,7 +121,7 @@ def _guides(link, law, contacts, s, w, by_v, tangent):
             low, high, _ = part
             if high <= low:
                 continue
-            ends = creeping(row, radius, (N[0, 0], N[0, 1]), (N[1, 0], N[1, 1]), link.face, c.side, part, c.w)
+            ends = creeping(row, (N[0, 0], N[0, 1]), (N[1, 0], N[1, 1]), link.face, c.side, part, c.w)
             share = 0.5 * (high - low)
             for g in range(2):
                 along = 2.0 * (low + (high - low) * (0.5 + (2 * g - 1) * GAUSS)) - 1.0

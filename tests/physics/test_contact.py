@@ -11,7 +11,7 @@ from fmus.physics.contact.law import Law
 from fmus.physics.contact.normal import normal
 from fmus.physics.contact.partner import collect, slide
 from fmus.physics.contact.teeth import teeth, teeth_contact
-from fmus.physics.contact.wheel import closing, reach, wheel_contact
+from fmus.physics.contact.wheel import closing, creeping, reach, wheel_contact
 from fmus.physics.point import scratch, sharpen
 from fmus.physics.wheels import WIDTH, move
 
@@ -192,6 +192,34 @@ def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
         wheel_contact(LAW, 0.5, 0.305, row, x, v, rate, s, True)
         pair.append(s.f.copy())
     np.testing.assert_allclose((pair[0] - pair[1]) / 2e-6, s.f_rate, rtol=1e-6)
+
+
+def test_ends_of_a_covered_part_creep_as_links_and_wheels_move():
+    """Rates against differences of ``reach``, of links at all angles: the centre may lie beyond their inner face."""
+    rng, radius, face, pitch, h = np.random.default_rng(7), 0.355, 0.029, 0.1524, 1e-7
+    row, side, w, seen = wheel_row(0.05), np.zeros(3), np.zeros(3), {True: 0, False: 0}
+    for _ in range(2000):
+        angle, a = rng.uniform(-np.pi, np.pi), np.append(rng.uniform(-0.4, 0.4, 3), 0.0)
+        a, (u, v) = a[:3] * [1.0, 0.02, 1.0], rng.standard_normal((2, 3))
+        b = a + pitch * np.array([np.cos(angle), 0.01, np.sin(angle)])
+        row[3:9] = rng.standard_normal(6)
+
+        def part(tau, a=a, b=b, u=u, v=v):
+            moved = np.zeros((1, WIDTH))
+            move(row[None], tau, moved)
+            return np.array(reach(moved[0], radius, a + tau * u, b + tau * v, face, side)[:2])
+
+        ends = reach(row, radius, a, b, face, side)
+        if not 0.05 < ends[1] - ends[0] < 1.0:
+            continue
+        beyond = bool(side @ (a - row[:3]) - face < 0.0)
+        numeric = (part(h) - part(-h)) / (2.0 * h)
+        part(0.0)
+        found = np.array(creeping(row, (a, u), (b, v), face, side, ends, w))
+        assert abs(found - numeric).max() < 1e-5 * max(1.0, abs(numeric).max())
+        assert abs(1.03 * found - numeric).max() > 1e-5 * max(1.0, abs(numeric).max())
+        seen[beyond] += 1
+    assert min(seen.values()) > 30
 
 
 def test_shares_of_a_contact_add_up():

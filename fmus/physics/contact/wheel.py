@@ -93,17 +93,17 @@ def bulge(law, radius, length, low, high, rates):
 
 
 @kernel
-def creep(radius, length, offset, part, first, last):
+def creep(height, length, offset, part, first, last):
     """Rates, 1/s, at which both ends of the part of a face inside the rim move along the link.
 
-    ``part``: low, high and foot of ``reach``. ``first`` and ``last``: velocities (normal, along) of the link's pins
-    relative to the wheel's material. An end that is the link's own stays.
+    ``height``: of the face over the wheel's centre, m, negative where a link lies so askew that its face is turned
+    away. ``part``: low, high and foot of ``reach``. ``first`` and ``last``: velocities (normal, along) of the link's
+    pins relative to the wheel's material. An end that is the link's own stays.
     """
     low, high, foot = part
     if low <= 0.0 and high >= 1.0:
         return 0.0, 0.0
     half = max(foot - low, high - foot) * length
-    height = np.sqrt(max(radius * radius - half * half, 0.0))
     swing = offset * (last[0] - first[0]) / length  # of the face about the pin line
     n0, t0, n, t = first[0], first[1] + swing, last[0] - first[0], last[1] - first[1]
     at_low = at_high = 0.0
@@ -115,16 +115,17 @@ def creep(radius, length, offset, part, first, last):
 
 
 @kernel
-def creeping(row, radius, first, last, offset, side, part, w):
+def creeping(row, first, last, offset, side, part, w):
     """``creep`` in space: position and velocity (3) of the pins, ``side`` (3) of ``reach``; ``w`` (3) is scratch."""
     if part[0] <= 0.0 and part[1] >= 1.0:
         return 0.0, 0.0
     along = cross(row[9:12], side)
     length = dot(along, last[0]) - dot(along, first[0])
+    height = dot(side, first[0]) - dot(side, row) - offset
     slide(row, first[0], first[1], w)
     a = dot(side, w), dot(along, w)
     slide(row, last[0], last[1], w)
-    return creep(radius, length, offset, part, a, (dot(side, w), dot(along, w)))
+    return creep(height, length, offset, part, a, (dot(side, w), dot(along, w)))
 
 
 @kernel
