@@ -58,7 +58,7 @@ def mirror(of: Model, model: Model) -> None:
     """Make ``model`` the mirror image of ``of`` on the other side of the vehicle."""
     s, theirs = model.views, of.views
     s.q[:], s.v[:], s.F[:] = theirs.q * POSE, theirs.v * MOTION, theirs.F * MOTION
-    s.lam[:, :3] = theirs.lam[:, :3] * MOTION[:3]
+    s.lam[:, :3], s.load[:] = theirs.lam[:, :3] * MOTION[:3], theirs.load * MOTION[:3]
     s.tally[:] = theirs.tally
     model.work.impulse[:] = of.work.impulse * MOTION
     model.counters[:] = of.counters

@@ -75,6 +75,7 @@ class State(NamedTuple):
     lam: np.ndarray  # (p, 5) multipliers of the pins
     F: np.ndarray  # (m + 1, 6) wrench on each wheel now; the last row is the ground's on the chain
     W: np.ndarray  # (m + 1, 6) auxiliary wrenches
+    load: np.ndarray  # (p, 3) force of teeth and damping on each pin now: half of it on either of its links, N
     tally: np.ndarray  # (TALLY)
 
 
@@ -103,7 +104,7 @@ class Work(NamedTuple):
 def shapes(n: int, closed: bool, wheels: int) -> tuple[tuple[int, ...], ...]:
     """Shapes of the arrays of a State, in order."""
     p, m = n if closed else n + 1, wheels + 1
-    return ((n, 7), (n, 6), (n, 6), (n, 6), (p, 5), (m, 6), (m, 6), (TALLY,))
+    return ((n, 7), (n, 6), (n, 6), (n, 6), (p, 5), (m, 6), (m, 6), (p, 3), (TALLY,))
 
 
 def views(flat: np.ndarray, n: int, closed: bool, wheels: int) -> State:
@@ -166,6 +167,7 @@ def _across(link, closed, damping, s, w, by_v, tangent):
             along = (p[1, 0] * t[0] + p[1, 1] * t[1] + p[1, 2] * t[2]) / norm2
             for a in range(3):
                 c.f[a] = -damping * (p[1, a] - along * t[a])
+                s.load[j, a] += share * c.f[a]
                 s.tally[POWER] -= share * c.f[a] * p[1, a]
                 for b in range(3):
                     c.f_x[a, b] = 0.0
@@ -255,6 +257,7 @@ def residual(link, ends, env, contacts, s, w, by, tangent):
     for k in range(POWER, TALLY):
         s.tally[k] = 0.0
     s.F[:] = 0.0
+    s.load[:] = 0.0
     pins(link, ends, s, w)
     augmented.compliance(ends, w.system, s.lam)
     _inertia(link, env.gravity, s, w, by, tangent)
@@ -495,21 +498,41 @@ def advance(link, ends, env, contacts, method, rows, h, step, s, w, counters):
 
 
 @kernel
+def stretching(ends, env, s, i, k):
+    """Along the axis ``k`` the forces that stretch link ``i``, N: of its first pin, reversed, and of its last one.
+
+    A pin passes on what teeth and damping do to it: half to either link, all of it at an end.
+    """
+    n, j = s.q.shape[0], (i + 1) % s.lam.shape[0]
+    first, last = i == 0 and not ends.closed, i == n - 1 and not ends.closed
+    before = -env.pull[0, k] if first and not ends.first else s.lam[i, k]
+    after = env.pull[1, k] if last and not ends.last else s.lam[j, k]
+    return before - (1.0 if first else 0.5) * s.load[i, k], after + (1.0 if last else 0.5) * s.load[j, k]
+
+
+@kernel
+def pin_forces(ends, env, s, force):
+    """Force of each pin on the link that begins there into ``force`` (nodes, 3); of a last pin, on what holds it."""
+    n = s.q.shape[0]
+    for i in range(n):
+        for k in range(3):
+            before, after = stretching(ends, env, s, i, k)
+            force[i, k] = -before
+            if i == n - 1 and not ends.closed:
+                force[n, k] = -after
+
+
+@kernel
 def measure(link, ends, env, s, w, tension, report):
     """Tensions of the links (n), and the report of fmus.track but for the ground force."""
-    n, p, A = s.q.shape[0], s.lam.shape[0], w.system.A
+    n, A = s.q.shape[0], w.system.A
     report[0] = s.tally[TRAVEL]
     report[1] = chain_speed_of(link, ends, env, s, w)
     low, high, mean, kinetic, height = np.inf, -np.inf, 0.0, 0.0, 0.0
     for i in range(n):
-        j = (i + 1) % p
         pull = 0.0
         for k in range(3):
-            before, after = s.lam[i, k], s.lam[j, k]
-            if i == 0 and not (ends.closed or ends.first):
-                before = -env.pull[0, k]
-            if i == n - 1 and not (ends.closed or ends.last):
-                after = env.pull[1, k]
+            before, after = stretching(ends, env, s, i, k)
             pull += 0.5 * (before + after) * A[i, k, 0]
         tension[i] = pull
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n

@@ -90,6 +90,8 @@ def _teeth(link, closed, law, contacts, s, w, by_v, tangent):
                     continue
                 count(tally, depth, energy, power)
                 collect(row, p[0], c.f, F[k])
+                for a in range(3):
+                    s.load[j, a] += c.f[a]
                 push(A[i], p[2], share, c, by_v, tangent, N, r[i], K[i])
                 if share < 1.0:
                     for a in range(3):  # the same point seen from the other link

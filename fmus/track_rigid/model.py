@@ -11,7 +11,7 @@ from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 from fmus.ports import Port
-from fmus.track import GROUND, HELD, PINNED, PULLED, TrackModel
+from fmus.track import GROUND, HELD, PINNED, TrackModel
 from fmus.track_rigid import chain, explicit
 from fmus.track_rigid.chain import Link
 
@@ -135,6 +135,4 @@ class Model(TrackModel):
         )
         stress[:] = 0.0
         position[:] = self.pins()
-        force[:] = -self.views.lam[:, :3]
-        if self.ends_kind == PULLED:
-            force[0], force[-1] = self.environment.pull[0], -self.environment.pull[1]
+        chain.pin_forces(self.ends, self.environment, self.views, force)

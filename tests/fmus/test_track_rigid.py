@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from vehicle_in_process import InProcess
 
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain_layout import close_exactly
@@ -14,6 +15,7 @@ from fmus.track_rigid import chain, explicit
 from fmus.track_rigid.chain import Link
 from fmus.track_rigid.model import Model
 from fmus.vehicle import read_table, vehicle
+from orchestrator.scene import load
 
 VEHICLE = vehicle(*read_table("m113")).model_dump()
 TRACK = VEHICLE["track"]
@@ -316,6 +318,25 @@ def test_closed_track_stays_at_rest(track):
     after = outputs(model)
     assert after["tension.mean"] == pytest.approx(before["tension.mean"], rel=1e-6)
     assert after["energy.kinetic"] < 1e-6
+
+
+def test_rigid_links_show_the_forces_that_cables_show_at_rest():
+    """Between seated pins too, where T cos^2(pi/z), 9.5 % less, passes from link to link.
+
+    A rim pulls a cable's halves apart, by 2 % of its tension on the idler.
+    """
+    shown = {}
+    for name, settings in {"rigid": ("rigid",), "cable": ("flexible",)}.items():
+        track = InProcess(load("straight", settings[0], settings[1:]))["left_track"]
+        shown[name] = track.link_outputs(), track["tension.mean"], track["tension.max"]
+        tension = [k for k, output in enumerate(track.links) if output.endswith("tension")]
+        force = [k for k, output in enumerate(track.links) if ".force." in output]
+    for which, allowed in ((tension, 0.03), (force, 5e-3)):
+        one, other = (shown[name][0][which] for name in ("rigid", "cable"))
+        assert abs(other).max() > 1e4
+        assert abs(one - other).max() < allowed * abs(other).max()
+        assert abs(1.05 * one - other).max() > allowed * abs(other).max()
+    assert shown["rigid"][1:] == pytest.approx(shown["cable"][1:], rel=3e-3)
 
 
 @pytest.mark.parametrize("integrator", Model.integrators)
