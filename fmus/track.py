@@ -37,7 +37,7 @@ REPORT = (
     ("stress.max", "Pa", "largest axial stress at an outer fibre, 0 for rigid links"),
     ("energy.kinetic", "J", "kinetic energy of the links"),
     ("energy.strain", "J", "strain energy of the links and of a closing spring"),
-    ("energy.gravity", "J", "potential energy of the links over the ground plane of the start frame"),
+    ("energy.gravity", "J", "potential energy of the links over the origin of the start frame"),
     ("energy.contact", "J", "energy stored in contact springs"),
     ("energy.dissipated", "J", "energy lost so far in contacts, friction and material"),
     ("energy.work", "J", "work done so far by the loads on the ends"),
