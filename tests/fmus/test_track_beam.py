@@ -43,7 +43,7 @@ def scattered(model, R: np.ndarray) -> np.ndarray:
 def spun(element: str, rate):
     """A free loop, let go as a regular polygon that turns at ``rate`` (3) about its middle."""
     model = make({"wheels": wheels(), "gravity": 0.0}, start="polygon", element=element)
-    model.contacts = None
+    model.contacts, model.environment = None, model.environment._replace(mount=-1)
     model.rows, model.work = np.zeros((0, 15)), model.work._replace(moved=np.zeros((0, 15)))
     angle = 2 * np.pi * np.arange(LINKS) / LINKS
     radius = PITCH / (2 * np.sin(np.pi / LINKS))
