@@ -9,8 +9,8 @@ right, another parameter of one part), or many short runs. The numbers are those
     vehicle.run(0.2)
     vehicle["chassis"]["yaw"], vehicle["left_track"].model.state
 
-What belongs to the vehicle's table is a setting of the scene (``vehicle.road_wheel.mass=600 kg``), what a component
-lets its user set is a parameter of a part; ``show`` of either says which there are.
+What belongs to the vehicle's table is a setting of the scene (``vehicle.road_wheel.mass=600 kg``). What a component
+lets its user set is a parameter of a part: ``vehicle["left_drive"].parameters`` holds all of them with their values.
 """
 
 from __future__ import annotations
@@ -114,26 +114,28 @@ class InProcess:
                     [target.inputs.index(name) for name in connection.inputs],
                 )
             )
-        self.t = 0.0
+        self.steps = 0
+
+    @property
+    def t(self) -> float:
+        """Time reached, s."""
+        return self.steps * self.scene.run.step
 
     def __getitem__(self, name: str) -> Member:
         return self.members[name]
 
-    def step(self, h: float | None = None) -> None:
+    def step(self) -> None:
         """One communication step: motions as of its beginning, wrenches as of those who have stepped."""
-        h = h or self.scene.run.step
         for stage in self.stages:
             for member in stage:
                 for source, given, taken in self._feeds[member.name]:
                     member.u[taken] = source.y[given]
             for member in stage:
-                member.step(self.t, h)
-        self.t += h
+                member.step(self.t, self.scene.run.step)
+        self.steps += 1
 
     def run(self, duration: float) -> InProcess:
-        """So many steps of the scene as fit in ``duration`` s."""
-        h, first = self.scene.run.step, self.t
-        for k in range(round(duration / h)):
-            self.t = first + k * h
-            self.step(h)
+        """As many steps of the scene as fit in ``duration`` s."""
+        for _ in range(round(duration / self.scene.run.step)):
+            self.step()
         return self
