@@ -1,5 +1,7 @@
 """The energy ledger: rotations between quaternions, ports, and books kept by the components themselves."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -106,3 +108,25 @@ def test_what_the_ledger_leaves_open_falls_with_the_step(tmp_path):
     assert slope([one["port"] for one in books]) == pytest.approx(TracksFirst.ORDER, abs=0.1)
     assert slope([one["residual"] for one in books]) == pytest.approx(1.0, abs=0.12)
     assert slope([one["residual"] + one["covered"] for one in books]) < 0.6
+
+
+def jumped(tmp_path, step, stop):
+    """The ledger of a rig whose sprocket jumps to 20 rad/s at once."""
+    settings = [f"run.stop={stop}", f"run.step={step}", f"track.step={step}", "drive.ramp_time=0", "drive.speed=20"]
+    return simulate(load("rig", "rigid", settings), tmp_path / f"{step}-{stop}.mcap")["energy"]
+
+
+def test_the_impact_of_a_speed_that_jumps_is_open_at_order_two(tmp_path):
+    """First 10 ms: pins rebound from the teeth that hit them."""
+    books = [jumped(tmp_path, step, "10 ms") for step in ("0.5 ms", "0.25 ms", "0.125 ms")]
+    rates = np.log2([abs(a["residual"] / b["residual"]) for a, b in pairwise(books)])
+    assert np.abs(rates - 2.0).max() < 0.3, rates
+    assert abs(books[0]["residual_relative"]) < 2e-3
+
+
+@pytest.mark.parametrize("step", ["0.25 ms", "0.125 ms"])
+def test_pins_that_a_jump_presses_through_the_teeth_keep_their_energy(tmp_path, step):
+    """51 mm deep, where the nearest face changes."""
+    books = jumped(tmp_path, step, "50 ms")
+    assert abs(books["residual_relative"]) < 1e-3
+    assert 0.02 * books["dissipated"] > 2e-3 * abs(books["work"])  # what a fiftieth of the losses would leave

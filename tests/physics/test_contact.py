@@ -270,12 +270,29 @@ def test_pins_at_the_pitch_circle_just_touch_their_seats():
         )
 
 
-def test_profile_is_continuous_and_mirrored():
-    for b in np.linspace(0.0, 0.074, 60):
-        a = np.linspace(0.235, 0.28, 400)
-        depths = np.clip([depth_at(x, b) for x in a], 0.0, 0.01)
-        assert abs(np.diff(depths)).max() < 1.5 * (a[1] - a[0])
-        assert depth_at(0.25, b) == pytest.approx(depth_at(0.25, -b), abs=1e-12)
+@pytest.mark.parametrize("b", np.linspace(0.0, 0.084, 22))
+def test_penetration_is_a_distance_and_mirrored(b):
+    """However deep in a tooth: it grows by no more than the pin moves."""
+    a = np.linspace(0.1, 0.28, 1800)
+    depths = np.maximum([depth_at(x, b) for x in a], 0.0)
+    assert abs(np.diff(depths)).max() < 1.01 * (a[1] - a[0])
+    assert depth_at(0.25, b) == pytest.approx(depth_at(0.25, -b), abs=1e-12)
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.02, 0.035])
+def test_a_way_round_in_a_tooth_does_no_work(radius):
+    """Of the spring alone: the pin's energy comes back, from deep inside the tooth too."""
+    elastic, row = LAW._replace(c=0.0, mu=0.0), np.zeros(WIDTH)
+    row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
+    angle = np.linspace(0.0, 2.0 * np.pi, 4001)
+    way = np.stack([0.24 + radius * np.cos(angle), 0.0 * angle, -0.06 - radius * np.sin(angle)], axis=1)
+    forces, energies, s = np.zeros_like(way), np.zeros(len(way)), scratch()
+    for i, x in enumerate(way):
+        depth, _, energies[i], *_ = teeth_contact(elastic, 1.0, TEETH, row, x, np.zeros(3), s, True)
+        forces[i] = s.f if depth > 0.0 else 0.0
+    work = np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(way, axis=0))
+    assert energies.max() > 500.0
+    assert abs(work) < 1e-3 * energies.max()
 
 
 def test_a_leaving_pin_clears_the_teeth():

@@ -73,26 +73,24 @@ def outline(t, a, b, rho):
     """
     pa, pb = a - t.seat_a, b
     climb = pa * t.flank_a + pb * t.flank_b
-    if climb <= 0.0:  # seat: concave arc
-        distance = np.sqrt(pa * pa + pb * pb)
-        depth = distance - t.clearance
-        na, nb = (-pa / distance, -pb / distance) if distance > 0.0 else (1.0, 0.0)
-        bend = -1.0 / distance if distance > 0.0 else 0.0
-    elif climb < t.flank_length:  # flank: straight
-        na, nb = t.flank_b, -t.flank_a
-        depth = -(pa * na + pb * nb) - t.clearance
-        bend = 0.0
+    if climb < t.flank_length:
+        if climb <= 0.0:  # seat: concave arc
+            distance = np.sqrt(pa * pa + pb * pb)
+            depth = distance - t.clearance
+            na, nb = (-pa / distance, -pb / distance) if distance > 0.0 else (1.0, 0.0)
+            bend = -1.0 / distance if distance > 0.0 else 0.0
+        else:  # flank: straight
+            na, nb = t.flank_b, -t.flank_a
+            depth = -(pa * na + pb * nb) - t.clearance
+            bend = 0.0
+        if depth <= t.top - rho:  # else it is deeper than the tip's rounding is wide, and the land is nearer
+            return depth, na, nb, bend
     elif np.arctan2(b, a) < t.tip_angle:  # rounding: convex arc
         qa, qb = a - t.tip_a, b - t.tip_b
         distance = np.sqrt(qa * qa + qb * qb)
-        depth = t.tip_radius - distance
         na, nb = (qa / distance, qb / distance) if distance > 0.0 else (1.0, 0.0)
-        bend = 1.0 / distance if distance > 0.0 else 0.0
-    else:  # land
-        depth = t.top - rho
-        na, nb = a / rho, b / rho
-        bend = 1.0 / rho
-    return depth, na, nb, bend
+        return t.tip_radius - distance, na, nb, 1.0 / distance if distance > 0.0 else 0.0
+    return t.top - rho, a / rho, b / rho, 1.0 / rho  # land
 
 
 @kernel
