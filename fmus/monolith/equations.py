@@ -147,17 +147,13 @@ def gather(chains, drives, plan, share):
 def march(chains, drives, tree, plan, t, h, steps, x, y, k):
     """Integrate x from t to t + h in equal ``steps``; y, the stages' argument, is seen by the chains.
 
-    Leaves impulses and books of the step in the places of the chains and in the plan, and all parts evaluated at
+    Adds impulses and books to the places of the chains and to the plan, and leaves all parts evaluated at
     t + h. Returns what failed (DONE: nothing), steps done, and of a chain the link, of the chassis its fault.
     """
     dt = h / steps
-    plan.force[:] = 0.0
-    plan.reaction[:] = 0.0
     before = np.empty(len(chains))
     y[:] = x
     for n, c in enumerate(chains):
-        c.place.impulse[:] = 0.0
-        c.place.books[:] = 0.0
         before[n] = speed(c)
     for step in range(steps):
         for i in range(RK4.b.size):

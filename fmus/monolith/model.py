@@ -6,7 +6,8 @@ alike is computed on its left side and mirrored, as a chassis with left ports do
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,9 @@ from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
 from fmus.ports import STATE, WRENCH
 from fmus.sprocket_drive import dynamics as spin
+
+RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
+JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
 
 
 def content() -> str:
@@ -68,6 +72,12 @@ class Monolith:
     ) -> None:
         self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
         self._mirrored = _alike(parts) if halved else {}
+        for part in parts:
+            if part.kind == "SprocketDrive":  # a jump has no slope to integrate
+                drive = self.models[part.name].drive
+                self.models[part.name].drive = drive._replace(
+                    ramp_end=max(drive.ramp_end, drive.ramp_start + JUMP), stop_time=max(drive.stop_time, JUMP)
+                )
         own = [part for part in parts if part.name not in self._mirrored]
         self._chains = [p.name for p in own if p.kind.startswith("Track")]
         self._drives = [p.name for p in own if p.kind == "SprocketDrive"]
@@ -225,22 +235,17 @@ class Monolith:
     # ---------------------------------------------------------------- time
 
     def advance(self, t: float, h: float) -> None:
-        """From t to t + h in equal internal steps of ``step`` at most, and the models after it; raises StepFailed."""
-        steps = max(1, int(np.ceil(h / self.step - 1e-9)))
+        """From t to t + h in internal steps of ``step`` at most, and the models after it; raises StepFailed."""
         for d in range(len(self._drives)):
             self.x[self._spin + SPIN * d + spin.IMPULSE] = 0.0
-        failure, done, where = march(*self._system, t, h, steps, self.x, self._y, self._k)
-        at = t + done * h / steps
-        if failure == CHASSIS_FAILED:
-            chassis, u = self.models[self._chassis], np.zeros(0)
-            what = chassis.complaint(where, self.x[self._body : self._spin], u)
-            raise StepFailed(f"at t = {at:.6g} s {what}")
-        if failure == CHAIN_FAILED:
-            raise StepFailed(
-                f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}"
-            )
-        if failure != DONE:
-            raise StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
+        for sums in (self._plan.force, self._plan.reaction, *(a for p in self._places for a in (p.impulse, p.books))):
+            sums[:] = 0.0
+        count = 0
+        for begin, length, steps in self._intervals(t, h):
+            count += steps
+            failure, done, where = march(*self._system, begin, length, steps, self.x, self._y, self._k)
+            if failure != DONE:
+                raise self._failed(failure, where, begin + done * length / steps)
         for name, place in zip(self._chains, self._places, strict=True):
             self._kind.take(self.models[name], place, self.x[place.start : place.end], h)
         if self._chassis is not None:
@@ -248,12 +253,31 @@ class Monolith:
         for d in range(len(self._drives)):
             self._take_drive(d, h)
         for model in self.models.values():
-            model.counters[:2] += (steps, len(RK4.b) * steps)
+            model.counters[:2] += (count, len(RK4.b) * count)
         for name, of in self._mirrored.items():
             if name.endswith("_track"):
                 self._kind.mirror(self.models[of], self.models[name])
             else:
                 _mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
+
+    def _intervals(self, t: float, h: float) -> Iterator[tuple[float, float, int]]:
+        """Begin, length and steps of the parts of a step: a ramp of a drive's speed begins and ends with one. (7)"""
+        drives = [self.models[name].drive for name in self._drives]
+        ramps = [ramp for drive in drives if drive.mode != spin.TORQUE for ramp in _ramps(drive)]
+        inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
+        for begin, end in pairwise([t, *sorted(inside), t + h]):
+            within = [(b - a) / RESOLVED for a, b in ramps if a < 0.5 * (begin + end) < b]
+            yield begin, end - begin, max(1, int(np.ceil((end - begin) / min([self.step, *within]) - 1e-9)))
+
+    def _failed(self, failure: int, where: int, at: float) -> StepFailed:
+        """The sentence of a part that could not be done."""
+        if failure == CHASSIS_FAILED:
+            chassis, u = self.models[self._chassis], np.zeros(0)
+            what = chassis.complaint(where, self.x[self._body : self._spin], u)
+            return StepFailed(f"at t = {at:.6g} s {what}")
+        if failure == CHAIN_FAILED:
+            return StepFailed(f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}")
+        return StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
 
     def _take_chassis(self) -> None:
         """The chassis' state; the work of its ports without what its inertia held for the sprockets. (5)"""
@@ -276,6 +300,12 @@ class Monolith:
         state[spin.MOMENTUM : spin.MOMENTUM + 3] = after
         state[spin.TORQUE_NOW] = z[spin.IMPULSE] / h
         state[spin.STEP] = h
+
+
+def _ramps(drive: spin.Drive) -> list[tuple[float, float]]:
+    """Begin and end of the ramps of a drive's speed, s."""
+    ramps = [(drive.ramp_start, drive.ramp_end)]
+    return [*ramps, (drive.stop_start, drive.stop_start + drive.stop_time)] if drive.stop_start >= 0.0 else ramps
 
 
 def _alike(parts: Sequence[Any]) -> dict[str, str]:

@@ -105,6 +105,22 @@ def test_books_of_a_drive_that_spins_by_itself_close(mode, tmp_path):
         assert open_part(log, "left_drive", ("port.work", "energy.work"), STORED[:2])[0] < 1e-9
 
 
+def test_a_speed_that_jumps(tmp_path):
+    """Within a step, at once and in 0.1 ms: the motor works for it, and the chassis takes the reaction."""
+    found = []
+    for ramp in ("0", "0.1 ms"):
+        drive = ("drive.ramp_start=1.3 ms", f"drive.ramp_time={ramp}", "drive.speed=5")
+        scene = load("straight", "flexible", ("run.step=1 ms", "run.stop=3 ms", "run.outputs=1", *drive))
+        monolithic.run(scene, tmp_path / "a.mcap")
+        with Log(tmp_path / "a.mcap") as log:
+            names = ("energy.work", "port.work", "energy.kinetic")
+            work, port, kinetic = (np.ptp(log.signal(f"left_drive.{name}")[1]) for name in names)
+            assert kinetic == pytest.approx(0.5 * 13.87 * 5.0**2, rel=1e-2)
+            assert abs(work - kinetic) == pytest.approx(port, abs=1e-5 * work)
+            found.append((work, log.signal("chassis.chassis.angular_velocity.y")[1][-1]))
+    np.testing.assert_allclose(*found, rtol=0.05)
+
+
 def test_third_law_of_the_vehicle(driven):
     with Log(driven) as log:
         run = Evidence(log)
