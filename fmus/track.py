@@ -14,6 +14,7 @@ import numpy as np
 from fmus.defaults import configured
 from fmus.model import Floats, InvalidParameter, StepFailed, check_orientation, check_steps
 from fmus.physics.chain_layout import (
+    catenary,
     chain_of_angles,
     closed_polygon,
     folded,
@@ -261,8 +262,8 @@ class TrackModel:
         mount = [*toothed, 0][0] if self.wheel_list else -1
         return Environment(float(self.config["gravity"]), self.ends_kind, pull, damping, mount)
 
-    def polygon(self) -> Floats:
-        """Pins (nodes, 2) of the start layout; raises InvalidParameter when the chain does not fit."""
+    def polygon(self, rest: bool = True) -> Floats:
+        """Pins (nodes, 2) of the start layout, near ``rest`` or not; raises InvalidParameter where it does not fit."""
         try:
             if self._free():
                 return regular_polygon(self.pitch, self.links_count)
@@ -279,7 +280,7 @@ class TrackModel:
                 return closed_polygon(centres, radii, ~toothed, self.pitch, self.links_count)
             if self.ends_kind == PINNED:
                 first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
-                return hanging_arc(first, last, self.pitch, self.links_count)
+                return (catenary if rest else hanging_arc)(first, last, self.pitch, self.links_count)
             centre = np.array(self.wheel_list[0]["position"], dtype=float)
             return over_sprocket(centre, self.pitch, self.vehicle["sprocket"]["teeth"], self.links_count)
         except ValueError as error:
@@ -291,13 +292,14 @@ class TrackModel:
         elif layout == "displaced":
             first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
             near = first + (last - first) * 0.7 * self.links_count * self.pitch / np.hypot(*(last - first))
-            self.settle(hanging_arc(first, near, self.pitch, self.links_count), rest=True)
+            self.settle(catenary(first, near, self.pitch, self.links_count), rest=True)
             pins = rescaled(self.pins()[:, [0, 2]], last, self.pitch)
             self.settle(pins, rest=False)
             self.tighten()
         else:
-            pins = np.stack(self.pose.pitched(*self.polygon().T), axis=1)
-            self.settle(pins, rest=layout == "rest", spin=spin)
+            rest = layout == "rest"
+            pins = np.stack(self.pose.pitched(*self.polygon(rest).T), axis=1)
+            self.settle(pins, rest, spin)
 
     def _released(self, layout: str) -> Floats:
         """Pins (nodes, 2) of a chain that is let go, held at its first one."""

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import spsolve
 from scipy.spatial import ConvexHull
 
 from fmus.jit import kernel
@@ -85,18 +87,19 @@ def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
     n = len(pins)
     last = n if closed else n - 1
     free = np.ones(n, dtype=bool) if closed else np.r_[False, np.ones(n - 2, dtype=bool), False]
-    rounding = max(1e-16, 0.5 * np.finfo(float).eps * pitch * abs(pins).max())  # of a chord far from the origin
+    rounding = max(1e-16, np.finfo(float).eps * pitch * abs(pins).max())  # of a chord far from the origin
     for _ in range(50):
         chord = np.roll(pins, -1, axis=0)[:last] - pins[:last]
         misfit = (np.einsum("ij,ij->i", chord, chord) - pitch * pitch) / 2.0
         if abs(misfit).max() < rounding:
             break
-        jacobian = np.zeros((last, n, 2))
-        rows = np.arange(last)
-        jacobian[rows, rows] -= chord
-        jacobian[rows, (rows + 1) % n] += chord
-        jacobian[:, ~free] = 0.0
-        pins -= np.linalg.lstsq(jacobian.reshape(last, -1), misfit, rcond=None)[0].reshape(n, 2)
+        # the shortest change dp with J dp = -misfit is J^T x, J J^T x = -misfit
+        one, other = np.arange(last), (np.arange(last) + 1) % n
+        entries = np.concatenate([-chord * free[one, None], chord * free[other, None]])
+        pairs = np.tile(one, 2), np.concatenate([one, other])
+        jacobian = [coo_array((part, pairs), shape=(last, n)).tocsr() for part in entries.T]
+        x = spsolve(sum(J @ J.T for J in jacobian).tocsc(), -misfit)
+        pins += np.stack([J.T @ x for J in jacobian], axis=1)
     return pins
 
 
@@ -112,6 +115,32 @@ def hanging_arc(first: Floats, last: Floats, pitch: float, links: int) -> Floats
     fraction = (links - 1 - 2.0 * np.arange(links)) / links  # of the first link's angle
     steep = brentq(lambda a: pitch * np.cos(a * fraction).sum() - distance, 0.0, np.pi, xtol=1e-15)
     return chain_of_angles(np.asarray(first, float), -steep * fraction + np.arctan2(span[1], span[0]), pitch)
+
+
+def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
+    """Pins (links + 1, 2) of rigid links that hang between two points; their weight turns each a little further.
+
+    In units of a link's weight, with the horizontal pull H and V where the middle of the chain is: tan(angle) of link i
+    is (V + i - (links - 1)/2) / H. Raises ValueError as ``hanging_arc``, whose arc it is where no such pull exists.
+    """
+    arc, span = hanging_arc(first, last, pitch, links), np.asarray(last, float) - np.asarray(first, float)
+    length, number = links * pitch, np.arange(links) - 0.5 * (links - 1)
+    if abs(span[0]) < 1e-3 * length:
+        return arc
+
+    def missing(x: Floats) -> Floats:
+        angles = np.arctan((x[1] + number) / np.exp(x[0]))
+        return np.array([np.cos(angles).sum(), np.sin(angles).sum()]) - [abs(span[0]) / pitch, span[1] / pitch]
+
+    # the continuum's: (S^2 - dz^2)^1/2 = 2 a sinh(dx / 2 a), slope in the middle dz / (S^2 - dz^2)^1/2
+    level = np.sqrt(length**2 - span[1] ** 2)
+    ratio = brentq(lambda u: np.sinh(u) / u - level / abs(span[0]), 1e-9, 20.0)
+    pull = abs(span[0]) / (2.0 * ratio * pitch)
+    found = root(missing, [np.log(pull), pull * span[1] / level], tol=1e-15)
+    if np.abs(missing(found.x)).max() > 1e-9 * links:
+        return arc
+    angles = np.arctan((found.x[1] + number) / np.exp(found.x[0]))
+    return chain_of_angles(np.asarray(first, float), angles if span[0] > 0.0 else np.pi - angles, pitch)
 
 
 def chain_of_angles(first: Floats, angles: Floats, pitch: float) -> Floats:

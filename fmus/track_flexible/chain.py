@@ -21,41 +21,46 @@ ITERATIONS = 20  # of Newton, before a step is given up
 
 
 @kernel
-def relax(links, contacts, env, rows, q, tolerance, w):
+def relax(links, contacts, env, rows, q, tolerance, longest, w):
     """Static equilibrium on wheels that stand still, from ``q`` (nodes, width), by pseudo-time steps that grow.
 
-    Friction and damping are left out. Returns the number of factorisations (negative: not converged) and the residual.
+    Friction and damping are left out. It ends with a residual below ``tolerance``, N, after a step of ``longest`` s,
+    where one is possible: what resists little has come to rest then too. Returns the number of factorisations
+    (negative: not converged) and the residual.
     """
     still, offset = np.zeros_like(q), np.zeros_like(q)
     before = q.copy()
     move(rows, 0.0, w.moved)
-    pseudo, evaluations, worst = 2e-3, 0, 0.0
+    pseudo, evaluations, worst, rest = 2e-3, 0, 0.0, np.inf
     for _ in range(400):
         before[:] = q
         offset[:] = 0.0
-        converged = False
+        converged, size = False, np.inf
         for _ in range(12):
             worst, _ = evaluate(links, contacts, env, q, still, offset, 0.0, 1.0 / pseudo**2, w, True)
             evaluations += 1
             if factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
                 break
             solve(w.A, w.U, w.factors, links.closed == 1, w.b)
-            size = correct(links, w, q, still, offset, 0.0, 1.0 / pseudo**2, 2e-2)
+            last, size = size, correct(links, w, q, still, offset, 0.0, 1.0 / pseudo**2, 2e-2)
             if not size < 0.5:
                 break
-            if size < 1e-10:
+            if size < 1e-10 or (worst < tolerance and size > 0.5 * last):  # or rounding corrects it to and fro
                 converged = True
                 break
         if not converged:
             q[:] = before
+            if rest < tolerance:
+                return evaluations, rest
             pseudo *= 0.25
             if pseudo < 1e-7:
                 return -evaluations, worst
             continue
         offset[:] = 0.0
         worst, _ = evaluate(links, contacts, env, q, still, offset, 0.0, 0.0, w, False)
-        if worst < tolerance:
-            return evaluations, worst
+        rest = worst
+        if rest < tolerance and pseudo >= longest:
+            return evaluations, rest
         pseudo = min(2.0 * pseudo, 1e3)
     return -evaluations, worst
 

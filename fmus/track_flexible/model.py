@@ -10,7 +10,7 @@ import numpy as np
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.block_cyclic import factor, solve
 from fmus.ports import WRENCH, Port
-from fmus.track import COVERED, DISSIPATED, GROUND, TILTED, WORK, TrackModel
+from fmus.track import COVERED, DISSIPATED, GROUND, PINNED, TILTED, WORK, TrackModel
 from fmus.track_flexible.assembly import kernels
 from fmus.track_flexible.chain import CHORD, advance, relax
 from fmus.track_flexible.element import ELASTICITIES
@@ -20,6 +20,7 @@ from fmus.track_flexible.planar_nodes import NODE as PLANAR_NODE
 from fmus.track_flexible.sums import COVERING, POWER
 
 REST = 1e-3  # residual of static equilibrium, N
+LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
 SPINNING = 30  # iterations towards the relative equilibrium of a loop
 HOLD = 100.0  # its inertia over that of the spin; the iteration converges while the strain is below 1/HOLD
 ROUNDING = 1e-10  # its last correction of a pin, relative to the pitch
@@ -186,10 +187,9 @@ class Model(TrackModel):
                 from fmus.contacts import smooth
 
                 partners = smooth(partners)
-            # no residual is smaller than what rounding of the places makes of the axial stiffness
-            rest = max(REST, np.finfo(float).eps * self.stiffness * self.links_count)
+            least, longest = max(REST, self._rounding()), LONG if self.ends_kind == PINNED else 0.0
             count, residual = relax(
-                self.link, partners, self.environment, self.start_rows, self.q, rest, self.work
+                self.link, partners, self.environment, self.start_rows, self.q, least, longest, self.work
             )
             if count < 0:
                 raise StepFailed(
@@ -223,6 +223,10 @@ class Model(TrackModel):
             raise StepFailed("start = 'displaced': the tension at which the chain is let go was not found")
         self.vdot[:] = 0.0
         self._observe()
+
+    def _rounding(self) -> float:
+        """What rounding of the pins' places makes of the axial stiffness, N: no residual is reliably smaller."""
+        return 4.0 * float(np.finfo(float).eps) * self.stiffness * self.links_count
 
     def settle_pins(self, pins: Floats) -> None:
         """Straight links between the pins (nodes, 2), at rest."""

@@ -1,10 +1,14 @@
 """Chains that nothing guides, behind the ports of a track: held at one end, or a free loop; rigid and flexible."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from fmus.model import InvalidParameter, StepFailed
-from fmus.physics.chain_layout import closed_polygon, folded, regular_polygon
+from fmus.physics import chain_layout
+from fmus.physics.chain_layout import catenary, closed_polygon, folded, hanging_arc, regular_polygon
 from fmus.track import HELD, KINETIC, SPEED, STRAIN, T_MEAN
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
@@ -17,8 +21,18 @@ P = TABLE["track"]["pitch"]
 class Beams(Flexible):
     """The same made of beams."""
 
+    given: ClassVar = {"element": "beam"}
+
     def initialise(self, parameters):
-        super().initialise({**parameters, "element": "beam"})
+        super().initialise({**parameters, **self.given})
+
+
+class PlanarCables(Beams):
+    given: ClassVar = {"element": "planar"}
+
+
+class Engineering(Beams):
+    given: ClassVar = {"elasticity": "engineering"}
 
 
 BOTH = pytest.mark.parametrize("kind", [Rigid, Flexible, Beams])
@@ -60,10 +74,10 @@ def test_layouts():
     assert fold[:, 1].min() == pytest.approx(2.0 - 4 * P)
 
 
-@pytest.mark.parametrize("links", [64, 256])
+@pytest.mark.parametrize("links", [64, 256, 1024])
 def test_a_belt_of_many_links_closes_to_rounding_in_a_few_corrections(links, monkeypatch):
-    solve, solved = np.linalg.lstsq, []
-    monkeypatch.setattr(np.linalg, "lstsq", lambda *a, **k: solved.append(1) or solve(*a, **k))
+    solve, solved = chain_layout.spsolve, []
+    monkeypatch.setattr(chain_layout, "spsolve", lambda *a, **k: solved.append(1) or solve(*a, **k))
     radius = 0.25
     apart = (links * P - 2.0 * np.pi * radius) / 2.0
     centres, radii, grows = np.array([[0.0, 0.6], [apart, 0.6]]), np.full(2, radius), np.array([False, True])
@@ -71,6 +85,25 @@ def test_a_belt_of_many_links_closes_to_rounding_in_a_few_corrections(links, mon
     misfit = abs(np.linalg.norm(np.roll(pins, -1, axis=0) - pins, axis=1) - P).max()
     assert misfit < 2.0 * np.finfo(float).eps * apart
     assert len(solved) < 10
+
+
+@pytest.mark.parametrize("to", [(0.8, 0.0), (0.4, 0.0), (0.5, 0.3), (-0.5, 0.2)])
+@pytest.mark.parametrize("links", [3, 64, 1024])
+def test_a_chain_that_hangs_turns_by_its_weight(links, to):
+    """One horizontal pull, and each link's weight adds to the vertical one; not so in the arc of a circle."""
+    first = np.array([1.0, 2.0])
+    last = first + np.array(to) * links * P
+    pulls = []
+    for lay in (catenary, hanging_arc):
+        pins = lay(first, last, P, links)
+        chord = np.diff(pins, axis=0)
+        np.testing.assert_allclose(pins[-1], last, atol=1e-12 * links)
+        np.testing.assert_allclose(np.linalg.norm(chord, axis=1), P, rtol=1e-11)
+        slopes = np.sign(to[0]) * chord[:, 1] / chord[:, 0]
+        pulls.append(1.0 / np.diff(slopes))
+    assert np.ptp(pulls[0]) < 1e-8 * pulls[0].mean()
+    assert pulls[0].mean() > 0.0
+    assert np.ptp(pulls[1]) > 1e-2 * abs(pulls[1].mean()) or links == 3
 
 
 @BOTH
@@ -171,3 +204,18 @@ def test_links_that_are_too_soft_to_spin():
         StepFailed, match="spins at 50 rad/s has no relative equilibrium: its links are too soft"
     ):
         made(Flexible, 16, gravity=0.0, **{"start.spin": 50.0, "material.youngs_modulus": 1e5})
+
+
+@pytest.mark.parametrize("span", [0.8, 0.1])
+@pytest.mark.parametrize("kind", [Rigid, Flexible, PlanarCables, Engineering])
+def test_a_hanging_chain_of_many_links_is_the_continuum(kind, span):
+    """S = 2 a sinh(D / 2 a), sag a (cosh(D / 2 a) - 1); the links stretch a little besides."""
+    links, u = 1024, brentq(lambda u: np.sinh(u) / u - 1.0 / span, 1e-3, 20.0)
+    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [span * links * P, 0.0]}
+    model = made(kind, links, ends)
+    sag = -span / (2.0 * u) * (np.cosh(u) - 1.0)
+    assert model.pins()[:, 2].min() / (links * P) == pytest.approx(sag, rel=1e-4)
+    for k in range(3):
+        model.step(1e-3 * k, 1e-3, np.zeros(0))
+    assert model.report[KINETIC] < 1e-9
+    assert model.pins()[:, 2].min() / (links * P) == pytest.approx(sag, rel=1e-4)
