@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
-from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.block_cyclic import solve
 from fmus.ports import WRENCH, Port
 from fmus.track import COVERED, DISSIPATED, GROUND, PINNED, TILTED, WORK, TrackModel
 from fmus.track_flexible.assembly import kernels
@@ -21,9 +21,6 @@ from fmus.track_flexible.sums import COVERING, POWER
 
 REST = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
-SPINNING = 30  # iterations towards the relative equilibrium of a loop
-HOLD = 100.0  # its inertia over that of the spin; the iteration converges while the strain is below 1/HOLD
-ROUNDING = 1e-10  # its last correction of a pin, relative to the pitch
 ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which on cables leave their plane
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 # coordinates of a pin, vectors of a link, components of a vector
@@ -224,6 +221,12 @@ class Model(TrackModel):
         self.vdot[:] = 0.0
         self._observe()
 
+    def _residuals(self, accelerations: Floats) -> Floats:
+        """Of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
+        args = self.link, self.contacts, self.environment, self.q, self.space[0], accelerations
+        self.kit.evaluate(*args, 0.0, 0.0, self.work, False)
+        return self.work.R
+
     def _rounding(self) -> float:
         """What rounding of the pins' places makes of the axial stiffness, N: no residual is reliably smaller."""
         return 4.0 * float(np.finfo(float).eps) * self.stiffness * self.links_count
@@ -234,30 +237,13 @@ class Model(TrackModel):
         self.kit.straight(self.link, pins, self.q)
 
     def _stretch(self, spin: float) -> None:
-        """Relative equilibrium of a free loop that turns at ``spin`` rad/s: Q = spin^2 M q.
+        """Relative equilibrium of a free loop that turns at ``spin`` rad/s."""
+        from fmus.track_flexible.ring import stretch
 
-        Inertia of the right sign keeps the matrix regular where nothing resists: the loop as one body. It is large
-        enough to leave the loop where it is, and small next to the stiffness, so that Newton's iteration stays fast.
-        """
-        w, acceleration, still = self.work, self.vdot, self.space[0]
-        plane = self.kit.PLANE.ravel()
-        for _ in range(SPINNING):
-            acceleration[:, plane] = -(spin**2) * self.q[:, plane]
-            self.kit.evaluate(
-                self.link, None, self.environment, self.q, still, acceleration, 0.0, HOLD * spin**2, w, True
+        if not stretch(self.kit, self.q, len(self.work.M), spin, self._residuals, self._rounding()):
+            raise StepFailed(
+                f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
             )
-            if factor(w.A, w.U, w.L, w.factors, self.closed) >= 0:
-                break
-            solve(w.A, w.U, w.factors, self.closed, w.b)
-            if (
-                self.kit.correct(self.link, w, self.q, self.v, self.a, 0.0, 0.0, 0.5 * self.pitch)
-                < ROUNDING * self.pitch
-            ):
-                acceleration[:] = 0.0
-                return
-        raise StepFailed(
-            f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
-        )
 
     def _observe(self) -> None:
         """Wrenches, pin forces and report of the state as it stands."""
