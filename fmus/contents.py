@@ -1,7 +1,7 @@
 """What components really load: their models are started in a child process, as Python, and its modules counted.
 
 Nothing is compiled: the doors between kernels open for Python as they do for the compiler, so that a cold cache makes
-no difference. A chain is laid out as a polygon, for its equilibrium loads nothing more; one that is let go is short.
+no difference. A chain is laid out as a polygon, for its equilibrium loads nothing more; one that moves is short.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from fmus.jit import ROOT, sources
 
-SHORT = 4  # links of a chain that is let go
+SHORT = 5  # links of a chain that is let go or spins
 Part = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
 
 
@@ -71,11 +71,15 @@ def _started(shell: str, config: dict[str, Any], parameters: dict[str, Any]) -> 
     model_of = import_module(f"fmus.{shell.partition('.')[0]}.model").Model
     model = model_of(config)
     given = {port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters
-    if given.get("start") == "displaced":
+    start = given.get("start")
+    if start in ("displaced", "straight", "folded") or given.get("start.spin"):
         track = config["track"]
-        ends = {**track["ends"], "last": [x * SHORT / track["links"] for x in track["ends"]["last"]]}
-        model_of({**config, "track": {**track, "links": SHORT, "ends": ends}}).initialise(given)
-    if given.get("start") in ("rest", "displaced"):
+        ends = dict(track["ends"] or {})
+        if "last" in ends:
+            ends["last"] = [x * SHORT / track["links"] for x in ends["last"]]
+        model_of({**config, "track": {**track, "links": SHORT, "ends": ends or None}}).initialise(given)
+        model.tighten = lambda: None
+    if start in ("rest", "displaced"):
         given["start"] = "polygon"
     model.initialise(given)
     return model

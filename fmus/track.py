@@ -289,6 +289,7 @@ class TrackModel:
     def _start(self, layout: str, spin: float) -> None:
         if layout in ("straight", "folded"):
             self.settle(self._released(layout), rest=False)
+            self.tighten()
         elif layout == "displaced":
             first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
             near = first + (last - first) * 0.7 * self.links_count * self.pitch / np.hypot(*(last - first))

@@ -199,6 +199,14 @@ def test_folded_chain_of_other_length(ran):
         assert measured(result, name) == pytest.approx(FALL[name], rel=0.01, abs=1e-12)
 
 
+def test_a_chain_let_go_shows_its_support_from_the_start(ran):
+    """0.494898 of the weight of 33 rods, at t = 0 and in the first milliseconds."""
+    with Log(ran("folded_chain", "flexible")["log"]) as log:
+        t, force = log.signal("chain.joint[1].force.z")
+    assert t[0] == 0.0
+    np.testing.assert_allclose(force[t < 5.5e-3], 0.494898 * 33 * 18.0 * 9.81, rtol=1e-2)
+
+
 FALL = {"fall_time": 0.8472, "half_fall_time": 0.948, "behind_free_fall": 0.0}
 
 

@@ -206,19 +206,13 @@ class Model(TrackModel):
         self._observe()
 
     def tighten(self) -> None:
-        """Deform the links of a chain that is let go, so that no wave is born with it; beams are let go straight."""
-        if self.element == "beam":
-            return
-        from fmus.track_flexible.taut import tighten
+        """Deform the links of a chain that is let go, so that no wave is born with it."""
+        from fmus.track_flexible.taut import Chain, tighten
 
-        def accelerations() -> Floats:
-            self.vdot[:] = 0.0
-            self._let_go()
-            return self.vdot
-
-        if not tighten(self.q, self.kit.PLANE, self.pitch, accelerations):
-            raise StepFailed("start = 'displaced': the tension at which the chain is let go was not found")
-        self.vdot[:] = 0.0
+        self.work.moved[:] = self.start_rows
+        chain = Chain(self.kit, self.q, self.work.M, self.pitch, self.ends_kind == PINNED)
+        if not tighten(chain, self._residuals, max(REST, self._rounding())):
+            raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
         self._observe()
 
     def _residuals(self, accelerations: Floats) -> Floats:
@@ -270,6 +264,7 @@ class Model(TrackModel):
             self.link, self.contacts, self.environment, self.q, self.v, still, 0.0, 0.0, w, False
         )
         solve(w.A, w.U, w.factors, self.closed, w.b)
+        self.vdot[:] = 0.0
         self.kit.correct(self.link, w, self.vdot, space[1], space[1], 0.0, 0.0, np.inf)
         self.a[:] = self.vdot
 

@@ -82,7 +82,9 @@ def test_contents_are_what_a_component_loads():
     from fmus.vehicle import read_table, vehicle
 
     table = vehicle(*read_table("m113")).model_dump()
-    for track, parameters in (({}, {"element": "planar"}), ({"ground": True}, {"start": "displaced"})):
+    held = {"ends": {"kind": "held", "first": [0.0, 0.0]}}
+    cases = (({}, {"element": "planar"}), ({"ground": True}, {"start": "displaced"}), (held, {"start": "straight"}))
+    for track, parameters in cases:
         base = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": HANGING}
         config = {"vehicle": table, "track": base | track}
         found = contents([("TrackFlexible", config, parameters)])
@@ -90,9 +92,20 @@ def test_contents_are_what_a_component_loads():
         assert real - {"fmus.build", "fmus.vehicle"} <= set(found.modules)
         assert set(found.left_out) >= {"fmus.chassis.model", "fmus.track_rigid.chain", "fmus.physics.contact.guide"}
         assert not set(found.left_out) & set(found.modules)
-        assert ("fmus.physics.contact.ground" in found.modules) == bool(track)
-        assert ("fmus.track_flexible.taut" in found.modules) == (parameters.get("start") == "displaced")
+        assert ("fmus.physics.contact.ground" in found.modules) == ("ground" in track)
+        assert ("fmus.track_flexible.taut" in found.modules) == ("start" in parameters)
         assert (found.outputs, found.link_outputs) == ((18,), (2 * 8 + 6 * 9,))
+
+
+@pytest.mark.parametrize("spin", [0.0, 5.0])
+def test_a_loop_that_spins_is_stretched(spin):
+    from fmus.contents import contents
+    from fmus.vehicle import read_table, vehicle
+
+    track = {"links": 64, "closed": True, "wheels": [], "ground": False, "gravity": 0.0, "ends": None}
+    config = {"vehicle": vehicle(*read_table("m113")).model_dump(), "track": track}
+    found = contents([("TrackFlexible", config, {"start.spin": spin})])
+    assert ("fmus.track_flexible.ring" in found.modules) == (spin > 0.0)
 
 
 FOLDERS = {
