@@ -1,0 +1,288 @@
+"""What the outputs of a chassis should be."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from mirror.check import Check, View
+from mirror.hull import Y, grounded
+from mirror.links import UP
+from mirror.record import Floats
+
+PARTS = {"position": "xyz", "orientation": "wxyz", "velocity": "xyz", "angular_velocity": "xyz"}
+PLACE = r"(chassis|(left|right)\.(road_wheel\[\d+\]|idler|sprocket))"
+
+
+def mean(a: Floats) -> Floats:
+    """Over each step, of what changes smoothly."""
+    return 0.5 * (a[1:] + a[:-1])
+
+
+def summed(start, gains: Floats) -> Floats:
+    """A start and what each step adds to it."""
+    return start + np.concatenate([np.zeros((1, *gains.shape[1:])), np.cumsum(gains, axis=0)])
+
+
+def at_instants(means: Floats) -> Floats:
+    """Of means over the steps, values between two steps; none at the ends."""
+    none = np.full((1, *means.shape[1:]), np.nan)
+    return np.concatenate([none, mean(means), none])
+
+
+# --- where things are and how they move ------------------------------------------------------------
+
+
+def thirteen(view: View, names: Sequence[str]) -> Floats:
+    """From the state, by geometry; velocities are differences of places a moment apart."""
+    moving, columns = {}, []
+    for name in names:
+        place, part, axis = name.rsplit(".", 2)
+        if place not in moving:
+            m = view.hull.moving(place)
+            moving[place] = {"position": m.position, "velocity": m.velocity, "angular_velocity": m.spin,
+                             "orientation": m.attitude.as_quat(scalar_first=True)}  # fmt: skip
+        columns.append(moving[place][part][:, PARTS[part].index(axis)])
+    return np.stack(columns, axis=1)
+
+
+def angles(view: View, names: Sequence[str]) -> Floats:
+    found = dict(zip(("yaw", "pitch", "roll"), view.hull.attitude.as_euler("ZYX").T, strict=True))
+    return np.stack([found[name] for name in names], axis=1)
+
+
+def progress(view: View, names: Sequence[str]) -> Floats:
+    """Speed ahead, way along the start's heading, way down."""
+    h, heading = view.hull, float(view.part.parameters["start.heading"])
+    way = h.place - h.place[0]
+    found = {
+        "speed": (h.velocity * h.attitude.apply([1.0, 0.0, 0.0])).sum(1),
+        "distance": way @ [np.cos(heading), np.sin(heading), 0.0],
+        "settlement": -way[:, 2],
+    }
+    return np.stack([found[name] for name in names], axis=1)
+
+
+def weight(view: View) -> Floats:
+    return -view.hull.vehicle["gravity"] * UP
+
+
+def ways(view: View, names: Sequence[str]) -> Floats:
+    """Where the velocities shown take the chassis from its start."""
+    part = view.part
+    found = summed(view.hull.place[0], part.h[:, None] * mean(part.vector("chassis.velocity")))
+    return found[:, ["xyz".index(name[-1]) for name in names]]
+
+
+def velocity(view: View, names: Sequence[str]) -> Floats:
+    """Impulses of wrenches and weight from rest, less the momentum of all other bodies."""
+    bodies, part = view.hull.bodies(without_rates=True), view.part
+    mass = sum(body.mass for body in bodies)
+    force = sum(f for _, f, _ in view.hull.given) + mass * weight(view)
+    others = sum(body.mass * body.velocity for body in bodies[1:])
+    momentum = summed(np.zeros(3), part.h[:, None] * force)
+    return ((momentum - others) / bodies[0].mass)[:, ["xyz".index(name[-1]) for name in names]]
+
+
+def turning(view: View, names: Sequence[str]) -> Floats:
+    """Moments about the start, less the angular momentum of all other bodies, and by the chassis' inertia."""
+    h, part = view.hull, view.part
+    seen, bodies, about = h.seen, h.bodies(without_rates=True), h.place[0]
+    moment = sum(np.cross(mean(part.vector(f"{name}.position")) - about, f) + t for name, f, t in h.given)
+    moment = moment + sum(body.mass * np.cross(mean(body.place) - about, weight(view)) for body in bodies)
+    momentum = summed(np.zeros(3), part.h[:, None] * moment)
+    momentum -= sum(np.cross(body.place - about, body.mass * body.velocity) for body in bodies)
+    momentum -= sum(body.spin for body in bodies[1:])
+    own = seen.inv().apply(momentum) / np.array(h.vehicle["chassis"]["inertia"])
+    return seen.apply(own)[:, ["xyz".index(name[-1]) for name in names]]
+
+
+# --- springs ---------------------------------------------------------------------------------------
+
+
+def leaf(view: View, name: str) -> int:
+    """Of an output of an arm, a spring or a tensioner."""
+    side, rest = name.split(".", 1)
+    number = re.search(r"\[(\d+)\]", rest)
+    return view.hull.names.index(f"{side}.road_wheel[{number.group(1)}]" if number else f"{side}.idler")
+
+
+def arm_angles(view: View, names: Sequence[str]) -> Floats:
+    return np.stack([view.hull.swung(leaf(view, name)) for name in names], axis=1)
+
+
+def lengths(view: View, names: Sequence[str]) -> Floats:
+    h = view.hull
+    return np.stack([h.spring(h.swung(leaf(view, name)))[0] for name in names], axis=1)
+
+
+def pushes(view: View, k: int) -> tuple[Floats, Floats]:
+    """Of the spring and of the damper of a leaf."""
+    h, p = view.hull, view.part.parameters
+    if h.is_road(k):
+        table, (length, lever) = h.vehicle["suspension"], h.spring(h.swung(k))
+        free, _ = h.spring(np.zeros(1))
+        spring = float(p["suspension.preload"]) + table["stiffness"] * (free - length)
+        return spring, table["damping"] * lever * h.swing(k)
+    table, (way, rate) = h.vehicle["tensioner"], h.slid(k)
+    return float(p["tensioner.preload"]) + table["stiffness"] * way, table["damping"] * rate
+
+
+def spring_forces(view: View, names: Sequence[str]) -> Floats:
+    return np.stack([sum(pushes(view, leaf(view, name))) for name in names], axis=1)
+
+
+def moving_forces(view: View, names: Sequence[str]) -> Floats:
+    """What the leaf's own motion needs beside its wheel's wrench and its weight."""
+    return np.stack([_moving(view, leaf(view, name)) for name in names], axis=1)
+
+
+def _moving(view: View, k: int) -> Floats:
+    h, part = view.hull, view.part
+    x, u, w = h.shown("chassis")
+    xw, uw, _ = h.shown(h.names[k])
+    force = next(f for name, f, _ in h.given if name == h.names[k])
+    aw = np.diff(uw, axis=0) / part.h[:, None]
+    if not h.is_road(k):  # rearward, along the slide
+        rear = mean(h.seen.apply([-1.0, 0.0, 0.0]))
+        return at_instants(((h.vehicle["idler"]["mass"] * (aw - weight(view)) - force) * rear).sum(1))
+    table, wheel = h.vehicle["road_arm"], h.vehicle["road_wheel"]
+    arm, y = h.seen.apply(h.pins[k]), h.seen.apply(Y)
+    pin, pin_rate = x + arm, u + np.cross(w, arm)
+    am = np.diff(0.5 * (pin_rate + uw), axis=0) / part.h[:, None]
+    reach = mean(xw - pin)
+    spin = (w * y).sum(1) + h.swing(k)
+    moment = np.cross(reach, wheel["mass"] * (aw - weight(view)) - force)
+    moment += np.cross(0.5 * reach, table["mass"] * (am - weight(view)))
+    about = (moment * mean(y)).sum(1) + table["pin_inertia"] * np.diff(spin) / part.h
+    return at_instants(-about / mean(h.spring(h.swung(k))[1]))
+
+
+# --- energies --------------------------------------------------------------------------------------
+
+
+def kinetic(view: View, names: Sequence[str]) -> Floats:
+    h = view.hull
+    energy = sum(0.5 * body.mass * (body.velocity**2).sum(1) + body.energy for body in h.bodies())
+    return h.copies * energy[:, None]
+
+
+def gravity(view: View, names: Sequence[str]) -> Floats:
+    h = view.hull
+    risen = sum(body.mass * (body.place[:, 2] - body.place[0, 2]) for body in h.bodies())
+    return h.copies * h.vehicle["gravity"] * risen[:, None]
+
+
+def stiffness(view: View, k: int) -> float:
+    return view.hull.vehicle["suspension" if view.hull.is_road(k) else "tensioner"]["stiffness"]
+
+
+def damping(view: View, k: int) -> float:
+    return view.hull.vehicle["suspension" if view.hull.is_road(k) else "tensioner"]["damping"]
+
+
+def springs(view: View, names: Sequence[str]) -> Floats:
+    h = view.hull
+    return h.copies * sum(pushes(view, k)[0] ** 2 / (2.0 * stiffness(view, k)) for k in h.here)[:, None]
+
+
+def damped(view: View, names: Sequence[str]) -> Floats:
+    """In dampers and, where there is one, on the ground."""
+    h = view.hull
+    power = h.copies * sum(pushes(view, k)[1] ** 2 / damping(view, k) for k in h.here)
+    if on_ground(view):
+        t, push, _ = grounded(h)
+        np.add.at(power, t, push.lost)
+    return summed(0.0, view.part.h * mean(power))[:, None]
+
+
+def ledger(view: View, names: Sequence[str]) -> Floats:
+    """All work that is neither kinetic nor stored."""
+    part = view.part
+    stored = ["kinetic", "gravity", "spring", *(["contact"] if on_ground(view) else [])]
+    held = sum(part[f"energy.{name}"] for name in stored)
+    return (part["port.work"] - (held - held[0]))[:, None]
+
+
+def port_work(view: View, names: Sequence[str]) -> Floats:
+    """Wrenches on the ways of their places."""
+    h, part = view.hull, view.part
+    gains = sum(
+        (f * np.diff(part.vector(f"{name}.position"), axis=0)).sum(1)
+        + part.h * (t * mean(part.vector(f"{name}.angular_velocity"))).sum(1)
+        for name, f, t in h.given
+    )
+    return h.copies * summed(0.0, gains)[:, None]
+
+
+# --- the ground ------------------------------------------------------------------------------------
+
+
+def on_ground(view: View) -> bool:
+    return "ground" in view.part.config["chassis"]
+
+
+def ground_force(view: View, names: Sequence[str]) -> Floats:
+    t, push, _ = grounded(view.hull)
+    found = np.zeros((len(view.part.t), 3))
+    np.add.at(found, t, push.force)
+    return found[:, ["xyz".index(name[-1]) for name in names]]
+
+
+def ground_energy(view: View, names: Sequence[str]) -> Floats:
+    t, push, _ = grounded(view.hull)
+    found = np.zeros(len(view.part.t))
+    np.add.at(found, t, push.stored)
+    return found[:, None]
+
+
+# --- counters --------------------------------------------------------------------------------------
+
+
+def steps(view: View, names: Sequence[str]) -> Floats:
+    each = np.ceil(view.part.h / float(view.part.parameters["step"]) - 1e-9)
+    return summed(0.0, each)[:, None]
+
+
+def evaluations(view: View, names: Sequence[str]) -> Floats:
+    """Four stages a step."""
+    return 4.0 * steps(view, names)
+
+
+def in_full(view: View) -> bool:
+    """Both sides are shown, and nothing but wrenches acts."""
+    return len(view.hull.sides) == 2 and not on_ground(view)
+
+
+def hung(view: View) -> bool:
+    return not on_ground(view)
+
+
+SPRING = r"(left|right)\.(suspension\[\d+\]|tensioner)\.force"
+
+CHECKS = (
+    Check(PLACE + r"\.position\.[xyz]", "geometry", thirteen, 1e-12),
+    Check(PLACE + r"\.orientation\.[wxyz]", "geometry", thirteen, 1e-12, 1e-12),
+    Check(PLACE + r"\.(angular_)?velocity\.[xyz]", "differences of places", thirteen, 1e-6, 1e-7),
+    Check(r"chassis\.position\.[xyz]", "velocities, summed", ways, 0.0, 1e-4, balance=True),
+    Check(r"chassis\.velocity\.[xyz]", "impulses", velocity, 1e-2, 1e-5, balance=True, applies=in_full),
+    Check(r"chassis\.angular_velocity\.[xyz]", "moments", turning, 1e-2, 1e-5, balance=True, applies=in_full),
+    Check("pitch|roll|yaw", "attitude", angles, 1e-12, 1e-12),
+    Check("speed|distance|settlement", "motion", progress, 1e-9, 1e-12),
+    Check(r"(left|right)\.road_arm\[\d+\]\.angle", "places shown", arm_angles, 1e-9, 1e-9, balance=True),
+    Check(r"(left|right)\.suspension\[\d+\]\.length", "places shown", lengths, 1e-9, 1e-9, balance=True),
+    Check(SPRING, "lengths and their rates", spring_forces, 1e-6, 1e-3, balance=True),
+    Check(SPRING, "motion of what it pushes", moving_forces, 0.03, 20.0, balance=True, applies=hung),
+    Check(r"energy\.kinetic", "bodies", kinetic, 1e-9, 1e-9, balance=True),
+    Check(r"energy\.gravity", "heights", gravity, 1e-9, 1e-6, balance=True),
+    Check(r"energy\.spring", "lengths", springs, 1e-9, 1e-6, balance=True),
+    Check(r"energy\.dissipated", "dampers and friction", damped, 0.02, 0.1, balance=True),
+    Check(r"energy\.dissipated", "ledger", ledger, 0.01, 0.1, balance=True),
+    Check(r"energy\.contact", "penetrations", ground_energy, 1e-6, 1e-6),
+    Check(r"port\.work", "wrenches on their ways", port_work, 1e-4, 1e-3, balance=True),
+    Check(r"ground\.force\.[xyz]", "contact laws", ground_force, 1e-6, 1e-3),
+    Check(r"solver\.steps", "steps of the given length", steps, 0.0),
+    Check(r"solver\.evaluations", "four a step", evaluations, 0.0),
+)  # fmt: skip

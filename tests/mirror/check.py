@@ -1,0 +1,150 @@
+"""A check: which outputs it looks at, what they should be, how far they may be off; and the faults it has to notice."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from mirror.hull import Hull
+from mirror.links import UP, Chain, chain
+from mirror.motion import Recursion, Wheels, wheels
+from mirror.record import Floats, Part, Record
+from mirror.spin import Spin
+from mirror.touch import Touch, touch
+
+FEW = 0.06  # a few per cent
+FAULTS: dict[str, Callable[[Floats], Floats]] = {
+    "a few per cent larger": lambda y: (1.0 + FEW) * y,
+    "of the other sign": lambda y: -y,
+}
+
+
+class View:
+    """One component of a run, as checks see it; what follows from states and inputs is computed once.
+
+    While that happens all outputs of the component are NaN: nothing of it can lean on what it is to check.
+    """
+
+    def __init__(self, record: Record, name: str) -> None:
+        self.record, self.part = record, record[name]
+
+    @property
+    def kind(self) -> str:
+        """Of the component, a track by its links too."""
+        part = self.part
+        if part.kind != "TrackFlexible":
+            return part.kind
+        elasticity = str(part.parameters["elasticity"])
+        return str(part.parameters["element"]) if elasticity == "small_deformation" else elasticity
+
+    @property
+    def side(self) -> str:
+        return "right" if self.part.name.startswith("right") else "left"
+
+    # --- of a track
+
+    @property
+    def track(self) -> dict:
+        return self.part.config["track"]
+
+    @cached_property
+    def chain(self) -> Chain:
+        return chain(self.part)
+
+    @cached_property
+    def wheels(self) -> Wheels:
+        return wheels(self.part)
+
+    @cached_property
+    def touch(self) -> Touch:
+        return touch(self.chain, self.wheels)
+
+    @cached_property
+    def recursion(self) -> Recursion:
+        return Recursion.of(float(self.part.parameters["spectral_radius"]))
+
+    @cached_property
+    def accelerations(self) -> Floats:
+        return self.recursion.rates(self.chain.own, self.part.h)
+
+    @cached_property
+    def joints(self) -> Floats:
+        from mirror.forces import joints
+
+        return joints(self)
+
+    # --- of a chassis, of a drive
+
+    @cached_property
+    def hull(self) -> Hull:
+        return Hull(self.part)
+
+    @cached_property
+    def spin(self) -> Spin:
+        return Spin(self.part)
+
+    def driven(self) -> bool:
+        """Whether a track runs on wheels."""
+        return bool(self.track["wheels"])
+
+    def at_all(self) -> bool:
+        return True
+
+
+Expected = Floats | tuple[Floats, Floats]
+
+
+class Check(NamedTuple):
+    """``expected(view, names)``: the outputs ``names`` at all instants (K + 1, names), NaN where it says nothing.
+
+    A pair of such arrays are bounds. What may be left is ``relative`` times the output's largest value in the run, and
+    ``floor`` (in the output's unit), which is how well the component's own iteration converges. A ``balance`` uses
+    other outputs: it is computed for each of its outputs apart, while that one is NaN.
+    """
+
+    outputs: str  # regular expression of whole names
+    says: str
+    expected: Callable[[View, Sequence[str]], Expected]
+    relative: float
+    floor: float = 0.0
+    balance: bool = False
+    applies: Callable[[View], bool] = View.at_all
+
+    def names(self, part: Part) -> list[str]:
+        """Those of a component's outputs that it looks at."""
+        return [name for name in part.outputs if re.fullmatch(self.outputs, name)]
+
+    def bounds(self, view: View) -> dict[str, tuple[Floats, Floats]]:
+        """Of every output the least and the largest value at all instants, without any look at it."""
+        names = self.names(view.part)
+        found = {}
+        for group in ([name] for name in names) if self.balance else filter(None, [names]):
+            hidden = group if self.balance else list(view.part.outputs)
+            with view.part.planted(hidden, lambda y: np.full_like(y, np.nan)):
+                expected = self.expected(view, group)
+            low, high = expected if isinstance(expected, tuple) else (expected, expected)
+            for j, name in enumerate(group):
+                found[name] = tuple(np.asarray(a).reshape(len(view.part.t), -1)[:, j] for a in (low, high))
+        return found
+
+    def off(self, y: Floats, low: Floats, high: Floats) -> float:
+        """How far the values are off, over what is allowed; raises where nothing is said."""
+        said = ~np.isnan(low)
+        if not said.any():
+            raise AssertionError(f"'{self.says}' says nothing: it leans on the output itself")
+        y, low, high = y[said], low[said], high[said]
+        allowed = self.relative * max(abs(low).max(), abs(high).max()) + self.floor
+        miss = np.maximum(np.maximum(low - y, y - high), 0.0)
+        if not np.isfinite(miss).all():
+            return np.inf
+        return float(miss.max() / allowed) if allowed > 0.0 else float(np.where(miss.max() > 0.0, np.inf, 0.0))
+
+
+def forward(view: View) -> Floats:
+    """The vehicle's present heading, horizontal and square to the axle of the first wheel (K + 1, 3)."""
+    ahead = np.cross(view.wheels.axle[:, 0], UP)
+    return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)

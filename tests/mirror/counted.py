@@ -1,0 +1,63 @@
+"""Run with NUMBA_DISABLE_JIT=1: counts what the integrators of chains do, call by call, beside their own counters.
+
+A chain of three links, let go in steps that are short, and then so long that they have to be halved. Writes JSON: for
+each kind of link the integrator's counters after every step, and what was counted.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+
+import numpy as np
+
+from fmus.track_flexible import chain as flexible
+from fmus.track_flexible.model import Model as Flexible
+from fmus.track_rigid import chain as rigid
+from fmus.track_rigid.model import Model as Rigid
+from fmus.vehicle import read_table, vehicle
+
+STEPS = (1e-3, 1e-3, 0.3, 1e-3)
+CALLS = {  # per kind: what is called once an evaluation, an iteration (for elements: a matrix), a step done, one begun
+    "rigid": {"residual": rigid, "solve": rigid.augmented, "_settle_rates": rigid, "newton": rigid},
+    "cable": {"evaluate": flexible, "factor": flexible, "measure": flexible, "move": flexible},
+}
+calls: Counter[str] = Counter()
+
+
+def count(module, name: str) -> None:
+    function = getattr(module, name)
+
+    def counting(*args):
+        calls[name] += 1
+        return function(*args)
+
+    setattr(module, name, counting)
+
+
+def run(kind: str) -> list[dict[str, list[int]]]:
+    track = {"links": 3, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "transverse_damping": 0.0,
+             "ends": {"kind": "held", "first": [0.0, 0.0]}}  # fmt: skip
+    table = vehicle(*read_table("m113")).model_dump()
+    model = (Rigid if kind == "rigid" else Flexible)({"vehicle": table, "track": track, "link_outputs": False})
+    given = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+    model.initialise(given | {"start": "straight", "step": max(STEPS)})
+    calls.clear()
+    found, t = [], 0.0
+    for h in STEPS:
+        model.step(t, h, np.zeros(0))
+        t += h
+        evaluations, iterations, steps, tries = (calls[name] for name in CALLS[kind])
+        found.append({
+            "shown": model.counters.tolist(), "counted": [steps, evaluations, iterations, tries - steps],
+        })  # fmt: skip
+    return found
+
+
+if __name__ == "__main__":
+    for names in CALLS.values():
+        for name, module in names.items():
+            count(module, name)
+    rigid.ITERATIONS = 8  # rigid links converge in any step, given more
+    json.dump({kind: run(kind) for kind in CALLS}, sys.stdout)

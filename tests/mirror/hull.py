@@ -1,0 +1,238 @@
+"""The chassis and what hangs on it, from the vehicle table and `fmus/chassis/README.md`; plain numpy, world axes.
+
+Where things are follows from the state by geometry alone; velocities are differences of such places, a moment before
+and after. Momentum and energies are sums over bodies: chassis, sprockets, arms, wheels, idlers.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mirror.motion import start_frame, turned
+from mirror.record import Floats, Part
+from mirror.touch import Law, Push, ground_level, press
+
+Y = np.array([0.0, 1.0, 0.0])
+MOMENT = 1e-5  # s, of differences
+
+
+class Moving(NamedTuple):
+    """The 13 of a place at T instants."""
+
+    position: Floats
+    attitude: Rotation
+    velocity: Floats
+    spin: Floats
+
+
+class Body(NamedTuple):
+    """Of a vehicle, at T instants, world."""
+
+    mass: float
+    place: Floats
+    velocity: Floats
+    spin: Floats  # angular momentum about its centre
+    energy: Floats  # of its turning
+
+
+class Hull:
+    """A chassis' record; leaves are road arms from the front and then the idler, left side first."""
+
+    def __init__(self, part: Part) -> None:
+        self.part, self.vehicle, self.sides = part, part.config["vehicle"], list(part.config["chassis"]["sides"])
+        self.copies = 2 // len(self.sides)
+        v, x, T = self.vehicle, part.state, len(part.state)
+        self.arms = len(v["road_wheel"]["x"])
+        n = 2 * (self.arms + 1)
+        self.place, self.attitude = x[:, :3], turned(x[:, 3:7])
+        self.velocity, self.turning = x[:, 7:10], x[:, 10:13]
+        self.q, self.angle, self.rate, self.spin = x[:, 13 : 13 + 4 * n].reshape(T, 4, n).transpose(1, 0, 2)
+        centre = np.array(v["chassis"]["centre"])
+        sign = [1.0, -1.0]  # of y, left and right
+        self.pivot = np.array(v["road_arm"]["pivot"])
+        self.drawn, self.pins = [], []
+        for s in sign:
+            wheels = [[x, s * v["track"]["lateral"], v["road_wheel"]["z"]] for x in v["road_wheel"]["x"]]
+            wheels.append([v["idler"]["x"], s * v["track"]["lateral"], v["idler"]["z"]])
+            for k, wheel in enumerate(wheels):
+                self.drawn.append(np.array(wheel) - centre)
+                arm = [self.pivot[0], 0.0, self.pivot[1]] if k < self.arms else [0.0, 0.0, 0.0]
+                self.pins.append(self.drawn[-1] + arm)
+        self.mounts = [np.array([0.0, s * v["track"]["lateral"], 0.0]) - centre for s in sign]
+        self.start = start_frame(part.parameters)
+        self.names = [
+            f"{side}.{name}"
+            for side in ("left", "right")
+            for name in [*(f"road_wheel[{i + 1}]" for i in range(self.arms)), "idler"]
+        ]
+
+    # --- from the state: where everything is -----------------------------------------------------------
+
+    def pose(self, tau: float) -> tuple[Floats, Rotation]:
+        """Of the chassis, ``tau`` s from each instant."""
+        return self.place + tau * self.velocity, self.attitude * Rotation.from_rotvec(tau * self.turning)
+
+    def _of_leaf(self, k: int, tau: float) -> tuple[Floats, Rotation]:
+        origin, attitude = self.pose(tau)
+        q = self.q[:, k] + tau * self.rate[:, k]
+        if self.is_road(k):
+            arm = Rotation.from_rotvec(q[:, None] * Y).apply([-self.pivot[0], 0.0, -self.pivot[1]])
+            local = self.pins[k] + arm
+        else:
+            local = self.drawn[k] + q[:, None] * [1.0, 0.0, 0.0]
+        spun = self.angle[:, k] + tau * (self.spin[:, k] - self.turning[:, 1])
+        return origin + attitude.apply(local), attitude * Rotation.from_rotvec(spun[:, None] * Y)
+
+    def moving(self, name: str) -> Moving:
+        """A place by its name in the ports."""
+
+        def at(tau: float) -> tuple[Floats, Rotation]:
+            if name == "chassis":
+                return self.pose(tau)
+            side, place = name.split(".", 1)
+            if place == "sprocket":
+                origin, attitude = self.pose(tau)
+                return origin + attitude.apply(self.mounts[("left", "right").index(side)]), attitude
+            return self._of_leaf(self.names.index(name), tau)
+
+        (x, q), (before, p), (after, r) = at(0.0), at(-MOMENT), at(MOMENT)
+        return Moving(x, q, (after - before) / (2 * MOMENT), (r * p.inv()).as_rotvec() / (2 * MOMENT))
+
+    # --- from the outputs: bodies and what they hold ---------------------------------------------------
+
+    @property
+    def seen(self) -> Rotation:
+        """Attitude of the chassis, as shown."""
+        return turned(self.part.vector("chassis.orientation", "wxyz"))
+
+    def shown(self, name: str) -> tuple[Floats, Floats, Floats]:
+        """Position, velocity and angular velocity of a place, as shown."""
+        return tuple(self.part.vector(f"{name}.{what}") for what in ("position", "velocity", "angular_velocity"))
+
+    @property
+    def here(self) -> list[int]:
+        """The leaves that have outputs."""
+        return [k for k, name in enumerate(self.names) if name.split(".")[0] in self.sides]
+
+    def bodies(self, without_rates: bool = False) -> list[Body]:
+        """All bodies shown, the chassis first; arms may do without the chassis' rates as shown."""
+        v, found, R = self.vehicle, [], self.seen
+        x, u, w = self.shown("chassis")
+        J = np.array(v["chassis"]["inertia"]) / self.copies
+        found.append(self.body(v["chassis"]["mass"] / self.copies, J, x, u, w))
+        if without_rates:
+            h = self.part.h[:, None]
+            steps = np.diff(x, axis=0) / h, (R[1:] * R[:-1].inv()).as_rotvec() / h
+            u, w = (np.concatenate([0.0 * a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]]) for a in steps)
+        for side in self.sides:
+            J = v["sprocket"]["transverse_inertia"]
+            found.append(self.body(v["sprocket"]["mass"], [J, 0.0, J], *self.shown(f"{side}.sprocket")))
+        for k in self.here:
+            table = v["road_wheel" if self.is_road(k) else "idler"]
+            J = table["transverse_inertia"]
+            xw, uw, ww = self.shown(self.names[k])
+            found.append(self.body(table["mass"], [J, table["spin_inertia"], J], xw, uw, ww))
+            if self.is_road(k):
+                arm, e = v["road_arm"], self.along(k)
+                rate = self.swing(k, u, w)
+                pin = x + R.apply(self.pins[k])
+                middle, speed = 0.5 * (pin + xw), 0.5 * (u + np.cross(w, pin - x) + uw)
+                spin = w + rate[:, None] * R.apply(Y)
+                part = (spin * e).sum(1, keepdims=True) * e
+                L = arm["pin_inertia"] * (spin - part) + arm["long_inertia"] * part
+                found.append(Body(arm["mass"], middle, speed, L, 0.5 * (L * spin).sum(1)))
+        return found
+
+    def body(self, mass: float, inertia, x: Floats, u: Floats, w: Floats) -> Body:
+        """With principal inertias in the chassis' axes."""
+        own = self.seen.inv().apply(w)
+        L = np.asarray(inertia) * own
+        return Body(mass, x, u, self.seen.apply(L), 0.5 * (L * own).sum(1))
+
+    def is_road(self, k: int) -> bool:
+        """Whether a leaf is a road arm with its wheel, else it is an idler."""
+        return k % (self.arms + 1) < self.arms
+
+    def along(self, k: int) -> Floats:
+        """Unit vector of a road arm from its pin to its wheel, world, as shown."""
+        x, _, _ = self.shown("chassis")
+        arm = self.shown(self.names[k])[0] - x - self.seen.apply(self.pins[k])
+        return arm / np.linalg.norm(arm, axis=1, keepdims=True)
+
+    def swing(self, k: int, u: Floats | None = None, w: Floats | None = None) -> Floats:
+        """Rate of an arm against the chassis, rad/s, from velocities as shown; of the chassis others may be given."""
+        x, *rates = self.shown("chassis")
+        u, w = rates if u is None else (u, w)
+        xw, uw, _ = self.shown(self.names[k])
+        arm = xw - x - self.seen.apply(self.pins[k])
+        against = uw - u - np.cross(w, xw - x)
+        return (against * np.cross(self.seen.apply(Y), arm)).sum(1) / (arm**2).sum(1)
+
+    def swung(self, k: int) -> Floats:
+        """Angle of an arm from its drawn position, up positive, from places as shown."""
+        x, _, _ = self.shown("chassis")
+        local = self.seen.inv().apply(self.shown(self.names[k])[0] - x) - self.pins[k]
+        return np.arctan2(self.pivot[1], self.pivot[0]) - np.arctan2(-local[:, 2], -local[:, 0])
+
+    def slid(self, k: int) -> tuple[Floats, Floats]:
+        """Way of an idler ahead on its slide, and its rate, from places and velocities as shown."""
+        x, u, w = self.shown("chassis")
+        xw, uw, _ = self.shown(self.names[k])
+        back = self.seen.inv()
+        return (back.apply(xw - x) - self.drawn[k])[:, 0], back.apply(uw - u - np.cross(w, xw - x))[:, 0]
+
+    def spring(self, angle: Floats) -> tuple[Floats, Floats]:
+        """Length of a suspension spring at an arm's angle, and its moment arm -d(length)/d(angle)."""
+        table = self.vehicle["suspension"]
+        pivot = np.array(self.pivot)
+        a, b = np.array(table["on_arm"]) - pivot, np.array(table["on_chassis"]) - pivot
+        c, s = np.cos(angle), np.sin(angle)
+        end = np.stack([c * a[0] + s * a[1], c * a[1] - s * a[0]], axis=-1)  # turned about +y: x to -z
+        gap = end - b
+        length = np.hypot(*gap.T)
+        turning = np.stack([end[:, 1], -end[:, 0]], axis=-1)
+        return length, -(gap * turning).sum(1) / length
+
+    # --- what acts -----------------------------------------------------------------------------------
+
+    @cached_property
+    def given(self) -> list[tuple[str, Floats, Floats]]:
+        """The wrenches of all steps by place: force and torque (K, 3)."""
+        places = [name.removesuffix(".force.x") for name in self.part.inputs if name.endswith(".force.x")]
+        return [(name, self.part.given(f"{name}.force"), self.part.given(f"{name}.torque")) for name in places]
+
+
+
+def grounded(hull: Hull) -> tuple[Floats, Push, Floats]:
+    """Instants (p), pushes (p) and depths of hull points and bare wheels on level ground, from the state."""
+    part, vehicle = hull.part, hull.vehicle
+    ground = part.config["chassis"]["ground"]
+    law, level = Law.of(part.parameters, vehicle["contact"], "ground"), ground_level(vehicle, part.parameters)
+    body = hull.moving("chassis")
+    points = []
+    for at in vehicle["chassis"]["hull"] if ground["hull"] else []:
+        arm = body.attitude.apply(np.array(at) - vehicle["chassis"]["centre"])
+        points.append((1.0, body.position + arm, body.velocity + np.cross(body.spin, arm)))
+    for name in hull.names:
+        if name.split(".")[0] not in ground["bare"]:
+            continue
+        table, wheel = vehicle["idler" if "idler" in name else "road_wheel"], hull.moving(name)
+        axle = body.attitude.apply(Y)
+        down = -np.array([0.0, 0.0, 1.0]) + axle[:, 2:] * axle
+        down /= np.linalg.norm(down, axis=1, keepdims=True)
+        for side in (-0.5, 0.5):
+            arm = table["radius"] * down + side * table["width"] * axle
+            points.append((0.5, wheel.position + arm, wheel.velocity + np.cross(wheel.spin, arm)))
+    found = []
+    for share, x, u in points:
+        depth = level - x[:, 2]
+        on = np.flatnonzero(depth > 0.0)
+        up = np.broadcast_to([0.0, 0.0, 1.0], (len(on), 3))
+        found.append((on, press(law, share, depth[on], up, u[on]), depth[on]))
+    t = np.concatenate([f[0] for f in found])
+    pushes = Push(*(np.concatenate(p) for p in zip(*(f[1] for f in found), strict=True)))
+    return t, pushes, np.concatenate([f[2] for f in found])

@@ -1,0 +1,471 @@
+"""The kinds of links as their READMEs define them: where a point of a link is, its mass, strain and tension.
+
+Plain numpy, world axes, all instants at once: T instants, n links, e the coordinates of elements. The states are read
+as the READMEs of the two tracks describe them; nothing of the kernels is used.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from scipy.spatial.transform import Rotation
+
+from mirror.motion import start_frame, turned
+from mirror.record import Floats, Part
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def gauss(count: int) -> tuple[Floats, Floats]:
+    """Abscissae and weights on the unit interval."""
+    x, w = leggauss(count)
+    return 0.5 * (x + 1.0), 0.5 * w
+
+
+def hermite(xi, l: float, derivative: int = 0) -> Floats:
+    """The cubic's four shape functions of position and slope at its ends, or their derivatives by length (..., 4)."""
+    table = ([1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1])  # by powers of xi
+    found = []
+    for a, row in enumerate(table):
+        p = np.polynomial.Polynomial(row).deriv(derivative) if derivative else np.polynomial.Polynomial(row)
+        found.append(p(np.asarray(xi, float)) * (l if a % 2 else 1.0) / l**derivative)
+    return np.stack(found, axis=-1)
+
+
+class Chain:
+    """What all kinds share."""
+
+    lateral: tuple[float, ...] = (0.0,)  # of contact points from the middle, m
+    guided = False
+
+    def __init__(self, part: Part) -> None:
+        self.part = part
+        track, self.vehicle = part.config["track"], part.config["vehicle"]
+        self.n, self.closed = int(track["links"]), bool(track["closed"])
+        self.nodes = self.n if self.closed else self.n + 1
+        self.pitch, self.face = self.vehicle["track"]["pitch"], self.vehicle["track"]["face"]
+        self.gravity = float(track["gravity"])
+        p = part.parameters
+        heading = float(p["start.heading"])
+        self.turn = Rotation.from_euler("z", heading)
+        self.ahead, self.across = self.turn.apply([1, 0, 0]), self.turn.apply([0, 1, 0])
+        self.origin = start_frame(p)[0] + float(p["start.lateral"]) * self.across
+        self.second = (np.arange(self.n) + 1) % self.nodes  # the pin at the end of each link
+        self.read(part.state)
+
+    def world(self, a: Floats) -> Floats:
+        """Vectors (..., 3) of the start's axes."""
+        return self.turn.apply(a.reshape(-1, 3)).reshape(a.shape)
+
+    def read(self, state: Floats) -> None:
+        raise NotImplementedError
+
+    def moved(self, tau: float) -> Chain:
+        """``tau`` s on, or back, at its rates."""
+        raise NotImplementedError
+
+    # positions and velocities (T, nodes, 3) of the pins
+    pins: Floats
+    rates: Floats
+
+    @property
+    def ends(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Of each link: its two pins, and their velocities (T, n, 3)."""
+        return self.pins[:, : self.n], self.pins[:, self.second], self.rates[:, : self.n], self.rates[:, self.second]
+
+    @property
+    def mass(self) -> float:
+        """Of a link, kg."""
+        return self.vehicle["track"]["mass"]
+
+
+class Rigid(Chain):
+    """Poses: centre of mass, quaternion; velocities: of the centre, angular in the link's own axes."""
+
+    guided = True
+
+    def read(self, state: Floats) -> None:
+        T, n = len(state), self.n
+        q, v = state[:, : 7 * n].reshape(T, n, 7), state[:, 7 * n : 13 * n].reshape(T, n, 6)
+        self.lateral = (-0.25 * self.vehicle["track"]["width"], 0.25 * self.vehicle["track"]["width"])
+        self.centre, self.velocity = self.origin + self.world(q[..., :3]), self.world(v[..., :3])
+        self.own_rate, self.own = v[..., 3:], v
+        body = (self.turn * turned(q[..., 3:].reshape(-1, 4))).as_matrix().reshape(T, n, 3, 3)
+        self.body, self.spin = body, np.einsum("tnij,tnj->tni", body, v[..., 3:])
+        half, swing = 0.5 * self.pitch * body[..., 0], 0.5 * self.pitch * np.cross(self.spin, body[..., 0])
+        self.pins = np.concatenate([self.centre - half, (self.centre + half)[:, -1:]], axis=1)[:, : self.nodes]
+        self.rates = np.concatenate([self.velocity - swing, (self.velocity + swing)[:, -1:]], axis=1)[:, : self.nodes]
+        self.axes = body[..., 1]
+
+    def moved(self, tau: float) -> Rigid:
+        other = copy(self)
+        about = Rotation.from_rotvec(tau * self.spin.reshape(-1, 3)).as_matrix().reshape(self.body.shape)
+        other.centre, other.body = self.centre + tau * self.velocity, about @ self.body
+        arm = 0.5 * self.pitch * other.body[..., 0]
+        other.pins = np.concatenate([other.centre - arm, (other.centre + arm)[:, -1:]], axis=1)[:, : self.nodes]
+        return other
+
+    def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
+        """Of link ``i`` at the instant ``t``, a fraction ``xi`` along it, across and outwards: place and velocity."""
+        local = np.stack(np.broadcast_arrays((np.asarray(xi) - 0.5) * self.pitch, y, off), axis=-1)
+        arm = np.einsum("...ij,...j->...i", self.body[t, i], local)
+        return self.centre[t, i] + arm, self.velocity[t, i] + np.cross(self.spin[t, i], arm)
+
+    def pin(self, t, j, y) -> tuple[Floats, Floats]:
+        """A point of pin ``j`` at ``y`` from its middle."""
+        at_end = j >= self.n
+        return self.point(t, np.where(at_end, j - 1, j), np.where(at_end, 1.0, 0.0), y, 0.0)
+
+    @property
+    def kinetic(self) -> Floats:
+        J = np.array(self.vehicle["track"]["inertia"])
+        return 0.5 * (self.mass * self.velocity**2).sum((1, 2)) + 0.5 * (J * self.own_rate**2).sum((1, 2))
+
+    @property
+    def height(self) -> Floats:
+        """Of the centre of mass of each link (T, n)."""
+        return self.centre[..., 2]
+
+    strain_energy = 0.0
+
+    def momentum_rates(self, a: Floats) -> tuple[Floats, Floats]:
+        """Of each link: d/dt of momentum, and of angular momentum about its middle (T, n, 3), at the rates' rates."""
+        J = np.array(self.vehicle["track"]["inertia"])
+        torque = J * a[..., 3:] + np.cross(self.own_rate, J * self.own_rate)
+        return self.mass * self.world(a[..., :3]), np.einsum("tnij,tnj->tni", self.body, torque)
+
+    middle = property(lambda self: self.centre)
+
+
+class Element(Chain):
+    """Links with coordinates: positions and gradients at two nodes; ``points`` and shape functions by the subclass."""
+
+    own: Floats  # (T, nodes, w) rates as the state holds them
+
+    def coordinates(self, x: Floats, places: bool) -> Floats:
+        """(T, nodes, w) of a state to (T, n, rows, 3), world."""
+        raise NotImplementedError
+
+    def read(self, state: Floats) -> None:
+        T, size = len(state), self.nodes * self.width
+        q = state[:, :size].reshape(T, self.nodes, self.width)
+        self.own = state[:, size : 2 * size].reshape(T, self.nodes, self.width)
+        self.e, self.v = self.coordinates(q, True), self.coordinates(self.own, False)
+        half = self.e.shape[2] // 2
+        self.pins, self.rates = self.e[:, :, 0], self.v[:, :, 0]
+        if not self.closed:
+            self.pins = np.concatenate([self.pins, self.e[:, -1:, half]], axis=1)
+            self.rates = np.concatenate([self.rates, self.v[:, -1:, half]], axis=1)
+
+    def moved(self, tau: float) -> Element:
+        other = copy(self)
+        other.e, other.pins = self.e + tau * self.v, self.pins + tau * self.rates
+        return other
+
+    @cached_property
+    def mass_matrix(self) -> Floats:
+        """Integral of rho S_a S_b."""
+        raise NotImplementedError
+
+    def energies(self, e: Floats) -> Floats:
+        """Strain energy of elements at coordinates ``e`` (..., rows, 3), J."""
+        raise NotImplementedError
+
+    @property
+    def strain_energy(self) -> Floats:
+        return self.energies(self.e).sum(1)
+
+    @property
+    def kinetic(self) -> Floats:
+        return 0.5 * np.einsum("ab,tnai,tnbi->t", self.mass_matrix, self.v, self.v)
+
+    @property
+    def height(self) -> Floats:
+        x, w = gauss(4)
+        return np.einsum("p,pa,tna->tn", w, self.centreline(x), self.e[..., 2])
+
+    def centreline(self, xi, derivative: int = 0) -> Floats:
+        """Shape functions on the axis (..., rows)."""
+        raise NotImplementedError
+
+    @property
+    def middle(self) -> Floats:
+        return 0.5 * (self.ends[0] + self.ends[1])
+
+    def momentum_rates(self, a: Floats) -> tuple[Floats, Floats]:
+        dde = self.coordinates(a, False)
+        x, w = gauss(4)
+        linear = self.mass * np.einsum("p,pa,tnai->tni", w, self.centreline(x), dde)
+        arm = self.e.copy()
+        half = arm.shape[2] // 2
+        for row in (0, half):
+            arm[:, :, row] -= self.middle
+        torque = np.cross(arm, np.einsum("ab,tnbi->tnai", self.mass_matrix, dde)).sum(2)
+        return linear, torque
+
+
+class Cable(Element):
+    """A pin: position, slope (x, z) of the link that ends there, of the one that begins there, and the shared (y)."""
+
+    width = 8
+
+    def coordinates(self, x: Floats, places: bool) -> Floats:
+        first, last = x[:, : self.n], x[:, self.second]
+        e = np.stack(
+            [first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2
+        )
+        e = self.world(e)
+        if places:
+            e[:, :, [0, 2]] += self.origin
+        return e
+
+    @property
+    def axes(self) -> Floats:
+        return np.broadcast_to(self.across, self.e[:, :, 0].shape)
+
+    def centreline(self, xi, derivative: int = 0) -> Floats:
+        return hermite(xi, self.pitch, derivative)
+
+    @cached_property
+    def mass_matrix(self) -> Floats:
+        x, w = gauss(4)
+        S = self.centreline(x)
+        return self.mass * np.einsum("p,pa,pb->ab", w, S, S)
+
+    def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
+        """On the face ``off`` outside the centreline, along r_x cross the pins' axis."""
+        e, v = self.e[t, i], self.v[t, i]
+        S, C = hermite(xi, self.pitch), hermite(xi, self.pitch, 1)
+        x, u, slope, rate = (np.einsum("...a,...ai->...i", f, g) for f, g in ((S, e), (S, v), (C, e), (C, v)))
+        slope = slope - (slope @ self.across)[..., None] * self.across
+        rate = rate - (rate @ self.across)[..., None] * self.across
+        size = np.linalg.norm(slope, axis=-1, keepdims=True)
+        t_ = slope / size
+        turning = (rate - t_ * (t_ * rate).sum(-1, keepdims=True)) / size
+        off = np.asarray(off)[..., None]
+        return x + off * np.cross(t_, self.across), u + off * np.cross(turning, self.across)
+
+    def pin(self, t, j, y) -> tuple[Floats, Floats]:
+        return self.pins[t, j], self.rates[t, j]
+
+    def slopes(self, e: Floats, xi, derivative: int = 1) -> Floats:
+        """r_x or r_xx at fractions (p) of elements ``e`` (..., 4, 3): (..., p, 3)."""
+        return np.einsum("pa,...ai->...pi", hermite(xi, self.pitch, derivative), e)
+
+    @property
+    def stiffness(self) -> tuple[float, float]:
+        """EA, N, and EI, N m2."""
+        E, section = float(self.part.parameters["material.youngs_modulus"]), self.vehicle["section"]
+        return E * section["area"], E * section["bending"]
+
+    def stretched(self, e: Floats) -> Floats:
+        """Average Green strain."""
+        x, w = gauss(3)
+        return 0.5 * (np.einsum("p,...pi,...pi->...", w, self.slopes(e, x), self.slopes(e, x)) - 1.0)
+
+    def bent(self, e: Floats, xi) -> Floats:
+        """What EI turns into a moment at fractions (p), 1/m: here |r_xx|."""
+        return np.linalg.norm(self.slopes(e, xi, 2), axis=-1)
+
+    @cached_property
+    def tension(self) -> Floats:
+        """(T, n), N: EA times the strain."""
+        return self.stiffness[0] * self.stretched(self.e)
+
+    @cached_property
+    def stress(self) -> Floats:
+        """(T, n), Pa: tension over area and end moment over section, at the fibre that has more."""
+        section, (_, EI) = self.vehicle["section"], self.stiffness
+        moment = EI * self.bent(self.e, [0.0, 1.0]).max(-1)
+        fibre = moment * section["outer_fibre"] / section["bending"]
+        axial = self.tension / section["area"]
+        return np.maximum(abs(axial + fibre), abs(axial - fibre))
+
+    def energies(self, e: Floats) -> Floats:
+        EA, EI = self.stiffness
+        x, w = gauss(3)
+        return 0.5 * self.pitch * (EA * self.stretched(e) ** 2 + EI * self.bent(e, x) ** 2 @ w)
+
+
+class General(Cable):
+    """Green's strain and curvature, local."""
+
+    points = gauss(5), gauss(3)  # of the stretch and of bending: what an energy per length is integrated with
+
+    def strains(self, e: Floats, xi) -> tuple[Floats, Floats]:
+        """Axial strain, and the force over EA times it, |r_x|."""
+        size = np.linalg.norm(self.slopes(e, xi), axis=-1)
+        return 0.5 * (size**2 - 1.0), size
+
+    def bent(self, e: Floats, xi) -> Floats:
+        a, b = self.slopes(e, xi), self.slopes(e, xi, 2)
+        return np.linalg.norm(np.cross(a, b), axis=-1) / np.linalg.norm(a, axis=-1) ** 3
+
+    @cached_property
+    def tension(self) -> Floats:
+        x, w = self.points[0]
+        strain, lever = self.strains(self.e, x)
+        return self.stiffness[0] * (strain * lever) @ w
+
+    def energies(self, e: Floats) -> Floats:
+        EA, EI = self.stiffness
+        (x, w), (s, m) = self.points
+        return 0.5 * self.pitch * (EA * self.strains(e, x)[0] ** 2 @ w + EI * self.bent(e, s) ** 2 @ m)
+
+
+class Engineering(General):
+    """|r_x| - 1, and the angle turned per length of the straight link."""
+
+    def strains(self, e: Floats, xi) -> tuple[Floats, Floats]:
+        size = np.linalg.norm(self.slopes(e, xi), axis=-1)
+        return size - 1.0, np.ones_like(size)
+
+    def bent(self, e: Floats, xi) -> Floats:
+        a, b = self.slopes(e, xi), self.slopes(e, xi, 2)
+        return np.linalg.norm(np.cross(a, b), axis=-1) / np.linalg.norm(a, axis=-1) ** 2
+
+
+class Planar(Cable):
+    """The cable without its lateral dofs: position and two slopes, x and z of each."""
+
+    width = 6
+
+    def coordinates(self, x: Floats, places: bool) -> Floats:
+        wide = np.zeros((*x.shape[:2], 8))
+        wide[..., [0, 2, 3, 4, 5, 6]] = x
+        return super().coordinates(wide, places)
+
+
+class Beam(Element):
+    """A pin: position, gradient r_y along it; r_x, r_z of the link that ends there; r_x, r_z of the other."""
+
+    width = 18
+    guided = True
+
+    def coordinates(self, x: Floats, places: bool) -> Floats:
+        first, last = (a.reshape(*a.shape[:2], 6, 3) for a in (x[:, : self.n], x[:, self.second]))
+        e = self.world(np.concatenate([first[:, :, [0, 4, 1, 5]], last[:, :, [0, 2, 1, 3]]], axis=2))
+        if places:
+            e[:, :, [0, 4]] += self.origin
+        return e
+
+    def read(self, state: Floats) -> None:
+        super().read(state)
+        self.lateral = (-0.25 * self.vehicle["track"]["width"], 0.25 * self.vehicle["track"]["width"])
+        section = self.vehicle["section"]
+        seconds = section["lateral_bending"], section["bending"]
+        self.wide, self.high = (np.sqrt(12.0 * second / section["area"]) for second in seconds)
+
+    @property
+    def axes(self) -> Floats:
+        """Of each link, the mean of its pins'."""
+        axis = self.e[:, :, 2] + self.e[:, :, 6]
+        return axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+
+    def shape(self, xi, y, z) -> Floats:
+        xi, y, z = np.broadcast_arrays(np.asarray(xi, float), y, z)
+        S = hermite(xi, self.pitch)
+        return np.stack([S[..., 0], S[..., 1], y * (1 - xi), z * (1 - xi), S[..., 2], S[..., 3], y * xi, z * xi], -1)
+
+    def centreline(self, xi, derivative: int = 0) -> Floats:
+        S = hermite(xi, self.pitch, derivative)
+        none = np.zeros_like(S[..., 0])
+        return np.stack([S[..., 0], S[..., 1], none, none, S[..., 2], S[..., 3], none, none], -1)
+
+    @cached_property
+    def mass_matrix(self) -> Floats:
+        (x, w), (s, m) = gauss(4), gauss(2)
+        M = np.zeros((8, 8))
+        for a, wa in zip(x, w, strict=True):
+            for b, wb in zip(s - 0.5, m, strict=True):
+                for c, wc in zip(s - 0.5, m, strict=True):
+                    S = self.shape(a, b * self.wide, c * self.high)
+                    M += self.mass * wa * wb * wc * np.outer(S, S)
+        return M
+
+    def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
+        S = self.shape(xi, y, off)
+        return np.einsum("...a,...ai->...i", S, self.e[t, i]), np.einsum("...a,...ai->...i", S, self.v[t, i])
+
+    def pin(self, t, j, y) -> tuple[Floats, Floats]:
+        i, half = np.where(j >= self.n, j - 1, j), np.where(j >= self.n, 4, 0)
+        y = np.asarray(y)[..., None]
+        return self.e[t, i, half] + y * self.e[t, i, half + 2], self.v[t, i, half] + y * self.v[t, i, half + 2]
+
+    def gradients(self, xi, y, z, e=None) -> Floats:
+        """F, columns r_x, r_y, r_z, at one place of all links (T, n, 3, 3)."""
+        e = self.e if e is None else e
+        C, l = hermite(xi, self.pitch, 1), self.pitch
+        D = np.array([[C[0], C[1], -y / l, -z / l, C[2], C[3], y / l, z / l],
+                      [0, 0, 1 - xi, 0, 0, 0, xi, 0], [0, 0, 0, 1 - xi, 0, 0, 0, xi]])  # fmt: skip
+        return np.einsum("ja,...ai->...ij", D, e)
+
+    @property
+    def young(self) -> float:
+        return float(self.part.parameters["material.youngs_modulus"])
+
+    @cached_property
+    def tension(self) -> Floats:
+        """E A eps |r_x|, mean over the link; eps is Green's strain of the axis."""
+        found = 0.0
+        for x, w in zip(*gauss(4), strict=True):
+            size = np.linalg.norm(self.gradients(x, 0.0, 0.0)[..., 0], axis=-1)
+            found = found + w * self.young * self.vehicle["section"]["area"] * 0.5 * (size**2 - 1.0) * size
+        return found
+
+    @cached_property
+    def stress(self) -> Floats:
+        """E times Green's strain xx, at the section's corners, at the Gauss points of the axis."""
+        found = 0.0
+        for x in gauss(4)[0]:
+            for y in (-0.5 * self.wide, 0.5 * self.wide):
+                for z in (-self.vehicle["section"]["outer_fibre"], self.vehicle["section"]["outer_fibre"]):
+                    slope = self.gradients(x, y, z)[..., 0]
+                    found = np.maximum(found, abs(self.young * 0.5 * ((slope**2).sum(-1) - 1.0)))
+        return found
+
+    def energies(self, e: Floats) -> Floats:
+        """Strain energy of elements at coordinates ``e`` (..., 8, 3), J.
+
+        Saint-Venant-Kirchhoff: without lateral coupling over the section, the rest of Hooke's law on the axis. Shears
+        xy and xz have the factor of torsion over the section, and what transverse shear has more of it on the axis.
+        """
+        section, material = self.vehicle["section"], self.vehicle["material"]
+        E, nu = self.young, 0.5 * material["youngs_modulus"] / material["shear_modulus"] - 1.0
+        G = 0.5 * E / (1.0 + nu)
+        lame = 2.0 * G * nu / (1.0 - 2.0 * nu)
+        twist = section["torsion"] / (section["bending"] + section["lateral_bending"])
+        volume, U = section["area"] * self.pitch, 0.0
+        (x, w), (s, m) = gauss(4), gauss(2)
+
+        def strains(a: float, y: float, z: float) -> tuple[Floats, Floats, Floats]:
+            """Normal ones, sum of squares of the two shears with the axis, square of that within the section."""
+            F = self.gradients(a, y, z, e)
+            C = np.einsum("...ij,...ik->...jk", F, F)
+            normal = 0.5 * (np.stack([C[..., i, i] for i in range(3)], -1) - 1.0)
+            return normal, C[..., 0, 1] ** 2 + C[..., 0, 2] ** 2, C[..., 1, 2] ** 2
+
+        for a, wa in zip(x, w, strict=True):
+            for b, wb in zip(s - 0.5, m, strict=True):
+                for c, wc in zip(s - 0.5, m, strict=True):
+                    normal, along, within = strains(a, b * self.wide, c * self.high)
+                    density = E * (normal**2).sum(-1) + twist * G * along + G * within
+                    U = U + volume * wa * wb * wc * 0.5 * density
+            normal, along, _ = strains(a, 0.0, 0.0)
+            density = lame * normal.sum(-1) ** 2 + (2.0 * G - E) * (normal**2).sum(-1)
+            U = U + volume * wa * 0.5 * (density + (5.0 / 6.0 - twist) * G * along)
+        return U
+
+
+KINDS = {"cable": Cable, "planar": Planar, "beam": Beam, "general": General, "engineering": Engineering}
+
+
+def chain(part: Part) -> Chain:
+    """The links of a track."""
+    if part.kind == "TrackRigid":
+        return Rigid(part)
+    elasticity = str(part.parameters["elasticity"])
+    return KINDS[str(part.parameters["element"]) if elasticity == "small_deformation" else elasticity](part)

@@ -1,0 +1,100 @@
+"""Where the wheels of a track are, and what a force that acts through a step amounts to."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mirror.record import Floats, Part
+
+
+def turned(q: Floats) -> Rotation:
+    """Of quaternions (..., 4), w first."""
+    return Rotation.from_quat(q, scalar_first=True)
+
+
+def start_frame(parameters: dict[str, Any]) -> tuple[Floats, Rotation]:
+    """Origin and attitude of the vehicle frame at the start."""
+    x, y, z, height, heading, pitch = (
+        float(parameters[f"start.{key}"])
+        for key in ("position.x", "position.y", "position.z", "height", "heading", "pitch")
+    )
+    return np.array([x, y, z + height]), Rotation.from_euler("ZY", [heading, pitch])
+
+
+class Wheels(NamedTuple):
+    """World, at so many instants (k, m, 3)."""
+
+    centre: Floats
+    velocity: Floats
+    spin: Floats  # angular velocity
+    axle: Floats
+    radial: Floats  # turns with the wheel
+
+    def moved(self, tau: float) -> Wheels:
+        """``tau`` s on, or back, at their velocities."""
+        about = Rotation.from_rotvec(tau * self.spin.reshape(-1, 3))
+        axle, radial = (about.apply(a.reshape(-1, 3)).reshape(a.shape) for a in (self.axle, self.radial))
+        return Wheels(self.centre + tau * self.velocity, self.velocity, self.spin, axle, radial)
+
+
+def wheels(part: Part) -> Wheels:
+    """A track's at the end of each step, moved on from where they were told to be; at the start as laid out."""
+    names = [wheel["name"] for wheel in part.config["track"]["wheels"]]
+    k = len(part.t)
+    origin, attitude = start_frame(part.parameters)
+    places = [[w["position"][0], float(part.parameters["start.lateral"]), w["position"][1]]
+              for w in part.config["track"]["wheels"]]  # fmt: skip
+    found = [np.zeros((k, len(names), 3)) for _ in range(5)]
+    for m, name in enumerate(names):
+        found[0][0, m] = origin + attitude.apply(places[m])
+        found[3][0, m], found[4][0, m] = attitude.apply([0, 1, 0]), attitude.apply([1, 0, 0])
+        q = turned(part.given(f"{name}.orientation", "wxyz"))
+        seen = Wheels(
+            part.given(f"{name}.position"),
+            part.given(f"{name}.velocity"),
+            part.given(f"{name}.angular_velocity"),
+            q.apply([0, 1, 0]),
+            q.apply([1, 0, 0]),
+        )
+        about = Rotation.from_rotvec(part.h[:, None] * seen.spin)
+        found[0][1:, m] = seen.centre + part.h[:, None] * seen.velocity
+        found[1][1:, m], found[2][1:, m] = seen.velocity, seen.spin
+        found[3][1:, m], found[4][1:, m] = about.apply(seen.axle), about.apply(seen.radial)
+    return Wheels(*found)
+
+
+class Recursion(NamedTuple):
+    """Generalised-alpha, by which forces become impulses: Chung and Hulbert 1993, Arnold and Bruels 2007.
+
+    (1 - alpha_m) W1 + alpha_m W0 = (1 - alpha_f) F1 + alpha_f F0; the mean over the step is (1 - gamma) W0 + gamma W1.
+    """
+
+    alpha_m: float
+    alpha_f: float
+    gamma: float
+
+    @classmethod
+    def of(cls, radius: float) -> Recursion:
+        alpha_m, alpha_f = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
+        return cls(alpha_m, alpha_f, 0.5 + alpha_f - alpha_m)
+
+    def means(self, F: Floats) -> Floats:
+        """Of a force at K + 1 instants, its mean over each of the K steps; the first instant is one of rest."""
+        W, found = F[0], np.zeros((len(F) - 1, *F.shape[1:]))
+        for k in range(len(F) - 1):
+            before = W
+            W = ((1 - self.alpha_f) * F[k + 1] + self.alpha_f * F[k] - self.alpha_m * before) / (1 - self.alpha_m)
+            found[k] = (1 - self.gamma) * before + self.gamma * W
+        return found
+
+    def rates(self, v: Floats, h: Floats) -> Floats:
+        """The other way: of K + 1 velocities their accelerations at these instants, from rest."""
+        W, F = np.zeros(v.shape[1:]), np.zeros(v.shape)
+        for k in range(len(h)):
+            before = W
+            W = ((v[k + 1] - v[k]) / h[k] - (1 - self.gamma) * before) / self.gamma
+            F[k + 1] = ((1 - self.alpha_m) * W + self.alpha_m * before - self.alpha_f * F[k]) / (1 - self.alpha_f)
+        return F

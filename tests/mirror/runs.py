@@ -1,0 +1,116 @@
+"""The runs that checks look at: vehicles that start turned, away from the origin, drive off, yaw, brake and nod; and
+what else there is with outputs that a vehicle leaves alone: ends that are pulled or let go, hulls on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from vehicle_in_process import InProcess
+
+from mirror.record import Record
+from orchestrator.scene import load
+
+PLACE = ("start.heading=37 deg", "start.position=[12.0, -7.0, 0.4]")
+DRIVE = (
+    "drive.ramp_start=0 s", "drive.ramp_time=0.3 s", "drive.speed=12 rad/s", "drive.stop=0.5 s",
+    "drive.stop_time=0.1 s", "vehicle.contact.ground.friction=0.9", "run.step=1 ms",
+)  # fmt: skip
+RAISED = "start.height=5 cm", "start.pitch=2 deg"
+# the left drive is slower and controlled, or braked
+TURN = {
+    "left_drive": {"mode": "controller", "speed.end": 2.0},
+    "right_drive": {"speed.end": 16.0},
+}
+BRAKED = {
+    "left_drive": {"mode": "torque", "torque.drive": 2000.0, "brake.torque": 3000.0},
+    "right_drive": {"speed.end": 16.0},
+}
+
+
+def vehicle(model: str, *settings: str, overrides=None, duration: float = 0.65) -> Record:
+    scene = load("straight", model, [*PLACE, *DRIVE, *settings])
+    return Record(InProcess(scene, overrides), duration)
+
+
+def other(scene: str, model: str, *settings: str, overrides=None, duration: float = 0.2) -> Record:
+    return Record(InProcess(load(scene, model, [*PLACE, *settings]), overrides), duration)
+
+
+SOFT = (
+    "vehicle.material.youngs_modulus=2e6 Pa", "vehicle.material.shear_modulus=769e3 Pa",
+    "vehicle.material.relaxation_time=100 ms",
+)  # fmt: skip
+LINKS = {
+    "rigid": ("rigid",),
+    "cable": ("flexible",),
+    "beam": ("flexible", "track.element=beam"),
+    "planar": ("flexible", "planar=true"),
+}
+SOFT_LINKS = {kind: (*settings, *SOFT) for kind, settings in LINKS.items()} | {
+    name: ("flexible", f"track.elasticity={name}", *SOFT) for name in ("general", "engineering")
+}
+
+
+EXPLICIT, UNDAMPED = ("track.integrator=runge_kutta",), ("vehicle.material.relaxation_time=0.1 ms",)
+
+
+def swinging(model: str, *settings: str, duration: float = 0.2) -> Record:
+    """Let go between its pins."""
+    return other("hanging_chain", model, "track.start=displaced", *settings, duration=duration)
+
+
+def drawn(model: str, *settings: str, duration: float = 0.2) -> Record:
+    """Over a driven sprocket by forces on its ends."""
+    drive = "drive.speed=4 rad/s", "drive.ramp_time=0.1 s", "run.step=0.5 ms"
+    return other("sprocket_bench", model, *drive, *settings, duration=duration)
+
+
+def free(model: str, *settings: str) -> Record:
+    """Held at one end; pin forces of steel follow the last correction by 20 N a nanometre."""
+    fine = {} if model == "rigid" else {"chain": {"tolerance": 1e-11}}
+    return other("released_chain", model, "chain.links=12", "run.step=0.2 ms", *settings, overrides=fine, duration=0.04)
+
+
+def thrown() -> Record:
+    """Without tracks, thrown nose down onto the ground so that hull and wheels meet it."""
+    scene = load("straight", "rigid", [*PLACE, "tracks=[]", "ground.hull=true", "start.height=0.3 m",
+                                       "start.pitch=0.35", "run.step=1 ms"])  # fmt: skip
+    system = InProcess(scene)
+    x = system["chassis"].model.state
+    c, s = np.cos(np.radians(37.0)), np.sin(np.radians(37.0))
+    x[7:13] = 3.0 * c + 0.5 * s, 3.0 * s - 0.5 * c, -0.5, 0.3, 0.4, 0.6
+    system["chassis"].model.outputs(system["chassis"].y)
+    return Record(system, 0.5)
+
+
+class Run(NamedTuple):
+    """What to run, and which of its components need no look: they do what another one does."""
+
+    make: Callable[[], Record]
+    without: tuple[str, ...] = ()
+
+
+RUNS = {
+    "rigid": Run(lambda: vehicle("rigid", overrides=TURN), ("left_track",)),
+    "cable": Run(lambda: vehicle("flexible", overrides={"left_drive": {"speed.end": 10.0}}), ("right_track",)),
+    "beam": Run(lambda: vehicle("flexible", "track.element=beam", overrides=BRAKED), ("left_track",)),
+    "planar": Run(lambda: vehicle("flexible", "symmetric=true", "planar=true", *RAISED)),
+    "thrown": Run(thrown),
+    "explicit rigid": Run(partial(drawn, "rigid", *EXPLICIT, "bench.transverse_damping=0 N s/m", duration=0.02)),
+    "explicit cable": Run(partial(swinging, *SOFT_LINKS["cable"], *EXPLICIT, *UNDAMPED, duration=0.05)),
+    **{f"{name} {kind}": Run(partial(make, *settings))
+       for name, make, kinds in (("drawn", drawn, LINKS), ("swinging", swinging, SOFT_LINKS), ("free", free, LINKS))
+       for kind, settings in kinds.items()},
+}  # fmt: skip
+STUDIES = {
+    name: Run(partial(vehicle, "flexible", "symmetric=true", f"track.elasticity={name}"))
+    for name in ("general", "engineering")
+}
+
+
+def record(name: str) -> Record:
+    """A run, done now."""
+    return (RUNS | STUDIES)[name].make()

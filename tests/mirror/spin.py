@@ -1,0 +1,181 @@
+"""A sprocket's drive from its inputs, parameters and `fmus/sprocket_drive/README.md`; plain numpy, world axes."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid, quad
+from scipy.spatial.transform import Rotation
+
+from mirror.motion import start_frame, turned
+from mirror.record import Floats, Part
+
+Y = np.array([0.0, 1.0, 0.0])
+
+
+class Spin:
+    """The record of a drive."""
+
+    def __init__(self, part: Part) -> None:
+        self.part, self.p, self.J = part, part.parameters, float(part.config["drive"]["inertia"])
+
+    # --- the mount, as the drive has to move it on --------------------------------------------------
+
+    @property
+    def alone(self) -> bool:
+        """Whether its mount is not connected, a fixed axle."""
+        return bool((self.part.u[:, :13] == self.part.starts[:13]).all())
+
+    @cached_property
+    def mount(self) -> tuple[Floats, Rotation, Floats, Floats]:
+        """Position, attitude, velocity and angular velocity at the end of each step; the first at the start (K + 1)."""
+        part, h = self.part, self.part.h[:, None]
+        place = np.array(part.config["drive"]["mount"])
+        place[1] += float(self.p["start.lateral"])
+        origin, attitude = start_frame(self.p)
+        if self.alone:
+            still = np.zeros((len(part.t), 3))
+            return still + origin + attitude.apply(place), Rotation.concatenate([attitude] * len(part.t)), still, still
+        x, v, w = (part.given(f"mount.{what}") for what in ("position", "velocity", "angular_velocity"))
+        q = turned(part.given("mount.orientation", "wxyz"))
+        steeper = self.p["extrapolation"] == "acceleration"
+        a, b = (np.vstack([np.zeros(3), np.diff(r, axis=0) / h[:-1]]) * steeper for r in (v, w))
+        ended = Rotation.from_rotvec(h * (w + 0.5 * h * b)) * q
+        return (
+            np.vstack([origin + attitude.apply(place), x + h * v + 0.5 * h * h * a]),
+            Rotation.concatenate([attitude, ended]),
+            np.vstack([np.zeros(3), v + h * a]),
+            np.vstack([np.zeros(3), w + h * b]),
+        )
+
+    @property
+    def told(self) -> Rotation:
+        """Attitude of the mount at the beginning of each step."""
+        told = self.part.given("mount.orientation", "wxyz")
+        return self.mount[1][:-1] if self.alone else turned(told)
+
+    @property
+    def axle(self) -> Floats:
+        return self.mount[1].apply(Y)
+
+    @property
+    def swing(self) -> Floats:
+        """Rate of the mount about the axle (K + 1)."""
+        return (self.axle * self.mount[3]).sum(1)
+
+    @property
+    def pulled(self) -> Floats:
+        """The chain's torque about the axle, mean over each step (K), axle of the middle of the step."""
+        middle = self.axle[1:] + self.told.apply(Y)
+        return (self.part.given("sprocket.torque") * middle).sum(1) / np.linalg.norm(middle, axis=1)
+
+    # --- what turns it ------------------------------------------------------------------------------
+
+    def wanted(self, t: float) -> float:
+        """Speed of the profile, half cosines."""
+        p = self.p
+        t0, t1, first, last = p["ramp.start"], p["ramp.end"], p["speed.start"], p["speed.end"]
+        if p["stop.start"] >= 0.0 and t > p["stop.start"]:
+            s = min((t - p["stop.start"]) / p["stop.time"], 1.0)
+            return last * 0.5 * (1.0 + np.cos(np.pi * s))
+        s = min(max((t - t0) / (t1 - t0), 0.0), 1.0)
+        return first + (last - first) * 0.5 * (1.0 - np.cos(np.pi * s))
+
+    def profile(self, t: Floats) -> Floats:
+        return np.array([self.wanted(each) for each in t])
+
+    def braking(self, s: Floats) -> Floats:
+        """Torque of the brake at speeds ``s``."""
+        if self.p["mode"] == "speed":
+            return 0.0 * s
+        return self.p["brake.torque"] * s / np.hypot(s, self.p["brake.speed"])
+
+    def summed(self, rates: Floats) -> Floats:
+        """Of a quantity at instants its integral, by trapezia."""
+        return cumulative_trapezoid(rates, self.part.t, initial=0.0)
+
+    # --- outputs ------------------------------------------------------------------------------------
+
+    def speed(self) -> Floats:
+        """As prescribed; else from the balance of torques, step after step."""
+        part = self.part
+        if self.p["mode"] == "speed":
+            return self.profile(part.t)
+        braked = self.braking((part.vector("sprocket.angular_velocity") * self.axle).sum(1) - self.swing)
+        gained = part.h * (self.pulled + part["torque"][1:] - 0.5 * (braked[1:] + braked[:-1])) / self.J
+        start = self.wanted(0.0) + self.swing[0]
+        return start + np.concatenate([[0.0], np.cumsum(gained)]) - self.swing
+
+    def angle(self) -> Floats:
+        part = self.part
+        if self.p["mode"] == "speed":
+            edges = [self.p[key] for key in ("ramp.start", "ramp.end", "stop.start")]
+            edges.append(self.p["stop.start"] + self.p["stop.time"])
+            done = [quad(self.wanted, a, b, points=[e for e in edges if a < e < b] or None)[0]
+                    for a, b in zip(part.t, part.t[1:], strict=False)]  # fmt: skip
+            turned_by = np.concatenate([[0.0], np.cumsum(done)])
+        else:
+            turned_by = self.summed(part["speed"])
+        return self.p["start.angle"] + turned_by
+
+    def torque(self) -> Floats:
+        """Mean over each step; none at the start."""
+        part, p = self.part, self.p
+        s = part["speed"]
+        if p["mode"] == "torque":
+            mean = np.full(len(part.h), p["torque.drive"])
+        elif p["mode"] == "speed":
+            mean = self.J * np.diff(s + self.swing) / part.h - self.pulled
+        else:
+            error = self.profile(part.t) - s
+            told = p["controller.proportional"] * error
+            # the integral stands still where the limit cuts what would only grow
+            sums, held = 0.0, [told[0]]
+            for k, h in enumerate(part.h):
+                free = abs(told[k] + p["controller.integral"] * sums) < p["torque.limit"]
+                sums += 0.5 * h * (error[k] + error[k + 1]) * free
+                held.append(told[k + 1] + p["controller.integral"] * sums)
+            held = np.clip(held, -p["torque.limit"], p["torque.limit"])
+            mean = 0.5 * (held[1:] + held[:-1])
+        return np.concatenate([[0.0], mean])
+
+    def kinetic(self) -> Floats:
+        return 0.5 * self.J * (self.part["speed"] + self.swing) ** 2
+
+    def work(self) -> Floats:
+        part = self.part
+        return np.concatenate([[0.0], np.cumsum(part["torque"][1:] * np.diff(part["angle"]))])
+
+    def dissipated(self) -> Floats:
+        return self.summed(self.braking(self.part["speed"]) * self.part["speed"])
+
+    def port_work(self) -> Floats:
+        """Chain's wrench on the sprocket less what the mount is given, on the motion of either."""
+        part = self.part
+        turning, swinging = part.vector("sprocket.angular_velocity"), self.mount[3]
+        turning, swinging = (0.5 * (w[1:] + w[:-1]) for w in (turning, swinging))
+        power = (part.given("sprocket.torque") * turning).sum(1) - (part.vector("mount.torque")[1:] * swinging).sum(1)
+        return np.concatenate([[0.0], np.cumsum(part.h * power)])
+
+    def mount_torque(self) -> Floats:
+        """What the chain gave and the spin did not keep; none at the start."""
+        part = self.part
+        momentum = self.J * (part["speed"] + self.swing)[:, None] * self.axle
+        kept = np.diff(momentum, axis=0) / part.h[:, None]
+        return np.vstack([np.zeros(3), part.given("sprocket.torque") - kept])
+
+    def steps(self) -> Floats:
+        """Internal steps of half the time constant of brake and controller."""
+        p, part = self.p, self.part
+        each = np.ones(len(part.h))
+        if p["mode"] != "speed":
+            fastest = p["brake.torque"] / (p["brake.speed"] * self.J)
+            if p["mode"] == "controller":
+                fastest += p["controller.proportional"] / self.J + np.sqrt(p["controller.integral"] / self.J)
+            each = np.maximum(1.0, np.ceil(2.0 * part.h * fastest))
+        return np.concatenate([[0.0], np.cumsum(each)])
+
+    def evaluations(self) -> Floats:
+        """Four stages a step; a prescribed speed is evaluated once."""
+        return self.steps() * (1.0 if self.p["mode"] == "speed" else 4.0)

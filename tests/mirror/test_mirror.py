@@ -1,0 +1,236 @@
+"""Every output of every component against what independent code makes of states, inputs and other outputs.
+
+Each kind of link drives a vehicle that starts turned and elsewhere, speeds up, yaws, brakes and nods; ends, soft links
+and the hull have runs of their own (``runs``). README.md beside this says how to add a check.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from fmus.chassis.model import Model as Chassis
+from fmus.slave import BUILD, Slave
+from fmus.sprocket_drive.model import Model as SprocketDrive
+from fmus.track_flexible.model import Model as TrackFlexible
+from fmus.track_rigid.model import Model as TrackRigid
+from mirror import chassis_checks, drive_checks, runs, track_checks
+from mirror.check import FAULTS, View
+from orchestrator import gallery
+from orchestrator.scene import load, tracked
+from orchestrator.system import TRACKS, assemble
+
+CHECKS = {
+    "TrackRigid": track_checks.CHECKS,
+    "TrackFlexible": track_checks.CHECKS,
+    "Chassis": chassis_checks.CHECKS,
+    "SprocketDrive": drive_checks.CHECKS,
+}
+MODELS = {"TrackRigid": TrackRigid, "TrackFlexible": TrackFlexible, "Chassis": Chassis, "SprocketDrive": SprocketDrive}
+# outputs that other tests of this module look at: of tracks, of all
+COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
+STATUS = "status"
+# 0 by definition: rigid links have no strain, a chain in its plane turns no wheel about an upright axis
+NOTHING = {
+    "TrackRigid": r"stress\.max|link\[\d+\]\.stress|energy\.strain",
+    "planar": r".*\.torque\.z",
+}
+# of the other elasticities what they alone decide
+STRAINED = r"tension\..*|stress\.max|link\[\d+\]\..*|joint\[\d+\]\.force\.[xy]|energy\.strain"
+KINDS = ("TrackRigid", "cable", "planar", "beam", "general", "engineering", "Chassis", "SprocketDrive")
+SOMETHING = "something where nothing is"
+
+
+class Finding(NamedTuple):
+    """What a check says of one output in one run."""
+
+    kind: str
+    part: str
+    output: str
+    says: str
+    off: float  # over what is allowed
+    noticed: frozenset[str]  # the faults planted in the output that it notices
+
+
+@cache
+def examined(run: str) -> tuple[Finding, ...]:
+    """All checks of a run, on the outputs as they are and with each fault planted."""
+    record, found = runs.record(run), []
+    for part in record.parts.values():
+        if part.name in runs.RUNS.get(run, runs.Run(None)).without:
+            continue
+        view = View(record, part.name)
+        for check in CHECKS[part.kind]:
+            if check.applies(view):
+                for output, (low, high) in check.bounds(view).items():
+                    y = part[output]
+                    faulty = {fault: plant(y) for fault, plant in FAULTS.items()} | {SOMETHING: y + 1.0}
+                    noticed = frozenset(fault for fault, z in faulty.items() if check.off(z, low, high) > 1.0)
+                    found.append(Finding(view.kind, part.name, output, check.says, check.off(y, low, high), noticed))
+    return tuple(found)
+
+
+def assert_right(run: str) -> None:
+    wrong = [f for f in examined(run) if not f.off <= 1.0]
+    assert not wrong, "\n".join(f"{f.part}.{f.output} ({f.says}): {f.off:.3g} of what is allowed" for f in wrong[:20])
+    assert examined(run)
+
+
+@pytest.mark.parametrize("run", runs.RUNS)
+def test_outputs_are_what_states_and_inputs_make_of_them(run):
+    assert_right(run)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("run", runs.STUDIES)
+def test_outputs_of_other_elasticities_on_a_vehicle(run):
+    assert_right(run)
+
+
+@cache
+def noticed(kind: str) -> dict[str, set[str]]:
+    """Of all outputs that a kind shows, the faults that some check notices in some run."""
+    found = defaultdict(set)
+    for run in runs.RUNS:
+        for finding in examined(run):
+            if finding.kind == kind:
+                found[finding.output] |= finding.noticed
+    return found
+
+
+@pytest.mark.parametrize("fault", [*FAULTS, SOMETHING])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_planted_fault_is_noticed(kind, fault):
+    """In every output: by a check of that output, in one of the runs."""
+    nothing = NOTHING.get(kind, "-")
+    asked = STRAINED if kind in ("general", "engineering") else ".*"
+    outputs = [
+        output
+        for output in noticed(kind)
+        if re.fullmatch(asked, output) and bool(re.fullmatch(nothing, output)) == (fault == SOMETHING)
+    ]
+    assert outputs or fault == SOMETHING
+    assert not [output for output in outputs if fault not in noticed(kind)[output]]
+
+
+# --- counters --------------------------------------------------------------------------------------
+
+
+def test_counters_of_a_track_count_what_is_called(environment):
+    """The integrators run uncompiled, every evaluation, iteration and step counted as it is called."""
+    program = Path(__file__).with_name("counted.py")
+    done = subprocess.run([sys.executable, str(program)], env={**environment, "NUMBA_DISABLE_JIT": "1"},
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    for kind, steps in json.loads(done.stdout).items():
+        for step in steps:
+            assert step["shown"] == step["counted"], kind
+        last, before = np.array(steps[-1]["shown"]), np.array(steps[0]["shown"])
+        assert (last > before).all(), "a counter that stands still is not looked at"
+        assert len(last) == len(COUNTED)
+        assert [round(1.05 * count) for count in last[:3]] != steps[-1]["counted"][:3]
+
+
+# --- the FMU's own output, and the list of all -----------------------------------------------------
+
+
+def shell(kind: str, config: dict, folder: Path) -> Slave:
+    """A component as an FMI tool would find it, its modelDescription included, without a build."""
+    folder.mkdir(parents=True)
+    (folder / "config.json").write_text(json.dumps(config))
+    (folder / "build.txt").write_text(BUILD)
+    return type(kind, (Slave,), {"model": MODELS[kind], "__doc__": kind})(
+        instance_name=kind, resources=str(folder), visible=False
+    )
+
+
+def shown(slave: Slave) -> list[str]:
+    """Its outputs, by modelDescription.xml."""
+    variables = slave.to_xml().find("ModelVariables")
+    return [v.get("name") for v in variables if v.get("causality") == "output"]
+
+
+class Started:
+    """A shell whose status is read after each step."""
+
+    def __init__(self, slave: Slave) -> None:
+        self.slave, self.t = slave, 0.0
+        self.where = {port.name: k for k, port in enumerate(slave.variables)}
+        slave.setup_experiment(0.0)
+        slave.enter_initialization_mode()
+        slave.exit_initialization_mode()
+
+    def step(self, **inputs: float) -> tuple[bool, int]:
+        for name, value in inputs.items():
+            self.slave.set_real([self.where[name]], [value])
+        done = self.slave.do_step(self.t, 1e-3)
+        self.t += 1e-3
+        return done, self.status
+
+    @property
+    def status(self) -> int:
+        return self.slave.get_integer([self.where[STATUS]])[0]
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_status_says_how_the_last_step_went(kind, tmp_path):
+    """0: well, 1: it warned, 3: it failed; a component that has warned and goes on well says 0 again."""
+    scene = load("straight", "rigid" if kind == "TrackRigid" else "flexible")
+    part = next(part for part in assemble(scene).parts if part.kind == kind)
+    component = Started(shell(kind, part.config, tmp_path / "resources"))
+    first = component.slave.variables[0].name
+    assert component.status == 0
+    assert component.step() == (True, 0)
+    if kind == "TrackFlexible":  # cables that are tilted by half a degree
+        half = np.radians(0.25)
+        tilted = {"idler.orientation.w": np.cos(half), "idler.orientation.x": np.sin(half)}
+        assert component.step(**tilted) == (True, 1)
+        assert component.step() == (True, 0)
+    assert component.step(**{first: np.nan}) == (False, 3)
+    assert component.step(**{first: 0.0}) == (False, 3)
+
+
+@cache
+def described() -> dict[str, set[str]]:
+    """Outputs in the modelDescriptions of all components of the gallery, with each track model, by their FMU."""
+    from tempfile import TemporaryDirectory
+
+    found, seen = defaultdict(set), set()
+    with TemporaryDirectory() as folder:
+        for name in filter(tracked, gallery.names()):
+            for model in TRACKS:
+                for part in assemble(load(name, model)).parts:
+                    key = part.kind, json.dumps(part.config, sort_keys=True)
+                    if key not in seen:
+                        seen.add(key)
+                        found[part.kind] |= set(shown(shell(part.kind, part.config, Path(folder, str(len(seen))))))
+    return found
+
+
+def test_no_output_is_without_a_check():
+    """Of each link kind's own runs: an output that no run shows, or no check looks at, is named here."""
+    by_kind = {"TrackRigid": ["TrackRigid"], "TrackFlexible": ["cable", "planar", "beam"],
+               "Chassis": ["Chassis"], "SprocketDrive": ["SprocketDrive"]}  # fmt: skip
+    without = []
+    for fmu, outputs in described().items():
+        for kind in by_kind[fmu]:
+            looked_at = set(noticed(kind)) | {STATUS} | (set(COUNTED) if fmu.startswith("Track") else set())
+            without += [f"{kind}: {output}" for output in sorted(outputs - looked_at)]
+    assert not without
+    assert len(described()["TrackRigid"]) > 500
+
+
+def test_an_output_without_a_check_would_be_named(monkeypatch):
+    outputs = {"TrackRigid": {"tension.min", "tension.spread"}}
+    monkeypatch.setattr(sys.modules[__name__], "described", lambda: outputs)
+    with pytest.raises(AssertionError, match=r"TrackRigid: tension\.spread"):
+        test_no_output_is_without_a_check()

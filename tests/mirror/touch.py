@@ -1,0 +1,266 @@
+"""What links touch, from the laws as `fmus/physics/README.md` and the tracks' READMEs state them; plain numpy, world.
+
+Stiffness and damping of the table are per link (per pin in the teeth), shared by its points: two Gauss points on the
+part of the inner face inside a rim, on the whole outer face for the ground; where links have a width, on either side of
+their middle. A rim's damper feels how fast the rim as a whole sinks in, all others the point's own approach.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mirror.links import UP, Chain
+from mirror.motion import Wheels
+from mirror.record import Floats
+
+SPREAD = 0.5 / np.sqrt(3.0)  # of two Gauss points about the middle of the unit interval
+RAMP = 1e-3  # m of penetration over which a damper takes hold
+HORN = 0.05  # m: reach of a guide horn into a disc
+
+
+class Law(NamedTuple):
+    k: float
+    c: float
+    mu: float
+    v: float
+
+    @classmethod
+    def of(cls, parameters: dict[str, Any], table: dict[str, Any], pair: str) -> Law:
+        keys = "stiffness", "damping", "friction", "friction_velocity"
+        return cls(*(float(parameters.get(f"contact.{pair}.{key}", table[pair][key])) for key in keys))
+
+
+class Push(NamedTuple):
+    """Of so many points (p)."""
+
+    force: Floats  # on them (p, 3)
+    normal: Floats  # N
+    stored: Floats  # J
+    lost: Floats  # W
+
+
+def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | None = None) -> Push:
+    """Faces with normals ``n``, towards points that move at ``w`` against them; ``rate``: what the damper feels."""
+    along = (w * n).sum(-1)
+    rate = -along if rate is None else rate
+    s = np.clip(depth / RAMP, 0.0, 1.0)
+    spring = share * law.k * depth
+    normal = np.maximum(spring + share * law.c * s * s * (3.0 - 2.0 * s) * rate, 0.0)
+    slip = w - along[..., None] * n
+    friction = -law.mu * normal[..., None] * slip / np.sqrt((slip**2).sum(-1, keepdims=True) + law.v**2)
+    force = normal[..., None] * n + friction
+    return Push(force, normal, 0.5 * share * law.k * depth**2, -(normal - spring) * along - (friction * slip).sum(-1))
+
+
+class Touch(NamedTuple):
+    """All contacts of a chain at T instants."""
+
+    wrench: Floats  # (T, m, 6) on the wheels, about their centres
+    ground: Floats  # (T, 3) force on the chain
+    force: Floats  # (T, n, 3) on the links by rims, guides and ground
+    torque: Floats  # (T, n, 3) about their middles
+    teeth: Floats  # (T, nodes, 3) on the pins
+    stored: Floats  # (T) J
+    lost: Floats  # (T) W
+    taken: Floats  # (T) W: what wheels and links put in
+    depth: Floats  # (T) m
+    load: Floats  # (T) N on the ground
+    slide: Floats  # (T, 3) N m/s: load times velocity of the points on the ground
+
+
+class _Sum:
+    def __init__(self, chain: Chain, wheels: Wheels) -> None:
+        T, m = wheels.centre.shape[:2]
+        z = np.zeros
+        self.chain, self.wheels = chain, wheels
+        self.t = Touch(z((T, m, 6)), z((T, 3)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
+                       z(T), z(T), z(T), z(T), z(T), z((T, 3)))  # fmt: skip
+
+    def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, pins: bool = False) -> None:
+        """Points ``x`` (p, 3) at instants ``t`` on links (or pins) ``at`` and the wheel ``m``, or the ground."""
+        sums, f = self.t, push.force
+        if pins:
+            np.add.at(sums.teeth, (t, at), f)
+        else:
+            np.add.at(sums.force, (t, at), f)
+            np.add.at(sums.torque, (t, at), np.cross(x - self.chain.middle[t, at], f))
+        if m is None:
+            np.add.at(sums.ground, t, f)
+        else:
+            arm = x - self.wheels.centre[t, m]
+            np.add.at(sums.wrench, (t, m), -np.concatenate([f, np.cross(arm, f)], axis=-1))
+        np.add.at(sums.stored, t, push.stored)
+        np.add.at(sums.lost, t, push.lost)
+        np.add.at(sums.taken, t, -(f * w).sum(-1))
+        np.maximum.at(sums.depth, t, depth)
+
+    def material(self, t, m: int, x: Floats, u: Floats) -> Floats:
+        """Velocity of points against the material of a wheel."""
+        wheels = self.wheels
+        return u - wheels.velocity[t, m] - np.cross(wheels.spin[t, m], x - wheels.centre[t, m])
+
+
+def inside(chain: Chain, wheels: Wheels, m: int, radius: float):
+    """The part of each link's inner face inside a circle: t, i (p), its ends as fractions, the foot, the normal."""
+    a, b, _, _ = chain.ends
+    axle, centre = wheels.axle[:, m, None], wheels.centre[:, m, None]
+    along = b - a
+    along = along - (along * axle).sum(-1, keepdims=True) * axle
+    length = np.linalg.norm(along, axis=-1)
+    e = along / length[..., None]
+    n = np.cross(e, axle)
+    foot = ((centre - a) * e).sum(-1) / length
+    height = ((a - centre) * n).sum(-1) - chain.face
+    half = np.sqrt(np.maximum(radius**2 - height**2, 0.0)) / length
+    low, high = np.maximum(foot - half, 0.0), np.minimum(foot + half, 1.0)
+    t, i = np.nonzero((half > 0.0) & (high > low))
+    return t, i, low[t, i], high[t, i], foot[t, i], n[t, i], length[t, i]
+
+
+def rims(sums: _Sum, law: Law, m: int, radius: float) -> None:
+    chain, wheels = sums.chain, sums.wheels
+    t, i, low, high, foot, n, length = inside(chain, wheels, m, radius)
+    _, _, va, vb = chain.ends
+    sinking = (n * (wheels.velocity[t, m] - (1 - foot)[:, None] * va[t, i] - foot[:, None] * vb[t, i])).sum(-1)
+    centre, axle = wheels.centre[t, m], wheels.axle[t, m]
+    depths = []
+    for side in (-1.0, 1.0):
+        for y in chain.lateral:
+            share = 0.5 * (high - low) / len(chain.lateral)
+            x, u = chain.point(t, i, 0.5 * (low + high) + side * SPREAD * (high - low), y, -chain.face)
+            radial = x - centre
+            radial = radial - (radial * axle).sum(-1, keepdims=True) * axle
+            rho = np.linalg.norm(radial, axis=-1)
+            depths.append(radius - rho)
+            on = depths[-1] > 0.0
+            w = sums.material(t, m, x, u)
+            push = press(law, share[on], depths[-1][on], (radial / rho[:, None])[on], w[on], sinking[on])
+            sums.book(t[on], i[on], x[on], w[on], depths[-1][on], push, m)
+    # the parabola through two depths stores more than they do: its mean square over the part, by three points
+    half = 0.5 * (high - low) * length
+    bow, extra = half**2 / (2.0 * radius), 0.0
+    for eta, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
+        extra = extra + 0.5 * weight * (bow * (eta**2 - 1.0 / 3.0)) ** 2
+    np.add.at(sums.t.stored, t, 0.5 * law.k * (high - low) * extra)
+
+
+def guides(sums: _Sum, law: Law, m: int, radius: float, play: float) -> None:
+    chain, wheels = sums.chain, sums.wheels
+    t, i, low, high, _, _, _ = inside(chain, wheels, m, radius)
+    axle = wheels.axle[t, m]
+    for side in (-1.0, 1.0):
+        x, u = chain.point(t, i, 0.5 * (low + high) + side * SPREAD * (high - low), 0.0, -chain.face)
+        off = ((x - wheels.centre[t, m]) * axle).sum(-1)
+        depth = abs(off) - play
+        on = depth > 0.0
+        w = sums.material(t, m, x, u)
+        n = -np.sign(off)[:, None] * axle
+        push = press(law, 0.5 * (high - low)[on], depth[on], n[on], w[on])
+        sums.book(t[on], i[on], x[on], w[on], depth[on], push, m)
+
+
+def soil(sums: _Sum, law: Law, level: float) -> None:
+    chain = sums.chain
+    near = np.minimum(chain.ends[0][..., 2], chain.ends[1][..., 2]) < level + 2.0 * chain.pitch
+    t, i = np.nonzero(near)
+    for side in (-1.0, 1.0):
+        for y in chain.lateral:
+            x, u = chain.point(t, i, 0.5 + side * SPREAD, y, chain.face)
+            depth = level - x[:, 2]
+            on = depth > 0.0
+            push = press(law, 0.5 / len(chain.lateral), depth[on], np.broadcast_to(UP, x[on].shape), u[on])
+            sums.book(t[on], i[on], x[on], u[on], depth[on], push, None)
+            np.add.at(sums.t.load, t[on], push.normal)
+            np.add.at(sums.t.slide, t[on], push.normal[:, None] * u[on])
+
+
+class Outline:
+    """Path of a pin's centre in the gap between two teeth: seat, flank, rounding, land; a outwards, b across."""
+
+    def __init__(self, vehicle: dict[str, Any]) -> None:
+        s = vehicle["sprocket"]
+        self.count = s["teeth"]
+        seat = vehicle["track"]["pitch"] / (2.0 * np.sin(np.pi / self.count)) + s["seat_clearance"]
+        self.seat, self.gap = np.array([seat, 0.0]), s["seat_clearance"]
+        self.top, self.round = s["outer_radius"] + s["pin_radius"], s["tip_radius"] + s["pin_radius"]
+        d = np.array([np.cos(s["flank_angle"]), np.sin(s["flank_angle"])])  # up the flank
+        self.normal = np.array([d[1], -d[0]])  # out of the tooth
+        self.foot = self.seat - self.gap * self.normal  # where the flank leaves the seat
+        # centre of the rounding: its radius behind the flank, and below the land
+        behind = self.foot - self.round * self.normal
+        p = behind @ d
+        climb = -p + np.sqrt(p * p - behind @ behind + (self.top - self.round) ** 2)
+        self.tip, self.length, self.d = behind + climb * d, climb, d
+
+    def press(self, a: Floats, b: Floats) -> tuple[Floats, Floats]:
+        """Depth (p), and the normal in a and b (p, 2), of pins at b >= 0: the nearest of the four pieces decides."""
+        x = np.stack([a, b], axis=-1)
+        rho = np.linalg.norm(x, axis=-1)
+        found = []
+        seat = x - self.seat
+        size = np.linalg.norm(seat, axis=-1)
+        found.append((size - self.gap, -seat / size[:, None], seat @ self.d <= 0.0))
+        on_flank = x - self.foot
+        climb = on_flank @ self.d
+        n = np.broadcast_to(self.normal, x.shape)
+        found.append((-(on_flank @ self.normal), n, (climb > 0.0) & (climb < self.length)))
+        tip = x - self.tip
+        size = np.linalg.norm(tip, axis=-1)
+        beyond = np.arctan2(b, a) >= np.arctan2(self.tip[1], self.tip[0])
+        found.append((self.round - size, tip / size[:, None], (climb >= self.length) & ~beyond))
+        found.append((self.top - rho, x / rho[:, None], (climb >= self.length) & beyond))
+        depth, normal = np.zeros(len(x)), np.zeros((len(x), 2))
+        for d, n, here in found:
+            depth[here], normal[here] = d[here], n[here]
+        return depth, normal
+
+
+def teeth(sums: _Sum, law: Law, m: int, outline: Outline) -> None:
+    chain, wheels = sums.chain, sums.wheels
+    far = np.linalg.norm(chain.pins - wheels.centre[:, m, None], axis=-1)
+    t, j = np.nonzero(far < outline.top + 0.5)
+    axle, radial, centre = wheels.axle[t, m], wheels.radial[t, m], wheels.centre[t, m]
+    quarter = np.cross(axle, radial)  # where it turns to
+    for y in chain.lateral:
+        x, u = chain.pin(t, j, y)
+        d = x - centre
+        p, q = (d * radial).sum(-1), (d * quarter).sum(-1)
+        angle, rho = np.arctan2(q, p), np.hypot(p, q)
+        step = 2.0 * np.pi / outline.count
+        gap = step * np.round(angle / step)
+        a, b = rho * np.cos(angle - gap), rho * np.sin(angle - gap)
+        depth, normal = outline.press(a, abs(b))
+        on = (depth > 0.0) & (rho < outline.top)
+        out = np.cos(gap)[:, None] * radial + np.sin(gap)[:, None] * quarter
+        side = np.cos(gap)[:, None] * quarter - np.sin(gap)[:, None] * radial
+        n = normal[:, :1] * out + (normal[:, 1:] * np.sign(b)[:, None]) * side
+        w = sums.material(t, m, x, u)
+        push = press(law, 1.0 / len(chain.lateral), depth[on], n[on], w[on])
+        sums.book(t[on], j[on], x[on], w[on], depth[on], push, m, pins=True)
+
+
+def ground_level(vehicle: dict[str, Any], parameters: dict[str, Any]) -> float:
+    """World height of the ground: pads that hang under the drawn road wheels just touch it."""
+    wheel = vehicle["road_wheel"]
+    return float(parameters["start.position.z"]) + wheel["z"] - wheel["radius"] - 2.0 * vehicle["track"]["face"]
+
+
+def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
+    """All contacts of a track; or those alone that cover more or less of a link as it moves."""
+    part, vehicle = chain.part, chain.vehicle
+    laws = {pair: Law.of(part.parameters, vehicle["contact"], pair) for pair in ("sprocket", "wheel", "ground")}
+    outline, sums = Outline(vehicle), _Sum(chain, wheels)
+    for m, wheel in enumerate(part.config["track"]["wheels"]):
+        toothed = wheel["kind"] == "teeth"
+        if toothed and not covering:
+            teeth(sums, laws["sprocket"], m, outline)
+        elif not toothed:
+            rims(sums, laws["wheel"], m, wheel["radius"])
+        if chain.guided:
+            disc = outline.top if toothed else wheel["radius"] + HORN
+            guides(sums, laws["wheel"], m, disc, vehicle["guide"]["clearance"])
+    if part.config["track"]["ground"] and not covering:
+        soil(sums, laws["ground"], ground_level(vehicle, part.parameters))
+    return sums.t

@@ -1,0 +1,397 @@
+"""What the outputs of a track should be."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mirror.check import Check, View, forward
+from mirror.forces import across, pulls
+from mirror.links import UP, Cable, Rigid
+from mirror.motion import turned
+from mirror.record import Floats
+from mirror.touch import touch
+
+AXES = {axis: k for k, axis in enumerate("xyz")}
+SPLIT = 0.1  # rad between the neighbours of a link from which on it is no straight run
+MOMENT = 1e-7  # s, of the difference of stored energies
+
+
+def wheel_names(view: View) -> list[str]:
+    return [wheel["name"] for wheel in view.track["wheels"]]
+
+
+def started(first: Floats, steps: Floats) -> Floats:
+    """The value at the start before those of the steps."""
+    return np.concatenate([first[None], steps])
+
+
+def summed(view: View, rates: Floats) -> Floats:
+    """The integral of a rate at instants, by trapezia, as the component adds it up."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * view.part.h * (rates[1:] + rates[:-1]))])
+
+
+# --- wrenches --------------------------------------------------------------------------------------
+
+
+def wrenches(view: View, names: Sequence[str]) -> Floats:
+    """Contact laws at all instants, through the recursion that makes impulses of them."""
+    found, wheels = view.touch.wrench, wheel_names(view)
+    means = started(found[0], view.recursion.means(found))
+    columns = []
+    for name in names:
+        wheel, part, axis = re.fullmatch(r"(.+)\.(force|torque)\.([xyz])", name).groups()
+        columns.append(means[:, wheels.index(wheel), AXES[axis] + 3 * (part == "torque")])
+    return np.stack(columns, axis=1)
+
+
+def ground(view: View, names: Sequence[str]) -> Floats:
+    """The same of the ground."""
+    means = started(view.touch.ground[0], view.recursion.means(view.touch.ground))
+    return means[:, [AXES[name[-1]] for name in names]]
+
+
+def momentum(view: View, names: Sequence[str]) -> Floats:
+    """Change of the chain's momentum over each step, less all other forces."""
+    (name,), part, c = names, view.part, view.chain
+    damped = view.recursion.means(across(c)[0].sum(1))
+    gained = np.diff(chain_momentum(view), axis=0) / part.h[:, None]
+    others = sum(pulls(c)) - c.n * c.mass * c.gravity * UP + damped
+    forces = [(f"{wheel}.force", -1.0) for wheel in wheel_names(view)] + [("ground.force", 1.0)]
+    sign = 0.0
+    for other, way in forces:
+        for axis, k in AXES.items():
+            if f"{other}.{axis}" == name:
+                sign, column = way, k
+            else:
+                others = others + np.where(np.arange(3) == k, way * part[f"{other}.{axis}"][1:, None], 0.0)
+    return started(np.array(np.nan), sign * (gained - others)[:, column])[:, None]
+
+
+def chain_momentum(view: View) -> Floats:
+    """World (T, 3)."""
+    c = view.chain
+    if isinstance(c, Rigid):
+        return c.mass * c.velocity.sum(1)
+    return np.einsum("ab,tnbi->ti", c.mass_matrix[[0, len(c.mass_matrix) // 2]], c.v)
+
+
+# --- motion along itself ---------------------------------------------------------------------------
+
+
+def attitude(view: View):
+    """Of what carries the wheels: rotation, angular velocity (K + 1, 3); the chassis where there is one."""
+    if "chassis" in view.record.parts:
+        chassis = view.record["chassis"]
+        return turned(chassis.vector("chassis.orientation", "wxyz")), chassis.vector("chassis.angular_velocity")
+    turn = view.chain.turn
+    return type(turn).concatenate([turn] * len(view.part.t)), np.zeros((len(view.part.t), 3))
+
+
+def over_carrier(view: View) -> Floats:
+    """Mean velocity along the chain of its straight runs, over what its sprocket is mounted on (K + 1)."""
+    c = view.chain
+    a, b, va, vb = c.ends
+    _, spin = attitude(view)
+    if view.driven():
+        at, v = view.wheels.centre[:, :1], view.wheels.velocity[:, :1]
+        va, vb = (u - v - np.cross(spin[:, None], x - at) for x, u in ((a, va), (b, vb)))
+    along = (b - a) / np.linalg.norm(b - a, axis=-1, keepdims=True)
+    if c.closed:
+        before, after = np.roll(along, 1, axis=1), np.roll(along, -1, axis=1)
+    else:
+        before, after = (along[:, np.clip(np.arange(c.n) + k, 0, c.n - 1)] for k in (-1, 1))
+    bend = 2.0 * (1.0 - (before * after).sum(-1)) / SPLIT**2
+    weight = 1.0 / (1.0 + bend**2)
+    return (weight * (0.5 * (va + vb) * along).sum(-1)).sum(1) / weight.sum(1)
+
+
+def speed(view: View, names: Sequence[str]) -> Floats:
+    return over_carrier(view)[:, None]
+
+
+def travel(view: View, names: Sequence[str]) -> Floats:
+    return summed(view, over_carrier(view))[:, None]
+
+
+def counted(view: View) -> tuple[Floats, Floats]:
+    """Pins that have passed lines fixed on the vehicle, times the pitch: over its upper and its lower run (K + 1)."""
+    c, (turn, _) = view.chain, attitude(view)
+    matrix = turn.as_matrix()
+    local = np.einsum("tji,tnj->tni", matrix, c.pins - view.wheels.centre[:, :1])
+    places = np.array([wheel["position"] for wheel in view.track["wheels"]])
+    x, z, far, height = local[..., 0], local[..., 2], places[:, 0].min(), places[:, 1].mean()
+    found = []
+    for upper in (True, False):
+        passed = []
+        for line in np.linspace(0.8 * far, 0.2 * far, 12):
+            d, e = x - line, np.roll(x - line, -1, axis=1)
+            here = (d * e <= 0.0) & ((z > height) == upper) & (abs(d - e) < 2.0 * c.pitch)
+            i, t = np.argmax(here, axis=1), np.arange(len(x))
+            phase = np.unwrap(i + d[t, i] / (d[t, i] - e[t, i]), period=c.n)
+            passed.append(c.pitch * (phase[0] - phase))
+        found.append(np.median(passed, axis=0))
+    return found[0], found[1]
+
+
+def passed(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
+    """Between what has passed above and what has passed below."""
+    above, below = counted(view)
+    return np.minimum(above, below)[:, None], np.maximum(above, below)[:, None]
+
+
+def growth_of_travel(view: View, names: Sequence[str]) -> Floats:
+    """The trapezium rule, read the other way: twice the mean speed of a step less the speed at its other end."""
+    mean = np.diff(view.part["travel"]) / view.part.h
+    own = over_carrier(view)
+    return np.concatenate([[np.nan], 2.0 * mean - own[:-1]])[:, None]
+
+
+def slip(view: View, names: Sequence[str]) -> Floats:
+    """Load on each point of the ground times its rearward velocity, over all load."""
+    t = view.touch
+    back = -(t.slide * forward(view)).sum(1)
+    return (back / np.where(t.load > 0.0, t.load, np.inf))[:, None]
+
+
+# --- strains and forces of links -------------------------------------------------------------------
+
+
+def tensions(view: View) -> Floats:
+    """(K + 1, n): from strain, or along the link from the forces of its two pins."""
+    c = view.chain
+    if not isinstance(c, Rigid):
+        return c.tension
+    first, last = pin_pulls(view)
+    return 0.5 * ((first + last) * c.body[..., 0]).sum(-1)
+
+
+def pin_pulls(view: View) -> tuple[Floats, Floats]:
+    """What stretches links (K + 1, n, 3): the force of their first pin, reversed, and that of their last one."""
+    c, forces = view.chain, view.joints
+    load = (view.touch.teeth + across(c)[0])[:, c.second]
+    if not c.closed:
+        load[:, -1] = 0.0
+    return -forces[:, : c.n], load - forces[:, c.second]
+
+
+def link_number(name: str) -> int:
+    return int(re.search(r"\[(\d+)\]", name).group(1)) - 1
+
+
+def tension(view: View, names: Sequence[str]) -> Floats:
+    return tensions(view)[:, [link_number(name) for name in names]]
+
+
+def tension_of_all(view: View, names: Sequence[str]) -> Floats:
+    how = {"tension.min": np.min, "tension.mean": np.mean, "tension.max": np.max}
+    return np.stack([how[name](tensions(view), axis=1) for name in names], axis=1)
+
+
+def carried(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
+    """Between the forces of a link's two pins along it, or as far beyond, while it touches nothing.
+
+    Rims pull the halves of a link apart, and a blow passes through it as a wave.
+    """
+    c = view.chain
+    along = c.ends[1] - c.ends[0]
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    first, last = ((pull * along).sum(-1) for pull in pin_pulls(view))
+    apart = abs(first - last)
+    low, high = np.minimum(first, last) - apart, np.maximum(first, last) + apart
+    low[abs(view.touch.force).max(-1) > 0.0] = np.nan
+    which = [link_number(name) for name in names]
+    return low[:, which], high[:, which]
+
+
+def stresses(view: View) -> Floats:
+    c = view.chain
+    return np.zeros((len(view.part.t), c.n)) if isinstance(c, Rigid) else c.stress
+
+
+def stress(view: View, names: Sequence[str]) -> Floats:
+    return stresses(view)[:, [link_number(name) for name in names]]
+
+
+def stress_of_all(view: View, names: Sequence[str]) -> Floats:
+    return stresses(view).max(1)[:, None]
+
+
+def joint_forces(view: View, names: Sequence[str]) -> Floats:
+    return np.stack([view.joints[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+def joint_places(view: View, names: Sequence[str]) -> Floats:
+    return np.stack([view.chain.pins[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+def joint_ways(view: View, names: Sequence[str]) -> Floats:
+    """Where the rates of the state take the pins from their start."""
+    c, h = view.chain, view.part.h[:, None, None]
+    found = c.pins[:1] + started(np.zeros(c.pins.shape[1:]), np.cumsum(0.5 * h * (c.rates[1:] + c.rates[:-1]), axis=0))
+    return np.stack([found[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+# --- energies --------------------------------------------------------------------------------------
+
+
+def kinetic(view: View, names: Sequence[str]) -> Floats:
+    return view.chain.kinetic[:, None]
+
+
+def strain(view: View, names: Sequence[str]) -> Floats:
+    return (view.chain.strain_energy * np.ones(len(view.part.t)))[:, None]
+
+
+def gravity(view: View, names: Sequence[str]) -> Floats:
+    c = view.chain
+    return (c.mass * c.gravity * (c.height - c.origin[2]).sum(1))[:, None]
+
+
+def stored(view: View, names: Sequence[str]) -> Floats:
+    return view.touch.stored[:, None]
+
+
+def lost(view: View, names: Sequence[str]) -> Floats:
+    """In contacts, across the chain, and in the stretching of cables; what bending loses is left out."""
+    c = view.chain
+    power = view.touch.lost + across(c)[1]
+    if isinstance(c, Cable):
+        x = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
+        rate = np.einsum("p,tnpi,tnpi->tn", np.array([5.0, 8.0, 5.0]) / 18.0, c.slopes(c.e, x), c.slopes(c.v, x))
+        drag = float(view.part.parameters["material.relaxation_time"]) * c.stiffness[0] * rate
+        power = power + c.pitch * (drag * rate).sum(1)
+    return summed(view, power)[:, None]
+
+
+def ledger(view: View, names: Sequence[str]) -> Floats:
+    """What wheels and end loads have put in and is neither stored nor covered.
+
+    A wheel that is elsewhere at the next step than it was moved on to has jumped, under the wrenches of both steps.
+    """
+    part, put_in = view.part, np.zeros(len(view.part.h))
+    for m, wheel in enumerate(wheel_names(view)):
+        wrench = np.hstack([part.vector(f"{wheel}.{what}")[1:] for what in ("force", "torque")])
+        rates = np.hstack([part.given(f"{wheel}.{what}") for what in ("velocity", "angular_velocity")])
+        shift = part.given(f"{wheel}.position")[1:] - view.wheels.centre[1:-1, m]
+        given = turned(part.given(f"{wheel}.orientation", "wxyz"))
+        reached = Rotation.from_rotvec(part.h[:, None] * part.given(f"{wheel}.angular_velocity")) * given
+        jump = np.hstack([shift, (given[1:] * reached[:-1].inv()).as_rotvec()])
+        put_in -= part.h * (wrench * rates).sum(1)
+        put_in[1:] -= (0.5 * (wrench[1:] + wrench[:-1]) * jump).sum(1)
+    held = sum(part[f"energy.{name}"] for name in ("kinetic", "strain", "gravity", "contact", "covered"))
+    found = np.concatenate([[0.0], np.cumsum(put_in)]) + part["energy.work"] - (held - held[0])
+    return found[:, None]
+
+
+def covered(view: View, names: Sequence[str]) -> Floats:
+    """What contacts take in less what they lose and what is stored more a moment later."""
+    c, w = view.chain, view.wheels
+    after, before = (touch(c.moved(tau), w.moved(tau), covering=True) for tau in (MOMENT, -MOMENT))
+    now = touch(c, w, covering=True)
+    grown = (after.stored - before.stored) / (2.0 * MOMENT)
+    return summed(view, now.taken - now.lost - grown)[:, None]
+
+
+def pulled(view: View, names: Sequence[str]) -> Floats:
+    """Constant forces times the way of the ends."""
+    c = view.chain
+    first, last = pulls(c)
+    way = c.pins - c.pins[0]
+    return (way[:, 0] @ first + way[:, -1] @ last)[:, None]
+
+
+def deepest(view: View, names: Sequence[str]) -> Floats:
+    return view.touch.depth[:, None]
+
+
+# --- counters --------------------------------------------------------------------------------------
+
+
+def steps(view: View, names: Sequence[str]) -> Floats:
+    """As many as the largest internal step asks for, in runs without a halving."""
+    each = np.ceil(view.part.h / float(view.part.parameters["step"]) - 1e-9)
+    return np.concatenate([[0.0], np.cumsum(each)])[:, None]
+
+
+def stages(view: View, names: Sequence[str]) -> Floats:
+    return 4.0 * view.part["solver.steps"][:, None]
+
+
+def told(view: View) -> bool:
+    """Whether tensions are known: of elements from their strain, of rigid links from accelerations."""
+    return implicit(view) or view.kind != "TrackRigid"
+
+
+def on_wheels(view: View) -> bool:
+    return view.driven()
+
+
+def implicit(view: View) -> bool:
+    """Whether impulses come of forces by the recursion: one implicit internal step a communication step."""
+    p = view.part.parameters
+    return p["integrator"] == "generalized_alpha" and bool((view.part.h < 1.001 * float(p["step"])).all())
+
+
+def implicit_on_wheels(view: View) -> bool:
+    return implicit(view) and view.driven()
+
+
+def explicit(view: View) -> bool:
+    return view.part.parameters["integrator"] == "runge_kutta"
+
+
+def undamped(view: View) -> bool:
+    """On wheels; what damps pins across is known at instants alone, and by the recursion."""
+    return view.driven() and (implicit(view) or not view.track["transverse_damping"])
+
+
+def in_free_air(view: View) -> bool:
+    return not view.driven()
+
+
+def on_a_vehicle(view: View) -> bool:
+    return "chassis" in view.record.parts
+
+
+def strained(view: View) -> bool:
+    return implicit_on_wheels(view) and view.kind != "TrackRigid"
+
+
+WHEEL = r"(sprocket|road_wheel\[\d+\]|idler)"
+
+CHECKS = (
+    Check(WHEEL + r"\.force\.[xyz]", "contact laws", wrenches, 1e-3, 0.2, applies=implicit_on_wheels),
+    Check(WHEEL + r"\.torque\.[xyz]", "contact laws", wrenches, 1e-3, 0.05, applies=implicit_on_wheels),
+    Check(WHEEL + r"\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=undamped),
+    Check(r"ground\.force\.[xyz]", "contact laws", ground, 1e-3, 2.0, applies=implicit),
+    Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=on_a_vehicle),
+    Check("travel", "straight runs over the carrier, summed", travel, 5e-3, 1e-4),
+    Check("travel", "pins that have passed, counted", passed, 0.02, 2e-3, applies=on_a_vehicle),
+    Check("speed", "straight runs over the carrier", speed, 5e-3, 1e-3),
+    Check("speed", "growth of travel", growth_of_travel, 0.01, 1e-3, balance=True),
+    Check("slip", "points on the ground against the present heading", slip, 1e-3, 1e-5, applies=on_wheels),
+    Check(r"link\[\d+\]\.tension", "strain, or pin forces from motion", tension, 1e-3, 2.0, applies=told),
+    Check(r"link\[\d+\]\.tension", "between what its pins carry", carried, 0.03, 50.0, applies=strained),
+    Check(r"tension\.(min|mean|max)", "of all links", tension_of_all, 1e-3, 2.0, applies=told),
+    Check(r"link\[\d+\]\.stress", "strain at the outer fibre", stress, 1e-4, 1e-2),
+    Check(r"stress\.max", "of all links", stress_of_all, 1e-4, 1e-2),
+    Check(r"joint\[\d+\]\.force\.[xyz]", "motion of the links", joint_forces, 2e-3, 4.0, applies=implicit),
+    Check(r"joint\[\d+\]\.position\.[xyz]", "coordinates", joint_places, 1e-12),
+    Check(r"joint\[\d+\]\.position\.[xyz]", "ways of the pins", joint_ways, 0.0, 1e-3),
+    Check(r"energy\.kinetic", "bodies", kinetic, 1e-9, 1e-9),
+    Check(r"energy\.strain", "own quadrature", strain, 1e-6, 1e-7),
+    Check(r"energy\.gravity", "heights", gravity, 1e-9, 1e-9),
+    Check(r"energy\.contact", "penetrations", stored, 1e-5, 1e-6),
+    Check(r"energy\.dissipated", "laws of friction and damping", lost, 2e-3, 1e-3, applies=implicit_on_wheels),
+    Check(r"energy\.dissipated", "ledger", ledger, 0.03, 2.0, balance=True, applies=on_wheels),
+    Check(r"energy\.dissipated", "ledger", ledger, 0.02, 1e-4, balance=True, applies=in_free_air),
+    Check(r"energy\.covered", "taken in, not stored, not lost", covered, 0.03, 1e-3, applies=implicit_on_wheels),
+    Check(r"energy\.work", "end loads times their way", pulled, 1e-4, 1e-6),
+    Check(r"penetration\.max", "places", deepest, 1e-5, 1e-8),
+    Check(r"solver\.steps", "steps of the given length", steps, 0.0, applies=implicit),
+    Check(r"solver\.evaluations", "four a step", stages, 0.0, balance=True, applies=explicit),
+)  # fmt: skip
