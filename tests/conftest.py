@@ -27,6 +27,11 @@ def build_toy(folder=None, name=None, **config):
     return build_shell(TOY / "toy_fmu.py", {"spare": 3, "start": 0.1, **config}, folder, name, packages=[TOY])
 
 
+def messages(err):
+    """What a command wrote to stderr, without the lines in which it says what it is at."""
+    return "".join(line for line in err.splitlines(True) if not line.startswith("... "))
+
+
 @pytest.fixture(scope="session")
 def toy():
     return build_toy()

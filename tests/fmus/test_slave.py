@@ -490,6 +490,6 @@ def test_fmus_run_one_after_the_other_in_one_process(toy, environment, tmp_path)
     program = [sys.executable, "-c", ONE_BY_ONE, toy, foreign, drive, chain]
     done = subprocess.run(program, env=env, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    first, said, *rest = done.stdout.splitlines()
+    first, said, *rest = (line for line in done.stdout.splitlines() if "compiles the kernels" not in line)
     assert said.startswith("this FMU was built from other sources (000000000000) than the fmus package")
     assert [first, *rest] == ["3", "Failed to instantiate model", "3", "3"], done.stderr

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import messages
 
 from fmus.vehicle import BadInput
 from orchestrator import gallery, picture, rerun, simulate
@@ -41,8 +42,7 @@ def cotrack(capsys, monkeypatch, tmp_path):
         with pytest.raises(SystemExit) as ended:
             main()
         said = capsys.readouterr()
-        messages = "".join(line for line in said.err.splitlines(True) if not line.startswith("... "))
-        return ended.value.code or 0, said.out, messages
+        return ended.value.code or 0, said.out, messages(said.err)
 
     return call
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from conftest import build_toy
+from conftest import build_toy, messages
 
 from orchestrator import rerun, simulate
 from orchestrator.cli import main
@@ -38,7 +38,7 @@ def cotrack(capsys, caplog, monkeypatch, tmp_path):
             status = ended.code or 0
         said, logged = capsys.readouterr(), list(caplog.messages)
         caplog.clear()
-        return status, said.out, [*logged, *said.err.splitlines()]
+        return status, said.out, [*logged, *messages(said.err).splitlines()]
 
     return call
 
