@@ -195,7 +195,7 @@ class Outline:
         self.tip, self.length, self.d = behind + climb * d, climb, d
 
     def press(self, a: Floats, b: Floats) -> tuple[Floats, Floats]:
-        """Depth (p), and the normal in a and b (p, 2), of pins at b >= 0: the nearest of the four pieces decides."""
+        """Depth (p), and the normal in a and b (p, 2), of pins at b >= 0: that of the nearest of the four pieces."""
         x = np.stack([a, b], axis=-1)
         rho = np.linalg.norm(x, axis=-1)
         found = []
@@ -210,7 +210,9 @@ class Outline:
         size = np.linalg.norm(tip, axis=-1)
         beyond = np.arctan2(b, a) >= np.arctan2(self.tip[1], self.tip[0])
         found.append((self.round - size, tip / size[:, None], (climb >= self.length) & ~beyond))
-        found.append((self.top - rho, x / rho[:, None], (climb >= self.length) & beyond))
+        land = (climb >= self.length) & beyond
+        land |= (climb < self.length) & (np.where(climb > 0.0, found[1][0], found[0][0]) > self.top - rho)
+        found.append((self.top - rho, x / rho[:, None], land))
         depth, normal = np.zeros(len(x)), np.zeros((len(x), 2))
         for d, n, here in found:
             depth[here], normal[here] = d[here], n[here]
