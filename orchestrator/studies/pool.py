@@ -65,6 +65,7 @@ def run(
 
 def _in_processes(study: Study, cases: Sequence[Case], left: Sequence[int], workers: int) -> Found:
     name = _name(study)
+    workers = max(1, min(workers, len(left)))
     with _single_threads(), ProcessPool(workers, context=multiprocessing.get_context("spawn")) as pool:
         waiting: dict[Future[Rows], int] = {
             pool.schedule(_attempt, args=(name, cases[k]), timeout=cases[k].limit): k for k in left

@@ -113,7 +113,7 @@ def fails_once(folder) -> list[Row]:
 
 def test_processes_give_the_same_rows():
     wanted = [FAST, Case("0", "bad", raises)]
-    alone, side_by_side = (pool.run(mechanics, wanted, workers) for workers in (1, 2))
+    alone, side_by_side = (pool.run(mechanics, wanted, workers) for workers in (1, 10**400))  # no more than cases
     assert repr(alone) == repr(side_by_side)  # NaN is not itself
 
 
