@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, Protocol
 from fmus.vehicle import BadInput
 
 STUDIES = {
+    "baseline": "kernels, runs and errors of this tree against those of the commit that the baseline names",
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
     "coupling": "orders, energies and largest stable steps of all couplings on two masses",
     "error-runtime": "error against run time of a scene, over steps, integrators and couplings",

@@ -1,0 +1,303 @@
+"""One evaluation of a chain of any kind of link: the one module of the studies that knows the kernels of the tracks.
+
+What goes in and comes out does not depend on how chains are computed: coordinates by what they are (``chain_states``),
+residual and iteration matrix in the order of these, outputs by the names of the ports. Whoever changes the kernels
+changes this module and nothing else, and ``baseline`` says whether the numbers are the same.
+
+Steel's axial forces hide all others. So there are two more variants of a chain: ``bare`` links have neither stiffness
+nor weight, and what is left are contacts and loads on pins; ``soft`` links touch nothing and are of rubber, so that
+stretching, bending, damping, inertia and weight are of one size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.physics.integrate.generalized_alpha import coefficients, slopes
+from fmus.physics.point import sharpen
+from fmus.physics.rigid import augmented
+from fmus.physics.wheels import read_states
+from fmus.ports import STATE, WRENCH
+from fmus.track import HELD, PINNED, PULLED
+from fmus.track_flexible import model as track_flexible
+from fmus.track_flexible.sums import COVERING, POWER
+from fmus.track_rigid import chain as rigid_chain
+from fmus.track_rigid import loads
+from fmus.track_rigid import model as track_rigid
+from orchestrator.studies.chain_states import Completed, Elastic
+
+Floats = NDArray[np.float64]
+
+# Kinds of links: the parameters of the flexible track, None for the rigid one.
+KINDS: dict[str, dict[str, str] | None] = {
+    "cable": {"element": "cable", "elasticity": "small_deformation"},
+    "general": {"element": "cable", "elasticity": "general"},
+    "engineering": {"element": "cable", "elasticity": "engineering"},
+    "planar": {"element": "planar", "elasticity": "small_deformation"},
+    "beam": {"element": "beam", "elasticity": "small_deformation"},
+    "rigid": None,
+}
+STEEL, BARE, SOFT = "steel", "bare", "soft"  # variants
+MATERIAL = {  # of the flexible links of a variant
+    STEEL: {},
+    BARE: {"material.youngs_modulus": 1e-3},
+    SOFT: {"material.youngs_modulus": 2e6, "material.relaxation_time": 1e-3},
+}
+POISSON = 0.3  # of links of another Young's modulus than the vehicle's
+RADIUS = 0.4  # spectral radius of the method that the iteration matrix belongs to
+XZ = (0, 2)
+
+# Where a flexible chain's coordinates stand in those of its pins: field of ``Elastic``, columns, components. A link's
+# own stand in its first pin (``begin``) or in its second one (``end``).
+LAYOUTS: dict[str, tuple[tuple[str, tuple[int, ...], tuple[int, ...]], ...]] = {
+    "cable": (("position", (0, 1, 2), (0, 1, 2)), ("begin", (5, 6), XZ), ("end", (3, 4), XZ), ("sideways", (7,), ())),
+    "planar": (("position", (0, 1), XZ), ("begin", (4, 5), XZ), ("end", (2, 3), XZ)),
+    "beam": (
+        ("position", (0, 1, 2), (0, 1, 2)), ("begin", (12, 13, 14), (0, 1, 2)), ("end", (6, 7, 8), (0, 1, 2)),
+        ("axis", (3, 4, 5), (0, 1, 2)), ("begin_normal", (15, 16, 17), (0, 1, 2)),
+        ("end_normal", (9, 10, 11), (0, 1, 2)),
+    ),
+}  # fmt: skip
+
+
+class Found(NamedTuple):
+    """What an evaluation says, flat arrays."""
+
+    residual: Floats  # N and N m, along the coordinates
+    matrix: Floats  # iteration matrix times a given vector
+    pins: Floats  # rigid links alone: misfit of the pins, m and rad, ...
+    jacobian: Floats  # ... and its derivative times that vector
+    wrenches: Floats  # force and torque on each wheel, world axes, and the ground's force: N and N m
+    powers: Floats  # dissipated, lost as covered parts move, of loads on the ends, W
+    report: Floats  # outputs of the chain, in the order of ``Chain.outputs``
+    links: tuple[Floats, ...]  # tension N, stress Pa, position m and force N of the joints; of steel alone
+
+
+class Chain:
+    """The model of a track, laid out nowhere, that takes any state: ``evaluate`` says what belongs to it."""
+
+    def __init__(
+        self, kind: str, config: Mapping[str, Any], parameters: Mapping[str, Any], variant: str = STEEL
+    ) -> None:
+        own = KINDS[kind]
+        track = dict(config["track"])
+        if variant == BARE:
+            track["gravity"] = 0.0
+        elif variant == SOFT:
+            track |= {"wheels": [], "ground": False}
+        model: Any = _RigidTrack if own is None else _FlexibleTrack
+        self._model = model({"vehicle": _with_poisson(config["vehicle"]), "track": track, "link_outputs": True})
+        known = {port.name: port.start for port in self._model.ports if port.causality == "parameter"}
+        given = {name: value for name, value in parameters.items() if name in known}
+        self._model.initialise(known | given | ({} if own is None else own | MATERIAL[variant]))
+        self.kind, self.variant, self.touches = kind, variant, self._model.contacts is not None
+        outputs = [p for p in self._model.ports if p.causality == "output" and isinstance(p.start, float)]
+        chain = outputs[WRENCH * len(self._model.wheel_list) : len(outputs) - self._model.link_ports]
+        self.outputs, self.units = tuple(p.name for p in chain), tuple(p.unit for p in chain)
+        if own is not None:
+            n, nodes = self._model.links_count, self._model.nodes
+            rows = {"b": np.arange(n), "e": (np.arange(n) + 1) % nodes}
+            self._layout = [
+                (field, np.ix_(rows.get(field[0], np.arange(nodes)), np.array(columns)), axes)
+                for field, columns, axes in LAYOUTS[self._model.element]
+            ]
+        self._evaluate = self._rigid if own is None else self._flexible
+
+    @property
+    def frame(self) -> Floats:
+        """Of the track: its origin in the world, m, cosine and sine of its heading (5)."""
+        return np.array(self._model.frame)
+
+    @property
+    def pitch(self) -> float:
+        """Of the links, m."""
+        return float(self._model.pitch)
+
+    @property
+    def axial(self) -> float:
+        """Axial stiffness of a link, N; 0 of a rigid one."""
+        return 0.0 if self.kind == "rigid" else float(self._model.stiffness)
+
+    @property
+    def modulus(self) -> float:
+        """Young's modulus of the links, Pa; 0 of rigid ones."""
+        return self.axial / float(self._model.vehicle["section"]["area"])
+
+    @property
+    def contact(self) -> float:
+        """The largest contact stiffness, N/m."""
+        laws = self._model.contacts
+        return max(law.k for law in (laws.sprocket, laws.wheel, laws.soil)) if laws is not None else 0.0
+
+    @property
+    def friction_velocity(self) -> float:
+        """The least of the contacts, m/s; infinite where nothing is touched."""
+        laws = self._model.contacts
+        return min(law.v_reg for law in (laws.sprocket, laws.wheel, laws.soil)) if laws is not None else np.inf
+
+    def evaluate(self, state: Completed, step: float, vector: Floats, sharp: bool = False) -> Found:
+        """Residual, iteration matrix of a step of ``step`` s times the ``vector``, and what is shown, of a state.
+
+        ``sharp``: in the sharp branch of friction, after an iteration that had other velocities. ``vector``: numbers
+        between -1 and 1, at least as many as there are coordinates.
+        """
+        m = self._model
+        self._place(state.wheels)
+        return self._evaluate(m, state, slopes(coefficients(RADIUS), step), vector, sharp)
+
+    def _place(self, wheels: Floats) -> None:
+        """The wheels (m, 13) of the track's frame as inputs in the world's, and read by the model."""
+        m = self._model
+        if not m.wheel_list:
+            return
+        c, s = m.frame[3], m.frame[4]
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        u = np.zeros((len(wheels), STATE))
+        u[:, :3] = wheels[:, :3] @ turn.T + m.frame[:3]
+        half = 0.5 * np.arctan2(s, c)
+        w, z = np.cos(half), np.sin(half)
+        a, b, d, e = wheels[:, 3:7].T
+        u[:, 3:7] = np.stack([w * a - z * e, w * b - z * d, w * d + z * b, w * e + z * a], axis=1)
+        u[:, 7:10], u[:, 10:13] = wheels[:, 7:10] @ turn.T, wheels[:, 10:13] @ turn.T
+        read_states(u.ravel(), m.frame, m.rows)
+
+    def _shown(self, m: Any) -> tuple[Floats, Floats, tuple[Floats, ...]]:
+        """Wrenches, report, and what is shown of links, from the ports."""
+        count = WRENCH * len(m.wheel_list)
+        y = np.zeros(count + len(self.outputs))
+        m.outputs(y)
+        parts: tuple[Floats, ...] = ()
+        if self.variant == STEEL:
+            links, n, pins = np.zeros(m.link_ports), m.links_count, 3 * m.nodes
+            m.link_outputs(links)
+            parts = links[:n], links[n : 2 * n], links[2 * n : 2 * n + pins], links[2 * n + pins :]
+        ground = [count + k for k, name in enumerate(self.outputs) if name.startswith("ground.force")]
+        return np.concatenate([y[:count], y[ground]]), y[count:], parts
+
+    # ------------------------------------------------------------ flexible links
+
+    def _flexible(self, m: Any, state: Completed, by: Any, vector: Floats, sharp: bool) -> Found:
+        w, kit = m.work, m.kit
+        w.moved[:] = m.rows
+        self._take(m.q, state.coordinates)
+        self._take(m.v, state.rates)
+        self._take(m.vdot, state.accelerations)
+        system = m.link, m.contacts, m.environment, m.q, m.v, m.vdot, by.v, by.vdot, w, True
+        w.contact.sharp[0] = 0
+        if sharp:
+            sharpen(w.contact)
+            axes = kit.AXES
+            m.v[:, : len(axes)] += state.jump[:, axes]
+            kit.evaluate(*system)
+            self._take(m.v, state.rates)
+        kit.evaluate(*system)
+        x = vector[: m.q.size].reshape(m.q.shape)
+        residual, product = _uncondensed(m, x)
+        m.force[:] = m.mean[:] = w.wrench
+        m.residual[:] = w.R
+        kit.measure(m.link, m.environment, m.q, m.v, w, m.report)
+        m.publish()
+        load = np.sum(m.environment.pull * m.v[[0, -1], : len(kit.AXES)]) if m.ends_kind == PULLED else 0.0
+        none = np.zeros(0)
+        wrenches, report, links = self._shown(m)
+        powers = np.array([w.sums[POWER], w.sums[COVERING], load])
+        return Found(self._flat(residual), self._flat(product), none, none, wrenches, powers, report, links)
+
+    def _take(self, q: Floats, given: Elastic) -> None:
+        """Coordinates, rates or accelerations into those of the pins (nodes, width)."""
+        q[:] = 0.0
+        for field, place, axes in self._layout:
+            values = getattr(given, field)
+            q[place] = values[:, axes] if axes else values[:, None]
+
+    def _flat(self, g: Floats) -> Floats:
+        """What belongs to the coordinates of the pins (nodes, width), in the order of the fields."""
+        return np.concatenate([g[place].ravel() for _, place, _ in self._layout])
+
+    # ------------------------------------------------------------ rigid links
+
+    def _rigid(self, m: Any, state: Completed, by: Any, vector: Floats, sharp: bool) -> Found:
+        s, w, given = m.views, m.work, state.rigid
+        w.rows[:] = m.rows
+        s.q[:, :3], s.q[:, 3:] = given.centre, given.turn
+        s.v[:], s.vdot[:], s.lam[:], w.x[:] = given.velocity, given.acceleration, given.pull, given.increment
+        if not m.closed:
+            ends = m.config["ends"]
+            for k, side in ((0, -1.0), (1, 1.0)):
+                place = ends["first" if k == 0 else "last"] if m.ends_kind == PINNED or k == 0 else [0.0, 0.0]
+                w.ground[k, [0, 2]] = place if m.ends_kind in (PINNED, HELD) else [0.0, 0.0]
+                w.ground[k, 0] += side * m.link.half
+        system = m.link, m.ends, m.environment, m.contacts, s, w, by, True
+        w.contact.sharp[0] = 0
+        if sharp:
+            sharpen(w.contact)
+            n = m.links_count
+            s.v[:, :3] += state.jump[:n]
+            rigid_chain.residual(*system)
+            s.v[:] = given.velocity
+        rigid_chain.residual(*system)
+        y = w.system
+        residual, misfit = y.r.copy(), y.C.copy()
+        x = vector[: s.v.size].reshape(s.v.shape)
+        product = np.einsum("nab,nb->na", y.K, x)
+        augmented.rates(m.link.half, m.ends, y, x)
+        w.impulse[:] = s.F
+        m.publish(1.0)
+        wrenches, report, links = self._shown(m)
+        powers = s.tally[[loads.POWER, loads.COVERING, loads.LOAD_POWER]]
+        parts = residual.ravel(), product.ravel(), misfit.ravel(), y.C.ravel().copy()
+        return Found(*parts, wrenches, powers, report, links)
+
+
+class _FlexibleTrack(track_flexible.Model):
+    """A track that is laid out nowhere."""
+
+    def _start(self, layout: str, spin: float) -> None:
+        pass
+
+
+class _RigidTrack(track_rigid.Model):
+    """A track that is laid out nowhere."""
+
+    def _start(self, layout: str, spin: float) -> None:
+        pass
+
+
+def _with_poisson(vehicle: Mapping[str, Any]) -> dict[str, Any]:
+    """The table of a vehicle; where no Poisson's ratio belongs to its moduli, which beams refuse, with POISSON."""
+    material = dict(vehicle["material"])
+    if not 2.0 <= material["youngs_modulus"] / material["shear_modulus"] < 3.0:
+        material["shear_modulus"] = material["youngs_modulus"] / (2.0 * (1.0 + POISSON))
+    return {**vehicle, "material": material}
+
+
+def _uncondensed(m: Any, x: Floats) -> tuple[Floats, Floats]:
+    """Residual and matrix times ``x`` over all coordinates of the pins (nodes, width), from the condensed ones."""
+    w, at, nodes = m.work, m.kit.LAYOUT, m.nodes
+    i, j = np.arange(m.links_count), (np.arange(m.links_count) + 1) % nodes
+    shared, own = len(at.shared), len(at.own)
+    R = w.R.reshape(m.links_count, -1)
+    place = np.where(2 * np.arange(own) < own, i[:, None], j[:, None]), np.broadcast_to(at.slope, (len(i), own))
+    pins = x[:, at.pin]
+    z = x[place] + np.einsum("nab,nb->na", w.right, np.concatenate([pins[i], pins[j]], axis=1))
+    before, after = np.roll(pins, 1, axis=0), np.roll(pins, -1, axis=0)
+    condensed = sum(np.einsum("nab,nb->na", M, y) for M, y in ((w.A, pins), (w.L, before), (w.U, after)))
+    back = np.linalg.solve(w.inner, z[..., None])[..., 0]  # ``inner`` is an inverse
+    found = []
+    for of_pins, of_links, eliminated in ((w.b, R[:, at.inner], w.own), (condensed, back, z)):
+        taken = np.einsum("nab,nb->na", w.left, eliminated)
+        whole = of_pins.copy()
+        np.add.at(whole, i, taken[:, :shared])
+        np.add.at(whole, j, taken[:, shared:])
+        for end, held in ((0, m.ends_kind in (PINNED, HELD)), (-1, m.ends_kind == PINNED)):
+            if held:  # the ground's
+                whole[end, : m.kit.HELD] = of_pins[end, : m.kit.HELD]
+        g = np.zeros(m.q.shape)
+        g[:, at.pin] = whole
+        np.add.at(g, place, of_links)
+        found.append(g)
+    return found[0], found[1]

@@ -1,0 +1,67 @@
+"""Errors of default runs against the truth of their scene, over windows whose truth takes minutes at most."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from orchestrator.scene import load
+from orchestrator.simulate import simulate
+from orchestrator.truth import ORDER, apart, truth
+
+LINKS = 0.01  # s between outputs per link
+
+
+class Window(NamedTuple):
+    """A scene, from its beginning to ``stop`` s."""
+
+    scene: str
+    track: str
+    stop: float
+    settings: tuple[str, ...] = ()
+    seconds: float = 30.0  # that its truth takes, roughly
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        return f"{self.scene}, {self.track}, {self.stop:g} s"
+
+
+EARLY = ("drive.ramp_start=0.2 s", "drive.ramp_time=2 s")  # no long rest before; no friction beyond that of the ground
+WINDOWS = (
+    Window("straight", "flexible", 2.0, EARLY, 150.0),
+    Window("straight", "rigid", 2.0, EARLY, 60.0),
+    Window("hard_stop", "flexible", 2.0, (), 150.0),
+    Window("hard_stop", "rigid", 2.0, (), 60.0),
+    Window("settle", "flexible", 0.3),
+    Window("settle", "rigid", 0.3),
+    Window("rig", "flexible", 1.0, ("drive.ramp_time=0.5 s",), 60.0),
+    Window("rig", "rigid", 1.0, ("drive.ramp_time=0.5 s",)),
+    Window("sprocket_bench", "flexible", 0.5),
+    Window("sprocket_bench", "rigid", 0.5),
+    Window("hanging_chain", "flexible", 0.3, ("track.start=displaced",)),
+    Window("hanging_chain", "rigid", 0.3, ("track.start=displaced",)),
+    Window("released_chain", "flexible", 0.3),
+    Window("released_chain", "rigid", 0.3),
+)
+
+
+def errors(window: Window) -> dict[str, dict[str, float]]:
+    """Relative error of the default run by observable, and how far the truth itself can be doubted.
+
+    Builds the truth where the cache has none. Raises TruthFailed, BadInput, ComponentFailed or RuntimeError.
+    """
+    scene = load(window.scene, window.track, [f"run.stop={window.stop}", *window.settings])
+    exact = truth(scene)
+    every = max(1, round(LINKS / scene.run.step)) if scene.run.variable is None else scene.run.links
+    scene = scene.model_copy(update={"run": scene.run.model_copy(update={"outputs": 1, "links": every})})
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        path = Path(folder) / "run.mcap"
+        told = simulate(scene, path)
+        if told["status"] != "ok":
+            raise RuntimeError(f"{window.name}: {told['message']}")
+        off = apart(path, exact.log)
+    between = apart(exact.coarse_log, exact.log)
+    share = 1.0 / (2.0**ORDER - 1.0)
+    return {name: {"error": one.relative, "doubt": share * between[name].relative} for name, one in off.items()}
