@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, Field, ValidationError
 
-from fmus.vehicle import BadInput
+from fmus.vehicle import BadInput, sentence
 from orchestrator.evidence import Evidence, Links, Window, within
 from orchestrator.reader import Log
-from orchestrator.scene import TrackScene, from_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +22,54 @@ WHEELS = ("sprocket", "road_wheel", "idler")
 MARGIN = 0.25  # m round what is drawn
 
 Floats = NDArray[np.float64]
+Number = Annotated[float, Field(ge=-1e6, le=1e6)]
+Size = Annotated[float, Field(gt=0, le=1e6)]
+
+
+class _Start(BaseModel):
+    position: tuple[Number, Number, Number]
+    heading: Number
+
+
+class _Model(BaseModel):
+    model: str
+
+
+class _Chain(BaseModel):
+    pitch: Size
+    face: Annotated[float, Field(ge=0, le=1e6)]
+
+
+class _Sprocket(BaseModel):
+    teeth: Annotated[int, Field(ge=1, le=1000)]
+    outer_radius: Size
+    pin_radius: Size
+
+
+class _RoadWheel(BaseModel):
+    radius: Size
+    z: Number
+
+
+class _Idler(BaseModel):
+    radius: Size
+
+
+class _Vehicle(BaseModel):
+    track: _Chain
+    sprocket: _Sprocket
+    road_wheel: _RoadWheel
+    idler: _Idler
+
+
+class _Scene(BaseModel):
+    """What is drawn of a scene: a log of another version may hold more, or other things."""
+
+    title: str
+    assembly: str
+    track: _Model
+    start: _Start
+    vehicle: _Vehicle
 
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
@@ -35,8 +83,10 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         raise BadInput(f"the picture {output} cannot be written: it is a directory")
     with Log(path) as log:
         run = Evidence(log)
+        if not run.tracks:
+            raise BadInput(f"{path} holds no links to draw")
         run.scene = _scene(run)
-        if not run.tracks or not _drawable(links := run.links(run.tracks[0])):
+        if not _drawable(links := run.links(run.tracks[0])):
             raise BadInput(f"{path} holds no links to draw")
         track = run.tracks[0]
         rows = _rows(links, times)
@@ -60,13 +110,13 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
 
 
 def _scene(run: Evidence) -> dict[str, Any]:
-    """The scene, checked and complete; raises BadInput."""
+    """What is drawn of the scene, checked; raises BadInput."""
     if not run.scene:
         raise BadInput(f"{run.log.path} does not say of which scene it is: there is nothing to draw it by")
-    scene = from_table(run.scene, f"{run.log.path}: scene.json")
-    if not isinstance(scene, TrackScene):
-        raise BadInput(f"{run.log.path} holds no links to draw")
-    return scene.resolved()
+    try:
+        return _Scene.model_validate(run.scene).model_dump()
+    except ValidationError as error:
+        raise BadInput(sentence(error, f"{run.log.path}: scene.json")) from None
 
 
 def _drawable(links: Links) -> bool:

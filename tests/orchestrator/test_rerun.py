@@ -233,3 +233,20 @@ def test_a_scene_or_system_that_cannot_be_is_refused_in_a_sentence(log, tmp_path
         pass
     assert said.replace("99999", str(10**400)[:5]) in str(caught.value)
     assert len(str(caught.value)) < 400
+
+
+def test_a_log_of_another_version_can_be_drawn(log, tmp_path):
+    """With keys that this one does not know, without keys that it wants and the picture does not; no wild numbers."""
+
+    def older(system, scene):
+        scene["vehicle"]["sprocket"]["colour"] = "red"
+        del scene["vehicle"]["material"], scene["run"]
+
+    draw(altered(log, tmp_path / "older.mcap", older), tmp_path / "older.png")
+    for key, value in (("teeth", 10**9), ("outer_radius", "x"), ("pin_radius", float("nan"))):
+
+        def wild(system, scene, key=key, value=value):
+            scene["vehicle"]["sprocket"][key] = value
+
+        with pytest.raises(BadInput, match=rf"scene\.json: vehicle\.sprocket\.{key} = "):
+            draw(altered(log, tmp_path / "wild.mcap", wild), tmp_path / "wild.png")
