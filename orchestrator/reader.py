@@ -510,8 +510,23 @@ def _closing(record: Mapping[str, str]) -> dict:
         "messages": {topic: int(value) for topic, value in by_topic["messages"].items()},
         "sha256": by_topic["sha256"],
         "results": by_topic["result"],
-        "warnings": json.loads(record.get("warnings", "[]")),
+        "warnings": _warnings(record.get("warnings", "[]")),
     }
+
+
+def _warnings(text: str) -> list[dict[str, Any]]:
+    """What components warned of (``warned.Warned``), as recorded; raises one of _DAMAGE."""
+    kinds = {"component": str, "text": str, "time": float, "count": int}
+    found = json.loads(text)
+    if not isinstance(found, list):
+        raise ValueError("warnings are no list")
+    for each in found:
+        if not isinstance(each, dict) or {key: type(value) for key, value in each.items()} != kinds:
+            raise ValueError("a warning is not told as one")
+        if not 0 < each["count"] <= MOST_STEPS:
+            raise ValueError("a warning was not told so often")
+        f"{each['component']}{each['text']}".encode()  # half a surrogate pair is JSON, but no text
+    return found
 
 
 def _owner(topic: str) -> str:

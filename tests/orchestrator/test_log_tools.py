@@ -1,4 +1,5 @@
 import csv
+import json
 import shutil
 import struct
 import tempfile
@@ -259,6 +260,26 @@ def test_results_of_the_closing_record_are_kept(tmp_path):
         inputs, outputs = saved.sequence("/a/in"), saved.sequence("/b/out")
         assert 40 < len(inputs) < 60
         assert np.array_equal(inputs + 1, outputs[1:]), "steps round the gap are whole"
+
+
+WARNED = {"component": "a", "text": "x", "time": 0.0, "count": 1}
+
+
+@pytest.mark.parametrize(
+    "told",
+    [7, {}, [7], [{}], ["x"], "[" * 5000, "9" * 5000, "", [WARNED | {"count": -1}], [WARNED | {"count": 10**400}],
+     [WARNED | {"time": None}], [WARNED | {"text": "\udcff"}], [WARNED | {"component": []}], [WARNED | {"more": 1}]],
+)  # fmt: skip
+def test_warnings_that_are_none_damage_their_record(small, tmp_path, told):
+    content = Content(small)
+    content.metadata["closing"]["warnings"] = json.dumps([WARNED])
+    with Log(content.write(tmp_path / "good.mcap")) as log:
+        assert log.closing["warnings"] == [WARNED]
+    content.metadata["closing"]["warnings"] = told if isinstance(told, str) else json.dumps(told)
+    path = content.write(tmp_path / "bad.mcap")
+    assert "is cut off or damaged" in verify(path).sentences[0]
+    assert info(path).warnings == []
+    assert recover(path, tmp_path / "saved.mcap").code == RECOVERED
 
 
 def test_a_recovery_that_fails_leaves_what_was_there(small, tmp_path):
