@@ -549,3 +549,6 @@ def test_a_killed_run_leaves_a_log_that_can_be_saved(tmp_path, environment):
     saved = tmp_path / "saved.mcap"
     assert recover(log, saved).code == RECOVERED
     assert verify(saved).code == WHOLE
+    with rerun.opened(saved, "chain", None) as again:
+        verdict = again.verify()
+    assert verdict.equal, verdict.sentence

@@ -16,6 +16,7 @@ from orchestrator.evidence import Evidence
 from orchestrator.log_tools import WHOLE, verify
 from orchestrator.picture import draw
 from orchestrator.reader import Log, LogUnreadable
+from orchestrator.recorder import Recorder
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.system import assemble
@@ -250,3 +251,19 @@ def test_a_log_of_another_version_can_be_drawn(log, tmp_path):
 
         with pytest.raises(BadInput, match=rf"scene\.json: vehicle\.sprocket\.{key} = "):
             draw(altered(log, tmp_path / "wild.mcap", wild), tmp_path / "wild.png")
+
+
+def test_a_run_that_blew_up_is_compared_in_silence(log, tmp_path, recwarn):
+    with Log(log) as whole:
+        topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in whole.topics.items()}
+        attachments = {name: whole.attachment(name) for name in whole.attachments}
+        with Recorder(tmp_path / "blown.mcap", topics, attachments, whole.metadata) as recorder:
+            for topic in topics:
+                series = whole.read(topic)
+                for k, sequence in enumerate(whole.sequence(topic).tolist()):
+                    recorder.write(topic, sequence, series.t[k], series.h[k], series.values[k] * 1e200 * k)
+            recorder.close("failed", "blown up", 20)
+        with Log(tmp_path / "blown.mcap") as blown:
+            apart = differences(Evidence(blown), Evidence(whole))
+    assert apart["tension"].relative > 1e100
+    assert not [each for each in recwarn if issubclass(each.category, RuntimeWarning)]
