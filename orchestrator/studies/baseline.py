@@ -244,8 +244,12 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
     for row in rows:
         points = [(t, ratio) for t, ratio in row.series if ratio > 0.0]
         if points:
-            lines.semilogy(*zip(*points, strict=True), linewidth=0.7)
+            lines.plot(*zip(*points, strict=True), linewidth=0.7)
     lines.axhline(FACTOR, color="tab:red", linewidth=1)
+    lines.set_yscale("log")
+    if not lines.lines[1:]:
+        lines.set_ylim(0.01, 10.0 * FACTOR)
+        lines.set_title("equal to the last bit, or no runs")
     lines.set_xlabel("time, s")
     lines.set_ylabel("difference of runs over the growth of one ulp")
     figure.suptitle(title, fontsize=11)
