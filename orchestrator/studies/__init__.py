@@ -16,12 +16,12 @@ from typing import Any, NamedTuple, Protocol
 from fmus.vehicle import BadInput
 
 STUDIES = {
-    "baseline": "kernels, runs and errors of this tree against those of the commit that the baseline names",
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
     "coupling": "orders, energies and largest stable steps of all couplings on two masses",
     "error-runtime": "error against run time of a scene, over steps, integrators and couplings",
     "leaving-out": "what each thing that a scene leaves out saves, at results that do not change",
     "stability": "stiff and extreme cases: what becomes of them, the margin to the limit, and a map",
+    "baseline": "kernels, runs and errors of this tree against those of the commit that the baseline names",
 }
 
 
