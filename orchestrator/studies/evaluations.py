@@ -50,6 +50,8 @@ MATERIAL = {  # of the flexible links of a variant
 POISSON = 0.3  # of links of another Young's modulus than the vehicle's
 RADIUS = 0.4  # spectral radius of the method that the iteration matrix belongs to
 XZ = (0, 2)
+# Of a wheel's position, quaternion, velocity and angular velocity what belongs to a motion in the plane x, z.
+IN_PLANE = np.array([1, 0, 1, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0], dtype=float)
 
 # Where a flexible chain's coordinates stand in those of its pins: field of ``Elastic``, columns, components. A link's
 # own stand in its first pin (``begin``) or in its second one (``end``).
@@ -156,6 +158,8 @@ class Chain:
             return
         c, s = m.frame[3], m.frame[4]
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        if self.kind == "planar":  # such a chain knows no others than wheels that keep its plane
+            wheels = wheels * IN_PLANE
         u = np.zeros((len(wheels), STATE))
         u[:, :3] = wheels[:, :3] @ turn.T + m.frame[:3]
         half = 0.5 * np.arctan2(s, c)
