@@ -26,6 +26,7 @@ from orchestrator.studies.baseline_file import Grown
 Floats = NDArray[np.float64]
 
 EVERY = 0.02  # s
+BEYOND = 0.1  # s
 LEAST = 1e-12  # of the largest value of a signal, beside the growth
 SIGNALS = (
     "chassis.chassis.position.x", "chassis.chassis.position.z", "chassis.pitch", "chassis.chassis.velocity.x",
@@ -59,8 +60,12 @@ RUNS = (
 
 
 def trajectory(pair: Pair, stop: float, settings: Sequence[str] = ()) -> tuple[Floats, Floats]:
-    """Instants (T,) and signals (T, N) of a run; raises RuntimeError when it fails."""
-    scene = load(pair.scene, pair.track, [f"run.stop={stop}", "expect={}", "track.link_outputs=false", *settings])
+    """Instants (T,) and signals (T, N) of a run; raises RuntimeError when it fails.
+
+    A run that is cut short goes on a little: variable steps would end elsewhere where it stops.
+    """
+    longer = stop if stop == pair.stop else stop + BEYOND
+    scene = load(pair.scene, pair.track, [f"run.stop={longer}", "expect={}", "track.link_outputs=false", *settings])
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = Path(folder) / "run.mcap"
         told = simulate(scene, path)
