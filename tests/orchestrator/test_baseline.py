@@ -2,6 +2,7 @@
 
 import copy
 import json
+import subprocess
 import sys
 
 import numpy as np
@@ -326,8 +327,7 @@ def test_this_tree_with_one_contact_force_off_is_not(monkeypatch):
 
 @of_this_tree
 @pytest.mark.study
-def test_the_quick_form_on_this_tree(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(sys, "argv", ["cotrack", "study", "baseline", "--quick", "-o", str(tmp_path)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code, capsys.readouterr().err
+def test_the_quick_form_on_this_tree(environment, tmp_path):
+    command = [sys.executable, "-m", "orchestrator", "study", "baseline", "--quick", "-o", str(tmp_path)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
