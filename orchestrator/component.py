@@ -23,7 +23,7 @@ from urllib.parse import unquote
 import fmpy
 import numpy as np
 from fmpy import calloc, free, read_model_description
-from fmpy.fmi1 import FMICallException, printLogMessage
+from fmpy.fmi1 import printLogMessage
 from fmpy.fmi2 import (
     FMU2Slave,
     fmi2CallbackAllocateMemoryTYPE,
@@ -242,7 +242,9 @@ class Component:
             )
         except Exception as error:
             raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
-        _libraries[library] = self._fmu.dll  # never unloaded: Python modules may hold on to it
+        # without fmpy's wrapper round each call, which costs as much as an exchange
+        self._library = self._fmu.dll
+        _libraries[library] = self._library  # never unloaded: Python modules may hold on to it
         number = next(_numbers)
         _components[number] = self
         self._number = number
@@ -298,17 +300,19 @@ class Component:
             text = text.splitlines()[-1]
         return " ".join(text.split())
 
-    def _call(self, function: Callable[..., Any], *arguments: Any) -> None:
+    def _call(self, function: Callable[..., int], *arguments: Any) -> None:
         if self._handle is None:
             raise ComponentFailed(f"{self.name}: the component is closed")
-        self._messages.clear()
-        try:
-            function(self._handle, *arguments)
-        except FMICallException as error:
-            if error.status >= _FATAL:
+        if self._messages:
+            self._messages.clear()
+        began = perf_counter()
+        status = function(self._handle, *arguments)
+        self.wall_time += perf_counter() - began
+        if status > _WARNING:
+            if status >= _FATAL:
                 self._phase = "lost"
-            sentence = self._complaint() or f"{error.function} failed with FMI status {error.status}"
-            raise ComponentFailed(f"{self.name}: {sentence}") from None
+            sentence = self._complaint() or f"{function.__name__} failed with FMI status {status}"
+            raise ComponentFailed(f"{self.name}: {sentence}")
 
     # -------------------------------------------------------------- life
 
@@ -317,13 +321,13 @@ class Component:
     ) -> None:
         """Set parameters, run the initialisation with the inputs in ``u``, and read all outputs."""
         if self._phase != "instantiated":
-            self._call(self._fmu.fmi2Reset)
+            self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
             self._warnings.clear()
         self._time = start
         for name, value in parameters.items():
             self._set_parameter(name, value)
-        fmu = self._fmu
+        fmu = self._library
         self._call(
             fmu.fmi2SetupExperiment, False, 0.0, start, stop is not None, 0.0 if stop is None else stop
         )
@@ -344,7 +348,7 @@ class Component:
         variable = self._variables[name]
         kind = variable.type
         reference = (c_uint * 1)(variable.valueReference)
-        fmu = self._fmu
+        fmu = self._library
         if kind == "Real" and isinstance(value, int | float) and not isinstance(value, bool):
             self._call(fmu.fmi2SetReal, reference, 1, (c_double * 1)(value))
         elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
@@ -359,34 +363,28 @@ class Component:
     def write(self) -> None:
         """``u`` goes into the FMU."""
         if self.inputs:
-            began = perf_counter()
-            self._call(self._fmu.fmi2SetReal, *self._u)
-            self.wall_time += perf_counter() - began
+            self._call(self._library.fmi2SetReal, *self._u)
 
     def step(self, t: float, h: float) -> None:
         """From t to t + h, both in s."""
         self._time = t
-        began = perf_counter()
-        self._call(self._fmu.fmi2DoStep, t, h, not self._states)
-        self.wall_time += perf_counter() - began
+        self._call(self._library.fmi2DoStep, t, h, not self._states)
 
     def read(self) -> None:
         """The Real outputs go into ``y``, but for those of links."""
-        self._get(self._fmu.fmi2GetReal, self._y)
+        self._get(self._library.fmi2GetReal, self._y)
 
     def read_links(self) -> None:
         """The outputs of links go into ``y_links``."""
-        self._get(self._fmu.fmi2GetReal, self._y_links)
+        self._get(self._library.fmi2GetReal, self._y_links)
 
     def read_counters(self) -> None:
         """The Integer outputs go into ``counters``."""
-        self._get(self._fmu.fmi2GetInteger, self._counters)
+        self._get(self._library.fmi2GetInteger, self._counters)
 
     def _get(self, function: Callable[..., Any], group: tuple[Any, int, Any]) -> None:
         if group[1]:
-            began = perf_counter()
             self._call(function, *group)
-            self.wall_time += perf_counter() - began
 
     # -------------------------------------------------------------- state
 
@@ -412,7 +410,7 @@ class Component:
     def free(self, state: State) -> None:
         """Forget a saved state."""
         self._states = [kept for kept in self._states if kept is not state]
-        self._call(self._fmu.fmi2FreeFMUstate, byref(state.handle))
+        self._call(self._library.fmi2FreeFMUstate, byref(state.handle))
 
     def dump(self, state: State) -> bytes:
         """A saved state as bytes, for another process with the same FMU."""
@@ -438,10 +436,10 @@ class Component:
         self.read_counters()
         return self._state(handle)
 
-    def _able(self, capability: str, what: str) -> FMU2Slave:
+    def _able(self, capability: str, what: str) -> Any:
         if not getattr(self.description.coSimulation, capability):
             raise ComponentFailed(f"{self.name}: the FMU cannot {what}")
-        return self._fmu
+        return self._library
 
     # -------------------------------------------------------------- end
 
@@ -455,7 +453,7 @@ class Component:
                     self.free(state)
             if self._phase == "running":
                 with suppress(ComponentFailed):
-                    self._call(self._fmu.fmi2Terminate)
+                    self._call(self._library.fmi2Terminate)
             self._fmu.fmi2FreeInstance(self._handle)
         self._handle = None
         _components.pop(self._number, None)

@@ -12,11 +12,13 @@ when a stage steps. A state that is sent again at every point brings its own cor
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from orchestrator.coupling import held
 from orchestrator.coupling.gauss_seidel import GaussSeidel
 from orchestrator.coupling.held import Outputs
 from orchestrator.coupling.scheme import Saved
-from orchestrator.graph import Feed, Floats, Stages
+from orchestrator.graph import Feed, Floats, Member, Stages
 
 
 class EnergyCorrected(GaussSeidel):
@@ -34,6 +36,10 @@ class EnergyCorrected(GaussSeidel):
             if feed.carries in ("value", "mean") and stage[feed.source.name] >= stage[member.component.name]
         ]
         self.missed: dict[int, Floats] = {}  # s times the unit of the feed, by the feed's identity
+
+    def feeds(self, member: Member) -> Sequence[Feed]:
+        """One by one: each has missed something of its own."""
+        return member.feeds
 
     def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """Extrapolated, with what the feed missed so far."""

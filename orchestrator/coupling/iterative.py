@@ -7,13 +7,15 @@ connection has carried), which also converges where plain repetition does not.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from orchestrator.coupling import held
 from orchestrator.coupling.held import Outputs
 from orchestrator.coupling.scheme import CouplingFailed, Given, needs_states
 from orchestrator.coupling.staged import Staged
-from orchestrator.graph import Feed, Floats, Stages
+from orchestrator.graph import Feed, Floats, Member, Stages
 
 KEPT = 6  # differences of earlier sweeps that the acceleration looks at
 
@@ -48,6 +50,10 @@ class Iterative(Staged):
         }
         self._largest = np.zeros(len(feeds))
         self._guess = np.zeros(int(ends[-1]))
+
+    def feeds(self, member: Member) -> Sequence[Feed]:
+        """One by one: each has a place of its own among the unknowns."""
+        return member.feeds
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """Sweeps until the unknown inputs repeat themselves."""

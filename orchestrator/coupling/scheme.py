@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from time import perf_counter
 from types import TracebackType
 from typing import Any, ClassVar, NamedTuple
 
@@ -11,6 +12,7 @@ from orchestrator.component import ComponentFailed
 from orchestrator.coupling.held import Outputs, Past
 from orchestrator.graph import Feed, Floats, Member, Stages
 
+LONG = 6e-5  # s: a step that is shorter is over before another thread would have begun
 Given = Callable[[Feed], Floats]  # what a feed hands over
 
 
@@ -42,6 +44,7 @@ class Scheme:
         self.past = Past({}, 0.0, 0.0)
         self._threads = threads
         self._pool: ThreadPoolExecutor | None = None
+        self._spent: dict[str, float] = {}  # s, by the last member of each group in its last step
 
     def __enter__(self) -> Scheme:
         width = max(len(group) for group in self.groups())
@@ -73,18 +76,24 @@ class Scheme:
     def step(self, group: Sequence[Member], t: float, h: float) -> None:
         """Members of a group over [t, t + h] at once; the first failure of the group is raised when all have ended."""
         *others, last = group
-        if self._pool is None:
-            for member in group:
+        if self._pool is None or not others or self._spent.get(last.component.name, LONG) < LONG:
+            for member in others:
                 step(member, t, h)
+            self._timed(last, t, h)
             return
         waiting = [self._pool.submit(step, member, t, h) for member in others]
         try:
-            step(last, t, h)
+            self._timed(last, t, h)
         finally:
             failures = [future.exception() for future in waiting]
         for failure in failures:
             if failure is not None:
                 raise failure
+
+    def _timed(self, member: Member, t: float, h: float) -> None:
+        began = perf_counter()
+        step(member, t, h)
+        self._spent[member.component.name] = perf_counter() - began
 
     def save(self) -> Saved:
         """The communication point, to be restored or freed."""

@@ -1,12 +1,14 @@
 """The master and ``tracks_first`` on two masses, split at their spring, solved exactly on each side."""
 
 import math
+import time
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from orchestrator.component import ComponentFailed
+from orchestrator.coupling.scheme import LONG
 from orchestrator.coupling.tracks_first import TracksFirst
 from orchestrator.graph import Connection, Instance, System, wire
 from orchestrator.master import Clock, run
@@ -191,7 +193,7 @@ def test_an_interruption_ends_between_steps():
 
 
 class Sleeper:
-    """Steps only when its twin is stepping too."""
+    """Steps only when its twin is stepping too, and long enough for threads to pay."""
 
     inputs, outputs = (), ()
 
@@ -205,6 +207,7 @@ class Sleeper:
 
     def step(self, t, h):
         self.barrier.wait(timeout=5.0)
+        time.sleep(10 * LONG)
         if self.failing:
             raise ComponentFailed(f"{self.name}: failed")
         self.done += 1
