@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import inspect
 import logging
 import pickle
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +25,15 @@ import llvmlite
 import numba
 import numpy
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.codegen import CPUCodeLibrary
 from numba.core.serialize import dumps
+from numba.extending import overload
 
 from fmus.cache import cache_folder, keep, kept, own, spared
 
 COMPILED = logging.getLogger("cotrack.kernels")  # is told of each kernel that has to be compiled
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
+OURS, OWN = "_ZN4fmus", ".own"  # begins the names of our functions as LLVM knows them; ends those of a kernel's copies
 # numba's settings that make other machine code of the same source
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
 
@@ -73,10 +77,13 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _locate(module: str) -> Path | None:
-    """The source of a module of a package that is loaded, without importing it."""
+def _locate(module: str, beside: Path) -> Path | None:
+    """The source of a module, without importing it: in the folder ``beside``, or where its package was loaded from.
+
+    In a tool that deletes the FMU that it is done with, the first FMU's package is gone: the kernel's own is there.
+    """
     top, *parts = module.split(".")
-    for root in getattr(sys.modules.get(top), "__path__", ()):
+    for root in (beside / top, *getattr(sys.modules.get(top), "__path__", ())):
         base = Path(root).joinpath(*parts)
         for path in (base / "__init__.py", base.with_name(f"{base.name}.py")):
             if path.is_file():
@@ -88,6 +95,7 @@ def _locate(module: str) -> Path | None:
 def reachable_hash(module: str, path: Path) -> str:
     """Hash of the source at ``path`` and of all it reaches by imports within its own package and ``fmus``."""
     ours = {module.partition(".")[0], "fmus"}
+    beside = path.parents[module.count(".") + (path.name == "__init__.py")]
     found: dict[str, Path] = {module: path}
     todo = [module]
     while todo:
@@ -100,7 +108,7 @@ def reachable_hash(module: str, path: Path) -> str:
                 continue
             for depth in range(1, len(parts) + 1):  # importing a.b.c runs a and a.b too
                 wanted = ".".join(parts[:depth])
-                if wanted not in found and (place := _locate(wanted)) is not None:
+                if wanted not in found and (place := _locate(wanted, beside)) is not None:
                     found[wanted] = place
                     todo.append(wanted)
     digest = hashlib.sha256()
@@ -187,6 +195,34 @@ class _Cache(FunctionCache):
         return any(self._cache_file.files())
 
 
+def whole(optimise: Callable[[Any], None]) -> Callable[[Any], None]:
+    """The last optimisation of a kernel, ``optimise``, with the kernels that it calls as its own.
+
+    What it calls is otherwise visible to others, and LLVM keeps it in its general form: arrays stay tuples in memory
+    and are counted at each call. Internal functions are taken apart: the same operations in the same order, hence the
+    same bits, in 0.6 of the time. They get names of their own, because numba's linker binds names whether internal or
+    not, and a function that was taken apart has other arguments. What counts references keeps its name, by which numba
+    leaves out what cancels. This reaches into numba; where that looks otherwise, it compiles its plain way.
+    """
+
+    @wraps(optimise)
+    def optimised(library: Any) -> None:
+        with suppress(AttributeError):
+            functions = [each for each in library._final_module.functions if not each.is_declaration]
+            if any(OURS in each.name for each in functions):
+                for each in functions:
+                    if each.linkage.name == "linkonce_odr" and not each.name.startswith("NRT_"):
+                        each.linkage = "internal"
+                        each.name = f"{each.name}{OWN}"
+        optimise(library)
+
+    return optimised
+
+
+if hasattr(CPUCodeLibrary, "_optimize_final_module"):
+    CPUCodeLibrary._optimize_final_module = whole(CPUCodeLibrary._optimize_final_module)
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a kernel: no Python objects, no GIL, IEEE division, cached by content.
 
@@ -197,6 +233,32 @@ def kernel(function: Callable[..., Any]) -> Any:
     if compiled is not function:
         compiled._cache = _Cache(function)  # what numba's cache=True does, with our cache
     return compiled
+
+
+OPTIONS = {"error_model": "numpy", "nogil": True}  # as ``kernel``
+
+
+def door(module_of: Callable[[type], Any]) -> Callable[[Callable[..., Any]], Any]:
+    """A stub for its namesakes in several modules: the type of its first argument says in which, ``module_of`` it.
+
+    Kernels call kernels by import; a door chooses when its caller is compiled, so that nothing else is imported or
+    compiled. ``module_of`` imports what it returns by name: the hash of a kernel follows these imports.
+    """
+
+    def decorate(stub: Callable[..., Any]) -> Any:
+        @wraps(stub)
+        def plain(*args: Any) -> Any:
+            return getattr(module_of(type(args[0])), stub.__name__)(*args)
+
+        def chosen(*args: Any) -> Any:
+            namesake = getattr(module_of(args[0].instance_class), stub.__name__)
+            return getattr(namesake, "py_func", namesake)  # the call of a compiled one would cost more than it does
+
+        chosen.__signature__ = inspect.signature(stub)  # type: ignore[attr-defined]
+        overload(plain, jit_options=OPTIONS)(chosen)
+        return plain
+
+    return decorate
 
 
 def compiled_before(function: Any) -> bool:

@@ -3,11 +3,15 @@
 import shutil
 import subprocess
 import sys
+import types
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 
 from fmus import jit
+from fmus.physics.wheels import move
 
 MODULES = {
     "__init__.py": "",
@@ -150,6 +154,19 @@ def test_reachable_sources_follow_every_kind_of_import(tmp_path, monkeypatch, cl
     assert fingerprint() == first
 
 
+def test_a_kernel_is_hashed_with_its_callees_when_its_package_was_loaded_from_elsewhere(parts, monkeypatch):
+    """As in a tool that has deleted the first of its FMUs; the callee counts all the same."""
+    caller = parts / "parts" / "caller.py"
+    monkeypatch.setitem(sys.modules, "parts", types.ModuleType("parts"))
+    hashes = []
+    for folder in (parts / "parts", parts / "gone"):
+        sys.modules["parts"].__path__ = [str(folder)]
+        hashes.append(jit.reachable_hash.__wrapped__("parts.caller", caller))
+    (parts / "parts" / "deep" / "callee.py").write_text("factor = 3\n")
+    hashes.append(jit.reachable_hash.__wrapped__("parts.caller", caller))
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
 def test_source_hash_sees_names_and_contents_of_sources_only(tmp_path):
     (tmp_path / "a.py").write_text("x = 1\n")
     first = jit.source_hash(tmp_path)
@@ -202,3 +219,27 @@ def test_an_fmu_says_before_it_compiles(toy, environment, tmp_path):
     assert "compiles the kernels" in said
     assert set(compiled) == {"kernel"}
     assert again == ""
+
+
+def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
+    """It leans on numba's insides: where they change, kernels become slower and this test fails."""
+    found: list[set[str]] = []
+    plain = jit.CPUCodeLibrary._optimize_final_module.__wrapped__
+
+    def watched(library):
+        defined = [each for each in library._final_module.functions if not each.is_declaration]
+        found.append({(each.linkage.name, each.name.endswith(jit.OWN)) for each in defined if jit.OURS in each.name})
+        plain(library)
+
+    rows = np.random.default_rng(1).normal(size=(7, 15))
+    move(rows, 1e-3, np.zeros_like(rows))  # compiled before
+    moved = []
+    for optimise in (jit.whole(watched), watched):
+        monkeypatch.setattr(jit.CPUCodeLibrary, "_optimize_final_module", optimise)
+        out = np.zeros_like(rows)
+        numba.njit(lambda rows, tau, out: move(rows, tau, out))(rows, 1e-3, out)
+        moved.append(out)
+    ours = [kinds for kinds in found if kinds]
+    assert ours[0] == {("internal", True)}
+    assert ("linkonce_odr", False) in ours[-1]
+    assert np.array_equal(*moved)
