@@ -25,6 +25,11 @@ class StepFailed(RuntimeError):
 MOST_STEPS = 100_000  # internal steps in one communication step: more would look like a process that hangs
 
 
+def finite(values: Floats) -> bool:
+    """Whether all are: one look at their squares, at each where one of those is too large."""
+    return math.isfinite(values.dot(values)) or bool(np.isfinite(values).all())
+
+
 def check_steps(t: float, h: float, longest: float) -> None:
     """Refuse a communication step of ``h`` s at ``t`` that takes too many steps of ``longest`` s."""
     if h / longest > MOST_STEPS:

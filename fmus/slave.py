@@ -37,7 +37,7 @@ from fmus.defaults import check_names, checked, configured
 from fmus.description import document
 from fmus.elsewhere import Elsewhere
 from fmus.jit import compiled_before, source_hash
-from fmus.model import InvalidParameter, Model, StepFailed
+from fmus.model import InvalidParameter, Model, StepFailed, finite
 from fmus.ports import Port
 from fmus.saved import Saved, from_bytes, to_bytes
 
@@ -327,7 +327,7 @@ class Slave(Fmi2Slave):
 
     @staticmethod
     def _check(values: NDArray[np.float64], ports: tuple[Port, ...], when: str) -> None:
-        if not np.isfinite(values).all():
+        if not finite(values):
             first = int(np.flatnonzero(~np.isfinite(values))[0])
             raise StepFailed(f"{ports[first].causality} '{ports[first].name}' is {values[first]} {when}")
 

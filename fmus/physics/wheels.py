@@ -11,6 +11,7 @@ import numpy as np
 from fmus.jit import kernel
 
 WIDTH = 15
+UNIT = 0.1  # by which the length of a quaternion may differ from 1
 
 
 @kernel
@@ -49,9 +50,10 @@ def move(rows, tau, out):
 def read_states(u, frame, rows):
     """Wheel states ``u`` (13 m; world: position, quaternion, velocity, angular velocity) as ``rows`` (m, 15).
 
-    ``frame`` (5): origin of the track's frame in the world, cosine and sine of its heading about z.
+    ``frame`` (5): origin of the track's frame in the world, cosine and sine of its heading about z. Returns the first
+    wheel that has a number that is not finite or a quaternion whose length is not nearly 1, or -1.
     """
-    c, s = frame[3], frame[4]
+    c, s, wrong = frame[3], frame[4], -1
     for k in range(rows.shape[0]):
         a = u[13 * k : 13 * k + 13]
         x, y = a[0] - frame[0], a[1] - frame[1]
@@ -59,11 +61,17 @@ def read_states(u, frame, rows):
         rows[k, 3], rows[k, 4], rows[k, 5] = c * a[7] + s * a[8], c * a[8] - s * a[7], a[9]
         rows[k, 6], rows[k, 7], rows[k, 8] = c * a[10] + s * a[11], c * a[11] - s * a[10], a[12]
         n = np.sqrt(a[3] ** 2 + a[4] ** 2 + a[5] ** 2 + a[6] ** 2)
+        unknown = 0.0  # times a number that is not finite is not a number
+        for m in range(13):
+            unknown += 0.0 * a[m]
+        if wrong < 0 and not abs(n - 1.0 + unknown) < UNIT:
+            wrong = k
         w, i, j, l = a[3] / n, a[4] / n, a[5] / n, a[6] / n
         x, y = 2.0 * (i * j - w * l), 1.0 - 2.0 * (i * i + l * l)  # the body's y axis
         rows[k, 9], rows[k, 10], rows[k, 11] = c * x + s * y, c * y - s * x, 2.0 * (j * l + w * i)
         x, y = 1.0 - 2.0 * (j * j + l * l), 2.0 * (i * j + w * l)  # the body's x axis
         rows[k, 12], rows[k, 13], rows[k, 14] = c * x + s * y, c * y - s * x, 2.0 * (i * l - w * j)
+    return wrong
 
 
 @kernel

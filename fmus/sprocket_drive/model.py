@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.defaults import configured
-from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation
+from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation, finite
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sprocket_drive.dynamics import (
@@ -122,9 +122,9 @@ class Model:
     def step(self, t: float, h: float, u: Floats) -> None:
         """Advance from t to t + h; the state is left as it was when that fails."""
         self._u[:] = u
-        if np.array_equal(u[:STATE], self._unconnected):
+        if u[0] == self._unconnected[0] and np.array_equal(u[:STATE], self._unconnected):
             self._u[:STATE] = self.standing
-        if np.isfinite(self._u).all():
+        if finite(self._u):
             check_orientation(t, "mount", self._u[3:7])
         steps = substeps(self.drive, h)
         if steps > MOST_STEPS:
@@ -132,7 +132,7 @@ class Model:
             raise StepFailed(f"at t = {t:.6g} s {cause}: {steps} internal steps in one of {h:.3g} s")
         state = self.state.copy()
         advance(self.drive, state, t, h, self._u)
-        if not np.all(np.isfinite(state)):
+        if not finite(state):
             bad = [port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value)]
             what = f"input {bad[0]}" if bad else "sprocket's spin"
             raise StepFailed(f"at t = {t:.6g} s the {what} is not finite")
@@ -145,7 +145,7 @@ class Model:
         y[:13] = x[SPROCKET : SPROCKET + 13]
         y[13:19] = x[MOUNT : MOUNT + 6]
         y[19], y[20], y[21] = x[SPEED_NOW], x[ANGLE], x[TORQUE_NOW]
-        y[22], y[23], y[24] = 0.5 * self._inertia * x[RATE] ** 2, x[WORK], x[BRAKED]
+        y[22], y[23], y[24] = 0.5 * self._inertia * (x[RATE] * x[RATE]), x[WORK], x[BRAKED]
         y[25] = x[PORT_WORK]
 
     def link_outputs(self, y: Floats) -> None:
