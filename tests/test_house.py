@@ -126,16 +126,6 @@ def test_an_fmu_needs_few_packages_at_run_time(folder):
     assert {"numpy", "fmus"} <= packages, "the shell was not found"
 
 
-def test_rigid_links_import_no_elements():
-    seen: set[str] = set()
-    reachable("fmus.track_rigid.track_rigid_fmu", seen)
-    assert "fmus.track_rigid.model" in seen
-    assert not [module for module in seen if module.startswith("fmus.physics.ancf")]
-    flexible: set[str] = set()
-    reachable("fmus.track_flexible.track_flexible_fmu", flexible)
-    assert [module for module in flexible if module.startswith("fmus.physics.ancf")], "the check sees nothing"
-
-
 @pytest.mark.parametrize("name", GENERIC)
 def test_generic_modules_import_nothing_of_fmus(name):
     source = (ORCHESTRATOR / name).read_text(encoding="utf-8")

@@ -14,9 +14,10 @@ import numpy as np
 from fmus.chassis.dynamics import ROOT, wheel_offset
 from fmus.contacts import ground_shape, law
 from fmus.jit import kernel
-from fmus.physics.contact.ground import Ground, ground_contact, level
+from fmus.physics.contact.face import touch as press
+from fmus.physics.contact.ground import Ground, ground_face, level
 from fmus.physics.contact.law import Law
-from fmus.physics.point import Scratch, scratch
+from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.start import Start
 
@@ -34,9 +35,7 @@ class Contacts(NamedTuple):
     half_width: np.ndarray  # (n) of their rims, m
     f: np.ndarray  # (6 n + 6) force and torque, in B: on wheels about their centres, then on the hull about O
     sums: np.ndarray  # (5) stored energy J, dissipated power W, force of the ground N, world
-    x: np.ndarray  # (3) a point, and its velocity
-    v: np.ndarray  # (3)
-    s: Scratch
+    memory: Memory
 
 
 def contacts(
@@ -60,27 +59,26 @@ def contacts(
         0.5 * np.kron(bare, [*[wheel["width"]] * count, idler["width"]]),
         z(6 * leaves + 6),
         z(5),
-        z(3),
-        z(3),
-        scratch(),
+        memory(),
     )
 
 
 @kernel
 def _touch(contacts, A, share, at, p, velocity, centre):
     """Contact of a point ``p`` (world, its ``velocity``); its force and torque about ``centre`` go to f[at:at + 6]."""
-    frame, x, v, sums, f = contacts.frame, contacts.x, contacts.v, contacts.sums, contacts.f
+    frame, sums, f = contacts.frame, contacts.sums, contacts.f
     c, s = frame[3], frame[4]
     d0, d1 = p[0] - frame[0], p[1] - frame[1]
-    x[0], x[1], x[2] = c * d0 + s * d1, c * d1 - s * d0, p[2] - frame[2]
-    v[0], v[1], v[2] = c * velocity[0] + s * velocity[1], c * velocity[1] - s * velocity[0], velocity[2]
-    depth, _, stored, power, _ = ground_contact(contacts.law, share, contacts.ground, x, v, contacts.s, False)
+    x = (c * d0 + s * d1, c * d1 - s * d0, p[2] - frame[2])
+    v = (c * velocity[0] + s * velocity[1], c * velocity[1] - s * velocity[0], velocity[2])
+    depth, face = ground_face(contacts.ground, x, v)
     if depth <= 0.0:
         return
-    g = contacts.s.f
+    push = press(contacts.law, share, depth, face, 0.0, False, contacts.memory, 0)
+    g = push.f
     force = (c * g[0] - s * g[1], s * g[0] + c * g[1], g[2])
-    sums[STORED] += stored
-    sums[POWER] += power
+    sums[STORED] += push.energy
+    sums[POWER] += push.power
     put(sums, FORCE, add(vector(sums, FORCE), force))
     torque = cross(add(p, scale(-1.0, centre)), force)
     put(f, at, add(vector(f, at), to_body(A, force)))

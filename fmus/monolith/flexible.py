@@ -8,13 +8,13 @@ from fmus.jit import kernel
 from fmus.model import Floats, InvalidParameter
 from fmus.monolith.chains import Flexible, Place
 from fmus.physics.carrier import carrier
+from fmus.physics.chain.cable_nodes import NODE
+from fmus.physics.chain.sums import COVERING, POWER
 from fmus.physics.chain_speed import chain_speed
 from fmus.track import COVERED, DISSIPATED, TRAVEL, WORK
 from fmus.track_flexible.assembly import measure
 from fmus.track_flexible.explicit import accelerations
 from fmus.track_flexible.model import Model
-from fmus.track_flexible.nodes import NODE
-from fmus.track_flexible.sums import COVERING, POWER
 
 MIRROR = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # of a pin's coordinates in the plane of the track
 

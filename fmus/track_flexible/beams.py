@@ -19,18 +19,17 @@ from fmus.model import Floats
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, energy, mass, react, seen, stiffen
 from fmus.physics.ancf.gauss import WEIGHTS
 from fmus.physics.carrier import carrier
+from fmus.physics.chain.beam_nodes import BEGIN, END, NODE, gather
+from fmus.physics.chain.sums import POWER
+from fmus.physics.chain.touch import roll
 from fmus.physics.chain_speed import chain_speed
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
 from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.pins import pin_loads
-from fmus.track_flexible.sums import POWER, write
-from fmus.track_flexible.touch import touch_beams
+from fmus.track_flexible.sums import write
 from fmus.track_flexible.work import Work, fresh
 
-NODE = 18  # r, r_y; r_x, r_z of the ending link; r_x, r_z of the beginning link
-BEGIN = np.array([0, 12, 3, 15])  # where a beginning link's r, r_x, r_y, r_z lie in its first pin
-END = np.array([0, 6, 3, 9])  # where an ending link's lie in its second pin
 LAYOUT = layout(
     begin=[BEGIN[a] + k for a in range(4) for k in range(3)],
     end=[END[a] + k for a in range(4) for k in range(3)],
@@ -60,15 +59,6 @@ def work(links: int, nodes: int, wheels: int) -> Work:
 
 
 @kernel
-def gather(q, i, j, e):
-    """Element coordinates (8, 3) of the link from pin ``i`` to pin ``j``: the pin of paper (3)."""
-    for a in range(4):
-        for k in range(3):
-            e[a, k] = q[i, BEGIN[a] + k]
-            e[4 + a, k] = q[j, END[a] + k]
-
-
-@kernel
 def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tangent):
     """Residual M vdot + Q - Q_ext of the whole chain, condensed to the pins, into ``w.b``; with ``tangent`` also the
     condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``. Contact sums and wrenches on the wheels at ``w.moved``.
@@ -82,7 +72,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
     mass(c, M)
     weight = c.rho * c.width * c.height * c.l * env.gravity
     if contacts is not None:
-        touch_beams(contacts, links, q, v, w, by_rate, tangent)
+        roll(links, contacts, (q, v), w, w.moved, w.wrench, sums, w.contact, by_rate, tangent)
     for i in range(n):
         j = i + 1 if i + 1 < nodes else 0
         gather(q, i, j, e)
@@ -169,6 +159,14 @@ def axial(links, w):
                 square += (G[0, k] + a * G[1, k] + b * G[2, k]) ** 2
             stress = max(stress, abs(links.young * 0.5 * (square - 1.0)))
     return pull, stress
+
+
+@kernel
+def axials(links, q, w, tension, stress):
+    """Of all links into ``tension`` and ``stress`` (n)."""
+    for i in range(links.count):
+        gather(q, i, i + 1 if i + 1 < q.shape[0] else 0, w.e)
+        tension[i], stress[i] = axial(links, w)
 
 
 @kernel

@@ -19,15 +19,16 @@ from fmus.jit import kernel
 from fmus.model import Floats
 from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.carrier import carrier
+from fmus.physics.chain.cable_nodes import gather
+from fmus.physics.chain.sums import POWER
+from fmus.physics.chain.touch import roll
 from fmus.physics.chain_speed import chain_speed
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
 from fmus.track_flexible.element import end_moments, energy, force, stiffness, tension
 from fmus.track_flexible.inertia import add_kinetic, height, weigh
-from fmus.track_flexible.nodes import gather
 from fmus.track_flexible.pins import pin_loads
-from fmus.track_flexible.sums import POWER, write
-from fmus.track_flexible.touch import touch_links, touch_pins
+from fmus.track_flexible.sums import write
 from fmus.track_flexible.work import Work, fresh
 
 LAYOUT = layout(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10])
@@ -68,7 +69,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
     mass(c, M)
     weight = c.rhoA * c.l * env.gravity
     if contacts is not None:
-        touch_links(contacts, links, q, v, w, by_rate, tangent)
+        roll(links, contacts, (q, v), w, w.moved, w.wrench, sums, w.contact, by_rate, tangent)
     for i in range(n):
         j = i + 1 if i + 1 < nodes else 0
         gather(q, i, j, e)
@@ -94,8 +95,6 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
         if tangent:
             condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
     worst, where = spread(LAYOUT, R, inner, own, b, w.swap)
-    if contacts is not None:
-        touch_pins(contacts, q, v, w, by_rate, tangent)
     pin_loads(links.closed, env, HELD, q, v, w, by_rate, tangent)
     return reduce(LAYOUT, env, HELD, left, own, b, worst, where)
 
@@ -137,6 +136,14 @@ def axial(links, w):
     bend = max(first, second) * links.outer_fibre / links.second_moment
     at = pull / links.area
     return pull, max(abs(at + bend), abs(at - bend))
+
+
+@kernel
+def axials(links, q, w, tension, stress):
+    """Of all links into ``tension`` and ``stress`` (n)."""
+    for i in range(links.count):
+        gather(q, i, i + 1 if i + 1 < q.shape[0] else 0, w.e)
+        tension[i], stress[i] = axial(links, w)
 
 
 @kernel

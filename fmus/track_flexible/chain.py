@@ -9,11 +9,11 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.chain.sums import COVERING, POWER
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
 from fmus.physics.point import sharpen
 from fmus.physics.wheels import move
 from fmus.track_flexible.assembly import correct, evaluate, length, measure
-from fmus.track_flexible.sums import COVERING, POWER
 
 CHORD = 1e-5  # m: below such a correction the iteration matrix is kept
 SLOW = 0.5  # a correction larger than this part of the last one: friction is sharp
@@ -115,7 +115,7 @@ def advance(
         sharp = w.contact.sharp
         sharp[0] = 0
         for _ in range(ITERATIONS):
-            fresh = size > CHORD or sharp[0]  # close to the solution the last matrix serves once more
+            fresh = size > CHORD or sharp[0] == 1  # close to the solution the last matrix serves once more
             worst, where = evaluate(links, contacts, env, q, v, vdot, s.v, s.vdot, w, fresh)
             counters[1] += 1
             if fresh:

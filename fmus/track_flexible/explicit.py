@@ -12,11 +12,11 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.model import Floats
 from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.chain.sums import COVERING, POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 from fmus.track import Environment
 from fmus.track_flexible.assembly import correct, evaluate, kernels, measure
-from fmus.track_flexible.sums import COVERING, POWER
 
 LIMIT = (
     2.4  # step times highest frequency, within the stability region of the method for lightly damped modes

@@ -9,15 +9,15 @@ import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.block_cyclic import solve
+from fmus.physics.chain.cable_nodes import NODE
+from fmus.physics.chain.planar_nodes import NODE as PLANAR_NODE
+from fmus.physics.chain.sums import COVERING, POWER
 from fmus.ports import WRENCH, Port
 from fmus.track import COVERED, DISSIPATED, GROUND, PINNED, TILTED, WORK, TrackModel
 from fmus.track_flexible.assembly import kernels
 from fmus.track_flexible.chain import CHORD, advance, relax
 from fmus.track_flexible.element import ELASTICITIES
 from fmus.track_flexible.explicit import LIMIT, accelerations, factor_mass, march, scratch
-from fmus.track_flexible.nodes import NODE
-from fmus.track_flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.track_flexible.sums import COVERING, POWER
 
 REST = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
@@ -371,9 +371,7 @@ class Model(TrackModel):
 
     def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
         """Per-link arrays from the state; the pin force is the link's own residual at its first pin."""
-        for i in range(self.links_count):
-            self.kit.gather(self.q, i, (i + 1) % self.nodes, self.work.e)
-            tension[i], stress[i] = self.kit.axial(self.link, self.work)
+        self.kit.axials(self.link, self.q, self.work, tension, stress)
         position[:] = self.pins()
         force[:] = 0.0
         force[: self.links_count, self.kit.AXES] = self.residual[:, 0]

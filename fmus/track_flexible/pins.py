@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.track_flexible.sums import POWER
+from fmus.physics.chain.sums import POWER
 
 
 @kernel

@@ -17,14 +17,15 @@ from fmus.model import Floats
 from fmus.physics.ancf.cable import Cable, end_moments, mass
 from fmus.physics.ancf.cable_planar import energy, force, stiffness, strain
 from fmus.physics.carrier import carrier
+from fmus.physics.chain.planar_nodes import flatten, gather
+from fmus.physics.chain.sums import POWER
+from fmus.physics.chain.touch import roll
 from fmus.physics.chain_speed import chain_speed
 from fmus.track_flexible.condensation import clear, condense, layout, reduce, spread
 from fmus.track_flexible.condensation import correct as solved
 from fmus.track_flexible.inertia import add_kinetic, height, weigh
 from fmus.track_flexible.pins import pin_loads
-from fmus.track_flexible.planar_nodes import gather
-from fmus.track_flexible.sums import POWER, write
-from fmus.track_flexible.touch import touch_plane
+from fmus.track_flexible.sums import write
 from fmus.track_flexible.work import Work, fresh
 
 LAYOUT = layout(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5])
@@ -61,7 +62,8 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
     mass(c, M)
     weight = c.rhoA * c.l * env.gravity
     if contacts is not None:
-        touch_plane(contacts, links, q, v, w, by_rate, tangent)
+        flatten(w.moved, w.flat)
+        roll(links, contacts, (q, v), w, w.flat, w.wrench, w.sums, w.contact, by_rate, tangent)
     for i in range(n):
         j = i + 1 if i + 1 < nodes else 0
         gather(q, i, j, e)
@@ -129,6 +131,14 @@ def axial(links, w):
     bending = max(first, second) * links.outer_fibre / links.second_moment
     at = pull / links.area
     return pull, max(abs(at + bending), abs(at - bending))
+
+
+@kernel
+def axials(links, q, w, tension, stress):
+    """Of all links into ``tension`` and ``stress`` (n)."""
+    for i in range(links.count):
+        gather(q, i, i + 1 if i + 1 < q.shape[0] else 0, w.e)
+        tension[i], stress[i] = axial(links, w)
 
 
 @kernel

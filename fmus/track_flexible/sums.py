@@ -1,12 +1,9 @@
-"""Sums of one evaluation of the chain, and the report that is written from them (order: ``fmus.track.REPORT``)."""
+"""The report (order: ``fmus.track.REPORT``) from the sums of an evaluation of the chain."""
 
 from __future__ import annotations
 
 from fmus.jit import kernel
-
-# J stored, W dissipated, W lost as covered parts move, m, N on the ground, N m/s slipping along -x and -y
-CONTACT, POWER, COVERING, DEPTH, LOAD, SLIP, SIDESLIP = range(7)
-SUMS = 7
+from fmus.physics.chain.sums import CONTACT, DEPTH, LOAD, SIDESLIP, SLIP
 
 
 @kernel
@@ -21,11 +18,3 @@ def write(report, sums, speed, heading, tension, energy):
     report[9], report[12] = sums[CONTACT], sums[DEPTH]
     slipping = heading[0] * sums[SLIP] + heading[1] * sums[SIDESLIP]
     report[16] = slipping / sums[LOAD] if sums[LOAD] > 0.0 else 0.0
-
-
-@kernel
-def note(sums, depth, stored, power):
-    """Book a contact."""
-    sums[CONTACT] += stored
-    sums[POWER] += power
-    sums[DEPTH] = max(sums[DEPTH], depth)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.physics.block_cyclic import Factors, workspace
-from fmus.physics.point import Scratch, points, scratch
+from fmus.physics.chain.sums import SUMS
+from fmus.physics.point import Memory, memory, points
 from fmus.track_flexible.condensation import Layout
-from fmus.track_flexible.sums import SUMS
 
 
 class Work(NamedTuple):
@@ -35,15 +35,15 @@ class Work(NamedTuple):
     M: np.ndarray  # (rows, rows)
     S: np.ndarray  # (rows) shape functions
     C: np.ndarray  # (rows) their slopes
-    x: np.ndarray  # (3)
-    u: np.ndarray  # (3)
+    t: np.ndarray  # (3) tangent at a contact point
     moved: np.ndarray  # (wheels, 15) wheels at the time of evaluation
+    flat: np.ndarray  # (wheels, 15) as a planar chain sees them
     touched: np.ndarray  # (links) whether a link touches a wheel or the ground
     load: np.ndarray  # (links, rows, axes) residual of its contacts, where touched
     stiffening: np.ndarray  # (links, rows axes, rows axes) and their iteration matrix
     wrench: np.ndarray  # (wheels + 1, 6) on the wheels, and on the ground
     sums: np.ndarray  # (SUMS)
-    contact: Scratch
+    contact: Memory
 
 
 def fresh(layout: Layout, element: tuple[int, int], links: int, nodes: int, wheels: int) -> Work:
@@ -54,7 +54,7 @@ def fresh(layout: Layout, element: tuple[int, int], links: int, nodes: int, whee
         *(z((nodes, m, m)) for _ in range(3)), workspace(nodes, m), z((nodes, m)),
         z((size, size)), z((links, rows, axes)),
         z((links, n, n)), z((links, n, 2 * m)), z((links, 2 * m, n)), z((links, n)), z(n),
-        *(z((rows, axes)) for _ in range(5)), z((rows, rows)), z(rows), z(rows), z(3), z(3),
-        z((wheels, 15)), z(links, dtype=np.bool_), z((links, rows, axes)), z((links, size, size)),
-        z((wheels + 1, 6)), z(SUMS), scratch(points(wheels, nodes)),
+        *(z((rows, axes)) for _ in range(5)), z((rows, rows)), z(rows), z(rows), z(3),
+        z((wheels, 15)), z((wheels, 15)), z(links, dtype=np.bool_), z((links, rows, axes)), z((links, size, size)),
+        z((wheels + 1, 6)), z(SUMS), memory(points(wheels, nodes)),
     )  # fmt: skip

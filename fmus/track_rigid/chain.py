@@ -18,11 +18,14 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.carrier import carrier
+from fmus.physics.chain.rigid_links import act, lever, rate
+from fmus.physics.chain.touch import roll
 from fmus.physics.chain_speed import chain_speed
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary, slopes
-from fmus.physics.point import Scratch, points, scratch, sharpen
+from fmus.physics.point import Memory, memory, points, sharpen
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import System
+from fmus.physics.vector import add, dot, scale, vector
 from fmus.physics.wheels import WIDTH, move
 from fmus.track_rigid.loads import (
     CONTACT,
@@ -32,22 +35,21 @@ from fmus.track_rigid.loads import (
     DISSIPATED,
     LOAD,
     LOAD_POWER,
+    NOW,
     POWER,
     SIDESLIP,
     SLIP,
     TALLY,
     TRAVEL,
     WORK,
-    lever,
-    push,
 )
-from fmus.track_rigid.touch import touch
 
 GAP = 1e-11  # largest misfit of a pin, m and rad: 1e-12 of the length of a track
 FORCE = (
     1e-6  # largest residual of a link, relative to weight and pull; what is left goes into the accelerations
 )
 ITERATIONS = 15  # of Newton, before a step is given up
+NONE = (0.0,) * 9  # the matrix of a constant force
 SLOW = 0.5  # a new tangent that leaves more than this of it: friction is sharp
 REUSE = 0.1  # keep the tangent while an iteration leaves less than this of the residual
 BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # of the pseudo-transient: backward Euler
@@ -83,7 +85,7 @@ class Work(NamedTuple):
     """Scratch of one chain."""
 
     system: System
-    contact: Scratch
+    contact: Memory
     q0: np.ndarray  # (n, 7), and the state at the beginning of the step
     v0: np.ndarray
     a0: np.ndarray
@@ -95,8 +97,8 @@ class Work(NamedTuple):
     impulse: np.ndarray  # (m + 1, 6) over the communication step
     tally0: np.ndarray
     pins: np.ndarray  # (2, nodes, 3) their positions and velocities
-    point: np.ndarray  # (3, 3): a contact point's position, velocity, lever
-    N: np.ndarray  # (2, 3, 3) its derivative by the link's turning
+    lever: np.ndarray  # (3) of a contact point
+    N: np.ndarray  # (3, 3) its derivative by the link's turning
     ground: np.ndarray  # (2, 7) poses of the bodies that hold the first and the last pin
     still: np.ndarray  # (3, 3) their rotation matrix, ones
 
@@ -133,15 +135,15 @@ def work(n: int, closed: bool, wheels: int) -> Work:
     ground[:, 3] = 1.0
     return Work(
         augmented.system(n, closed),
-        scratch(points(wheels, p)),
+        memory(points(wheels, p)),
         *(z((n, 7)), z((n, 6)), z((n, 6)), z((n, 6)), z((p, 5)), z((wheels + 1, 6)), z((n, 6))),
         *(
             z((wheels, WIDTH)),
             z((wheels + 1, 6)),
             z(TALLY),
             z((2, p, 3)),
+            z(3),
             z((3, 3)),
-            z((2, 3, 3)),
             ground,
             np.eye(3),
         ),
@@ -151,44 +153,43 @@ def work(n: int, closed: bool, wheels: int) -> Work:
 @kernel
 def _across(link, closed, damping, s, w, by_v, tangent):
     """Damping of the pins' velocity across the chain, half on each of a pin's links."""
-    A, r, K, p, N, c = w.system.A, w.system.r, w.system.K, w.point, w.N, w.contact
-    n, t = s.q.shape[0], w.contact.n
+    A, r, K, n = w.system.A, w.system.r, w.system.K, s.q.shape[0]
     for j in range(s.lam.shape[0]):
         before, after = (j - 1 if j > 0 or not closed else n - 1), (j if j < n else -1)
         share = 1.0 if before < 0 or after < 0 else 0.5
-        for a in range(3):
-            t[a] = (A[before, a, 0] if before >= 0 else 0.0) + (A[after, a, 0] if after >= 0 else 0.0)
-        norm2 = t[0] ** 2 + t[1] ** 2 + t[2] ** 2
-        for g in range(2):
-            i = before if g == 0 else after
+        t = (0.0, 0.0, 0.0)
+        for i in (before, after):
+            if i >= 0:
+                t = add(t, (A[i, 0, 0], A[i, 1, 0], A[i, 2, 0]))
+        t = scale(1.0 / np.sqrt(dot(t, t)), t)
+        for i, end in ((before, link.half), (after, -link.half)):
             if i < 0:
                 continue
-            lever(A[i], s.v[i], s.q[i], (1 - 2 * g) * link.half, 0.0, 0.0, p)
-            along = (p[1, 0] * t[0] + p[1, 1] * t[1] + p[1, 2] * t[2]) / norm2
+            u = rate(A[i], s.v[i], end, 0.0, 0.0)
+            f = scale(-damping, add(u, scale(-dot(u, t), t)))
+            c = by_v * damping
+            g = (
+                c * (t[0] * t[0] - 1.0), c * t[0] * t[1], c * t[0] * t[2],
+                c * t[1] * t[0], c * (t[1] * t[1] - 1.0), c * t[1] * t[2],
+                c * t[2] * t[0], c * t[2] * t[1], c * (t[2] * t[2] - 1.0),
+            )  # fmt: skip
             for a in range(3):
-                c.f[a] = -damping * (p[1, a] - along * t[a])
-                s.load[j, a] += share * c.f[a]
-                s.tally[POWER] -= share * c.f[a] * p[1, a]
-                for b in range(3):
-                    c.f_x[a, b] = 0.0
-                    c.f_v[a, b] = -damping * ((1.0 if a == b else 0.0) - t[a] * t[b] / norm2)
-            push(A[i], p[2], share, c, by_v, tangent, N, r[i], K[i])
+                s.load[j, a] += share * f[a]
+            s.tally[POWER] -= share * dot(f, u)
+            act(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.N, r[i], K[i])
 
 
 @kernel
 def _pull(link, ends, env, s, w):
     """Constant forces on the free ends of an open chain."""
-    n, p, c = s.q.shape[0], w.point, w.contact
+    n = s.q.shape[0]
     for end in range(2):
         if ends.first if end == 0 else ends.last:
             continue
-        i = end * (n - 1)
+        i, at, f = end * (n - 1), (2.0 * end - 1.0) * link.half, vector(env.pull[end], 0)
         A = w.system.A[i]
-        lever(A, s.v[i], s.q[i], (2 * end - 1) * link.half, 0.0, 0.0, p)
-        for a in range(3):
-            c.f[a] = env.pull[end, a]
-            s.tally[LOAD_POWER] += c.f[a] * p[1, a]
-        push(A, p[2], 1.0, c, 0.0, False, w.N, w.system.r[i], w.system.K[i])
+        s.tally[LOAD_POWER] += dot(f, rate(A, s.v[i], at, 0.0, 0.0))
+        act(A, lever(A, at, 0.0, 0.0), 1.0, f, NONE, False, w.N, w.system.r[i], w.system.K[i])
 
 
 @kernel
@@ -254,7 +255,7 @@ def _inertia(link, gravity, s, w, by, tangent):
 @kernel
 def residual(link, ends, env, contacts, s, w, by, tangent):
     """Residuals of links and pins into the system, with ``tangent`` also its K; wrenches and the tally."""
-    for k in range(POWER, TALLY):
+    for k in range(NOW, TALLY):
         s.tally[k] = 0.0
     s.F[:] = 0.0
     s.load[:] = 0.0
@@ -262,7 +263,7 @@ def residual(link, ends, env, contacts, s, w, by, tangent):
     augmented.compliance(ends, w.system, s.lam)
     _inertia(link, env.gravity, s, w, by, tangent)
     if contacts is not None:
-        touch(contacts, link, ends.closed, s, w, by.v, tangent)
+        roll(link, contacts, s, w, w.rows, s.F, s.tally[NOW:], w.contact, by.v, tangent)
     if env.transverse > 0.0:
         _across(link, ends.closed, env.transverse, s, w, by.v, tangent)
     if not ends.closed:
@@ -344,7 +345,7 @@ def newton(link, ends, env, contacts, method, h, tolerance, s, w, counters, move
 @kernel
 def _update(s, w, by):
     """Apply the increments of a Newton iteration to everything that hangs on the positions."""
-    y, d = w.system, w.N[0, 0]
+    y, d = w.system, w.lever
     for i in range(s.q.shape[0]):
         body.turn_rate(w.x[i, 3:], y.dx[i, 3:], d)
         for k in range(6):

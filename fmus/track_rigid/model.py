@@ -89,7 +89,7 @@ class Model(TrackModel):
         chain.measure(
             self.link, self.ends, self.environment, self.views, self.work, self.tensions, self.report
         )
-        self.report[GROUND : GROUND + 3] = self.work.impulse[-1, :3] / h
+        self.report[GROUND : GROUND + 3] = -self.work.impulse[-1, :3] / h
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3)."""

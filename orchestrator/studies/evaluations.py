@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.physics.chain.sums import COVERING, POWER
 from fmus.physics.integrate.generalized_alpha import coefficients, slopes
 from fmus.physics.point import sharpen
 from fmus.physics.rigid import augmented
@@ -24,7 +25,6 @@ from fmus.physics.wheels import read_states
 from fmus.ports import STATE, WRENCH
 from fmus.track import HELD, PINNED, PULLED
 from fmus.track_flexible import model as track_flexible
-from fmus.track_flexible.sums import COVERING, POWER
 from fmus.track_rigid import chain as rigid_chain
 from fmus.track_rigid import loads
 from fmus.track_rigid import model as track_rigid

@@ -7,11 +7,11 @@ import pytest
 import test_track_flexible
 import test_track_rigid
 
+from fmus.physics.chain.planar_nodes import flatten
+from fmus.physics.chain.rolling import roll
+from fmus.physics.chain.sums import CONTACT, COVERING, POWER
 from fmus.physics.rigid import body
 from fmus.physics.wheels import move
-from fmus.track_flexible import beam_contacts, contacts, planar_contacts
-from fmus.track_flexible.sums import CONTACT, COVERING, POWER
-from fmus.track_rigid import contacts as rigid_contacts
 from fmus.track_rigid import loads
 
 H = 1e-7  # s, of the difference
@@ -30,12 +30,12 @@ def flexible(element: str):
         w.b[:], w.sums[:], w.wrench[:] = 0.0, 0.0, 0.0
         move(rows, t, w.moved)
         model.q[:] = q + t * model.v
-        system = model.contacts, model.link, model.q, model.v, w, 0.0, False
-        if element == "cable":
-            contacts.touch_links(*system)
-            contacts.touch_pins(model.contacts, *system[2:])
-        else:
-            (beam_contacts.touch if element == "beam" else planar_contacts.touch_plane)(*system)
+        seen = w.moved
+        if element == "planar":
+            seen = w.flat
+            flatten(w.moved, seen)
+        motion = model.q, model.v
+        roll(model.link, model.contacts, motion, w, seen, w.wrench, w.sums, w.contact, 0.0, False)
         into = 0.0
         for i in np.flatnonzero(w.touched):
             model.kit.gather(model.v, i, (i + 1) % model.nodes, w.v)
@@ -60,13 +60,13 @@ def rigid():
     q, rows, turn = s.q.copy(), shoved(model.start_rows, True), np.zeros(6)
 
     def at(t: float):
-        w.system.r[:], s.F[:], s.tally[loads.POWER :] = 0.0, 0.0, 0.0
+        w.system.r[:], s.F[:], s.tally[loads.NOW :] = 0.0, 0.0, 0.0
         move(rows, t, w.rows)
         for i in range(len(q)):
             turn[:] = t * s.v[i]
             body.advance(q[i], turn, s.q[i])
             body.rotation(s.q[i], w.system.A[i])
-        rigid_contacts.touch(model.contacts, model.link, True, s, w, 0.0, False)
+        roll(model.link, model.contacts, s, w, w.rows, s.F, s.tally[loads.NOW :], w.contact, 0.0, False)
         into = np.sum(w.system.r * s.v) - np.sum(s.F[:-1] * rows[:, 3:9])
         return *s.tally[[loads.CONTACT, loads.POWER, loads.COVERING]], into
 

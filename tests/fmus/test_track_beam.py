@@ -12,11 +12,17 @@ from fmus.model import InvalidParameter
 from fmus.physics.ancf import beam as library
 from fmus.physics.ancf import joints, loads, mesh, statics, torsion
 from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.chain.rolling import roll
 from fmus.physics.contact.ground import bumpy
 from fmus.track import DISSIPATED, GRAVITY, KINETIC, STRAIN
-from fmus.track_flexible.beam_contacts import touch
 from fmus.track_flexible.beams import correct, evaluate, gather, massive, measure
 from orchestrator.component import Component
+
+
+def rolled(model, q, v, by_rate: float, tangent: bool, contacts) -> None:
+    w = model.work
+    roll(model.link, contacts, (q, v), w, w.moved, w.wrench, w.sums, w.contact, by_rate, tangent)
+
 
 SOFT = {"material.youngs_modulus": 2e7, "material.relaxation_time": 0.0}
 Y = np.array([0.0, 1.0, 0.0])
@@ -200,7 +206,7 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
 
     def given(ground: int) -> tuple[np.ndarray, np.ndarray]:
         """On the chain: force, and moment about the origin, of all contacts; with them the wheels' in ``w.wrench``."""
-        touch(model.contacts._replace(ground=ground), model.link, model.q, model.v, w, 0.0, False)
+        rolled(model, model.q, model.v, 0.0, False, model.contacts._replace(ground=ground))
         on_links = np.where(w.touched[:, None, None], -w.load, 0.0)
         on_pins, pins = -w.b.reshape(LINKS, 2, 3), model.q.reshape(LINKS, 6, 3)[:, :2]
         force = on_links[:, [0, 4]].sum((0, 1)) + on_pins[:, 0].sum(0)
@@ -240,7 +246,7 @@ def test_the_matrices_of_contacts_are_their_derivatives(rise):
 
     def load(d: np.ndarray) -> np.ndarray:
         w.b[:], w.sums[:], w.wrench[:], w.A[:] = 0.0, 0.0, 0.0, 0.0
-        touch(model.contacts, model.link, q + d, v + by_rate * d, w, by_rate, True)
+        rolled(model, q + d, v + by_rate * d, by_rate, True, model.contacts)
         return scattered(model, np.where(w.touched[:, None, None], w.load, 0.0)) + np.pad(w.b, ((0, 0), (0, 12)))
 
     d, step = rng.standard_normal(q.shape), 1e-8

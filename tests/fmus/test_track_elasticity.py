@@ -13,11 +13,11 @@ from fmus.model import InvalidParameter
 from fmus.physics.ancf import cable_engineering, cable_general, cable_small, joints, loads, mesh, statics
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.chain.cable_nodes import gather
 from fmus.track import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
 from fmus.track_flexible import element
 from fmus.track_flexible.cables import correct, evaluate, measure
 from fmus.track_flexible.element import ELASTICITIES
-from fmus.track_flexible.nodes import gather
 
 LIBRARY = {"small_deformation": cable_small, "general": cable_general, "engineering": cable_engineering}
 SOFT = {"material.youngs_modulus": 2e6, "material.relaxation_time": 0.0}

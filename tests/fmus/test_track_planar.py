@@ -7,12 +7,7 @@ import pytest
 
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import cable, cable_planar
-from fmus.physics.contact import plane
-from fmus.physics.contact.friction import press, touch
 from fmus.physics.contact.ground import bumpy, level
-from fmus.physics.contact.law import Law
-from fmus.physics.contact.teeth import teeth, teeth_contact
-from fmus.physics.point import scratch, sharpen
 from tests.fmus.test_track_flexible import PITCH, at_rest, carrier, hanging, make
 
 XZ = [0, 2]
@@ -60,65 +55,6 @@ def test_the_element_is_the_cable_in_its_plane():
     stiffer = forces(link(1.03), e, v)[1]
     assert not same(stiffer[0], q, 1e-8)
     assert not same(stiffer[1], k, 1e-8)
-
-
-LAW = Law(2e6, 8e3, 0.3, 0.01)
-BY_RATE = 1.5e3
-
-
-def solid_face(angle: float, bend: float, w: np.ndarray) -> plane.Face:
-    return plane.Face(np.sin(angle), np.cos(angle), bend, w[0], w[1], 3.0)
-
-
-def of_solid(face: plane.Face) -> tuple[np.ndarray, ...]:
-    """Normal, its derivative and slip of ``scratch`` from a face in the plane."""
-    n, t = np.array([face.n0, 0.0, face.n2]), np.array([-face.n2, 0.0, face.n0])
-    return n, face.bend * np.outer(t, t), np.array([face.w0, 0.0, face.w2])
-
-
-@pytest.mark.parametrize("depth", [4e-4, 5e-3])
-@pytest.mark.parametrize("own", [0.0, 1.0])
-def test_friction_in_the_plane(depth, own):
-    for _ in range(5):
-        face = solid_face(RANDOM.uniform(-3, 3), RANDOM.uniform(-4, 4), 0.02 * RANDOM.standard_normal(2))
-        s, omega = scratch(), np.array([0.0, face.spin, 0.0])
-        s.n[:], s.n_x[:], s.w[:] = of_solid(face)
-        if own:
-            normal, energy, power, _ = touch(LAW, 0.5, depth, omega, s, True)
-            flat = plane.touch(LAW, 0.5, depth, face, BY_RATE, scratch())
-        else:
-            normal, energy, power, _ = press(LAW, 0.5, depth, 0.07, 0.0, omega, s, True)
-            flat = plane.press(LAW, 0.5, depth, 0.07, 0.0, face, BY_RATE, scratch())
-        G = (s.f_x + BY_RATE * s.f_v)[np.ix_(XZ, XZ)].ravel()
-        assert same((flat.f0, flat.f2), s.f[XZ])
-        assert same((flat.g00, flat.g02, flat.g20, flat.g22), G)
-        assert same((flat.normal, flat.energy, flat.power), (normal, energy, power))
-        if not own:
-            assert same((flat.r0, flat.r2), s.f_rate[XZ])
-        other = plane.press(LAW._replace(mu=0.31), 0.5, depth, 0.07, own, face, BY_RATE, scratch())
-        assert not same((other.f0, other.f2), s.f[XZ], 1e-4), "a twin with another friction"
-
-
-def test_teeth_in_the_plane():
-    profile = teeth(10, PITCH, 0.015, 0.26, 0.002, 0.35, 0.02)
-    row = np.zeros(15)
-    row[[1, 7, 10, 12]] = 0.0, 2.0, 1.0, 1.0
-    found = 0
-    for _ in range(200):
-        angle, rho = RANDOM.uniform(-3, 3), RANDOM.uniform(0.24, 0.28)
-        x, v = rho * np.array([np.cos(angle), 0.0, np.sin(angle)]), np.array([0.3, 0.0, -0.2])
-        s = scratch()
-        depth, _, energy, power, _ = teeth_contact(LAW, 1.0, profile, row, x, v, s, True)
-        flat_depth, face = plane.tooth_face(profile, row, x[0], x[2], v[0], v[2])
-        assert flat_depth == pytest.approx(depth, abs=1e-15)
-        if depth > 1e-6:
-            found += 1
-            flat = plane.touch(LAW, 1.0, flat_depth, face, BY_RATE, scratch())
-            assert same((flat.f0, flat.f2), s.f[XZ], 1e-10)
-            assert same((flat.energy, flat.power), (energy, power), 1e-10)
-            G = (s.f_x + BY_RATE * s.f_v)[np.ix_(XZ, XZ)].ravel()
-            assert same((flat.g00, flat.g02, flat.g20, flat.g22), G, 1e-9)
-    assert found > 50
 
 
 def lifted(model) -> tuple:
@@ -226,20 +162,3 @@ def test_a_bump_has_the_normal_of_the_plane():
         step = 1e-7
         _, m0, m2, _ = level(ground, x - step * n2, z + step * n0)
         assert ((m0 - n0) / step, (m2 - n2) / step) == pytest.approx((-bend * n2, bend * n0), abs=1e-5)
-
-
-def test_sharp_friction_in_the_plane():
-    """The directions that follow the corrections do so alike, iteration by iteration."""
-    s, flat, omega = scratch(), scratch(), np.array([0.0, 3.0, 0.0])
-    sharpen(s)
-    sharpen(flat)
-    for slip in ((0.02, -0.03), (-0.05, 0.01), (0.001, 0.002)):
-        face = solid_face(0.4, 2.0, np.array(slip))
-        s.n[:], s.n_x[:], s.w[:] = of_solid(face)
-        press(LAW, 0.5, 5e-3, 0.07, 0.0, omega, s, True)
-        found = plane.press(LAW, 0.5, 5e-3, 0.07, 0.0, face, BY_RATE, flat)
-        G = (s.f_x + BY_RATE * s.f_v)[np.ix_(XZ, XZ)].ravel()
-        assert same((found.g00, found.g02, found.g20, found.g22), G)
-        own = plane.press(LAW, 0.5, 5e-3, 0.07, 0.0, face, BY_RATE, scratch())
-        assert same((own.f0, own.f2), (found.f0, found.f2)), "the force is what it was"
-        assert not same((own.g00, own.g02, own.g20, own.g22), G, 1e-3), "the twin: its own tangent"

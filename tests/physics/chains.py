@@ -6,12 +6,12 @@ import numpy as np
 
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.chain.cable_nodes import gather
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
 from fmus.physics.rigid.augmented import Ends
 from fmus.track import LOOP, REPORT, Environment
 from fmus.track_flexible import cables, chain
 from fmus.track_flexible import explicit as flexible_explicit
-from fmus.track_flexible.nodes import gather
 from fmus.track_rigid import chain as rigid
 from fmus.track_rigid import explicit as rigid_explicit
 

@@ -7,9 +7,9 @@ import pytest
 from chains import AREA, INTEGRATORS, SECOND, STEEL, Flexible, P, Rigid, line, of_angles, ring
 
 from fmus.physics.ancf import cable
+from fmus.physics.chain.cable_nodes import gather
 from fmus.track_flexible import cables
 from fmus.track_flexible.model import Model as FlexibleModel
-from fmus.track_flexible.nodes import gather
 from fmus.track_rigid.model import Model as RigidModel
 
 G, LINKS = 9.81, 64

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pressed import Pressed, guide, rim, soil, tooth
 
-from fmus.physics.contact.ground import Ground, bumpy, ground_contact, level
-from fmus.physics.contact.guide import guide_contact
+from fmus.physics.contact.ground import Ground, bumpy, level
 from fmus.physics.contact.law import Law
 from fmus.physics.contact.normal import normal
 from fmus.physics.contact.partner import collect, slide
-from fmus.physics.contact.teeth import teeth, teeth_contact
-from fmus.physics.contact.wheel import closing, creeping, reach, wheel_contact
-from fmus.physics.point import scratch, sharpen
+from fmus.physics.contact.teeth import teeth
+from fmus.physics.contact.wheel import closing, creeping, reach
+from fmus.physics.point import sharpen
 from fmus.physics.wheels import WIDTH, move
 
 LAW = Law(2e6, 5e3, 0.3, 0.05)
@@ -31,22 +31,22 @@ def wheel_row(tilt: float = 0.0) -> np.ndarray:
 
 
 def on_ground(x, v, s):
-    return ground_contact(LAW, 0.5, Ground(0.01), x, v, s, True)
+    return soil(LAW, 0.5, Ground(0.01), x, v, s)
 
 
 BUMP = bumpy(0.01, 0.4, 0.5, 0.6, 0.8, 0.3)  # from x = 0.4
 
 
 def on_bump(x, v, s):
-    return ground_contact(LAW, 0.5, BUMP, x, v, s, True)
+    return soil(LAW, 0.5, BUMP, x, v, s)
 
 
 def on_rim(x, v, s):
-    return wheel_contact(LAW, 0.5, 0.305, wheel_row(0.05), x, v, 0.2, s, True)
+    return rim(LAW, 0.5, 0.305, wheel_row(0.05), x, v, 0.2, s)
 
 
 def on_teeth(x, v, s):
-    return teeth_contact(LAW, 1.0, TEETH, wheel_row(0.0), x, v, s, True)
+    return tooth(LAW, 1.0, TEETH, wheel_row(0.0), x, v, s)
 
 
 def at(angle: float, radius: float) -> np.ndarray:
@@ -70,7 +70,7 @@ CASES = [
 
 @pytest.mark.parametrize(("contact", "x"), CASES)
 def test_derivatives_match_finite_differences(contact, x):
-    s, v = scratch(), np.array([0.3, -0.2, 0.4])
+    s, v = Pressed(), np.array([0.3, -0.2, 0.4])
     assert contact(x, v, s)[0] > 0.0
     f_x, f_v = s.f_x.copy(), s.f_v.copy()
     for i in range(3):
@@ -95,13 +95,10 @@ def test_derivatives_match_finite_differences(contact, x):
 @pytest.mark.parametrize(("contact", "x"), CASES)
 def test_power_of_the_force_is_dissipation_and_storage(contact, x):
     """Power taken from the point, relative to the face, = dissipated + growth of the stored energy."""
-    s, v, h = scratch(), np.array([0.3, -0.2, 0.4]), 1e-7
-    _, _, _, power, _ = contact(x, v, s)
-    if contact in (on_ground, on_bump):
-        w = v
-    else:
-        w = np.zeros(3)
-        slide(wheel_row(0.05 if contact is on_rim else 0.0), x, v, w)
+    s, v, h = Pressed(), np.array([0.3, -0.2, 0.4]), 1e-7
+    _, _, _, power = contact(x, v, s)
+    seen = slide(wheel_row(0.05 if contact is on_rim else 0.0), x, v)
+    w = v if contact in (on_ground, on_bump) else np.array(seen)
     taken = -s.f @ w
     grown = (contact(x + h * w, v, s)[2] - contact(x - h * w, v, s)[2]) / (2.0 * h)
     assert power > 0.0
@@ -122,14 +119,14 @@ def passing(start, reach, rng):
 
 
 def guided(x, v, row, s):
-    return guide_contact(LAW, 0.5, 0.01, row, x, v, s, False)
+    return guide(LAW, 0.5, 0.01, row, x, v, s)
 
 
 PASSES = {
-    "ground": (lambda x, v, row, s: ground_contact(LAW, 0.5, Ground(0.01), x, v, s, False), [0.1, 0.2, 0.01], False),
-    "bump": (lambda x, v, row, s: ground_contact(LAW, 0.5, BUMP, x, v, s, False), [0.9, 0.2, 0.2885], False),
-    "rim": (lambda x, v, row, s: wheel_contact(LAW, 0.5, 0.305, row, x, v, 0.2, s, False), [0.32, 0.03, -0.401], True),
-    "teeth": (lambda x, v, row, s: teeth_contact(LAW, 1.0, TEETH, row, x, v, s, False), at(0.02, 0.249), True),
+    "ground": (lambda x, v, row, s: soil(LAW, 0.5, Ground(0.01), x, v, s), [0.1, 0.2, 0.01], False),
+    "bump": (lambda x, v, row, s: soil(LAW, 0.5, BUMP, x, v, s), [0.9, 0.2, 0.2885], False),
+    "rim": (lambda x, v, row, s: rim(LAW, 0.5, 0.305, row, x, v, 0.2, s), [0.32, 0.03, -0.401], True),
+    "teeth": (lambda x, v, row, s: tooth(LAW, 1.0, TEETH, row, x, v, s), at(0.02, 0.249), True),
     "guide": (guided, [0.2, 0.031, -0.3], True),
 }
 
@@ -138,7 +135,7 @@ PASSES = {
 def test_work_on_a_contact_is_stored_and_dissipated(law):
     """Along a random motion in and out, the wheel moving and turning: force times velocity, by Simpson's rule."""
     contact, start, wheel = PASSES[law]
-    path, s, w = passing(np.asarray(start), 8e-3, np.random.default_rng(8)), scratch(), np.zeros(3)
+    path, s = passing(np.asarray(start), 8e-3, np.random.default_rng(8)), Pressed()
     first, row = wheel_row()[None, :], np.zeros((1, WIDTH))
     if wheel:
         first[0, 3:9] = 0.004, -0.003, 0.006, 0.01, 0.03, -0.02
@@ -148,10 +145,10 @@ def test_work_on_a_contact_is_stored_and_dissipated(law):
         x, v = path(i / steps)
         move(first, i / steps, row)
         s.f[:] = 0.0
-        _, _, stored[i], lost[i], _ = contact(x, v, row[0], s)
+        _, _, stored[i], lost[i] = contact(x, v, row[0], s)
         if wheel:
-            slide(row[0], x, v, w)
-        work[i] = -s.f @ (w if wheel else v)
+            v = np.array(slide(row[0], x, v))
+        work[i] = -s.f @ v
     weights = np.full(steps + 1, 2.0)
     weights[1::2], weights[[0, -1]] = 4.0, 1.0
     inside = stored > 0.0
@@ -180,7 +177,7 @@ def test_normal_force_pushes_and_never_pulls():
 
 def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
     """Its rate of sinking in is its centre's velocity towards the face; and the force follows that rate."""
-    row, s = wheel_row(), scratch()
+    row, s = wheel_row(), Pressed()
     row[3:6], row[6:9] = (2.0, 0.0, 0.0), (0.0, 2.0 / 0.305, 0.0)
     side, still = np.array([0.0, 0.0, -1.0]), np.zeros(3)
     assert closing(row, still, side) == 0.0
@@ -189,7 +186,7 @@ def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
     x, v = np.array([0.32, 0.03, -0.4]), np.array([0.3, -0.2, 0.4])
     pair = []
     for rate in (0.3 + 1e-6, 0.3 - 1e-6):
-        wheel_contact(LAW, 0.5, 0.305, row, x, v, rate, s, True)
+        rim(LAW, 0.5, 0.305, row, x, v, rate, s)
         pair.append(s.f.copy())
     np.testing.assert_allclose((pair[0] - pair[1]) / 2e-6, s.f_rate, rtol=1e-6)
 
@@ -197,7 +194,7 @@ def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
 def test_ends_of_a_covered_part_creep_as_links_and_wheels_move():
     """Rates against differences of ``reach``, of links at all angles: the centre may lie beyond their inner face."""
     rng, radius, face, pitch, h = np.random.default_rng(7), 0.355, 0.029, 0.1524, 1e-7
-    row, side, w, seen = wheel_row(0.05), np.zeros(3), np.zeros(3), {True: 0, False: 0}
+    row, seen = wheel_row(0.05), {True: 0, False: 0}
     for _ in range(2000):
         angle, a = rng.uniform(-np.pi, np.pi), np.append(rng.uniform(-0.4, 0.4, 3), 0.0)
         a, (u, v) = a[:3] * [1.0, 0.02, 1.0], rng.standard_normal((2, 3))
@@ -207,15 +204,14 @@ def test_ends_of_a_covered_part_creep_as_links_and_wheels_move():
         def part(tau, a=a, b=b, u=u, v=v):
             moved = np.zeros((1, WIDTH))
             move(row[None], tau, moved)
-            return np.array(reach(moved[0], radius, a + tau * u, b + tau * v, face, side)[:2])
+            return np.array(reach(moved[0], radius, a + tau * u, b + tau * v, face)[0][:2])
 
-        ends = reach(row, radius, a, b, face, side)
+        ends, side = reach(row, radius, a, b, face)
         if not 0.05 < ends[1] - ends[0] < 1.0:
             continue
-        beyond = bool(side @ (a - row[:3]) - face < 0.0)
+        beyond = bool(np.array(side) @ (a - row[:3]) - face < 0.0)
         numeric = (part(h) - part(-h)) / (2.0 * h)
-        part(0.0)
-        found = np.array(creeping(row, (a, u), (b, v), face, side, ends, w))
+        found = np.array(creeping(row, a, b, u, v, face, side, ends))
         assert abs(found - numeric).max() < 1e-5 * max(1.0, abs(numeric).max())
         assert abs(1.03 * found - numeric).max() > 1e-5 * max(1.0, abs(numeric).max())
         seen[beyond] += 1
@@ -227,9 +223,9 @@ def test_shares_of_a_contact_add_up():
     row = wheel_row()
     a, b = np.array([0.22, 0.02, -0.430]), np.array([0.22 + PITCH, 0.02, -0.426])
     a, b = b, a  # rearwards: outward is down
-    s, v, offset, radius = scratch(), np.zeros(3), 0.029, 0.305
+    s, v, offset, radius = Pressed(), np.zeros(3), 0.029, 0.305
     law = Law(2e6, 0.0, 0.0, 0.05)
-    low, high, foot = reach(row, radius, a, b, offset, s.side)
+    (low, high, foot), side = reach(row, radius, a, b, offset)
     t = (b - a) / np.linalg.norm(b - a)
     n = np.cross(t, row[9:12])
 
@@ -237,7 +233,7 @@ def test_shares_of_a_contact_add_up():
         force, moment = np.zeros(3), 0.0
         for p, w in zip(points, weights, strict=True):
             x = a + p * (b - a) - offset * n
-            if wheel_contact(law, w, radius, row, x, v, 0.0, s, True)[0] > 0.0:
+            if rim(law, w, radius, row, x, v, 0.0, s)[0] > 0.0:
                 force += s.f
                 moment += p * s.f[2]
         return force, moment
@@ -246,7 +242,7 @@ def test_shares_of_a_contact_add_up():
     mid, half = (low + high) / 2, (high - low) / 2
     gauss, gauss_moment = total(mid + half * np.array([-1, 1]) / np.sqrt(3), [half, half])
     assert 0.0 <= low < high <= 1.0
-    np.testing.assert_allclose(s.side, n, atol=1e-12)
+    np.testing.assert_allclose(side, n, atol=1e-12)
     assert low < foot < high
     np.testing.assert_allclose(gauss, fine, rtol=6e-3, atol=1.0)
     assert gauss_moment == pytest.approx(fine_moment, rel=6e-3)
@@ -257,13 +253,13 @@ def test_shares_of_a_contact_add_up():
 def depth_at(a: float, b: float) -> float:
     row = np.zeros(WIDTH)
     row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
-    return teeth_contact(LAW, 1.0, TEETH, row, np.array([a, 0.0, -b]), np.zeros(3), scratch(), True)[0]
+    return tooth(LAW, 1.0, TEETH, row, (a, 0.0, -b), (0.0, 0.0, 0.0), Pressed())[0]
 
 
 def test_pins_at_the_pitch_circle_just_touch_their_seats():
     radius = PITCH / (2.0 * np.sin(np.pi / 10))
-    for tooth in range(10):
-        angle = tooth * np.pi / 5
+    for number in range(10):
+        angle = number * np.pi / 5
         assert depth_at(radius * np.cos(angle), radius * np.sin(angle)) == pytest.approx(0.0, abs=1e-12)
         assert depth_at(0.99 * radius * np.cos(angle), 0.99 * radius * np.sin(angle)) == pytest.approx(
             0.01 * radius, rel=1e-3
@@ -286,9 +282,9 @@ def test_a_way_round_in_a_tooth_does_no_work(radius):
     row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
     angle = np.linspace(0.0, 2.0 * np.pi, 4001)
     way = np.stack([0.24 + radius * np.cos(angle), 0.0 * angle, -0.06 - radius * np.sin(angle)], axis=1)
-    forces, energies, s = np.zeros_like(way), np.zeros(len(way)), scratch()
+    forces, energies, s = np.zeros_like(way), np.zeros(len(way)), Pressed()
     for i, x in enumerate(way):
-        depth, _, energies[i], *_ = teeth_contact(elastic, 1.0, TEETH, row, x, np.zeros(3), s, True)
+        depth, _, energies[i], *_ = tooth(elastic, 1.0, TEETH, row, x, np.zeros(3), s)
         forces[i] = s.f if depth > 0.0 else 0.0
     work = np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(way, axis=0))
     assert energies.max() > 500.0
@@ -363,16 +359,16 @@ def test_edges_too_round_for_their_bump_are_refused():
 def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list[float]]:
     """One implicit step of a mass that slides on the ground: its velocity after it, and Newton's corrections."""
     law, mass, h = LAW._replace(v_reg=v_reg), 18.0, 1e-3
-    s, x, before = scratch(), np.array([0.1, 0.2, -0.01]), np.array([0.05, 0.02, 0.0])  # less than a step stops
+    s, x, before = Pressed(), np.array([0.1, 0.2, -0.01]), np.array([0.05, 0.02, 0.0])  # less than a step stops
     v, sizes = before.copy(), []
     if sharp:
-        sharpen(s)
+        sharpen(s.memory)
     while len(sizes) < most and (not sizes or sizes[-1] > 1e-12):
-        ground_contact(law, 1.0, Ground(0.0), x, v, s, True)
+        soil(law, 1.0, Ground(0.0), x, v, s)
         dv = np.linalg.solve(mass / h * np.eye(3) - s.f_v, mass / h * (v - before) - s.f)
         v -= dv
         sizes.append(float(abs(dv).max()))
-    ground_contact(law, 1.0, Ground(0.0), x, v, s, False)
+    soil(law, 1.0, Ground(0.0), x, v, s)
     assert len(sizes) == most or mass / h * (v - before) == pytest.approx(s.f, abs=1e-5)
     return v, sizes
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pressed import Pressed, guide
 
-from fmus.physics.contact.guide import guide_contact
 from fmus.physics.contact.law import Law
-from fmus.physics.point import scratch
 
 LAW = Law(2e6, 5e3, 0.1, 0.05)
 PLAY = 0.01
@@ -27,8 +26,8 @@ def horn(side: float, depth: float = 0.004) -> tuple[np.ndarray, np.ndarray]:
 
 
 def force(x: np.ndarray, v: np.ndarray, clearance: float = PLAY):
-    s = scratch()
-    depth, normal, energy, power, _ = guide_contact(LAW, 0.5, clearance, wheel(), x, v, s, True)
+    s = Pressed()
+    depth, normal, energy, power = guide(LAW, 0.5, clearance, wheel(), x, v, s)
     return s, depth, normal, energy, power
 
 

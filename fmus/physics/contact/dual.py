@@ -18,9 +18,12 @@ from fmus.jit import kernel
 
 
 @kernel
-def followed(s, g, s0, s1, s2):
-    """G p, what the tangent takes for the slip (s0, s1, s2), m/s; p starts at 0 and follows the corrections."""
-    m = s.dual[s.point[0]]
+def followed(memory, point, g, s):
+    """G p, what the tangent takes for the slip ``s`` (3), m/s; p starts at 0 and follows the corrections.
+
+    ``memory`` (see ``fmus.physics.point``) holds what was at this ``point`` in the last iteration.
+    """
+    m, (s0, s1, s2) = memory.dual[point], s
     p0 = p1 = p2 = 0.0
     if m[6] > 0.0:
         along = (m[0] * (s0 - m[0]) + m[1] * (s1 - m[1]) + m[2] * (s2 - m[2])) / m[6]

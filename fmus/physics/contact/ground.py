@@ -13,9 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.contact.friction import touch
-
-STILL = np.zeros(3)
+from fmus.physics.contact.face import NOTHING, Face
 
 
 class Ground(NamedTuple):
@@ -67,21 +65,7 @@ def level(ground, x, z):
 
 
 @kernel
-def ground_contact(law, share, ground, x, v, s, tangent):
-    """Force of the ground (a ``Ground``) on a point at ``x`` (3) with velocity ``v`` (3), into ``s``.
-
-    Returns penetration m (not positive: no contact, nothing written), normal force N, stored energy J,
-    dissipated power W, slip speed m/s.
-    """
-    depth, n0, n2, curvature = level(ground, x[0], x[2])
-    if depth <= 0.0:
-        return depth, 0.0, 0.0, 0.0, 0.0
-    for i in range(3):
-        s.w[i] = v[i]
-        for j in range(3):
-            s.n_x[i, j] = 0.0
-    s.n[0], s.n[1], s.n[2] = n0, 0.0, n2
-    s.n_x[0, 0], s.n_x[2, 2] = curvature * n2 * n2, curvature * n0 * n0
-    s.n_x[0, 2] = s.n_x[2, 0] = -curvature * n0 * n2
-    force, energy, power, slip = touch(law, share, depth, STILL, s, tangent)
-    return depth, force, energy, power, slip
+def ground_face(ground, x, v):
+    """Depth, m, of a point at ``x`` (3) with velocity ``v`` (3) in the ground (a ``Ground``), and the face there."""
+    depth, n0, n2, bend = level(ground, x[0], x[2])
+    return depth, Face((n0, 0.0, n2), (n2, 0.0, -n0), bend, v, NOTHING)

@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.contact.friction import touch
+from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.partner import slide
+from fmus.physics.vector import add, cross, dot, scale, vector
 
 
 class Teeth(NamedTuple):
@@ -94,40 +95,25 @@ def outline(t, a, b, rho):
 
 
 @kernel
-def teeth_contact(law, share, t, row, x, v, s, tangent):
-    """Force of the teeth ``t`` of the sprocket ``row`` on a pin with its centre at ``x`` (3), into ``s``.
-
-    Returns penetration m (not positive: no contact, nothing written), normal force N, stored energy J,
-    dissipated power W, slip speed m/s.
+def tooth_face(t, row, x, v):
+    """Penetration, m, of a pin with its centre at ``x`` (3) and velocity ``v`` (3) into the teeth ``t`` of the sprocket
+    ``row``, and the face there.
     """
-    d0, d1, d2 = x[0] - row[0], x[1] - row[1], x[2] - row[2]
-    along = d0 * row[9] + d1 * row[10] + d2 * row[11]
-    d0, d1, d2 = d0 - along * row[9], d1 - along * row[10], d2 - along * row[11]
-    rho = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+    axis = vector(row, 9)
+    d = add(x, scale(-1.0, vector(row, 0)))
+    d = add(d, scale(-dot(d, axis), axis))
+    rho = np.sqrt(dot(d, d))
     if rho >= t.top or rho == 0.0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0
-    # X turns with the sprocket, T = axis x X is where it turns to
-    x0, x1, x2 = row[12], row[13], row[14]
-    t0 = row[10] * x2 - row[11] * x1
-    t1 = row[11] * x0 - row[9] * x2
-    t2 = row[9] * x1 - row[10] * x0
+        return 0.0, Face(NOTHING, NOTHING, 0.0, NOTHING, NOTHING)
+    X = vector(row, 12)  # turns with the sprocket, T is where it turns to
+    T = cross(axis, X)
     step = 2.0 * np.pi / t.number
-    gap = step * np.round(np.arctan2(d0 * t0 + d1 * t1 + d2 * t2, d0 * x0 + d1 * x1 + d2 * x2) / step)
-    c, sn = np.cos(gap), np.sin(gap)
-    a0, a1, a2 = c * x0 + sn * t0, c * x1 + sn * t1, c * x2 + sn * t2
-    b0, b1, b2 = c * t0 - sn * x0, c * t1 - sn * x1, c * t2 - sn * x2
-    a = d0 * a0 + d1 * a1 + d2 * a2
-    b = d0 * b0 + d1 * b1 + d2 * b2
+    gap = step * np.round(np.arctan2(dot(d, T), dot(d, X)) / step)
+    c, s = np.cos(gap), np.sin(gap)
+    A, B = add(scale(c, X), scale(s, T)), add(scale(c, T), scale(-s, X))  # axes of the gap
+    a, b = dot(d, A), dot(d, B)
     if b < 0.0:
-        b, b0, b1, b2 = -b, -b0, -b1, -b2
+        b, B = -b, scale(-1.0, B)
     depth, na, nb, bend = outline(t, a, b, rho)
-    if depth <= 0.0:
-        return depth, 0.0, 0.0, 0.0, 0.0
-    s.n[0], s.n[1], s.n[2] = na * a0 + nb * b0, na * a1 + nb * b1, na * a2 + nb * b2
-    u = (nb * a0 - na * b0, nb * a1 - na * b1, nb * a2 - na * b2)  # tangent in the plane of the sprocket
-    for i in range(3):
-        for j in range(3):
-            s.n_x[i, j] = bend * u[i] * u[j]
-    slide(row, x, v, s.w)
-    force, energy, power, slip = touch(law, share, depth, row[6:9], s, tangent)
-    return depth, force, energy, power, slip
+    n, u = add(scale(na, A), scale(nb, B)), add(scale(nb, A), scale(-na, B))
+    return depth, Face(n, u, bend, slide(row, x, v), vector(row, 6))

@@ -12,70 +12,52 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.contact.friction import press
+from fmus.physics.contact.face import Face
 from fmus.physics.contact.partner import slide
-from fmus.physics.vector import cross, dot
+from fmus.physics.vector import add, cross, dot, scale, vector
 
 GAUSS = 0.5 / np.sqrt(3.0)  # two-point abscissae 1/2 -+ GAUSS on the unit interval
 
 
 @kernel
-def reach(row, radius, a, b, offset, side):
+def reach(row, radius, a, b, offset):
     """The part of the straight face from pin ``a`` to pin ``b`` (3), moved inwards by ``offset``, inside the rim.
 
-    Works in the plane of the wheel. Returns its two ends as fractions of the link, equal when there is none, and the
-    foot of the perpendicular from the wheel's centre, as a fraction too; ``side`` (3) receives the outward normal.
+    Works in the plane of the wheel. Returns (low, high, foot) and the outward normal of the face: the part's ends as
+    fractions of the link, equal when there is none, and the foot of the perpendicular from the wheel's centre.
     """
-    t0, t1, t2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    along = t0 * row[9] + t1 * row[10] + t2 * row[11]
-    t0, t1, t2 = t0 - along * row[9], t1 - along * row[10], t2 - along * row[11]
-    d0, d1, d2 = row[0] - a[0], row[1] - a[1], row[2] - a[2]
-    length2 = t0 * t0 + t1 * t1 + t2 * t2
-    foot = (d0 * t0 + d1 * t1 + d2 * t2) / length2
-    length = np.sqrt(length2)
-    # outward normal of the link: tangent x lateral axis
-    n0 = (t1 * row[11] - t2 * row[10]) / length
-    n1 = (t2 * row[9] - t0 * row[11]) / length
-    n2 = (t0 * row[10] - t1 * row[9]) / length
-    height = -(d0 * n0 + d1 * n1 + d2 * n2) - offset  # of the face over the wheel's centre
-    side[0], side[1], side[2] = n0, n1, n2
+    axis = vector(row, 9)
+    t = add(b, scale(-1.0, a))
+    t = add(t, scale(-dot(t, axis), axis))
+    d = add(vector(row, 0), scale(-1.0, a))
+    length2 = dot(t, t)
+    foot, length = dot(d, t) / length2, np.sqrt(length2)
+    side = scale(1.0 / length, cross(t, axis))
+    height = -dot(d, side) - offset  # of the face over the wheel's centre
     inside = radius * radius - height * height
-    if inside <= 0.0:
-        return 0.0, 0.0, foot
-    half = np.sqrt(inside) / length
-    low, high = max(foot - half, 0.0), min(foot + half, 1.0)
-    if high <= low:
-        return 0.0, 0.0, foot
-    return low, high, foot
+    half = np.sqrt(max(inside, 0.0)) / length
+    low = max(foot - half, 0.0)
+    high = max(min(foot + half, 1.0), low) if inside > 0.0 else low
+    return (low, high, foot), side
 
 
 @kernel
 def closing(row, u, side):
     """Rate at which a rim sinks into a face with the normal ``side``: ``u`` (3) is the face's velocity at the foot."""
-    return side[0] * (row[3] - u[0]) + side[1] * (row[4] - u[1]) + side[2] * (row[5] - u[2])
+    return dot(side, add(vector(row, 3), scale(-1.0, u)))
 
 
 @kernel
-def wheel_contact(law, share, radius, row, x, v, rate, s, tangent):
-    """Force of the rim, sinking in at ``rate``, on a point at ``x`` (3) with velocity ``v`` (3), into ``s``.
-
-    Returns penetration m (not positive: no contact, nothing written), normal force N, stored energy J,
-    dissipated power W, slip speed m/s.
-    """
-    d0, d1, d2 = x[0] - row[0], x[1] - row[1], x[2] - row[2]
-    along = d0 * row[9] + d1 * row[10] + d2 * row[11]
-    d0, d1, d2 = d0 - along * row[9], d1 - along * row[10], d2 - along * row[11]
-    rho = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-    depth = radius - rho
-    if depth <= 0.0 or rho == 0.0:
-        return min(depth, 0.0), 0.0, 0.0, 0.0, 0.0
-    s.n[0], s.n[1], s.n[2] = d0 / rho, d1 / rho, d2 / rho
-    for i in range(3):
-        for j in range(3):
-            s.n_x[i, j] = ((1.0 if i == j else 0.0) - row[9 + i] * row[9 + j] - s.n[i] * s.n[j]) / rho
-    slide(row, x, v, s.w)
-    force, energy, power, slip = press(law, share, depth, rate, 0.0, row[6:9], s, tangent)
-    return depth, force, energy, power, slip
+def rim_face(row, radius, x, v):
+    """Penetration, m, of a point at ``x`` (3) with velocity ``v`` (3) into the rim, and the face there."""
+    axis = vector(row, 9)
+    d = add(x, scale(-1.0, vector(row, 0)))
+    d = add(d, scale(-dot(d, axis), axis))
+    rho = np.sqrt(dot(d, d))
+    bend = 1.0 / rho if rho > 0.0 else 0.0
+    n = scale(bend, d)
+    depth = radius - rho if rho > 0.0 else 0.0
+    return depth, Face(n, cross(axis, n), bend, slide(row, x, v), vector(row, 6))
 
 
 @kernel
@@ -115,17 +97,17 @@ def creep(height, length, offset, part, first, last):
 
 
 @kernel
-def creeping(row, first, last, offset, side, part, w):
-    """``creep`` in space: position and velocity (3) of the pins, ``side`` (3) of ``reach``; ``w`` (3) is scratch."""
+def creeping(row, a, b, va, vb, offset, side, part):
+    """``creep`` in space: places and velocities (3) of the pins, ``side`` (3) and ``part`` of ``reach``."""
     if part[0] <= 0.0 and part[1] >= 1.0:
         return 0.0, 0.0
-    along = cross(row[9:12], side)
-    length = dot(along, last[0]) - dot(along, first[0])
-    height = dot(side, first[0]) - dot(side, row) - offset
-    slide(row, first[0], first[1], w)
-    a = dot(side, w), dot(along, w)
-    slide(row, last[0], last[1], w)
-    return creep(height, length, offset, part, a, (dot(side, w), dot(along, w)))
+    along = cross(vector(row, 9), side)
+    length = dot(along, b) - dot(along, a)
+    height = dot(side, a) - dot(side, vector(row, 0)) - offset
+    first, last = slide(row, a, va), slide(row, b, vb)
+    return creep(
+        height, length, offset, part, (dot(side, first), dot(along, first)), (dot(side, last), dot(along, last))
+    )
 
 
 @kernel

@@ -1,0 +1,1 @@
+"""Chains of links of any kind: what they touch."""

@@ -1,0 +1,56 @@
+"""Guide horns of links that can leave their plane; the sibling ``unguided`` is for those that cannot."""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.chain.faces import along, count, enter, locate, pin_rates, pins, push
+from fmus.physics.chain.near import middle, reached
+from fmus.physics.chain.sums import COVERING, note
+from fmus.physics.contact.face import touch
+from fmus.physics.contact.guide import HORN, guide_face
+from fmus.physics.contact.partner import collect
+from fmus.physics.contact.wheel import GAUSS, covered, creeping, reach
+from fmus.physics.point import GUIDES, POINTS
+from fmus.physics.vector import dot, vector
+
+
+@kernel
+def guide(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent):
+    """Guide horns on the middle of the inner faces against the discs of all wheels."""
+    for k in range(rows.shape[0]):
+        _discs(links, contacts, x, w, k, rows[k], wrench[k], sums, memory, by_rate, tangent)
+
+
+@kernel
+def _discs(links, contacts, x, w, k, row, wrench, sums, memory, by_rate, tangent):
+    """Those of wheel ``k``."""
+    (n, nodes), law, play = count(links, x), contacts.wheel, contacts.clearance
+    disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
+    far, axis = reached(links, disc), vector(row, 9)
+    for i in range(n):
+        a, b = pins(links, x, w, i)
+        off, square = middle(row, a, b)
+        lean = 0.5 * (dot(b, axis) - dot(a, axis))
+        if square > far or abs(off) + abs(lean) <= play:
+            continue
+        part, side = reach(row, disc, a, b, links.face)
+        low, high, _ = part
+        if high <= low:
+            continue
+        enter(links, x, w, i)
+        va, vb = pin_rates(links, x, w, i)
+        ends = creeping(row, a, b, va, vb, links.face, side, part)
+        share = 0.5 * (high - low)
+        for g in range(2):
+            half = 2.0 * g - 1.0
+            p, v = locate(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), 0.0, -links.face)
+            depth, face = guide_face(row, play, p, v)
+            if depth <= 0.0:
+                continue
+            point = POINTS * (k * nodes + i) + GUIDES + g
+            f = touch(law, share, depth, face, by_rate, tangent, memory, point)
+            note(sums, depth, f.energy, f.power)
+            slope = -dot(face.n, along(links, x, w, i))
+            sums[COVERING] += covered(law, share, depth, slope, part, ends, half)
+            collect(row, p, f.f, wrench)
+            push(links, w, i, f, tangent)

@@ -1,0 +1,58 @@
+"""Points of rigid links, and forces there.
+
+A point at the lever l turns with its link: N = d(point)/d(turning about body axis k) = axis cross l, so a force f acts
+as (f, N^T f) and its derivatives as (1, N)^T g (1, N).
+"""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.vector import add, scale, vector
+
+
+@kernel
+def axis(A, k):
+    """Body axis ``k`` in the world."""
+    return A[0, k], A[1, k], A[2, k]
+
+
+@kernel
+def lever(A, lx, ly, lz):
+    """From a link's middle to its point (lx, ly, lz) in body axes."""
+    return add(scale(lx, axis(A, 0)), add(scale(ly, axis(A, 1)), scale(lz, axis(A, 2))))
+
+
+@kernel
+def rate(A, v, lx, ly, lz):
+    """Velocity of that point; ``v`` (6) is the link's."""
+    # body velocity of the point: w cross l
+    u0, u1, u2 = v[4] * lz - v[5] * ly, v[5] * lx - v[3] * lz, v[3] * ly - v[4] * lx
+    return add(vector(v, 0), lever(A, u0, u1, u2))
+
+
+@kernel
+def act(A, l, share, f, g, tangent, N, r, K):
+    """Put ``share`` of a force ``f`` (3) with its matrix ``g`` (9) on a link at the lever ``l``: residual r, tangent K.
+
+    Leaves N (3, 3).
+    """
+    for k in range(3):
+        n0, n1, n2 = A[1, k] * l[2] - A[2, k] * l[1], A[2, k] * l[0] - A[0, k] * l[2], A[0, k] * l[1] - A[1, k] * l[0]
+        N[0, k], N[1, k], N[2, k] = n0, n1, n2
+        r[k] -= share * f[k]
+        r[3 + k] -= share * (n0 * f[0] + n1 * f[1] + n2 * f[2])
+    if not tangent:
+        return
+    for k in range(3):
+        n0, n1, n2 = N[0, k], N[1, k], N[2, k]
+        # columns of g N, rows of N^T g
+        s0 = -share * (g[0] * n0 + g[1] * n1 + g[2] * n2)
+        s1 = -share * (g[3] * n0 + g[4] * n1 + g[5] * n2)
+        s2 = -share * (g[6] * n0 + g[7] * n1 + g[8] * n2)
+        K[0, 3 + k] += s0
+        K[1, 3 + k] += s1
+        K[2, 3 + k] += s2
+        for j in range(3):
+            K[3 + j, 3 + k] += N[0, j] * s0 + N[1, j] * s1 + N[2, j] * s2
+            K[k, j] -= share * g[3 * k + j]
+            K[3 + k, j] -= share * (n0 * g[j] + n1 * g[3 + j] + n2 * g[6 + j])

@@ -1,0 +1,139 @@
+"""What a chain touches, whatever its links are: rims, guides and ground at their faces, teeth at the pins.
+
+Faces and forces are those of ``fmus.physics.contact``; where the points of a link are and what a force does to it is
+behind ``faces``. Points lie at two places along a covered part (Gauss), at one or two across.
+"""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.chain.faces import (
+    across,
+    along,
+    begin,
+    count,
+    enter,
+    guide,
+    length,
+    lift,
+    locate,
+    locate_pin,
+    pin_rates,
+    pins,
+    push,
+    push_pin,
+    resist,
+)
+from fmus.physics.chain.near import middle, reached
+from fmus.physics.chain.sums import CONTACT, COVERING, LOAD, SIDESLIP, SLIP, note
+from fmus.physics.contact.face import press, touch
+from fmus.physics.contact.ground import ground_face
+from fmus.physics.contact.partner import collect
+from fmus.physics.contact.teeth import tooth_face
+from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, rim_face
+from fmus.physics.point import PINS, POINTS
+from fmus.physics.vector import add, dot, scale
+
+
+@kernel
+def roll(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent):
+    """All contacts of a chain in the motion ``x`` with the wheels ``rows`` (m, 15) and the ground.
+
+    Residuals and, with ``tangent``, iteration matrices go to the arrays ``w``, reactions to ``wrench`` (m + 1, 6; the
+    ground's is the last), energies and powers to ``sums``. ``memory``: see ``fmus.physics.point``.
+    """
+    begin(links, x, w)
+    for k in range(rows.shape[0]):
+        if contacts.teeth[k] == 0:
+            _rim(links, contacts, x, w, k, rows[k], wrench[k], sums, memory, by_rate, tangent)
+        if contacts.teeth[k] != 0:
+            _teeth(links, contacts, x, w, k, rows[k], wrench[k], sums, memory, by_rate, tangent)
+    guide(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent)
+    if contacts.ground != 0:
+        _soil(links, contacts, x, w, wrench[rows.shape[0]], sums, memory, by_rate, tangent)
+
+
+@kernel
+def _rim(links, contacts, x, w, k, row, wrench, sums, memory, by_rate, tangent):
+    """The rim of wheel ``k`` on the inner faces."""
+    (n, nodes), (places, side_by), law, radius = count(links, x), across(links), contacts.wheel, contacts.radius[k]
+    far = reached(links, radius)
+    for i in range(n):
+        a, b = pins(links, x, w, i)
+        if middle(row, a, b)[1] > far:
+            continue
+        part, side = reach(row, radius, a, b, links.face)
+        low, high, foot = part
+        if high <= low:
+            continue
+        enter(links, x, w, i)
+        va, vb = pin_rates(links, x, w, i)
+        rate = closing(row, add(scale(1.0 - foot, va), scale(foot, vb)), side)
+        ends = creeping(row, a, b, va, vb, links.face, side, part)
+        share = 0.5 * (high - low) / places
+        for g in range(2):
+            half = 2.0 * g - 1.0
+            xi = 0.5 * (low + high) + half * GAUSS * (high - low)
+            for m in range(places):
+                p, v = locate(links, x, w, i, xi, (2.0 * m - 1.0) * side_by, -links.face)
+                depth, face = rim_face(row, radius, p, v)
+                if depth <= 0.0:
+                    continue
+                point = POINTS * (k * nodes + i) + places * g + m
+                f = press(law, share, depth, rate, 0.0, face, by_rate, tangent, memory, point)
+                note(sums, depth, f.energy, f.power)
+                slope = -dot(face.n, along(links, x, w, i))
+                sums[COVERING] += covered(law, share, depth, slope, part, ends, half)
+                collect(row, p, f.f, wrench)
+                push(links, w, i, f, tangent)
+                if tangent:
+                    resist(links, w, i, f, by_rate, foot, side)
+        stored, power = bulge(law, radius, length(links), low, high, ends)
+        sums[CONTACT] += stored
+        sums[COVERING] += power
+
+
+@kernel
+def _teeth(links, contacts, x, w, k, row, wrench, sums, memory, by_rate, tangent):
+    """The teeth of sprocket ``k`` on the pins."""
+    nodes, (places, side_by) = count(links, x)[1], across(links)
+    for i in range(nodes):
+        for m in range(places):
+            y = (2.0 * m - 1.0) * side_by
+            p, v = locate_pin(links, x, w, i, y)
+            depth, face = tooth_face(contacts.profile, row, p, v)
+            if depth <= 0.0:
+                continue
+            point = POINTS * (k * nodes + i) + PINS + m
+            f = touch(contacts.sprocket, 1.0 / places, depth, face, by_rate, tangent, memory, point)
+            note(sums, depth, f.energy, f.power)
+            collect(row, p, f.f, wrench)
+            push_pin(links, x, w, i, y, f, tangent)
+
+
+@kernel
+def _soil(links, contacts, x, w, wrench, sums, memory, by_rate, tangent):
+    """The ground on the outer faces."""
+    (n, nodes), (places, side_by), law = count(links, x), across(links), contacts.soil
+    summit, first = contacts.shape.height + contacts.shape.rise, POINTS * len(contacts.teeth) * nodes
+    for i in range(n):
+        a, b = pins(links, x, w, i)
+        if min(a[2], b[2]) - lift(links, x, i) > summit:
+            continue
+        enter(links, x, w, i)
+        for g in range(2):
+            for m in range(places):
+                xi = 0.5 + (2.0 * g - 1.0) * GAUSS
+                p, v = locate(links, x, w, i, xi, (2.0 * m - 1.0) * side_by, links.face)
+                depth, face = ground_face(contacts.shape, p, v)
+                if depth <= 0.0:
+                    continue
+                point = first + POINTS * i + places * g + m
+                f = touch(law, 0.5 / places, depth, face, by_rate, tangent, memory, point)
+                note(sums, depth, f.energy, f.power)
+                sums[LOAD] += f.normal
+                sums[SLIP] -= f.normal * v[0]
+                sums[SIDESLIP] -= f.normal * v[1]
+                for j in range(3):
+                    wrench[j] -= f.f[j]
+                push(links, w, i, f, tangent)

@@ -1,0 +1,21 @@
+"""The door from a chain to what it touches: opened when a chain that touches something is compiled.
+
+Where ``contacts`` is None numba drops the call, and nothing of contact is even imported.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fmus.jit import door
+
+
+def _rolling(links: type) -> Any:
+    from fmus.physics.chain import rolling
+
+    return rolling
+
+
+@door(_rolling)
+def roll(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent):
+    """See ``rolling.roll``."""

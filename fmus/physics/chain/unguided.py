@@ -1,0 +1,10 @@
+"""Links that keep their plane have no guides; sibling: ``guides``."""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+
+
+@kernel
+def guide(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent):
+    """Nothing to guide."""

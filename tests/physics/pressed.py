@@ -1,0 +1,64 @@
+"""Contact forces at a point as arrays, with derivatives by position and velocity apart."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fmus.physics.contact.face import Face, press, touch
+from fmus.physics.contact.ground import ground_face
+from fmus.physics.contact.guide import guide_face
+from fmus.physics.contact.teeth import tooth_face
+from fmus.physics.contact.wheel import rim_face
+from fmus.physics.point import Memory, memory
+
+
+class Pressed:
+    """What a face does to a point."""
+
+    def __init__(self) -> None:
+        self.memory = memory()
+        self.f, self.f_rate = np.zeros(3), np.zeros(3)
+        self.f_x, self.f_v = np.zeros((3, 3)), np.zeros((3, 3))
+
+    def take(self, law: Any, share: float, depth: float, face: Face, rate: float | None = None) -> tuple[float, ...]:
+        """By the point's own rate or a given one; returns depth, normal force, energy, power."""
+        if depth <= 0.0:
+            return depth, 0.0, 0.0, 0.0
+
+        def pushed(by_rate: float, known: Memory) -> Any:
+            if rate is None:
+                return touch(law, share, depth, face, by_rate, True, known, 0)
+            return press(law, share, depth, rate, 0.0, face, by_rate, True, known, 0)
+
+        still = pushed(0.0, Memory(*(part.copy() for part in self.memory)))
+        moving = pushed(1.0, self.memory)
+        self.f[:], self.f_rate[:] = still.f, still.by_rate
+        self.f_x[:] = np.reshape(still.g, (3, 3))
+        self.f_v[:] = np.reshape(moving.g, (3, 3)) - self.f_x
+        return depth, still.normal, still.energy, still.power
+
+
+def _point(x: Any, v: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return tuple(map(float, x)), tuple(map(float, v))
+
+
+def rim(law: Any, share: float, radius: float, row: Any, x: Any, v: Any, rate: float, s: Pressed) -> tuple[float, ...]:
+    """A rim that sinks in at ``rate``."""
+    return s.take(law, share, *rim_face(row, radius, *_point(x, v)), rate)
+
+
+def tooth(law: Any, share: float, teeth: Any, row: Any, x: Any, v: Any, s: Pressed) -> tuple[float, ...]:
+    """Teeth."""
+    return s.take(law, share, *tooth_face(teeth, row, *_point(x, v)))
+
+
+def soil(law: Any, share: float, ground: Any, x: Any, v: Any, s: Pressed) -> tuple[float, ...]:
+    """The ground."""
+    return s.take(law, share, *ground_face(ground, *_point(x, v)))
+
+
+def guide(law: Any, share: float, play: float, row: Any, x: Any, v: Any, s: Pressed) -> tuple[float, ...]:
+    """A guide."""
+    return s.take(law, share, *guide_face(row, play, *_point(x, v)))
