@@ -180,6 +180,13 @@ class _Overloads:
 
 class _Cache(FunctionCache):
     _impl_class = _Implementation
+    counting = False  # whether the kernel counts references to arrays
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Refuse what would be freed too early or never: an array that comes from a kernel that does not count."""
+        if not self.counting and "array(" in str(data.signature.return_type):
+            raise TypeError(f"the kernel {self._name} returns an array: it must be ``allocating``")
+        super().save_overload(sig, data)
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
@@ -223,19 +230,31 @@ if hasattr(CPUCodeLibrary, "_optimize_final_module"):
     CPUCodeLibrary._optimize_final_module = whole(CPUCodeLibrary._optimize_final_module)
 
 
+OPTIONS = {"error_model": "numpy", "nogil": True, "_nrt": False}
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a kernel: no Python objects, no GIL, IEEE division, cached by content.
 
+    It makes no arrays and borrows those that it is given: nothing counts references to them, which would cost as much
+    as a contact itself. numba refuses one that makes an array (``allocating`` is for those).
     Kernels call kernels by import: one that closes over or takes a jitted function is never found again.
     With ``NUMBA_DISABLE_JIT=1`` the function comes back as it is, with ``NUMBA_BOUNDSCHECK=1`` it checks its indices.
     """
-    compiled = numba.njit(nogil=True, error_model="numpy")(function)
+    return _compiled(function, OPTIONS)
+
+
+def allocating(function: Callable[..., Any]) -> Any:
+    """``kernel`` for those that make arrays or take them from a kernel that does: they count references."""
+    return _compiled(function, OPTIONS | {"_nrt": True})
+
+
+def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    compiled = numba.njit(**options)(function)
     if compiled is not function:
         compiled._cache = _Cache(function)  # what numba's cache=True does, with our cache
+        compiled._cache.counting = options["_nrt"]
     return compiled
-
-
-OPTIONS = {"error_model": "numpy", "nogil": True}  # as ``kernel``
 
 
 def door(module_of: Callable[[type], Any]) -> Callable[[Callable[..., Any]], Any]:

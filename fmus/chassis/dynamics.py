@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.chassis.touch import touch
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
@@ -94,7 +94,7 @@ def solve_symmetric(M, b):
         b[j] /= M[j, j]
 
 
-@kernel
+@allocating
 def rates(tree, contacts, x, u, out):
     """Write dx/dt at the state x under the world wrenches u on the units, and the ground's where there are contacts."""
     n = len(tree.turns)
@@ -188,7 +188,7 @@ def rates(tree, contacts, x, u, out):
     out[-2], out[-1] = dissipated, power
 
 
-@kernel
+@allocating
 def fault(tree, x):
     """What makes the state x absurd, a code of this module; FINE else."""
     if not np.all(np.isfinite(x)):
@@ -206,7 +206,7 @@ def fault(tree, x):
     return FINE
 
 
-@kernel
+@allocating
 def advance(tree, contacts, x, u, h, steps):
     """Integrate x in place over ``steps`` steps of h under constant u; steps done, fault of the last."""
     k, y = np.empty((len(RK4.b), len(x))), np.empty(len(x))
@@ -222,7 +222,7 @@ def advance(tree, contacts, x, u, h, steps):
     return steps, FINE
 
 
-@kernel
+@allocating
 def energies(tree, x):
     """Kinetic energy, gravity (0 where the centre of mass of all is at z = 0), spring energy, J. (13)"""
     n = len(tree.turns)

@@ -10,12 +10,12 @@ import numpy as np
 
 from fmus.chassis.dynamics import ROOT, compression, energies, wheel_offset
 from fmus.chassis.touch import touch
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics.rotation import quat_multiply, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
 
-@kernel
+@allocating
 def put_motion(y, i, x, A, r, dr, q, w):
     """The 13 of a point at r in B that moves at dr in B, with quaternion q and angular velocity w in B."""
     put(y, i, add(vector(x, 0), to_world(A, r)))
@@ -25,7 +25,7 @@ def put_motion(y, i, x, A, r, dr, q, w):
     return i + 13
 
 
-@kernel
+@allocating
 def put_sides(tree, x, sides, y, i):
     """Wheels, idler and sprocket mount of each side."""
     n, still = len(tree.turns), (0.0, 0.0, 0.0)
@@ -41,7 +41,7 @@ def put_sides(tree, x, sides, y, i):
     return i
 
 
-@kernel
+@allocating
 def put_chassis(x, start, y, i):
     """The 13 of the chassis, pitch, roll, yaw, speed, distance, settlement; start: of O (3), and heading."""
     A, zero = quat_to_matrix(x[3:7]), (0.0, 0.0, 0.0)
@@ -72,7 +72,7 @@ def put_springs(tree, x, sides, y, i):
     return i
 
 
-@kernel
+@allocating
 def observe(tree, contacts, x, start, gravity, sides, y):
     """Write all outputs of the state x into y; ``gravity`` is the gravity energy at the start, J."""
     i = put_sides(tree, x, sides, y, 0)

@@ -89,7 +89,7 @@ def _kernels(chain: type) -> Any:
     return flexible
 
 
-OPTIONS = {"error_model": "numpy", "nogil": True}  # as ``fmus.jit.kernel``
+OPTIONS = {"error_model": "numpy", "nogil": True, "_nrt": True}  # as ``fmus.jit.allocating``
 
 
 @overload(slopes, jit_options=OPTIONS)

@@ -13,7 +13,7 @@ import numpy as np
 from fmus.chassis.dynamics import FINE, fault
 from fmus.chassis.dynamics import rates as chassis_rates
 from fmus.chassis.observe import put_sides
-from fmus.jit import kernel
+from fmus.jit import allocating
 from fmus.monolith.chains import close, powers, slopes, speed, wrenches
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise, quat_rotate
@@ -59,7 +59,7 @@ class Plan(NamedTuple):
     spin: int  # and the first drive's
 
 
-@kernel
+@allocating
 def rates(chains, drives, tree, plan, t, x, k):
     """Write dx/dt into ``k``. Returns -1, or the link of a chain whose accelerations do not exist."""
     motion, wrench, u = plan.motion, plan.wrench, plan.u
@@ -126,7 +126,7 @@ def rates(chains, drives, tree, plan, t, x, k):
     return failed
 
 
-@kernel
+@allocating
 def gather(chains, drives, plan, share):
     """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
     for c in chains:
@@ -143,7 +143,7 @@ def gather(chains, drives, plan, share):
                 plan.reaction[d, j] += share * plan.wrench[i + 3 + j]
 
 
-@kernel
+@allocating
 def march(chains, drives, tree, plan, t, h, steps, x, y, k):
     """Integrate x from t to t + h in equal ``steps``; y, the stages' argument, is seen by the chains.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.model import Floats, InvalidParameter
 from fmus.monolith.chains import Flexible, Place
 from fmus.physics.carrier import carrier
@@ -69,7 +69,7 @@ def mirror(of: Model, model: Model) -> None:
     model.publish()
 
 
-@kernel
+@allocating
 def slopes(c, k):
     """See ``chains``."""
     accelerations(c.links, c.contacts, c.env, c.q, c.v, c.still, c.scratch, c.w)

@@ -13,7 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import ConvexHull
 
-from fmus.jit import kernel
+from fmus.jit import allocating
 
 Floats = NDArray[np.float64]
 SAMPLES = 360  # points on each circle of the belt
@@ -28,7 +28,7 @@ def _belt(centres: Floats, radii: Floats) -> Floats:
     return np.roll(hull, -int(np.argmax(hull[:, 0])), axis=0)
 
 
-@kernel
+@allocating
 def _walk(path, pitch, links):
     """Pins (links, 2) at chords of one pitch along a closed polyline (k, 2), and the gap to a full turn then, m."""
     k = path.shape[0]

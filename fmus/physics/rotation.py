@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating
 
 
-@kernel
+@allocating
 def quat_multiply(p, q):
     """Hamilton product p q, (4,): rotate by q, then by p (both in world axes)."""
     r = np.empty(4)
@@ -25,20 +25,20 @@ def quat_multiply(p, q):
     return r
 
 
-@kernel
+@allocating
 def quat_conjugate(q):
     """The inverse rotation of a unit quaternion, (4,)."""
     return np.array([q[0], -q[1], -q[2], -q[3]])
 
 
-@kernel
+@allocating
 def quat_normalise(q):
     """The unit quaternion along q, (4,)."""
     s = 1.0 / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return np.array([s * q[0], s * q[1], s * q[2], s * q[3]])
 
 
-@kernel
+@allocating
 def quat_to_matrix(q):
     """Rotation matrix A, (3, 3): world components = A @ body components, columns are the body axes."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -49,7 +49,7 @@ def quat_to_matrix(q):
     return A
 
 
-@kernel
+@allocating
 def quat_from_matrix(A):
     """The unit quaternion of a rotation matrix, (4,), of the two the one whose largest part is positive.
 
@@ -74,7 +74,7 @@ def quat_from_matrix(A):
     return q
 
 
-@kernel
+@allocating
 def quat_rotate(q, v):
     """World components of a vector that has components v in body axes, (3,)."""
     # t = 2 (q x v); v + w t + q x t
@@ -88,7 +88,7 @@ def quat_rotate(q, v):
     return r
 
 
-@kernel
+@allocating
 def quat_from_rotation_vector(r):
     """Unit quaternion of the rotation vector r, rad, (4,); smooth through r = 0."""
     square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
@@ -98,7 +98,7 @@ def quat_from_rotation_vector(r):
     return np.array([np.cos(half), s * r[0], s * r[1], s * r[2]])
 
 
-@kernel
+@allocating
 def rotation_vector(q):
     """Rotation vector of a unit quaternion, rad, (3,), at most pi long; exact near 0."""
     sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -107,7 +107,7 @@ def rotation_vector(q):
     return np.array([s * q[1], s * q[2], s * q[3]])
 
 
-@kernel
+@allocating
 def quat_advance(q, r):
     """Turn q further by the rotation vector r in WORLD axes (w h for a constant rate), normalised, (4,)."""
     return quat_normalise(quat_multiply(quat_from_rotation_vector(r), q))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
@@ -124,7 +124,7 @@ def substeps(p, h):
     return max(1, int(np.ceil(min(2.0 * h * fastest, 1e9))))
 
 
-@kernel
+@allocating
 def spin(p, x, t, h, steps, chain, before, after):
     """Advance the SPUN quantities of x; ``before``, ``after``: the mount's rate about it at t, t + h."""
     y, k, d = np.empty(SPUN), np.empty((len(RK4.b), SPUN)), h / steps
@@ -148,7 +148,7 @@ def prescribe(p, x, t, h, chain, after):
     x[WORK] += 0.5 * momentum * (now + then) - chain * turned
 
 
-@kernel
+@allocating
 def place(x, position, q, velocity, omega):
     """Write the sprocket's 13: the mount's pose turned by the angle, its rates with the absolute spin. (6)"""
     half, a = 0.5 * x[ANGLE], quat_rotate(q, (0.0, 1.0, 0.0))
@@ -159,7 +159,7 @@ def place(x, position, q, velocity, omega):
     x[SPEED_NOW] = x[RATE] - dot(omega, a)
 
 
-@kernel
+@allocating
 def advance(p, x, t, h, u):
     """One step of x in place; u: mount (13) at t, chain's mean wrench (6). Returns the internal steps."""
     # the mount at t, its mean rates over the step, and where they take it (7)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.model import Floats
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, energy, mass, react, seen, stiffen
 from fmus.physics.ancf.gauss import WEIGHTS
@@ -138,7 +138,7 @@ def measure(links, env, q, v, w, report):
     write(report, w.sums, along, carried[3], (low, mean, high, stress), (kinetic, strain_energy, gravity))
 
 
-@kernel
+@allocating
 def axial(links, w):
     """Tension E A eps |r_x|, what the pins balance, N, mean over the link in ``w.e``, and its largest axial stress, Pa.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.sums import COVERING, POWER
 from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
@@ -20,7 +20,7 @@ SLOW = 0.5  # a correction larger than this part of the last one: friction is sh
 ITERATIONS = 20  # of Newton, before a step is given up
 
 
-@kernel
+@allocating
 def relax(links, contacts, env, rows, q, tolerance, longest, w):
     """Static equilibrium on wheels that stand still, from ``q`` (nodes, width), by pseudo-time steps that grow.
 
@@ -65,7 +65,7 @@ def relax(links, contacts, env, rows, q, tolerance, longest, w):
     return -evaluations, worst
 
 
-@kernel
+@allocating
 def advance(
     links,
     contacts,

@@ -60,7 +60,7 @@ def end_moments(c, e) -> Any:
 
 
 # The functions behind the door, as they are: a call of a compiled one from here would cost 25 % of a step.
-OPTIONS = {"error_model": "numpy", "nogil": True}  # as ``fmus.jit.kernel``
+OPTIONS = {"error_model": "numpy", "nogil": True, "_nrt": True}  # as ``fmus.jit.allocating``: some make arrays
 
 
 @overload(energy, jit_options=OPTIONS)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.model import Floats
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.sums import COVERING, POWER
@@ -51,7 +51,7 @@ def accelerations(links, contacts, env, q, v, still, scratch, w):
     correct(links, w, scratch[0], scratch[1], scratch[1], 0.0, 0.0, np.inf)
 
 
-@kernel
+@allocating
 def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean, report, counters):
     """Integrate over a communication step of ``h`` s in equal steps of at most ``longest`` s.
 

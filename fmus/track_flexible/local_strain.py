@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.cable_local import density, measures
@@ -68,7 +68,7 @@ def add_bending(w, d, D, r, H, E):
                     )
 
 
-@kernel
+@allocating
 def spread(c, e, v, by_rate, by_acceleration, E, K, W, V):
     """The iteration matrix from ``E``, the mass and the bending damping, written to ``K`` (12, 12)."""
     bare = Cable(c.l, c.rhoA, 0.0, 0.0, 0.0, c.nuI)
@@ -83,13 +83,13 @@ def spread(c, e, v, by_rate, by_acceleration, E, K, W, V):
             K[i, j] += E[3 + i, 3 + j]
 
 
-@kernel
+@allocating
 def scratch():
     """``D`` (2, 4) and ``r`` (2, 3) of a point."""
     return np.empty((2, 4)), np.empty((2, 3))
 
 
-@kernel
+@allocating
 def energy(c, e, W, B):
     """Strain energy, J."""
     D, r = scratch()
@@ -102,7 +102,7 @@ def energy(c, e, W, B):
     return U
 
 
-@kernel
+@allocating
 def force(c, e, v, Q, W, B):
     """Elastic and damping force added to ``Q``; returns the power of the damping, W."""
     D, r = scratch()
@@ -119,7 +119,7 @@ def force(c, e, v, Q, W, B):
     return power
 
 
-@kernel
+@allocating
 def stiffness(c, e, v, by_rate, by_acceleration, K, W, V):
     """Iteration matrix of the element, written to ``K`` (12, 12)."""
     D, r = scratch()
@@ -136,7 +136,7 @@ def stiffness(c, e, v, by_rate, by_acceleration, K, W, V):
     spread(c, e, v, by_rate, by_acceleration, E, K, W, V)
 
 
-@kernel
+@allocating
 def tension(c, e):
     """Axial force, N, what the pins balance, mean over the link."""
     D, r = scratch()
@@ -150,7 +150,7 @@ def tension(c, e):
     return N
 
 
-@kernel
+@allocating
 def end_moments(c, e):
     """Bending moments at the two ends, N m: EI times the bending strain."""
     D, r = scratch()

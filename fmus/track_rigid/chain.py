@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics.carrier import carrier
 from fmus.physics.chain.rigid_links import act, lever, rate
 from fmus.physics.chain.touch import roll
@@ -292,7 +292,7 @@ def _misfit(link, tolerance, s, w):
     return worst, where
 
 
-@kernel
+@allocating
 def newton(link, ends, env, contacts, method, h, tolerance, s, w, counters, moves):
     """One implicit step of ``h`` to the wheels in ``w.rows``, of a chain that ``moves``: friction may then be sharp.
 
@@ -371,7 +371,7 @@ def _settle_rates(link, s, w, by):
             s.v[i, k] += d * by.v / by.vdot
 
 
-@kernel
+@allocating
 def _restore(s, w):
     s.q[:] = w.q0
     s.v[:] = w.v0
@@ -380,7 +380,7 @@ def _restore(s, w):
     s.lam[:] = w.lam0
 
 
-@kernel
+@allocating
 def accelerations(link, ends, env, contacts, s, w):
     """Accelerations and multipliers that belong to poses and velocities; wrenches and auxiliaries with them."""
     n, y = s.q.shape[0], w.system
@@ -413,7 +413,7 @@ def accelerations(link, ends, env, contacts, s, w):
     return -1
 
 
-@kernel
+@allocating
 def settle(link, ends, env, contacts, rows, s, w, counters):
     """Static equilibrium on standing wheels ``rows``: implicit steps from rest, ever longer. Returns as ``newton``.
 
@@ -456,7 +456,7 @@ def settle(link, ends, env, contacts, rows, s, w, counters):
     return -1
 
 
-@kernel
+@allocating
 def advance(link, ends, env, contacts, method, rows, h, step, s, w, counters):
     """Integrate over ``h`` with the wheels ``rows`` (at its beginning); the mean wrenches are impulse / h.
 

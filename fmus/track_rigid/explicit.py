@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.model import Floats
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rigid import augmented, body
@@ -54,7 +54,7 @@ def normalise(s):
             s.q[i, j] /= norm
 
 
-@kernel
+@allocating
 def project(link, ends, s, w):
     """Close the pins in position, then in velocity, with the factors of the last stage. False: not closed."""
     y = w.system
@@ -78,7 +78,7 @@ def project(link, ends, s, w):
     return gap <= OPEN
 
 
-@kernel
+@allocating
 def march(link, ends, env, contacts, rows, h, longest, s, w, x, k, counters):
     """Integrate over ``h`` with the wheels ``rows`` (at its beginning) in equal steps of ``longest`` at most.
 

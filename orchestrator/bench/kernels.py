@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics import block_cyclic
 from fmus.physics.integrate.generalized_alpha import coefficients, slopes
 from fmus.physics.rigid import augmented
@@ -84,14 +84,14 @@ def _evaluations(n, links, contacts, env, q, v, vdot, by_rate, by_acceleration, 
         evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tangent)
 
 
-@kernel
+@allocating
 def _factorings(n, matrix, w, closed):
     for _ in range(n):
         w.A[:] = matrix  # factored in place
         block_cyclic.factor(w.A, w.U, w.L, w.factors, closed)
 
 
-@kernel
+@allocating
 def _solutions(n, right, w, closed):
     for _ in range(n):
         w.b[:] = right
@@ -120,7 +120,7 @@ def _residuals(n, link, ends, env, contacts, s, w, by, tangent):
         residual(link, ends, env, contacts, s, w, by, tangent)
 
 
-@kernel
+@allocating
 def _eliminations(n, matrix, half, ends, s):
     for _ in range(n):
         s.K[:] = matrix  # inverted in place

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 
@@ -60,7 +60,7 @@ class Beam(NamedTuple):
 Section = Beam
 
 
-@kernel
+@allocating
 def shape(c, xi, y, z, S):
     """The eight shape functions at the fraction ``xi`` of the length and ``y``, ``z``, m, into ``S`` (8)."""
     ends = np.empty(4)
@@ -69,7 +69,7 @@ def shape(c, xi, y, z, S):
     S[4], S[5], S[6], S[7] = ends[2], ends[3], y * xi, z * xi
 
 
-@kernel
+@allocating
 def shape_gradients(c, xi, y, z, D):
     """Derivatives by x, y, z of the eight shape functions, into the columns of ``D`` (8, 3)."""
     ends = np.empty(4)
@@ -81,7 +81,7 @@ def shape_gradients(c, xi, y, z, D):
     D[6, 1] = D[7, 2] = xi
 
 
-@kernel
+@allocating
 def mass(c, M):
     """The constant mass matrix as (8, 8) factors of the identity of space, kg."""
     S, area = np.empty(8), c.width * c.height
@@ -202,7 +202,7 @@ def rates(F, V, E):
             E[m] += V[0, i] * F[0, j] + V[1, i] * F[1, j] + V[2, i] * F[2, j]
 
 
-@kernel
+@allocating
 def energy(c, e):
     """Strain energy of an element at coordinates ``e`` (8, 3), J."""
     N, G, F, E, T = np.empty((5, 8)), np.empty((5, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
@@ -220,7 +220,7 @@ def energy(c, e):
     return U
 
 
-@kernel
+@allocating
 def react(c, e, v, elastic, tau, Q):
     """Force of ``elastic`` times the elastic stress and ``tau`` s times its rate at rates ``v``, added to ``Q`` (8, 3).
 
@@ -321,7 +321,7 @@ def gather_section(w, y, z, A, H):
             H[6 + n, 6 + m] += w * A[n, m]
 
 
-@kernel
+@allocating
 def stiffen(c, e, v, tau, by_rate, K):
     """Exact derivative of force and damping, by coordinates and ``by_rate`` times by rates, added to ``K`` (24, 24)."""
     N, G, Z, H, Y = (
@@ -379,7 +379,7 @@ def tangent(c, e, K):
     stiffen(c, e, e, 0.0, 0.0, K)
 
 
-@kernel
+@allocating
 def stress(c, e, xi, y, z):
     """Axial stress, and bending stress at the fibre ``y``, ``z`` (what xx differs there from the axis), Pa.
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import EngineeringCable, GeneralCable
 from fmus.physics.ancf.centreline import (
@@ -65,7 +65,7 @@ def _density(c, EA, EI, a, b, g) -> Any:
     return lambda c, EA, EI, a, b, g: own(EA, EI, a, b, g)
 
 
-@kernel
+@allocating
 def energy(c, e):
     """Strain energy of an element at coordinates ``e`` (4, 3), J."""
     D, r, U = np.empty((2, 4)), np.empty((2, 3)), 0.0
@@ -77,7 +77,7 @@ def energy(c, e):
     return U
 
 
-@kernel
+@allocating
 def force(c, e, Q):
     """Elastic force, gradient of the energy, added to ``Q`` (4, 3)."""
     D, r = np.empty((2, 4)), np.empty((2, 3))
@@ -88,7 +88,7 @@ def force(c, e, Q):
         add_force(w, density(c, EA, EI, a, b, g), D, r, Q)
 
 
-@kernel
+@allocating
 def tangent(c, e, K):
     """Exact derivative of the force, added to ``K`` (12, 12)."""
     D, r = np.empty((2, 4)), np.empty((2, 3))
@@ -99,7 +99,7 @@ def tangent(c, e, K):
         add_tangent(w, density(c, EA, EI, a, b, g), D, r, K)
 
 
-@kernel
+@allocating
 def damping(c, e, v, Q):
     """Damping force (18), its curvature part in the frame of the chord, added to ``Q``; returns its power, W."""
     D, r, power = np.empty((2, 4)), np.empty((2, 3)), 0.0
@@ -110,7 +110,7 @@ def damping(c, e, v, Q):
     return power + cable.bending_damping(c, e, v, Q, np.empty((4, 3)))
 
 
-@kernel
+@allocating
 def stress(c, e, xi, modulus, fibre):
     """Axial stress, and bending stress at the distance ``fibre`` from the axis, Pa, at the fraction ``xi``."""
     D, r = np.empty((2, 4)), np.empty((2, 3))

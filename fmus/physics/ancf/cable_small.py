@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import Cable, mass, shape, shape_slope
 from fmus.physics.ancf.centreline import lines, shape_curvature
@@ -20,7 +20,7 @@ Section = Cable
 __all__ = ["ROWS", "Section", "mass", "shape", "shape_curvature", "shape_slope"]
 
 
-@kernel
+@allocating
 def energy(c, e):
     """Strain energy of an element at coordinates ``e`` (4, 3), J."""
     D, first, second = np.empty((2, 4)), np.empty((2, 3)), np.empty((2, 3))
@@ -33,7 +33,7 @@ def energy(c, e):
     return 0.5 * c.EA * c.l * eps * eps + c.EI * c.l / 6.0 * square
 
 
-@kernel
+@allocating
 def add_internal(c, axial, e, Q):
     """The force of a given axial force, N, and of bending, added to ``Q`` (4, 3)."""
     W, B = np.empty((4, 3)), np.empty((4, 3))
@@ -44,7 +44,7 @@ def add_internal(c, axial, e, Q):
             Q[k, i] += axial * W[k, i] + c.EI * B[k, i]
 
 
-@kernel
+@allocating
 def force(c, e, Q):
     """Elastic force (15), gradient of the energy, added to ``Q`` (4, 3)."""
     add_internal(c, c.EA * cable.strain(c, e, np.empty((4, 3))), e, Q)
@@ -58,7 +58,7 @@ def paper_chord(c, e, Q):
     add_internal(c, c.EA * (d - c.l) / c.l, e, Q)
 
 
-@kernel
+@allocating
 def tangent(c, e, K):
     """Exact derivative of the force, K_1 e e^T K_1 included, added to ``K`` (12, 12)."""
     own = np.empty((12, 12))
@@ -66,14 +66,14 @@ def tangent(c, e, K):
     K += own
 
 
-@kernel
+@allocating
 def damping(c, e, v, Q):
     """Damping force (21), added to ``Q``; returns its power, W."""
     viscous = Cable(c.l, c.rhoA, 0.0, 0.0, c.nuA, c.nuI)
     return cable.force(viscous, e, v, Q, np.empty((4, 3)), np.empty((4, 3)))
 
 
-@kernel
+@allocating
 def stress(c, e, xi, modulus, fibre):
     """Axial stress, and bending stress at the distance ``fibre`` from the axis, Pa, at the fraction ``xi``."""
     D, r = np.empty((2, 4)), np.empty((2, 3))

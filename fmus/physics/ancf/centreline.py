@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 
@@ -85,7 +85,7 @@ def add_force(w, d, D, r, Q):
             Q[k, i] += w * (D[0, k] * by_slope + D[1, k] * by_curvature)
 
 
-@kernel
+@allocating
 def add_tangent(w, d, D, r, K):
     """Second derivatives of the energy of a point of weight ``w``, m, added to ``K`` (12, 12)."""
     A, B, G = np.empty(12), np.empty(12), np.empty(12)  # gradients of the invariants

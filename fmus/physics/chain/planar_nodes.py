@@ -18,7 +18,9 @@ def gather(q, i, j, e):
 @kernel
 def flatten(rows, flat):
     """Wheels (m, 15) whose middle and axis are taken to keep the plane, into ``flat``."""
-    flat[:] = rows
-    flat[:, 1] = flat[:, 4] = flat[:, 6] = flat[:, 8] = 0.0
-    flat[:, 9] = flat[:, 11] = flat[:, 13] = 0.0
-    flat[:, 10] = 1.0
+    for k in range(rows.shape[0]):
+        for i in range(rows.shape[1]):
+            flat[k, i] = rows[k, i]
+        for i in (1, 4, 6, 8, 9, 11, 13):
+            flat[k, i] = 0.0
+        flat[k, 10] = 1.0

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel
 
 order = 2
 
@@ -57,7 +57,7 @@ def slopes(c, h):
     return Slopes(a, c.gamma / (c.beta * h), a * (1.0 - c.alpha_m) / (1.0 - c.alpha_f))
 
 
-@kernel
+@allocating
 def auxiliary(c, a0, vdot0, vdot1):
     """The auxiliary acceleration a1 (or impulse rate W1) that goes with the true one at both ends."""
     return ((1.0 - c.alpha_f) * vdot1 + c.alpha_f * vdot0 - c.alpha_m * a0) / (1.0 - c.alpha_m)

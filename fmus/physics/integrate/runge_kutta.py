@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.jit import kernel
+from fmus.jit import allocating
 
 
 class Tableau(NamedTuple):
@@ -37,7 +37,7 @@ RK4 = Tableau(
 )
 
 
-@kernel
+@allocating
 def stage(method, i, h, x, k, y):
     """Write the argument of stage i, x + h sum_j a_ij k_j, into y; x, y are (n,), k is (s, n)."""
     y[:] = x
@@ -46,7 +46,7 @@ def stage(method, i, h, x, k, y):
             y += h * method.a[i, j] * k[j]
 
 
-@kernel
+@allocating
 def finish(method, h, x, k):
     """Advance x (n,) in place by the step h with the slopes k (s, n)."""
     for i in range(len(method.b)):
