@@ -243,3 +243,21 @@ def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
     assert ours[0] == {("internal", True)}
     assert ("linkonce_odr", False) in ours[-1]
     assert np.array_equal(*moved)
+
+
+@jit.kernel
+def handed_back(a):
+    return a
+
+
+@jit.kernel
+def made(n):
+    return np.zeros(n)
+
+
+def test_a_kernel_that_borrows_its_arrays_makes_and_returns_none():
+    with pytest.raises(TypeError, match=r"handed_back at .* returns an array: it must be ``allocating``"):
+        handed_back(np.zeros(3))
+    with pytest.raises(numba.core.errors.NumbaError):
+        made(3)
+    assert jit.allocating(made.py_func)(3).size == 3
