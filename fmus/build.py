@@ -136,9 +136,7 @@ def _child() -> None:
     from pythonfmu.builder import FmuBuilder
 
     order = json.load(sys.stdin)
-    FmuBuilder.build_FMU(
-        Path(order["script"]).absolute(), dest=order["target"], project_files=order["project"]
-    )
+    FmuBuilder.build_FMU(Path(order["script"]).absolute(), dest=order["target"], project_files=order["project"])
 
 
 if __name__ == "__main__":

@@ -48,9 +48,7 @@ def contents(parts: Sequence[Part]) -> Contents:
     loaded = tuple(sorted(found["modules"]))
     everything = {".".join(("fmus", *file.relative_to(ROOT).with_suffix("").parts)) for file in sources()}
     rest = (name for name in everything if not name.endswith(".__init__") and name not in loaded)
-    return Contents(
-        loaded, tuple(sorted(rest)), *(tuple(found[key]) for key in ("outputs", "link_outputs", "state"))
-    )
+    return Contents(loaded, tuple(sorted(rest)), *(tuple(found[key]) for key in ("outputs", "link_outputs", "state")))
 
 
 def _child() -> None:

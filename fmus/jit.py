@@ -69,9 +69,7 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
         if isinstance(statement, ast.Import):
             found += [alias.name for alias in statement.names]
         elif isinstance(statement, ast.ImportFrom):
-            parents = (
-                package.split(".")[: len(package.split(".")) - statement.level + 1] if statement.level else []
-            )
+            parents = package.split(".")[: len(package.split(".")) - statement.level + 1] if statement.level else []
             base = ".".join([*parents, *filter(None, [statement.module])])
             found += [base, *(f"{base}.{alias.name}" for alias in statement.names)]
     return tuple(found)

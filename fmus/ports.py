@@ -69,9 +69,7 @@ def wheel_state(
         for axis in "xyz"
     ]
     angular = [
-        Port(
-            f"{name}.angular_velocity.{axis}", causality, "rad/s", f"{axis} angular velocity of {name}, world"
-        )
+        Port(f"{name}.angular_velocity.{axis}", causality, "rad/s", f"{axis} angular velocity of {name}, world")
         for axis in "xyz"
     ]
     return centre + orientation + velocity + angular

@@ -143,9 +143,7 @@ class Slave(Fmi2Slave):
         if packed != BUILD:
             raise _of_another_build(packed, type(self).__name__)
         config = (resources / "config.json").read_bytes()
-        self.guid = str(
-            uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)}".encode() + config).digest()[:16])
-        )
+        self.guid = str(uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)}".encode() + config).digest()[:16]))
         made_from = json.loads(config)
         self._model = type(self).model(made_from)
         check_names(self._model.ports, made_from)
@@ -168,9 +166,7 @@ class Slave(Fmi2Slave):
         if [p for p in ports if p in inputs or p in outputs] != inputs + outputs:
             raise Refused("the Real inputs must come before the Real outputs")
         if len(self._counter_ports) != len(self._model.counters):
-            raise Refused(
-                f"{len(self._model.counters)} counters for {len(self._counter_ports)} Integer outputs"
-            )
+            raise Refused(f"{len(self._model.counters)} counters for {len(self._counter_ports)} Integer outputs")
         self._reals = (*inputs, *outputs, *parameters)
         self._integers = (*self._counter_ports, status, *self._integer_parameters)
         names = [p.name for p in self.variables]
@@ -294,9 +290,7 @@ class Slave(Fmi2Slave):
 
     # ---------------------------------------------------------------- life
 
-    def setup_experiment(
-        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
-    ):
+    def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None):
         """Nothing to do: models are autonomous but for the time given to each step."""
 
     @_guarded
@@ -447,9 +441,7 @@ class Slave(Fmi2Slave):
         for sentence in unheard():
             self.log(sentence, Fmi2Status.warning)
 
-    def log(
-        self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None
-    ):
+    def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None):
         """Queue a message; FMI reads it as a printf format, and the wrapper crashes on what is not UTF-8."""
         text = msg.encode("utf-8", "replace")[:LONGEST].decode("utf-8", "ignore")  # importers cut it anywhere
         text = text.replace("\0", "").replace("%", "%%")

@@ -129,9 +129,7 @@ class TrackModel:
         wheels, size = len(self.wheel_list), self.chain_size()
         self.state = np.zeros(size + WRENCH * wheels + len(REPORT) + len(TOLD))
         self.chain = self.state[:size]
-        self.wrench = self.state[size : size + WRENCH * wheels].reshape(
-            2 * wheels, 3
-        )  # force, torque by turns
+        self.wrench = self.state[size : size + WRENCH * wheels].reshape(2 * wheels, 3)  # force, torque by turns
         self.report = self.state[size + WRENCH * wheels : -len(TOLD)]
         self.told = self.state[-len(TOLD) :]
 
@@ -153,9 +151,7 @@ class TrackModel:
             for i in range(1, self.links_count + 1):
                 ports.append(Port(f"link[{i}].stress", "output", "Pa", f"largest axial stress of link {i}"))
             for i in range(1, self.nodes + 1):
-                ports += [
-                    Port(f"joint[{i}].position.{a}", "output", "m", f"{a} of pin {i}, world") for a in "xyz"
-                ]
+                ports += [Port(f"joint[{i}].position.{a}", "output", "m", f"{a} of pin {i}, world") for a in "xyz"]
             for i in range(1, self.nodes + 1):
                 ports += [
                     Port(
@@ -199,9 +195,7 @@ class TrackModel:
                 ("friction", "1", "friction coefficient"),
                 ("friction_velocity", "m/s", "regularisation velocity of friction"),
             ):
-                ports.append(
-                    Port(f"contact.{pair}.{key}", "parameter", unit, f"{text} of {pair} contact", law[key])
-                )
+                ports.append(Port(f"contact.{pair}.{key}", "parameter", unit, f"{text} of {pair} contact", law[key]))
         return tuple(ports) + self.own_ports_of(vehicle)
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
@@ -247,9 +241,7 @@ class TrackModel:
             return None
         from fmus.contacts import contacts
 
-        return contacts(
-            self.vehicle, self.wheel_list, bool(self.config["ground"]), self.config.get("bump"), p
-        )
+        return contacts(self.vehicle, self.wheel_list, bool(self.config["ground"]), self.config.get("bump"), p)
 
     def _environment(self) -> Environment:
         ends = self.config.get("ends")

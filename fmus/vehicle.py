@@ -281,9 +281,7 @@ def read_table(name: str) -> tuple[dict[str, Any], str]:
     else:
         source = resources.files("fmus") / "vehicles" / f"{name}.toml"
     try:
-        return tomllib.loads(source.read_text(encoding="utf-8")), str(
-            path.name if path.suffix else f"{name}.toml"
-        )
+        return tomllib.loads(source.read_text(encoding="utf-8")), str(path.name if path.suffix else f"{name}.toml")
     except FileNotFoundError:
         known = sorted(f.name.removesuffix(".toml") for f in (resources.files("fmus") / "vehicles").iterdir())
         raise BadInput(f"no vehicle '{name}': give a .toml file or one of {', '.join(known)}") from None

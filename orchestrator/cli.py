@@ -45,9 +45,7 @@ class TrackModel(StrEnum):
 
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="a name of the gallery or a TOML file")]
-TrackOption = Annotated[
-    TrackModel | None, typer.Option("--track", help="the track model, instead of the scene's")
-]
+TrackOption = Annotated[TrackModel | None, typer.Option("--track", help="the track model, instead of the scene's")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="a dotted key of the resolved scene, repeatable"),
@@ -76,9 +74,7 @@ def _common(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="what is installed")
     ] = False,
-    debug: Annotated[
-        bool, typer.Option("--debug", help="show where an error was raised; before the command")
-    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="show where an error was raised; before the command")] = False,
 ) -> None:
     logging.getLogger("cotrack").setLevel(logging.DEBUG if debug else logging.NOTSET)
     context.with_resource(narration)
@@ -233,12 +229,8 @@ def run(
     estimate: Annotated[
         bool, typer.Option(help="say how wrong the run is: two coarser runs beside it, about its cost again")
     ] = True,
-    log: Annotated[
-        Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="the last line on stdout is one JSON object")
-    ] = False,
+    log: Annotated[Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
     """Run a scene, log it, check what it expects, say how wrong it is."""
     narration(f"{scene}: the scene is read")
@@ -277,9 +269,7 @@ def run(
 @app.command()
 def replay(
     log: LogPath,
-    component: Annotated[
-        str, typer.Option("--component", metavar="NAME", help="the component that is stepped again")
-    ],
+    component: Annotated[str, typer.Option("--component", metavar="NAME", help="the component that is stepped again")],
     other: Annotated[
         str | None,
         typer.Option("--with", metavar="rigid|flexible|FMU", help="another model under the recorded motion"),
@@ -342,9 +332,7 @@ def compare(
 def view(
     log: LogPath,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="a picture, .png or .svg")],
-    times: Annotated[
-        list[float] | None, typer.Option("--at", metavar="T", help="an instant, s; repeatable")
-    ] = None,
+    times: Annotated[list[float] | None, typer.Option("--at", metavar="T", help="an instant, s; repeatable")] = None,
 ) -> None:
     """Side view, links coloured by their tension.
 
@@ -358,9 +346,7 @@ def view(
 
 @app.command()
 def study(
-    name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="without it: the known studies")
-    ] = None,
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="without it: the known studies")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="the folder of tables and figures")
     ] = None,
@@ -429,9 +415,7 @@ def truth(
     against: Annotated[
         Path | None, typer.Option("--against", metavar="LOG", help="how far this run of the scene is off")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="the last line on stdout is one JSON object")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
     """The scene without co-simulation, converged.
 
@@ -476,17 +460,12 @@ def truth(
     print(f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; RMS errors:")
     for name, each in observables.items():
         line = f"  {name:18} {each['error']:9.2g} {each['unit']:4}"
-        print(
-            line
-            + (f" {against} is off by {each['off']:.3g}, {each['off_relative']:.2%}" if "off" in each else "")
-        )
+        print(line + (f" {against} is off by {each['off']:.3g}, {each['off_relative']:.2%}" if "off" in each else ""))
 
 
 @app.command()
 def bench(
-    only: Annotated[
-        str | None, typer.Option("--only", metavar="A,B,...", help="some parts, instead of all")
-    ] = None,
+    only: Annotated[str | None, typer.Option("--only", metavar="A,B,...", help="some parts, instead of all")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="shorter windows, fewer steps and repeats")] = False,
     repeat: Annotated[
         int | None, typer.Option("--repeat", metavar="N", help="repeats of each timing, or pairs", min=1)
@@ -495,9 +474,7 @@ def bench(
         Path | None,
         typer.Option("--against", metavar="FOLDER", help="another checkout: both measure themselves in turn"),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="the last line on stdout is one JSON object")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
     """How fast: the chain against peers, the vehicle, a step by part and layer, growth, start, memory."""
     from orchestrator import bench as module

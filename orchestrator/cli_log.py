@@ -63,9 +63,7 @@ def recover(
 @app.command("export")
 def export(
     log: LogPath,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="PATH", help="a folder, or one .csv file")
-    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PATH", help="a folder, or one .csv file")],
     signals: Annotated[
         list[str] | None,
         typer.Option("--signal", metavar="NAME", help="instance.variable, * for anything; repeatable"),

@@ -69,9 +69,7 @@ _components: dict[int, Component] = {}
 _numbers = itertools.count(1)
 
 
-def _receive(
-    environment: int | None, name: bytes, status: int, category: bytes | None, message: bytes
-) -> None:
+def _receive(environment: int | None, name: bytes, status: int, category: bytes | None, message: bytes) -> None:
     component = _components.get(environment or 0)
     if component is None:  # an instance made by other code: fmpy has room for one logger in a process
         printLogMessage(environment, name, status, category, message)
@@ -328,9 +326,7 @@ class Component:
         for name, value in parameters.items():
             self._set_parameter(name, value)
         fmu = self._library
-        self._call(
-            fmu.fmi2SetupExperiment, False, 0.0, start, stop is not None, 0.0 if stop is None else stop
-        )
+        self._call(fmu.fmi2SetupExperiment, False, 0.0, start, stop is not None, 0.0 if stop is None else stop)
         self._call(fmu.fmi2EnterInitializationMode)
         self.write()
         self._call(fmu.fmi2ExitInitializationMode)

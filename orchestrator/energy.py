@@ -41,9 +41,7 @@ class Ledger(NamedTuple):
     dissipated: float
     covered: float
     residual: float
-    residual_relative: (
-        float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
-    )
+    residual_relative: float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
     port: float  # the part of the residual that the ports make
     integration: dict[str, float]  # the part of each component, of one where the vehicle has two
 
@@ -74,9 +72,7 @@ def ledger(run: Evidence) -> Ledger:
     copies = [run.copies(name) for name in books]
 
     def total(*parts: str) -> float:
-        return sum(
-            n * book.get(part, 0.0) for n, book in zip(copies, books.values(), strict=True) for part in parts
-        )
+        return sum(n * book.get(part, 0.0) for n, book in zip(copies, books.values(), strict=True) for part in parts)
 
     work, change, dissipated = total("work"), total(*STORED), total("dissipated")
     covered = total("covered")

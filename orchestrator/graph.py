@@ -163,9 +163,7 @@ def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
         inputs = _indices(target.inputs, connection.inputs, connection.target, "input")
         rates = _indices(source.outputs, connection.rates, connection.source, "output")
         known = rates if connection.rates else None
-        feeds[connection.target].append(
-            Feed(source, outputs, inputs, connection.carries, known, connection.bond)
-        )
+        feeds[connection.target].append(Feed(source, outputs, inputs, connection.carries, known, connection.bond))
     return tuple(
         tuple(
             Member(components[instance.name], tuple(feeds[instance.name]))

@@ -104,13 +104,9 @@ def verify(path: str | os.PathLike[str]) -> Verdict:
                 return Verdict(BROKEN, faults)
             closing = log.closing or {}
             count = sum(closing["messages"].values())
-            sentence = (
-                f"{path} is whole: {len(log.topics)} topics, {count} messages, {closing['steps']} steps"
-            )
+            sentence = f"{path} is whole: {len(log.topics)} topics, {count} messages, {closing['steps']} steps"
             ending = f"the run ended with status {closing['status']}"
-            return Verdict(
-                WHOLE, [sentence, f"{ending}: {closing['message']}" if closing["message"] else ending]
-            )
+            return Verdict(WHOLE, [sentence, f"{ending}: {closing['message']}" if closing["message"] else ending])
     except LogUnreadable as error:
         return Verdict(BROKEN, [str(error)])
 
@@ -183,9 +179,7 @@ def _replacing(target: Path) -> Iterator[Path]:
 
 
 def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
-    attachments = {
-        name: content for name in log.attachments if (content := _attachment(log, name)) is not None
-    }
+    attachments = {name: content for name in log.attachments if (content := _attachment(log, name)) is not None}
     topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
     every = {topic: about.every for topic, about in log.topics.items()}
     saved = dict.fromkeys(log.topics, 0)
@@ -274,9 +268,7 @@ def info(path: str | os.PathLike[str]) -> Info:
             digest = ""
         attachments = [(name, len(_attachment(log, name) or b"")) for name in log.attachments]
         topics = [
-            TopicInfo(
-                topic, len(about.names), tally.messages, about.every, tally.first, tally.last, tally.bytes
-            )
+            TopicInfo(topic, len(about.names), tally.messages, about.every, tally.first, tally.last, tally.bytes)
             for (topic, about), tally in zip(log.topics.items(), tallies.values(), strict=True)
         ]
         written = [topic for topic in topics if topic.messages]
@@ -328,9 +320,7 @@ def export(
             first, *others = chosen
             for topic in others:
                 if not np.array_equal(tables[topic].t, tables[first].t):
-                    raise NoSuchSignal(
-                        f"{first} and {topic} were recorded at different times: export to a folder"
-                    )
+                    raise NoSuchSignal(f"{first} and {topic} were recorded at different times: export to a folder")
             files = {target: list(chosen)}
         for file, members in files.items():
             header = ["t [s]"] + [

@@ -181,9 +181,7 @@ def span_moment_ratio(run: Evidence, of: str, window: Window) -> float:
 def tight_span_enters(run: Evidence, of: str, window: Window) -> float:
     """1 when the tighter span runs into the sprocket, -1 when it leaves it."""
     difference = span_tension(run, "upper", window) - span_tension(run, "lower", window)
-    return float(
-        np.sign(difference * run.mean(f"{_drive(run, of)}.speed", window))
-    )  # the upper one enters forward
+    return float(np.sign(difference * run.mean(f"{_drive(run, of)}.speed", window)))  # the upper one enters forward
 
 
 # --- vehicle ---------------------------------------------------------------------------------------
@@ -330,10 +328,7 @@ def _joint_forces(run: Evidence, of: str, window: Window) -> Floats:
     """Force in every pin (m, pins), N."""
     series = run.log.read(f"/{of or run.tracks[0]}/links")
     inside = (series.t >= window.start - 1e-9) & (series.t <= window.end + 1e-9)
-    forces = [
-        series.values[inside][:, [name.endswith(f"].force.{axis}") for name in series.names]]
-        for axis in "xyz"
-    ]
+    forces = [series.values[inside][:, [name.endswith(f"].force.{axis}") for name in series.names]] for axis in "xyz"]
     return np.asarray(np.sqrt(sum(force**2 for force in forces)))
 
 

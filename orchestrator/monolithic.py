@@ -150,9 +150,7 @@ def run(
     part: Any = whole
     scheme = TracksFirst(((Member(part, ()),),))
     with ExitStack() as stack:
-        recorder = stack.enter_context(
-            Recorder(path, topics, attachments, metadata, every=strides(scene, parts))
-        )
+        recorder = stack.enter_context(Recorder(path, topics, attachments, metadata, every=strides(scene, parts)))
         stats_every = max(1, round(STATS_PERIOD / clock.step))
         observers: list[master.Observer] = [Logging(recorder, list(parts.values()), stats_every)]
         if narration:

@@ -90,6 +90,5 @@ class Narration(logging.Handler):
                 before = self._kernels
                 details = ", ".join(filter(None, (self._detail, compiled)))
                 self._say(
-                    f"{self._what}: {time.monotonic() - self._since:.0f} s so far"
-                    + (f", {details}" if details else "")
+                    f"{self._what}: {time.monotonic() - self._since:.0f} s so far" + (f", {details}" if details else "")
                 )

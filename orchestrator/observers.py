@@ -43,9 +43,7 @@ class Logging:
                 recorder.write(f"/{name}/links", k, t, h, component.y_links)
             if k % self.stats_every == 0:
                 component.read_counters()
-                recorder.stats(
-                    name, k, t, h, np.append(component.counters.astype(float), component.wall_time)
-                )
+                recorder.stats(name, k, t, h, np.append(component.counters.astype(float), component.wall_time))
 
 
 class ProgressBar:

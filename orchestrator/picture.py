@@ -150,9 +150,7 @@ def _pane(pane: Axes, run: Evidence, track: str, links: Links, row: int, scale: 
             pane.add_patch(Circle(centre, radius, facecolor="0.92", edgecolor="0.6"))
         pane.plot(*centre, ".", color="0.4", markersize=3)
     count = links.tension.shape[1]
-    boxes = _boxes(
-        pins[:count], pins[(np.arange(count) + 1) % len(pins)], run.scene["vehicle"]["track"]["face"]
-    )
+    boxes = _boxes(pins[:count], pins[(np.arange(count) + 1) % len(pins)], run.scene["vehicle"]["track"]["face"])
     colours = scale.to_rgba(links.tension[row] / 1e3)
     pane.add_collection(PolyCollection(list(boxes), facecolors=colours, edgecolors="0.25", linewidths=0.3))
     if run.scene["assembly"] == "vehicle":

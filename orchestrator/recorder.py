@@ -244,9 +244,7 @@ class Recorder:
                 "places": json.dumps(schema.places(names)),
                 "every": str(channel.every),
             }
-            self._file.channel(
-                channel.number, topic, kind, schema.descriptor(kind, channel.layout.fields), about
-            )
+            self._file.channel(channel.number, topic, kind, schema.descriptor(kind, channel.layout.fields), about)
 
     def _closing_record(self, status: str, message: str, steps: int) -> dict[str, str]:
         record = {"status": status, "message": message, "steps": str(steps)}
@@ -293,10 +291,7 @@ class Recorder:
     def _write_chunk(self, filled: Sequence[_Filled]) -> None:
         packed = [channel.pack(block) for channel, block in filled]
         self._file.chunk(
-            [
-                (channel.number, rows, times)
-                for (channel, _), (rows, times) in zip(filled, packed, strict=True)
-            ]
+            [(channel.number, rows, times) for (channel, _), (rows, times) in zip(filled, packed, strict=True)]
         )
         for (channel, _), (rows, _) in zip(filled, packed, strict=True):  # only what is in the file counts
             channel.hash.update(np.ascontiguousarray(rows[:, IDENTITY:]).data)
@@ -530,7 +525,5 @@ def _bytes(*records: McapRecord) -> bytes:
 
 
 def _failed(path: Path, error: Exception) -> LogFailed:
-    reason = (
-        (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
-    )
+    reason = (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     return LogFailed(f"the log {path} cannot be written: {reason[:1].lower()}{reason[1:]}")

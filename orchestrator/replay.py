@@ -62,9 +62,7 @@ def check(component: Component, inputs: Series) -> None:
     """Whether a component can be driven by recorded inputs; raises Unfit."""
     if tuple(component.inputs) != tuple(inputs.names):
         missing = sorted(set(component.inputs) ^ set(inputs.names))
-        raise Unfit(
-            f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})"
-        )
+        raise Unfit(f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})")
     if gap := inputs.gap():
         raise Unfit(f"{component.name}: the log lacks its inputs from t = {gap[0]:.6g} to {gap[1]:.6g} s")
 
@@ -83,16 +81,12 @@ def drive(component: Component, inputs: Series, parameters: Parameters) -> Itera
         yield k, float(ends[k - 1])
 
 
-def verify(
-    log: Log, component: Component, parameters: Parameters, progress: Progress | None = None
-) -> Verdict:
+def verify(log: Log, component: Component, parameters: Parameters, progress: Progress | None = None) -> Verdict:
     """Step the component again and compare every recorded output and link output, bit by bit; raises Unfit."""
     inputs = log.read(f"/{component.name}/in")
     check(component, inputs)
     recorded = {
-        kind: log.read(topic)
-        for kind in ("out", "links")
-        if (topic := f"/{component.name}/{kind}") in log.topics
+        kind: log.read(topic) for kind in ("out", "links") if (topic := f"/{component.name}/{kind}") in log.topics
     }
     every = {kind: log.topics[f"/{component.name}/{kind}"].every for kind in recorded}
     for kind in recorded:
@@ -175,11 +169,7 @@ def _table(recorded: Series, component: Component, answers: Floats) -> list[Row]
         if not len(recorded.t) or name not in mine or not (name.startswith("tension.") or ".force." in name):
             continue
         theirs, ours = recorded.values[:, i], answers[: len(recorded.t), mine[name]]
-        rows.append(
-            Row(
-                name, component.unit(name), float(theirs.mean()), float(ours.mean()), _rms(theirs), _rms(ours)
-            )
-        )
+        rows.append(Row(name, component.unit(name), float(theirs.mean()), float(ours.mean()), _rms(theirs), _rms(ours)))
     return rows
 
 

@@ -67,9 +67,7 @@ class Again(NamedTuple):
         links = log.topics.get(f"/{name}/links")
         every = links.every if links else self.model.scene.run.links if self.model.scene else 1
         rows = replay.answer(log, self.component, self.parameters, path, attachments, every)
-        head = (
-            f"{'signal':28} {'unit':5} {'mean, log':>12} {'mean, now':>12} {'rms, log':>12} {'rms, now':>12}"
-        )
+        head = f"{'signal':28} {'unit':5} {'mean, log':>12} {'mean, now':>12} {'rms, log':>12} {'rms, now':>12}"
         return [head] + [
             f"{row.name:28} {row.unit:5} {row.recorded_mean:12.1f} {row.replayed_mean:12.1f}"
             f" {row.recorded_rms:12.1f} {row.replayed_rms:12.1f}"

@@ -230,9 +230,7 @@ class Chain(Part):
 
     links: Annotated[int, Field(ge=2, le=4096)]
     ends: Literal["pinned", "held", "loop"] = "pinned"
-    span: Annotated[float, Field(gt=0, lt=1)] | None = (
-        None  # pinned: distance of the pins over the chain's length
-    )
+    span: Annotated[float, Field(gt=0, lt=1)] | None = None  # pinned: distance of the pins over the chain's length
     spin: Annotated[float, In("rad/s")] = 0.0  # of a loop about y, at the start; it has no gravity
     ovalling: Annotated[float, In("rad/s")] = 0.0  # of its links besides, by this times cos(2 angle)
 
@@ -297,9 +295,7 @@ class Frame(Part):
     elements: Elements  # of each member
     element: Literal["beam", "small_deformation", "general", "engineering"]
     height: Annotated[float, In("m", gt=0, le=0.1)]
-    corner: Annotated[
-        float, Field(ge=0, le=1e4)
-    ]  # of beams: stiffness of the corner's block over theirs, 0: none
+    corner: Annotated[float, Field(ge=0, le=1e4)]  # of beams: stiffness of the corner's block over theirs, 0: none
     load_time: Duration
 
 

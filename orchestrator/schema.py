@@ -25,9 +25,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
-FIRST_NUMBER = (
-    16  # of the variables' fields: the tags of 16 to 2047 are two bytes, so holes are evenly spaced
-)
+FIRST_NUMBER = 16  # of the variables' fields: the tags of 16 to 2047 are two bytes, so holes are evenly spaced
 MOST_FIELDS = 8000  # in a message: protobuf's decoder holds one in 65,535 bytes, 8 a field
 FIXED64, LENGTH_DELIMITED = 1, 2  # wire types
 
@@ -204,9 +202,7 @@ def descriptor(name: str, fields: Iterable[Field]) -> bytes:
     kind = file.message_type.add(name=message)
     for field in (Field("t", 1, 0), Field("h", 2, 0), *fields):
         label = FieldDescriptorProto.LABEL_REPEATED if field.length else FieldDescriptorProto.LABEL_OPTIONAL
-        kind.field.add(
-            name=field.name, number=field.number, type=FieldDescriptorProto.TYPE_DOUBLE, label=label
-        )
+        kind.field.add(name=field.name, number=field.number, type=FieldDescriptorProto.TYPE_DOUBLE, label=label)
     return FileDescriptorSet(file=[file]).SerializeToString(deterministic=True)
 
 

@@ -92,9 +92,7 @@ def _simulate(
             done, reached = k, t
 
         try:
-            with Recorder(
-                path, *contents(scene, graph, components), every=strides(scene, components)
-            ) as recorder:
+            with Recorder(path, *contents(scene, graph, components), every=strides(scene, components)) as recorder:
                 stats_every = max(1, round(STATS_PERIOD / pace.step))
                 observers: list[master.Observer] = [
                     count,
@@ -123,9 +121,7 @@ def _simulate(
                     if estimated and result["status"] == "ok":
                         say(f"{scene.name}: the error is estimated, by up to two runs with longer steps")
                         result["error"] = estimate.estimate(scene, path, result, _companion(interrupt))
-                recorder.close(
-                    outcome.status, outcome.message, outcome.steps, _results(result), result["warnings"]
-                )
+                recorder.close(outcome.status, outcome.message, outcome.steps, _results(result), result["warnings"])
         except LogFailed as failure:
             outcome = master.Outcome("failed", f"{failure}, at t = {reached:.6g} s", done, reached)
             result |= _how_it_ended(outcome, startup, wall) | {"warnings": warnings(components)}
@@ -194,9 +190,7 @@ def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
     return VariableStep(*limits)
 
 
-def opened(
-    scene: Scene, stack: ExitStack, logger: Logger | None
-) -> tuple[Scene, System, Mapping[str, Recorded]]:
+def opened(scene: Scene, stack: ExitStack, logger: Logger | None) -> tuple[Scene, System, Mapping[str, Recorded]]:
     """The scene with its wheels in place, its graph, and what is stepped."""
     if isinstance(scene, TrackScene):
         scene = placed(scene)
@@ -226,10 +220,7 @@ def warm_up(stages: Stages, h: float) -> None:
     """One step and back, bit for bit: what a first step compiles or loads belongs to the start-up."""
     for member in (member for stage in stages for member in stage):
         component = member.component
-        if (
-            not isinstance(component, Component)
-            or not component.description.coSimulation.canGetAndSetFMUstate
-        ):
+        if not isinstance(component, Component) or not component.description.coSimulation.canGetAndSetFMUstate:
             continue
         gather(member)
         state = component.save()

@@ -92,15 +92,12 @@ def system(assembly: Assembly) -> System:
     """Build what the assembly needs (each distinct FMU once) and name it as a graph."""
     files = build_all([(part.kind, part.config, None) for part in assembly.parts])
     instances = tuple(
-        Instance(part.name, file, part.parameters, part.stage)
-        for part, file in zip(assembly.parts, files, strict=True)
+        Instance(part.name, file, part.parameters, part.stage) for part, file in zip(assembly.parts, files, strict=True)
     )
     return System(instances, assembly.connections)
 
 
-def build_all(
-    wanted: Sequence[tuple[str, dict[str, Any], str | None]], folder: Path | None = None
-) -> list[Path]:
+def build_all(wanted: Sequence[tuple[str, dict[str, Any], str | None]], folder: Path | None = None) -> list[Path]:
     """Build ``(kind, config, name)`` in order, equal ones once, two at a time."""
     keys = [json.dumps(item, sort_keys=True) for item in wanted]
     distinct = dict(zip(keys, wanted, strict=True))

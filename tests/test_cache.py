@@ -199,6 +199,7 @@ def short_chain():
 
 def built_of(counter):
     """Stands in for the monolith: the two logs, their hashes and some figures."""
+
     def build(scene, folder, title):
         counter["built"] += 1
         for name in LOGS:

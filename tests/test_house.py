@@ -131,10 +131,7 @@ def test_generic_modules_import_nothing_of_fmus(name):
     source = (ORCHESTRATOR / name).read_text(encoding="utf-8")
     found = imports(source)
     assert not any(module.split(".")[0] == "fmus" for module in found)
-    inner = {
-        module.removeprefix("orchestrator.").replace(".", "/") + ".py"
-        for module in ours(found, "orchestrator")
-    }
+    inner = {module.removeprefix("orchestrator.").replace(".", "/") + ".py" for module in ours(found, "orchestrator")}
     known = {*GENERIC, "schema.py", "coupling.py"}
     assert inner - {"orchestrator.py"} <= known, "a generic module leans on one that is not"
 
@@ -200,9 +197,7 @@ def test_shells_hold_no_physics():
         shell = FMUS / folder / f"{folder}_fmu.py"
         lines = [line for line in shell.read_text(encoding="utf-8").splitlines() if line.strip()]
         assert len(lines) <= 20, shell
-        assert not [n for n in ast.walk(ast.parse(shell.read_text())) if isinstance(n, ast.FunctionDef)], (
-            shell
-        )
+        assert not [n for n in ast.walk(ast.parse(shell.read_text())) if isinstance(n, ast.FunctionDef)], shell
 
 
 def test_every_component_has_its_page():

@@ -94,9 +94,7 @@ def test_impulse_across_the_ports(ran):
         values = series.values.copy()
         values[:, column] *= 1.001
         log._series["/chassis/in"] = series._replace(values=values)
-        assert third_law(run, "", Window(0.0, 0.3)) > 1e-6, (
-            "a twin that loses a thousandth of a wheel's force"
-        )
+        assert third_law(run, "", Window(0.0, 0.3)) > 1e-6, "a twin that loses a thousandth of a wheel's force"
 
 
 def test_port_energy_falls_with_the_communication_step(ran):

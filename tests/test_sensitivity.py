@@ -239,9 +239,7 @@ def stepped(case: Case, scene: Any) -> dict[str, float]:
             drives = any(name.startswith("mount.") for name in one.outputs)
             values = (*zip(one.outputs, one.y, strict=True), *zip(one.links, one.y_links, strict=True))
             result |= {
-                f"{one.name}.{name}": value
-                for name, value in values
-                if not (drives and name.startswith("sprocket."))
+                f"{one.name}.{name}": value for name, value in values if not (drives and name.startswith("sprocket."))
             }
     return {name: float(value) for name, value in result.items()}
 
@@ -316,9 +314,7 @@ def test_every_key_of_every_scene_is_asked():
     assert {acts(key).case for key in ASKED} == set(CASES)
 
 
-@pytest.mark.parametrize(
-    ("key", "kind"), [*BRIEF, *(pytest.param(*one, marks=pytest.mark.study) for one in REST)]
-)
+@pytest.mark.parametrize(("key", "kind"), [*BRIEF, *(pytest.param(*one, marks=pytest.mark.study) for one in REST)])
 def test_a_key_changes_what_is_computed(key, kind):
     assert effect(key, kind) > ROUNDING
 

@@ -136,9 +136,7 @@ def rates(tree, contacts, x, u, out):
 
         # acceleration and torque that motion alone makes (7), the wheel's wrench without its spin part (8)
         bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), bend)
-        gyro = add(
-            leaf_inertia(tree, k, r, cross(w, (0.0, y * qd, 0.0))), cross(wl, leaf_inertia(tree, k, r, wl))
-        )
+        gyro = add(leaf_inertia(tree, k, r, cross(w, (0.0, y * qd, 0.0))), cross(wl, leaf_inertia(tree, k, r, wl)))
         f_c, t_c = scale(-m, bias), scale(-1.0, gyro)
         F = add(F, add(f, f_c))
         T = add(T, add(add(cross(wheel, f), (torque[0], 0.0, torque[2])), add(cross(c, f_c), t_c)))

@@ -40,17 +40,13 @@ def spring_ports(side: str, wheels: int) -> list[Port]:
     for i in range(1, wheels + 1):
         arm, spring = f"{side}.road_arm[{i}]", f"{side}.suspension[{i}]"
         ports += [
-            Port(
-                f"{arm}.angle", "output", "rad", f"rotation of {arm} from the drawn position, up is positive"
-            ),
+            Port(f"{arm}.angle", "output", "rad", f"rotation of {arm} from the drawn position, up is positive"),
             Port(f"{spring}.force", "output", "N", f"push of spring and damper of {spring}"),
             Port(f"{spring}.length", "output", "m", f"length of {spring}"),
         ]
     return [
         *ports,
-        Port(
-            f"{side}.tensioner.force", "output", "N", f"push of the {side} tensioner on its idler, rearward"
-        ),
+        Port(f"{side}.tensioner.force", "output", "N", f"push of the {side} tensioner on its idler, rearward"),
     ]
 
 

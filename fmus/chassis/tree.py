@@ -29,9 +29,7 @@ class Tree(NamedTuple):
     turns: Integers  # (n,) 1 for a road arm, 0 for an idler
     hinge: Floats  # (n, 3) pin of the arm, or drawn wheel centre of the idler, m
     arm: Floats  # (n, 2) x and z of the wheel centre from the pin in the drawn position, m; 0 for an idler
-    fraction: (
-        Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for an idler
-    )
+    fraction: Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for an idler
     leaf_mass: Floats  # (n,) arm and wheel, kg
     # Inertia of a leaf about its centre of mass: J w = across w - along (r.w) r + transverse (w_x, 0, w_z), r
     # from the pin to the wheel centre; the wheel's spin is apart.
@@ -62,15 +60,12 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
 
     def leaves(road: Any, idling: Any) -> Floats:
         """One value for arms and one for idlers as an array over all leaves."""
-        side = np.where(
-            last.reshape(-1, *[1] * np.ndim(road)), np.asarray(idling, float), np.asarray(road, float)
-        )
+        side = np.where(last.reshape(-1, *[1] * np.ndim(road)), np.asarray(idling, float), np.asarray(road, float))
         return np.concatenate([side, side])
 
     pivot = np.array(arm["pivot"])  # of the arm from the wheel centre, as all points of the table
     hinge = np.array(
-        [[x + pivot[0], lateral, wheel["z"] + pivot[1]] for x in wheel["x"]]
-        + [[idler["x"], lateral, idler["z"]]]
+        [[x + pivot[0], lateral, wheel["z"] + pivot[1]] for x in wheel["x"]] + [[idler["x"], lateral, idler["z"]]]
     )
     hinge = np.concatenate([hinge, hinge * [1, -1, 1]]) - origin
     mounts = np.array([[0.0, lateral, 0.0], [0.0, -lateral, 0.0]]) - origin
@@ -87,9 +82,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
     square = float(pivot @ pivot)
     per_unit = np.arange(2 * count)
-    sources = np.concatenate(
-        [per_unit + per_unit // count, [count, 2 * count + 1]]
-    )  # inputs: leaves, then the mount
+    sources = np.concatenate([per_unit + per_unit // count, [count, 2 * count + 1]])  # inputs: leaves, then the mount
     right = np.concatenate([per_unit >= count, [False, True]])
     return Tree(
         gravity=float(vehicle["gravity"]),

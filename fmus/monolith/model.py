@@ -93,9 +93,7 @@ class Monolith:
             from fmus.monolith import rigid as kind  # type: ignore[no-redef]
         self._kind: Any = kind
         self._sources = {
-            (c.target, i): (c.source, o)
-            for c in connections
-            for i, o in zip(c.inputs, c.outputs, strict=True)
+            (c.target, i): (c.source, o) for c in connections for i, o in zip(c.inputs, c.outputs, strict=True)
         }
         self._lay_out(own)
         limits = [self._kind.longest(self.models[name]) for name in self._chains]

@@ -55,9 +55,7 @@ def _walk(path, pitch, links):
     return pins[:links], travelled - start[k]
 
 
-def closed_polygon(
-    centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int
-) -> Floats:
+def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int) -> Floats:
     """Pins (links, 2) of a closed polygon of equal chords round circles ``centres`` (m, 2), ``radii`` (m).
 
     The first pin is the foremost point of the belt; the circles that ``grows`` marks (rims, not teeth) take the
@@ -185,9 +183,7 @@ def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
     angles = np.arctan2(chord[:, 1], chord[:, 0])
     distance = np.hypot(*(np.asarray(last, float) - pins[0]))
     factor = brentq(lambda s: pitch * np.cos(s * angles).sum() - distance, 1e-3, 1.5, xtol=1e-15)
-    return close_exactly(
-        np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False
-    )
+    return close_exactly(np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False)
 
 
 def over_sprocket(centre: Floats, pitch: float, teeth: int, links: int) -> Floats:

@@ -86,18 +86,14 @@ class Model:
             *wheel_state("sprocket", "output", mount),
             *wrench("mount", "output"),
             Port("speed", "output", "rad/s", "speed of the sprocket against the mount"),
-            Port(
-                "angle", "output", "rad", "angle of the sprocket against the mount, summed over revolutions"
-            ),
+            Port("angle", "output", "rad", "angle of the sprocket against the mount, summed over revolutions"),
             Port("torque", "output", "N.m", "torque of the motor on the sprocket, mean over the step"),
             Port("energy.kinetic", "output", "J", "kinetic energy of the spin"),
             Port("energy.work", "output", "J", "work of the motor since the start"),
             Port("energy.dissipated", "output", "J", "work done on the brake since the start"),
             Port("port.work", "output", "J", "work of chain and mount on the spin since the start"),
             Port("solver.steps", "output", "1", "internal steps since the start", 0),
-            Port(
-                "solver.evaluations", "output", "1", "evaluations of the spin's equation since the start", 0
-            ),
+            Port("solver.evaluations", "output", "1", "evaluations of the spin's equation since the start", 0),
             *parameters,
         )
         self._defaults = {port.name: port for port in self.ports if port.causality == "parameter"}

@@ -30,9 +30,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
     """Residual M vdot + Q - Q_ext of the whole chain, condensed to the pins, into ``w.b``; with ``tangent`` also the
     condensed iteration matrix. Returns the largest entry of the residual, N, and the link it belongs to.
     """
-    return kernels(type(links)).evaluate(
-        links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tangent
-    )
+    return kernels(type(links)).evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tangent)
 
 
 def correct(links, w, q, v, vdot, by_rate, by_acceleration, longest) -> float:

@@ -78,9 +78,7 @@ def evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tang
         r = R[i]
         for a in range(4):
             for k in range(3):
-                r[a, k] = (
-                    M[a, 0] * dde[0, k] + M[a, 1] * dde[1, k] + M[a, 2] * dde[2, k] + M[a, 3] * dde[3, k]
-                )
+                r[a, k] = M[a, 0] * dde[0, k] + M[a, 1] * dde[1, k] + M[a, 2] * dde[2, k] + M[a, 3] * dde[3, k]
         weigh(weight, c.l, 2, 2, r)
         if tangent:
             stiffness(c, e, de, by_rate, by_acceleration, K, W, V)

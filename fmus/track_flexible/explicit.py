@@ -18,9 +18,7 @@ from fmus.physics.wheels import move
 from fmus.track import Environment
 from fmus.track_flexible.assembly import correct, evaluate, kernels, measure
 
-LIMIT = (
-    2.4  # step times highest frequency, within the stability region of the method for lightly damped modes
-)
+LIMIT = 2.4  # step times highest frequency, within the stability region of the method for lightly damped modes
 
 
 def factor_mass(links: Any, contacts: Any, env: Environment, q: Floats, still: Floats, w: Any) -> bool:
@@ -84,9 +82,7 @@ def march(links, contacts, env, rows, h, longest, x, still, scratch, k, w, mean,
         counters[1] += RK4.b.size
         if env.ends == 2:
             for i in range(dims):
-                report[11] += env.pull[0, i] * (x[i] - first[i]) + env.pull[1, i] * (
-                    x[n - width + i] - last[i]
-                )
+                report[11] += env.pull[0, i] * (x[i] - first[i]) + env.pull[1, i] * (x[n - width + i] - last[i])
         for i in range(2 * n):
             if not abs(x[i]) < 1e9:
                 return 1, (step + 1) * dt

@@ -63,9 +63,7 @@ def add_bending(w, d, D, r, H, E):
             yx, yy = D[1, k + 1] * D[0, m + 1], D[1, k + 1] * D[1, m + 1]
             for i in range(3):
                 for j in range(3):
-                    E[3 * k + i, 3 * m + j] += (
-                        xx * H[0, i, j] + xy * H[1, i, j] + yx * H[1, j, i] + yy * H[2, i, j]
-                    )
+                    E[3 * k + i, 3 * m + j] += xx * H[0, i, j] + xy * H[1, i, j] + yx * H[1, j, i] + yy * H[2, i, j]
 
 
 @allocating

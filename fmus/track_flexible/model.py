@@ -70,9 +70,7 @@ class Model(TrackModel):
                 "damping constants over Young's modulus",
                 m["relaxation_time"],
             ),
-            Port(
-                "spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.4
-            ),
+            Port("spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.4),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9),
         )
 
@@ -108,9 +106,7 @@ class Model(TrackModel):
         if element != self.element:
             self.element = element
             self.allocate()
-        self.environment = self.environment._replace(
-            pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES])
-        )
+        self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         width, vectors, axes = ELEMENTS[element]
         n, m = self.nodes * width, len(self.wheel_list) + 1
         parts = np.split(self.chain, np.cumsum([n, n, n, n, m * WRENCH, m * WRENCH, 2]))
@@ -260,9 +256,7 @@ class Model(TrackModel):
             raise StepFailed("the chain's mass matrix is singular at the start")
         self.factored, w = True, self.work
         w.moved[:] = self.start_rows
-        self.kit.evaluate(
-            self.link, self.contacts, self.environment, self.q, self.v, still, 0.0, 0.0, w, False
-        )
+        self.kit.evaluate(self.link, self.contacts, self.environment, self.q, self.v, still, 0.0, 0.0, w, False)
         solve(w.A, w.U, w.factors, self.closed, w.b)
         self.vdot[:] = 0.0
         self.kit.correct(self.link, w, self.vdot, space[1], space[1], 0.0, 0.0, np.inf)
@@ -290,9 +284,7 @@ class Model(TrackModel):
 
     def _march(self, t: float, h: float) -> None:
         still, space, k = self.space
-        if not self.factored and not factor_mass(
-            self.link, self.contacts, self.environment, self.q, still, self.work
-        ):
+        if not self.factored and not factor_mass(self.link, self.contacts, self.environment, self.q, still, self.work):
             raise StepFailed(f"the chain's mass matrix is singular at t = {t:.6g} s")
         self.factored = True
         failure, done = march(
@@ -350,9 +342,7 @@ class Model(TrackModel):
         )
         if failure:
             what = (
-                "Newton's iteration of the chain did not converge"
-                if failure == 1
-                else "the chain's matrix is singular"
+                "Newton's iteration of the chain did not converge" if failure == 1 else "the chain's matrix is singular"
             )
             raise self.failed(t + done, what, link, residual)
 

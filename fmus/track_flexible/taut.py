@@ -142,9 +142,7 @@ class Chain:
         self.lengths += self.pitch * change[:, -1]
         if self.pinned:
             before, span = self.factor, float(self.ends[1][0] - self.ends[0][0])
-            self.factor = brentq(
-                lambda s: self.lengths @ np.cos(s * self.angles) - span, 0.5, 1.5, xtol=1e-15
-            )
+            self.factor = brentq(lambda s: self.lengths @ np.cos(s * self.angles) - span, 0.5, 1.5, xtol=1e-15)
             turn, slopes = (
                 (self.factor - before) * self.angles[:, None, None],
                 self.plane[:, self.shift == 0.0],

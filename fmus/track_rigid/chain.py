@@ -45,9 +45,7 @@ from fmus.track_rigid.loads import (
 )
 
 GAP = 1e-11  # largest misfit of a pin, m and rad: 1e-12 of the length of a track
-FORCE = (
-    1e-6  # largest residual of a link, relative to weight and pull; what is left goes into the accelerations
-)
+FORCE = 1e-6  # largest residual of a link, relative to weight and pull; what is left goes into the accelerations
 ITERATIONS = 15  # of Newton, before a step is given up
 NONE = (0.0,) * 9  # the matrix of a constant force
 SLOW = 0.5  # a new tangent that leaves more than this of it: friction is sharp

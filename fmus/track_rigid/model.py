@@ -24,11 +24,7 @@ class Model(TrackModel):
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Integration of the links."""
-        return (
-            Port(
-                "spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.4
-            ),
-        )
+        return (Port("spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.4),)
 
     def chain_size(self) -> int:
         """Poses, velocities, both accelerations; multipliers; wheel wrenches and their auxiliaries; tally."""
@@ -42,9 +38,7 @@ class Model(TrackModel):
             raise InvalidParameter(f"spectral_radius = {radius}: must lie between 0 and 1")
         self.method = coefficients(radius)
         v, n, wheels = self.vehicle["track"], self.links_count, len(self.wheel_list)
-        self.link = Link(
-            0.5 * self.pitch, v["face"], 0.25 * v["width"], v["mass"], np.array(v["inertia"], dtype=float)
-        )
+        self.link = Link(0.5 * self.pitch, v["face"], 0.25 * v["width"], v["mass"], np.array(v["inertia"], dtype=float))
         self.ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         self.views = chain.views(self.chain, n, self.closed, wheels)
         self.work = chain.work(n, self.closed, wheels)
@@ -86,9 +80,7 @@ class Model(TrackModel):
     def publish(self, h: float) -> None:
         """Show what the impulses of a step of ``h`` and the state say."""
         self.wrench[:] = (self.work.impulse[:-1] / h).reshape(-1, 3)
-        chain.measure(
-            self.link, self.ends, self.environment, self.views, self.work, self.tensions, self.report
-        )
+        chain.measure(self.link, self.ends, self.environment, self.views, self.work, self.tensions, self.report)
         self.report[GROUND : GROUND + 3] = -self.work.impulse[-1, :3] / h
 
     def pins(self) -> Floats:
@@ -130,9 +122,7 @@ class Model(TrackModel):
 
     def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
         """Per-link arrays from the state."""
-        chain.measure(
-            self.link, self.ends, self.environment, self.views, self.work, tension, self.report.copy()
-        )
+        chain.measure(self.link, self.ends, self.environment, self.views, self.work, tension, self.report.copy())
         stress[:] = 0.0
         position[:] = self.pins()
         chain.pin_forces(self.ends, self.environment, self.views, force)

@@ -50,8 +50,7 @@ class EnergyCorrected(GaussSeidel):
         """The step, and what each feed missed in it."""
         super().exchange(t, h, now)
         self.missed = {
-            id(feed): self.missed.get(id(feed), 0.0)
-            + h * (held.within(feed, now) - member.component.u[feed.inputs])
+            id(feed): self.missed.get(id(feed), 0.0) + h * (held.within(feed, now) - member.component.u[feed.inputs])
             for member, feed in self._corrected
         }
 

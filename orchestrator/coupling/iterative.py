@@ -29,9 +29,7 @@ class Iterative(Staged):
     NAME = "iterative"
     ORDER = 2
 
-    def __init__(
-        self, stages: Stages, tolerance: float = 1e-6, iterations: int = 20, threads: bool = True
-    ) -> None:
+    def __init__(self, stages: Stages, tolerance: float = 1e-6, iterations: int = 20, threads: bool = True) -> None:
         super().__init__(stages, threads)
         needs_states(self, "coupling 'iterative'")
         self.tolerance, self.iterations = tolerance, iterations
@@ -45,9 +43,7 @@ class Iterative(Staged):
         ]
         ends = np.cumsum([0, *(len(feed.inputs) for _, feed in feeds)])
         self._feeds = feeds
-        self._place = {
-            id(feed): slice(a, b) for (_, feed), a, b in zip(feeds, ends[:-1], ends[1:], strict=True)
-        }
+        self._place = {id(feed): slice(a, b) for (_, feed), a, b in zip(feeds, ends[:-1], ends[1:], strict=True)}
         self._largest = np.zeros(len(feeds))
         self._guess = np.zeros(int(ends[-1]))
 

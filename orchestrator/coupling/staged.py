@@ -17,11 +17,13 @@ class Staged(Scheme):
         self._copies: list[list[tuple[Floats, Feed, bool]]] = []  # of a stage: inputs, feed, whether its source stepped
         done: set[str] = set()
         for stage in stages:
-            self._copies.append([
-                (member.component.u, feed, feed.source.name in done)
-                for member in stage
-                for feed in self.feeds(member)
-            ])
+            self._copies.append(
+                [
+                    (member.component.u, feed, feed.source.name in done)
+                    for member in stage
+                    for feed in self.feeds(member)
+                ]
+            )
             done |= {member.component.name for member in stage}
 
     def feeds(self, member: Member) -> Sequence[Feed]:

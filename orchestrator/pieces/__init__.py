@@ -75,9 +75,7 @@ class Stepped:
             self.wall_time += perf_counter() - began
         if not np.isfinite(self.y).all():
             what = self.outputs[int(np.argmin(np.isfinite(self.y)))]
-            raise ComponentFailed(
-                f"{self.name}: {what} is no longer finite at t = {t + h:.6g} s: take smaller steps"
-            )
+            raise ComponentFailed(f"{self.name}: {what} is no longer finite at t = {t + h:.6g} s: take smaller steps")
 
     def read(self) -> None:
         """The outputs go into ``y``."""

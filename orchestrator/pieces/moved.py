@@ -66,9 +66,7 @@ class Slider:
         self.h, self.spots = p.step, np.linspace(0.0, p.length, 4 * p.elements + 1)
         self.count = len(self.spots) + 1
         self.counters = np.zeros(4, np.int32)
-        self.about = (
-            f"{p.elements} cable elements on a cubic spline and a mass, {self.bodies.free.sum() - 2} dofs"
-        )
+        self.about = f"{p.elements} cable elements on a cubic spline and a mass, {self.bodies.free.sum() - 2} dofs"
 
     def advance(self, t: float, h: float) -> None:
         """The energy-keeping step of the sliding joint."""

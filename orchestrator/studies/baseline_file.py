@@ -88,9 +88,7 @@ def load(path: Path) -> Baseline:
     try:
         with np.load(path) as file:
             head = json.loads(file["head"].tobytes())
-            arrays = {
-                name: _array(file[name], np.dtype(kind), shape) for name, (kind, shape) in head["arrays"].items()
-            }
+            arrays = {name: _array(file[name], np.dtype(kind), shape) for name, (kind, shape) in head["arrays"].items()}
     except (OSError, ValueError, KeyError) as error:
         raise BadInput(f"the baseline {path} cannot be read: {error}") from None
     runs, at = [], dict.fromkeys(Kept._fields, 0)

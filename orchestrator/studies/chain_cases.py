@@ -46,9 +46,7 @@ def released_steel(hs: tuple[float, ...]) -> list[Row]:
     return _over_steps("released chain of 64 steel links, tip x at 0.5 s, m", hs, tips, 9.413174, 2)
 
 
-def _over_steps(
-    case: str, hs: tuple[float, ...], values: list[float], reference: float, order: int
-) -> list[Row]:
+def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference: float, order: int) -> list[Row]:
     """The reference has six decimals; the series is that of the values towards their own limit."""
     limit = values[-1] + (values[-1] - values[-2]) / (2**order - 1)
     series = tuple((h, abs(value - limit)) for h, value in zip(hs, values, strict=True))
@@ -145,9 +143,7 @@ def folded_chain(links: int) -> list[Row]:
         drift = max(drift, abs(rods.energy() - start))
     times, drops = np.array(t) / scale, np.array(drop) / length
     k = int(drops.argmax())
-    top = float(
-        np.polynomial.Polynomial.fit(times[k - 1 : k + 2], drops[k - 1 : k + 2], 2).deriv().roots()[0]
-    )
+    top = float(np.polynomial.Polynomial.fit(times[k - 1 : k + 2], drops[k - 1 : k + 2], 2).deriv().roots()[0])
     half = float(np.interp(0.5, drops[:k], times[:k])) * math.sqrt(2.0)
     ahead = float((drops[1:k] / times[1:k] ** 2).min())
     name = f"folded chain of {links} rods"

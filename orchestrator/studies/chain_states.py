@@ -255,9 +255,7 @@ def _elastic(plane: _Plane, lateral: _Lateral, strain: Floats, pitch: float) -> 
         + phi[..., None] * across
         for bend in bends
     )
-    begin_normal, end_normal = (
-        n - bend * t + give * drawn(links, 3) + roll[..., None] * across for bend in bends
-    )
+    begin_normal, end_normal = (n - bend * t + give * drawn(links, 3) + roll[..., None] * across for bend in bends)
     # a pin's axis is square to the links that it joins
     mean_t, mean_n, mean_phi, mean_roll = _of_pins([t, n, phi[..., None], roll[..., None]], nodes)
     axis = across - mean_phi * mean_t - mean_roll * mean_n + give * drawn(nodes, 3)

@@ -45,10 +45,7 @@ VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {
     "energy_corrected": ("energy_corrected", {}),
 }
 MEMBERS = [
-    (cut, variant)
-    for cut in CUTS
-    for variant in VARIANTS
-    if (cut, variant) != ("wrench", "gauss_seidel constant")
+    (cut, variant) for cut in CUTS for variant in VARIANTS if (cut, variant) != ("wrench", "gauss_seidel constant")
 ]
 FREE = Oscillator()
 DAMPED = Oscillator(k=100.0, c=1.0, c1=0.2, c2=0.2, start=(1.0, 0.5, -0.3, 0.2))

@@ -62,9 +62,7 @@ ELEMENTS = "elements"  # what series of errors go over
 # 2. The elastica ---------------------------------------------------------------------------------------------------
 
 
-def _over_elements(
-    case: str, ns: tuple[int, ...], values: list[float], reference: float, tolerance: float
-) -> Row:
+def _over_elements(case: str, ns: tuple[int, ...], values: list[float], reference: float, tolerance: float) -> Row:
     """The value with the last number of elements, the errors of all, the order of the values among themselves."""
     scale = abs(reference) or 1.0
     series = tuple((float(n), abs(value - reference) / scale) for n, value in zip(ns, values, strict=True))
@@ -152,9 +150,7 @@ def frequencies(name: str, ends: str) -> list[Row]:
     what = f"frequencies, {'cable' if slim else 'beam'} {name}, {ends}, beta L of mode {k + 1}"
     series = tuple(zip(map(float, ns), worst, strict=True))
     order = rate_of(ns, worst)
-    row = checked(
-        "", what, found[-1][k], exact[k], tolerance, worst[-1], order=order, over=ELEMENTS, series=series
-    )
+    row = checked("", what, found[-1][k], exact[k], tolerance, worst[-1], order=order, over=ELEMENTS, series=series)
     return [of_order(row, 3.7, 4.3) if slim else of_order(row, 1.9, 2.2)]
 
 
@@ -303,9 +299,7 @@ def l_frame(name: str) -> list[Row]:
     if kind is beam:
         u, exact_u = frame_tip(beam, 24, rigid=0.0)
         what = "L-frame of beams, gradient transformation alone, tip x, m"
-        rows.append(
-            checked("", what, u[0], exact_u[0], math.nan, note="yields in the corner, for information")
-        )
+        rows.append(checked("", what, u[0], exact_u[0], math.nan, note="yields in the corner, for information"))
     return rows
 
 
@@ -347,16 +341,12 @@ def splines() -> list[Row]:
     ]
     for m in range(5):
         found = int(np.linalg.matrix_rank(bspline.knot_rows(m))) if m < 4 else len(bspline.knot_rows(m))
-        rows.append(
-            checked("", f"equations that a knot of multiplicity {m} imposes", found, 3 * (4 - m), 0.0)
-        )
+        rows.append(checked("", f"equations that a knot of multiplicity {m} imposes", found, 3 * (4 - m), 0.0))
     for d in bspline.table():
         equations, knot, missing = DEMANDS[d.element, d.joint]
         made = f"knot {d.knot}" if d.knot else f"no knot; {d.missing} missing with {d.weaker}"
         same = (d.knot, d.missing) == (knot, missing)
-        row = checked(
-            "", f"equations of the joint '{d.joint}' of {d.element}s", d.equations, equations, 0.0, note=made
-        )
+        row = checked("", f"equations of the joint '{d.joint}' of {d.element}s", d.equations, equations, 0.0, note=made)
         rows.append(row._replace(ok=bool(row.ok) and same))
     return rows
 
@@ -368,9 +358,7 @@ def cases() -> list[Case]:
     """Every element, joint and corner; each takes seconds."""
     found = [Case("2", f"elastica, cable {name}", elastica_of_cables, (name,), 3) for name in CABLES]
     found += [Case("2", f"elastica, beam {cure}", elastica_of_beams, (cure,), 5) for cure in CURES]
-    found += [
-        Case("2", f"order of the elastica, {name}", elastica_order, (name,), 3) for name in (*CABLES, *CURES)
-    ]
+    found += [Case("2", f"order of the elastica, {name}", elastica_order, (name,), 3) for name in (*CABLES, *CURES)]
     found.append(Case("2", "elastica without a cure", elastica_without_cure, (), 5))
     found += [
         Case("3", f"frequencies, {name}, {ends}", frequencies, (name, ends), 2)

@@ -102,9 +102,7 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     """The truth of each track model, then every way to run the scene."""
     found = load(scene)
     if not isinstance(found, TrackScene):
-        raise BadInput(
-            f"study error-runtime: scene '{scene}' has no track, and its reference is in its checks"
-        )
+        raise BadInput(f"study error-runtime: scene '{scene}' has no track, and its reference is in its checks")
     base = (QUICK[found.assembly],) if quick else ()
     if isinstance(found, ChainScene) and found.chain.ends == "pinned" and found.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # at rest there is nothing to be wrong about

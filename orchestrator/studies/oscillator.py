@@ -80,9 +80,7 @@ def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
             B = np.array([[0.0, 0.0], [o.k / m, o.c / m]])
             zero = np.zeros((2, 2))
             names = (f"x{other}", f"v{other}"), (f"x{own}", f"v{own}")
-            both.append(
-                Side(A, B, np.eye(2), np.array([x, v]), zero, zero, False, *names, ("value", "value"))
-            )
+            both.append(Side(A, B, np.eye(2), np.array([x, v]), zero, zero, False, *names, ("value", "value")))
         return both[0], both[1]
     b = Side(
         mass2, np.array([[0.0], [1.0 / o.m2]]), np.eye(2), np.array([x2, v2]), np.zeros((2, 1)), none, False,
@@ -174,8 +172,7 @@ def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[St
     ]
     if cut == "mass":  # positions come with their rates
         connections = [
-            c._replace(rates=(f"v{c.outputs[0][1]}",)) if c.outputs[0].startswith("x") else c
-            for c in connections
+            c._replace(rates=(f"v{c.outputs[0][1]}",)) if c.outputs[0].startswith("x") else c for c in connections
         ]
     system = System((Instance("a", None, {}, 0), Instance("b", None, {}, 1)), tuple(connections))  # type: ignore[arg-type]
     return wire(system, {"a": one, "b": two}), one, two
@@ -231,9 +228,7 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
         return np.array([[weight[kind]] for kind in side.given])
 
     extrapolated = hold == "linear"
-    ahead = [
-        column(side, 0.5, 1.0, 0.0 if scheme == "tracks_first" else 0.5) * extrapolated for side in (a, b)
-    ]
+    ahead = [column(side, 0.5, 1.0, 0.0 if scheme == "tracks_first" else 0.5) * extrapolated for side in (a, b)]
     within = [column(side, 0.5, 1.0, 0.5) if extrapolated else column(side, 1.0, 1.0, 1.0) for side in (a, b)]
 
     def foreseen(side: int, now: Floats, before: Floats) -> Floats:

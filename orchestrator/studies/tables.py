@@ -50,9 +50,7 @@ def checked(
 
 def of_order(row: Row, low: float, high: float) -> Row:
     """The row, which must also show an order between two bounds."""
-    return row._replace(
-        ok=bool(row.ok) and low <= row.order <= high, note=f"order {low:g} to {high:g} is asked for"
-    )
+    return row._replace(ok=bool(row.ok) and low <= row.order <= high, note=f"order {low:g} to {high:g} is asked for")
 
 
 def failed(item: str, case: str, reason: str) -> Row:

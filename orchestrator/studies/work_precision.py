@@ -55,11 +55,7 @@ def pareto(rows: Iterable[Row], error: Any = lambda row: row.error) -> list[Row]
 
 def cheapest(rows: Iterable[Row], level: float, observable: str = "") -> Row | None:
     """The fastest run within an error: of one observable, or the largest of all decisive ones."""
-    found = [
-        row
-        for row in runs(rows)
-        if (row.errors.get(observable, math.inf) if observable else row.error) <= level
-    ]
+    found = [row for row in runs(rows) if (row.errors.get(observable, math.inf) if observable else row.error) <= level]
     return min(found, key=lambda row: row.wall_time, default=None)
 
 
@@ -115,9 +111,7 @@ def to_csv(rows: Sequence[Row]) -> str:
         + ["note"]
     )
     for row in rows:
-        figures = [
-            found.get(name, "") for name in names for found in (row.errors, row.absolute, row.estimates)
-        ]
+        figures = [found.get(name, "") for name in names for found in (row.errors, row.absolute, row.estimates)]
         head = [row.item, row.case, row.track, row.method, " ".join(f"'{s}'" for s in row.settings)]
         writer.writerow([*head, row.wall_time, row.cpu_time, row.error, row.estimate, *figures, row.note])
     return out.getvalue()
@@ -147,9 +141,7 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     stem = f"{name}-{scenes}"
     texts = {f"{stem}.csv": to_csv(rows), f"{stem}.md": f"# {title}: {scenes}\n\n{to_markdown(rows)}"}
     files = save(folder, texts, stem, lambda files: draw(rows, files, f"{title}: {scenes}"))
-    settings = [
-        precision.Setting(row.item, row.track, means(row), row.error, row.wall_time) for row in runs(rows)
-    ]
+    settings = [precision.Setting(row.item, row.track, means(row), row.error, row.wall_time) for row in runs(rows)]
     files.append(folder / "precision.json")
     precision.write(settings, files[-1])
     if not any(setting.startswith("run.stop") for row in rows for setting in row.settings):
@@ -188,9 +180,7 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
             return row.errors.get(name, math.nan) if name else row.error
 
         for track, (k, method) in product(tracks, enumerate(methods)):
-            points = [
-                (row.wall_time, error(row)) for row in shown if (row.track, row.method) == (track, method)
-            ]
+            points = [(row.wall_time, error(row)) for row in shown if (row.track, row.method) == (track, method)]
             if not points:
                 continue
             pane.loglog(
@@ -223,9 +213,7 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
         Line2D([], [], color=colormaps["tab10"](k % 10), marker=MARKERS[k % len(MARKERS)], label=method)
         for k, method in enumerate(methods)
     ]
-    keys += [
-        Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in lines.items()
-    ]
+    keys += [Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in lines.items()]
     figure.legend(handles=keys, loc="outside lower center", ncols=min(4, len(keys)), fontsize=10)
     figure.suptitle(f"{title} (rings: Pareto front of a track model)", fontsize=12)
     for file in files:

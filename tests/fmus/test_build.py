@@ -15,9 +15,7 @@ from fmus.jit import ROOT, source_hash, sources
 def test_fmu_holds_the_whole_tree_and_sources_only(toy):
     with zipfile.ZipFile(toy) as archive:
         names = archive.namelist()
-        packed = {
-            name.removeprefix("resources/fmus/") for name in names if name.startswith("resources/fmus/")
-        }
+        packed = {name.removeprefix("resources/fmus/") for name in names if name.startswith("resources/fmus/")}
         assert packed == {source.relative_to(ROOT).as_posix() for source in sources()}
         assert archive.read("resources/build.txt").decode() == source_hash()
         assert {"resources/config.json", "resources/toy_fmu.py", "resources/toy/kernels.py"} <= set(names)

@@ -36,11 +36,7 @@ class Probe:
                 part = part[name]
             part[last] = value
         self.model = Model({"vehicle": table, "chassis": {"sides": list(sides)}})
-        real = [
-            port
-            for port in self.model.ports
-            if isinstance(port.start, float) and port.causality != "parameter"
-        ]
+        real = [port for port in self.model.ports if isinstance(port.start, float) and port.causality != "parameter"]
         self.inputs = [port.name for port in real if port.causality == "input"]
         self.names = [port.name for port in real if port.causality == "output"]
         self.u, self.y, self.t = np.zeros(len(self.inputs)), np.zeros(len(self.names)), 0.0
@@ -94,9 +90,7 @@ def test_drawn_position_at_the_start_pose():
         ("right.sprocket", (0.0, -1.0795, 0.0)),
         ("chassis", TABLE["chassis"]["centre"]),
     ):
-        assert np.allclose(
-            probe[f"{name}.position"], turn.apply(place) + np.array([3.0, 0.0, 1.0]), rtol=0, atol=1e-14
-        )
+        assert np.allclose(probe[f"{name}.position"], turn.apply(place) + np.array([3.0, 0.0, 1.0]), rtol=0, atol=1e-14)
     assert probe["yaw"] == pytest.approx(0.7, abs=1e-15)
     assert probe["left.suspension[1].length"] == pytest.approx(np.hypot(0.484, 0.406), abs=1e-15)
 
@@ -431,11 +425,7 @@ def momenta(model):
             k = 6 * side + i
             d, rate, spin = x[ROOT + k], x[ROOT + 2 * n + k], x[ROOT + 3 * n + k]
             part = table["idler"] if i == 5 else table["road_wheel"]
-            J = (
-                A
-                @ np.diag([part["transverse_inertia"], part["spin_inertia"], part["transverse_inertia"]])
-                @ A.T
-            )
+            J = A @ np.diag([part["transverse_inertia"], part["spin_inertia"], part["transverse_inertia"]]) @ A.T
             w_wheel = w + (spin - w @ A[:, 1]) * A[:, 1]
             if i == 5:
                 r = A @ (np.array([part["x"] + d, lateral, part["z"]]) - centre)
@@ -446,9 +436,7 @@ def momenta(model):
             R, w_arm = A @ Rotation.from_rotvec([0, d, 0]).as_matrix(), w + rate * A[:, 1]
             to_wheel = np.array([-0.288, 0, -0.134])
             e = R @ to_wheel / np.linalg.norm(to_wheel)
-            J_arm = arm["pin_inertia"] * np.eye(3) - (arm["pin_inertia"] - arm["long_inertia"]) * np.outer(
-                e, e
-            )
+            J_arm = arm["pin_inertia"] * np.eye(3) - (arm["pin_inertia"] - arm["long_inertia"]) * np.outer(e, e)
             for mass, share, J_part, turn in (
                 (arm["mass"], 0.5, J_arm, w_arm),
                 (part["mass"], 1.0, J, w_wheel),
@@ -504,9 +492,7 @@ def test_energy_ledger_closes():
         probe["left.sprocket.torque.y"], probe["right.road_wheel[5].torque.x"] = -5e3, 4e3
         probe.run(0.3)
         assert probe["energy.dissipated"] > 100.0
-        return probe.energy + probe["energy.dissipated"] - before - work * probe["port.work"], probe[
-            "port.work"
-        ]
+        return probe.energy + probe["energy.dissipated"] - before - work * probe["port.work"], probe["port.work"]
 
     rest, work = residual()
     assert abs(rest) < 1e-7 * abs(work)
@@ -527,9 +513,7 @@ def test_heading_changes_nothing():
             probe[f"{name}.force.x"], probe[f"{name}.force.y"] = c * fx - s * fy, s * fx + c * fy
             probe[f"{name}.force.z"] = fz
         probe.run(0.3)
-        return np.array([probe[k] for k in ("distance", "speed", "settlement", "pitch", "roll")]), probe[
-            "yaw"
-        ]
+        return np.array([probe[k] for k in ("distance", "speed", "settlement", "pitch", "roll")]), probe["yaw"]
 
     straight, turned = driven(0.0), driven(np.radians(37))
     assert np.allclose(straight[0], turned[0], rtol=1e-11, atol=1e-13)

@@ -27,9 +27,7 @@ class Body:
         }
         ground = {"hull": hull, "bare": list(bare), **({"bump": bump} if bump else {})}
         self.model = Model({"vehicle": table, "chassis": {"sides": ["left", "right"], "ground": ground}})
-        self.names = [
-            p.name for p in self.model.ports if p.causality == "output" and isinstance(p.start, float)
-        ]
+        self.names = [p.name for p in self.model.ports if p.causality == "output" and isinstance(p.start, float)]
         self.y, self.u, self.t = np.zeros(len(self.names)), np.zeros(6 * (LEAVES + 2)), 0.0
         self.model.initialise({f"start.{key}": value for key, value in dict(start).items()} | parameters)
         self.whole = self.energy
@@ -47,9 +45,7 @@ class Body:
     @property
     def energy(self):
         """All of it, with what was lost."""
-        return sum(
-            self[f"energy.{part}"] for part in ("kinetic", "gravity", "spring", "contact", "dissipated")
-        )
+        return sum(self[f"energy.{part}"] for part in ("kinetic", "gravity", "spring", "contact", "dissipated"))
 
 
 def test_bare_wheels_carry_the_weight():
@@ -59,9 +55,7 @@ def test_bare_wheels_carry_the_weight():
     assert abs(body["roll"]) < 1e-12
     sunk = WHEEL["z"] - WHEEL["radius"] - 2 * TABLE["track"]["face"]  # of the level ground
     depths = [
-        sunk - body[f"{s}.road_wheel[{i}].position.z"] + WHEEL["radius"]
-        for s in ("left", "right")
-        for i in range(1, 6)
+        sunk - body[f"{s}.road_wheel[{i}].position.z"] + WHEEL["radius"] for s in ("left", "right") for i in range(1, 6)
     ]
     assert 2e6 * sum(depths) == pytest.approx(MASS * G, rel=1e-5)
 

@@ -130,9 +130,7 @@ def test_starts_are_those_of_the_ends(kind):
     assert held.environment.ends == HELD
     stretch = 1e-14 if kind is Rigid else 1e-6
     np.testing.assert_allclose(held.pins()[-1], [1.0 + 9 * P, 0.0, 2.0], atol=stretch)
-    np.testing.assert_allclose(
-        made(kind, 9, HOLD, start="folded").pins()[-1], [1.0 + P, 0.0, 2.0], atol=stretch
-    )
+    np.testing.assert_allclose(made(kind, 9, HOLD, start="folded").pins()[-1], [1.0 + P, 0.0, 2.0], atol=stretch)
     with pytest.raises(InvalidParameter, match=r"start = 'folded': a fold .* odd number of links, not 8"):
         made(kind, 8, HOLD, start="folded")
     moving = ("start.spin", "start.ovalling")
@@ -299,9 +297,7 @@ def test_a_triangle_of_links_cannot_become_oval():
 
 
 def test_links_that_are_too_soft_to_spin():
-    with pytest.raises(
-        StepFailed, match="spins at 50 rad/s has no relative equilibrium: its links are too soft"
-    ):
+    with pytest.raises(StepFailed, match="spins at 50 rad/s has no relative equilibrium: its links are too soft"):
         made(Flexible, 16, gravity=0.0, **{"start.spin": 50.0, "material.youngs_modulus": 1e5})
 
 

@@ -39,8 +39,7 @@ def raw(toy, xml):
     slave = FMU2Slave(guid="", modelIdentifier="Toy", unzipDirectory=str(unpack(toy)), instanceName="raw")
     slave.instantiate(loggingOn=True)
     references = {
-        v.get("name"): int(v.get("valueReference"))
-        for v in ElementTree.fromstring(xml).iter("ScalarVariable")
+        v.get("name"): int(v.get("valueReference")) for v in ElementTree.fromstring(xml).iter("ScalarVariable")
     }
     return slave, references
 
@@ -104,9 +103,7 @@ def test_start_values_keep_all_their_digits():
     with Component(build_toy(start=start), "toy") as component:
         component.initialise({})
         assert component.y[0] == start
-        assert next(v for v in component.description.modelVariables if v.name == "start.x").start == repr(
-            start
-        )
+        assert next(v for v in component.description.modelVariables if v.name == "start.x").start == repr(start)
 
 
 def test_guid_follows_from_sources_and_configuration(toy, fresh_cache):
@@ -400,9 +397,7 @@ fmpy.simulate_fmu(sys.argv[1], stop_time=0.003, step_size=1e-3)
 def test_twenty_processes_in_a_row_end_well(toy, environment):
     scripts = list(RUNS.values())
     codes = [
-        subprocess.run(
-            [sys.executable, "-c", scripts[i % 3], toy], env=environment, capture_output=True
-        ).returncode
+        subprocess.run([sys.executable, "-c", scripts[i % 3], toy], env=environment, capture_output=True).returncode
         for i in range(20)
     ]
     assert codes == [0] * 20
@@ -453,9 +448,7 @@ print(result["x"][-1])
 def test_fmu_runs_where_cotrack_is_not_installed_and_finds_its_kernels(toy, environment, tmp_path):
     env = {key: value for key, value in environment.items() if key != "PYTHONPATH"}
     subprocess.run([sys.executable, "-c", RUNS["component"], toy], env=environment, check=True)  # compiles
-    done = subprocess.run(
-        [sys.executable, "-c", ELSEWHERE, toy], env=env, cwd=tmp_path, capture_output=True, text=True
-    )
+    done = subprocess.run([sys.executable, "-c", ELSEWHERE, toy], env=env, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert float(done.stdout) < 0.1
 

@@ -19,11 +19,7 @@ class Probe:
 
     def __init__(self, inertia=J, **parameters):
         self.model = Model({"drive": {"inertia": inertia, "mount": list(PLACE)}})
-        real = [
-            port
-            for port in self.model.ports
-            if isinstance(port.start, float) and port.causality != "parameter"
-        ]
+        real = [port for port in self.model.ports if isinstance(port.start, float) and port.causality != "parameter"]
         inputs = [port for port in real if port.causality == "input"]
         self.u, self.t = np.array([port.start for port in inputs]), 0.0
         self.names = [port.name for port in real if port.causality == "output"]
@@ -94,9 +90,7 @@ def test_prescribed_speed_and_angle_are_exact_at_any_step(h):
     for _ in range(round(7 / h)):
         probe.step(h)
         if probe.t % 0.5 < h:
-            turned = quad(
-                half_cosine, 0.0, probe.t, points=[p for p in (2.0, 6.0) if p < probe.t], epsabs=1e-12
-            )[0]
+            turned = quad(half_cosine, 0.0, probe.t, points=[p for p in (2.0, 6.0) if p < probe.t], epsabs=1e-12)[0]
             assert probe["speed"] == pytest.approx(half_cosine(probe.t), abs=1e-11)
             assert probe["angle"] == pytest.approx(0.3 + turned, abs=1e-10)
     x_axis = Rotation.from_quat(probe["sprocket.orientation"], scalar_first=True).apply([1, 0, 0])
@@ -181,16 +175,12 @@ def test_controller_under_a_load_is_a_damped_oscillator():
     probe = Probe(mode="controller", **gains).run(0.3, chain=(0, c, 0))
     decay = P / (2 * J)
     wave = np.sqrt(K / J - decay**2)
-    assert probe["speed"] == pytest.approx(
-        c / (J * wave) * np.exp(-decay * 0.3) * np.sin(wave * 0.3), rel=1e-6
-    )
+    assert probe["speed"] == pytest.approx(c / (J * wave) * np.exp(-decay * 0.3) * np.sin(wave * 0.3), rel=1e-6)
     settled = probe.run(8.0, chain=(0, c, 0))
     assert settled["torque"] == pytest.approx(100.0, rel=1e-6)
     assert settled["angle"] == pytest.approx(c / K, rel=1e-6)
     twin = Probe(mode="controller", **{**gains, "controller.integral": 1.03 * K}).run(0.3, chain=(0, c, 0))
-    assert twin["speed"] != pytest.approx(
-        c / (J * wave) * np.exp(-decay * 0.3) * np.sin(wave * 0.3), rel=1e-3
-    )
+    assert twin["speed"] != pytest.approx(c / (J * wave) * np.exp(-decay * 0.3) * np.sin(wave * 0.3), rel=1e-3)
 
 
 def test_controller_keeps_its_limit_and_does_not_wind_up():
@@ -285,10 +275,7 @@ def test_ledger_closes_on_a_turning_mount(mode):
 
     def residual(inertia=1.0):
         return (
-            probe["energy.work"]
-            + probe["port.work"]
-            - probe["energy.dissipated"]
-            - inertia * probe["energy.kinetic"]
+            probe["energy.work"] + probe["port.work"] - probe["energy.dissipated"] - inertia * probe["energy.kinetic"]
         )
 
     before, heavier = residual(), residual(1.02)
@@ -313,9 +300,7 @@ def test_the_sprocket_rides_on_its_mount():
         pose.as_matrix(),
         atol=1e-11,
     )
-    assert np.allclose(
-        probe["sprocket.angular_velocity"], omega + probe["speed"] * lateral, rtol=0, atol=1e-11
-    )
+    assert np.allclose(probe["sprocket.angular_velocity"], omega + probe["speed"] * lateral, rtol=0, atol=1e-11)
 
 
 def test_acceleration_extrapolation_removes_the_lag():
@@ -452,8 +437,6 @@ def test_a_jump_of_the_clock_is_no_jump_of_the_speed():
     probe = Probe(**RAMP)
     probe.t = 5.0
     probe.step(1e-3)
-    assert probe["torque"] == pytest.approx(
-        J * np.diff(half_cosine(np.array([5.0, 5.001])))[0] / 1e-3, rel=1e-9
-    )
+    assert probe["torque"] == pytest.approx(J * np.diff(half_cosine(np.array([5.0, 5.001])))[0] / 1e-3, rel=1e-9)
     assert probe.model.state[RATE] == pytest.approx(half_cosine(5.001))
     assert probe.model.state[ANGLE] < 0.1

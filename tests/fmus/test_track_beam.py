@@ -356,9 +356,7 @@ def test_the_start_is_at_rest_on_its_wheels():
     assert abs(model.v).max() < 1e-5
     assert abs(model.q - first).max() < 1e-8
     assert abs(model.q[:, :3] - cable.q[:, :3]).max() < 5e-4
-    np.testing.assert_allclose(
-        model.wrench[0::2, 2], cable.wrench[0::2, 2], atol=5e-3 * abs(cable.wrench).max()
-    )
+    np.testing.assert_allclose(model.wrench[0::2, 2], cable.wrench[0::2, 2], atol=5e-3 * abs(cable.wrench).max())
     model.step(0.01, 1e-3, at_rest(model, lift=1e-4))
     assert abs(model.v[:, :3]).max() > 1e-4
 

@@ -132,9 +132,7 @@ def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
 
 
 @each
-@pytest.mark.parametrize(
-    ("young", "move", "near", "factor_"), [(2e6, 0.02, 3e-4, 200.0), (2e11, 1e-4, 2e-6, 3e5)]
-)
+@pytest.mark.parametrize(("young", "move", "near", "factor_"), [(2e6, 0.02, 3e-4, 200.0), (2e11, 1e-4, 2e-6, 3e5)])
 def test_newton_converges_quadratically(elasticity, young, move, near, factor_):
     """With one end moved: once ``near``, each correction, m, is below ``factor_`` times the square of the last."""
     model = hanging(links=16, elasticity=elasticity, **{**SOFT, "material.youngs_modulus": young})
@@ -299,9 +297,7 @@ def test_the_default_is_small_deformation():
 
 
 def test_an_unknown_elasticity_is_refused():
-    with pytest.raises(
-        InvalidParameter, match="elasticity = 'large': must be one of small_deformation, general, eng"
-    ):
+    with pytest.raises(InvalidParameter, match="elasticity = 'large': must be one of small_deformation, general, eng"):
         hanging(links=8, elasticity="large")
     port = next(port for port in hanging(links=8).ports if port.name == "elasticity")
     assert port.choices == tuple(ELASTICITIES)  # which the FMU's shell checks at the end of initialisation

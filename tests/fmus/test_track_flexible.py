@@ -79,9 +79,7 @@ def test_coordinates_of_a_track():
     """64 x 12 less 64 pins of 4 equations; an open chain keeps the slopes of its two ends."""
     assert carrier().q.size == 512
     open_chain = hanging()
-    assert (
-        open_chain.q.size - 2 * 2 == 516
-    )  # neither an ending link at the first pin nor a beginning one at the last
+    assert open_chain.q.size - 2 * 2 == 516  # neither an ending link at the first pin nor a beginning one at the last
     assert len(LAYOUT.outer) == 8
 
 
@@ -136,9 +134,7 @@ def test_momentum_goes_where_the_wrenches_say():
         before, h = momentum(), 2e-3
         model.step(k * h, h, u)
         given = model.wrench[0::2].sum(axis=0) - model.report[GROUND : GROUND + 3]
-        np.testing.assert_allclose(
-            momentum() - before, h * (weight - given), atol=2e-6 * abs(given * h).max()
-        )
+        np.testing.assert_allclose(momentum() - before, h * (weight - given), atol=2e-6 * abs(given * h).max())
     assert not np.allclose(momentum() - before, h * (weight - 1.03 * given), atol=2e-6 * abs(given * h).max())
 
 
@@ -266,9 +262,7 @@ def test_any_place_and_heading_is_the_same():
     y, z = np.zeros(42 + len(REPORT)), np.zeros(42 + len(REPORT))
     one.outputs(y)
     other.outputs(z)
-    np.testing.assert_allclose(
-        np.hypot(y[0:42:6], y[1:42:6]), np.hypot(z[0:42:6], z[1:42:6]), rtol=1e-6, atol=1e-3
-    )
+    np.testing.assert_allclose(np.hypot(y[0:42:6], y[1:42:6]), np.hypot(z[0:42:6], z[1:42:6]), rtol=1e-6, atol=1e-3)
     assert abs(y[0] - z[0]) > 1.0  # the world axes do differ
 
 
@@ -296,9 +290,7 @@ def test_speed_and_travel_of_a_spinning_loop():
 
 
 def test_tracks_that_cannot_be_are_refused():
-    with pytest.raises(
-        InvalidParameter, match=r"64 links of 0.1524 m make 9.7536 m, the belt round the wheels 1\d"
-    ):
+    with pytest.raises(InvalidParameter, match=r"64 links of 0.1524 m make 9.7536 m, the belt round the wheels 1\d"):
         make({"wheels": wheels(idler=-5.0), "ground": True})
     with pytest.raises(InvalidParameter, match="cannot reach"):
         hanging(span=1.2)

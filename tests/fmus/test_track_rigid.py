@@ -45,9 +45,7 @@ class Chain:
         return self
 
     def run(self, time, h):
-        failed = chain.advance(
-            *self.parts(), self.method, self.rows, time, h, self.s, self.work, self.counters
-        )
+        failed = chain.advance(*self.parts(), self.method, self.rows, time, h, self.s, self.work, self.counters)
         assert failed == -1
         return self
 
@@ -105,9 +103,7 @@ def test_joint_force_of_a_spinning_loop(n):
 def released(h, pitch=P, time=0.5, radius=0.8):
     """64 thin rods, pinned at one end, let go from the horizontal."""
     pins = np.stack([pitch * np.arange(65), np.zeros(65)], axis=1)
-    rods = Chain(
-        pins, Ends(False, True, False), 9.81, (0.25, MASS * pitch**2 / 12, 0.22), pitch=pitch, radius=radius
-    )
+    rods = Chain(pins, Ends(False, True, False), 9.81, (0.25, MASS * pitch**2 / 12, 0.22), pitch=pitch, radius=radius)
     return rods.release().run(time, h)
 
 
@@ -173,9 +169,7 @@ def test_momentum_and_energy_in_space():
         loop.run(0.5, h)
         after = loop.momenta()
         assert np.abs(after[0] - linear).max() < 1e-11 * np.abs(linear).max()
-        errors.append(
-            [np.abs(after[1] - angular).max() / np.abs(angular).max(), abs(loop.energy() / energy - 1.0)]
-        )
+        errors.append([np.abs(after[1] - angular).max() / np.abs(angular).max(), abs(loop.energy() / energy - 1.0)])
     assert np.all(np.array(errors[1]) < 1e-4)
     assert np.all(np.log2(np.array(errors[0]) / errors[1]) > 1.7)
 
@@ -188,9 +182,7 @@ def test_one_link_turns_as_a_free_body():
     one.s.v[0, 3:] = 0.3, 6.0, 4.0
     start = one.s.v[0, 3:].copy()
     one.release().run(0.5, 2e-4)
-    exact = solve_ivp(lambda _, w: -np.cross(w, J * w) / J, (0.0, 0.5), start, rtol=1e-11, atol=1e-12).y[
-        :, -1
-    ]
+    exact = solve_ivp(lambda _, w: -np.cross(w, J * w) / J, (0.0, 0.5), start, rtol=1e-11, atol=1e-12).y[:, -1]
     assert np.abs(one.s.v[0, 3:] - exact).max() < 1e-4
     assert np.abs(exact - start).max() > 0.5
 
@@ -260,9 +252,7 @@ def rolling(ground=True, idler=-3.998, gravity=9.81, **vehicle):
     rims = [("road_wheel", x, v["road_wheel"]) for x in v["road_wheel"]["x"]] + [("idler", idler, v["idler"])]
     wheels = [{"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]}]
     for i, (name, x, part) in enumerate(rims):
-        wheels.append(
-            {"name": f"{name}[{i}]", "kind": "rim", "radius": part["radius"], "position": [x, part["z"]]}
-        )
+        wheels.append({"name": f"{name}[{i}]", "kind": "rim", "radius": part["radius"], "position": [x, part["z"]]})
     config = {
         "links": LINKS,
         "closed": True,
@@ -351,9 +341,7 @@ def test_impulses_on_the_wheels_balance_the_momentum(track, integrator):
         model.step(t, h, inputs(model, t, 20.0, lateral=0.05))
         y = outputs(model)
         gained = MASS * s.v[:, :3].sum(0) - before
-        force = [
-            y[f"ground.force.{a}"] - sum(y[f"{w['name']}.force.{a}"] for w in model.wheel_list) for a in "xyz"
-        ]
+        force = [y[f"ground.force.{a}"] - sum(y[f"{w['name']}.force.{a}"] for w in model.wheel_list) for a in "xyz"]
         force[2] -= LINKS * MASS * 9.81
         assert np.abs(gained - h * np.array(force)).max() < 1e-9
     model.integrator = Model.integrators[0]
@@ -401,9 +389,7 @@ def test_guides_take_the_chain_along_sideways(track):
     off = model.pins()[:, 1] - 0.05 * 0.6
     play = VEHICLE["guide"]["clearance"]
     assert np.abs(off).max() < play + 2e-3
-    free = rolling(
-        guide={"clearance": 1.0}, contact={k: v | {"friction": 0.0} for k, v in VEHICLE["contact"].items()}
-    )
+    free = rolling(guide={"clearance": 1.0}, contact={k: v | {"friction": 0.0} for k, v in VEHICLE["contact"].items()})
     free.initialise(parameters(free))
     for k in range(600):
         free.step(k * 1e-3, 1e-3, inputs(free, k * 1e-3, 0.0, lateral=0.05))

@@ -206,7 +206,6 @@ class Hull:
         return [(name, self.part.given(f"{name}.force"), self.part.given(f"{name}.torque")) for name in places]
 
 
-
 def grounded(hull: Hull) -> tuple[Floats, Push, Floats]:
     """Instants (p), pushes (p) and depths of hull points and bare wheels on level ground, from the state."""
     part, vehicle = hull.part, hull.vehicle

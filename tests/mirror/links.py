@@ -214,9 +214,7 @@ class Cable(Element):
 
     def coordinates(self, x: Floats, places: bool) -> Floats:
         first, last = x[:, : self.n], x[:, self.second]
-        e = np.stack(
-            [first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2
-        )
+        e = np.stack([first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2)
         e = self.world(e)
         if places:
             e[:, :, [0, 2]] += self.origin

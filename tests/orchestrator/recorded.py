@@ -17,9 +17,7 @@ TOPICS = {
     ],
     "/left_track/out": [("speed", "m/s"), ("tension.mean", "N")],
     "/left_track/links": [
-        (f"link[{i}].{what}", unit)
-        for i in range(1, 65)
-        for what, unit in (("tension", "N"), ("stress", "Pa"))
+        (f"link[{i}].{what}", unit) for i in range(1, 65) for what, unit in (("tension", "N"), ("stress", "Pa"))
     ],
     "/chassis/out": [
         ("speed", "m/s"),
@@ -41,9 +39,7 @@ def values(topic: str, k: int) -> np.ndarray:
     return np.sin(np.arange(len(TOPICS[topic])) + 0.01 * k + number) * 10.0**number
 
 
-def record(
-    path: Path, steps: int = 100, wall: float = 0.0, change=lambda topic, k, row: row, **options
-) -> Path:
+def record(path: Path, steps: int = 100, wall: float = 0.0, change=lambda topic, k, row: row, **options) -> Path:
     """Write a log of ``steps`` steps; ``change`` may alter what is recorded."""
     with Recorder(path, TOPICS, ATTACHMENTS, METADATA, every=EVERY, **options) as recorder:
         write_steps(recorder, steps, wall, change)

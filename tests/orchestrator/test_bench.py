@@ -281,9 +281,7 @@ def test_exudyn_moves_the_same_chain():
 
     for name, assembled in (("flexible", exudyn_loops.cables), ("rigid", exudyn_loops.rods)):
         case = motion.CASES[name]
-        errors = [
-            motion.error(case, 0.1, exudyn_loops.run(name, 0.1, h, "full Newton")[1]) for h in (1e-3, 5e-4)
-        ]
+        errors = [motion.error(case, 0.1, exudyn_loops.run(name, 0.1, h, "full Newton")[1]) for h in (1e-3, 5e-4)]
         assert 3.6 < errors[0] / errors[1] < 4.4
         assert errors[0] == pytest.approx(motion.error(case, 0.1, chain.stepped(case, 0.1, 1e-3, "step")[1]), rel=0.01)
         mbs, _ = assembled(motion.loop(case))

@@ -19,9 +19,7 @@ def quaternions(rotations):
 
 
 def test_turns_are_rotation_vectors_in_the_world():
-    vectors = np.array(
-        [[0.0, 0.02, 0.0], [0.01, -0.3, 0.2], [0.0, 0.0, 0.0], [1e-9, 0.0, 0.0], [0.0, 2.9, 0.0]]
-    )
+    vectors = np.array([[0.0, 0.02, 0.0], [0.01, -0.3, 0.2], [0.0, 0.0, 0.0], [1e-9, 0.0, 0.0], [0.0, 2.9, 0.0]])
     rotation = Rotation.from_rotvec([0.3, -1.0, 2.0])
     found = [quaternions(rotation)]
     for vector in vectors:
@@ -62,9 +60,7 @@ def test_work_at_the_ports_is_what_the_components_received(driven):
             return values[-1] - values[0]
 
         received = change("chassis.port.work")
-        stored = sum(
-            change(f"chassis.energy.{part}") for part in ("kinetic", "gravity", "spring", "dissipated")
-        )
+        stored = sum(change(f"chassis.energy.{part}") for part in ("kinetic", "gravity", "spring", "dissipated"))
         scale = abs(received) + abs(books.work)
         assert books.integration["chassis"] == pytest.approx(received - stored, abs=1e-3 * scale)
         for name in run.instances:

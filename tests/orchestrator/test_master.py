@@ -184,9 +184,7 @@ def test_an_interruption_ends_between_steps():
     force, motion = ForceSide(), MotionSide()
     force.read()
     points = []
-    outcome = run(
-        coupled(force, motion), Clock(0.1, 100), [lambda k, t, h: points.append(k)], lambda: len(points) > 4
-    )
+    outcome = run(coupled(force, motion), Clock(0.1, 100), [lambda k, t, h: points.append(k)], lambda: len(points) > 4)
     assert outcome.status == "interrupted"
     assert outcome.steps == 4
     assert points == [0, 1, 2, 3, 4]

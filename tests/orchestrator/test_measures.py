@@ -39,9 +39,7 @@ def on_the_sprocket(turned, reverse_numbers=False, pins=40):
     forward, up = np.empty((len(t), pins)), np.empty((len(t), pins))
     step = 2 * np.pi / TEETH
     for k, angle in enumerate(turned):
-        place = (
-            order - angle / step * 1.0
-        ) % pins  # in pitches, 0 at the front, growing against forward motion
+        place = (order - angle / step * 1.0) % pins  # in pitches, 0 at the front, growing against forward motion
         place = np.where(place > pins / 2, place - pins, place)
         bend = np.clip(place * step, -np.pi / 2, np.pi / 2)
         span = np.sign(place) * np.maximum(np.abs(place) - TEETH / 4, 0.0) * PITCH

@@ -83,9 +83,7 @@ def test_what_needs_an_fmu_or_a_track_is_refused(cotrack):
 
 
 def test_a_piece_that_cannot_go_on_ends_its_run_in_one_sentence(cotrack, tmp_path):
-    status, out, _ = cotrack(
-        "run", "flexible_pendulum", "--set", "pendulum.step=2 ms", "--stop", "0.2", "--json"
-    )
+    status, out, _ = cotrack("run", "flexible_pendulum", "--set", "pendulum.step=2 ms", "--stop", "0.2", "--json")
     assert status == 1
     result = json.loads(out.splitlines()[-1])
     assert result["status"] == "failed"
@@ -93,9 +91,7 @@ def test_a_piece_that_cannot_go_on_ends_its_run_in_one_sentence(cotrack, tmp_pat
     with Log(tmp_path / "logs" / "flexible_pendulum.mcap") as log:
         assert np.isfinite(log.read("/pendulum/out").values).all()
         assert log.closing["status"] == "failed"
-    steep = stepped(
-        "elastica", "cantilever.elements=1", "cantilever.load_rate=1e6", "cantilever.slenderness=5"
-    )
+    steep = stepped("elastica", "cantilever.elements=1", "cantilever.load_rate=1e6", "cantilever.slenderness=5")
     with pytest.raises(ComponentFailed, match=r"^cantilever: Newton: no equilibrium found under 1e\+07 N"):
         steep.step(0.0, 10.0)
 

@@ -64,9 +64,7 @@ def test_signals_by_name(small):
 
 def test_what_a_log_does_not_hold_is_one_sentence(small):
     with Log(small) as log:
-        with pytest.raises(
-            NoSuchSignal, match=r"has no signal 'chassis\.sped'; did you mean 'chassis\.speed'\?"
-        ):
+        with pytest.raises(NoSuchSignal, match=r"has no signal 'chassis\.sped'; did you mean 'chassis\.speed'\?"):
             log.signal("chassis.sped")
         with pytest.raises(NoSuchSignal, match="has no topic '/chassis/outs'; did you mean '/chassis/out'"):
             log.read("/chassis/outs")
@@ -131,15 +129,11 @@ def test_messages_in_any_order_and_compression_read_alike(small, tmp_path):
                         channel.topic, "protobuf", schema, channel.metadata
                     )
                 number = numbers[channel.topic]
-                writer.add_message(
-                    number, message.log_time, message.data, message.publish_time, message.sequence
-                )
+                writer.add_message(number, message.log_time, message.data, message.publish_time, message.sequence)
             writer.finish()
         with Log(small) as ours, Log(tmp_path / "other.mcap") as theirs:
             assert theirs.digest() == ours.digest()
-            assert np.array_equal(
-                theirs.read("/left_track/links").values, ours.read("/left_track/links").values
-            )
+            assert np.array_equal(theirs.read("/left_track/links").values, ours.read("/left_track/links").values)
 
 
 def series(values, t=None):
@@ -158,10 +152,7 @@ def test_first_difference():
         "recorded 0.0 (0x0000000000000000), replayed -0.0 (0x8000000000000000)"
     )
     assert first_difference("chassis", recorded, series([[0, 1], [np.nan, 0.0]])).step == 2
-    assert (
-        first_difference("chassis", recorded, series([[0, 1], [np.nan, 0.0], [4, 5]], [0, 0.5, 1.1])).variable
-        == "t"
-    )
+    assert first_difference("chassis", recorded, series([[0, 1], [np.nan, 0.0], [4, 5]], [0, 0.5, 1.1])).variable == "t"
     with pytest.raises(ValueError, match="different variables"):
         first_difference("chassis", recorded, recorded._replace(names=("x", "z")))
 

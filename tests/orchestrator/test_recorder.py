@@ -37,9 +37,7 @@ ODD_BITS = [
 WORDS = st.one_of(st.sampled_from(ODD_BITS), st.integers(0, 2**64 - 1))
 NAMES = st.lists(
     st.one_of(
-        st.sampled_from(
-            ["t", "h", "speed", "a.b", "a_b", "aB", "der(x)", "3d", "z[1].k[2]", "w[3].y", "w[5].y"]
-        ),
+        st.sampled_from(["t", "h", "speed", "a.b", "a_b", "aB", "der(x)", "3d", "z[1].k[2]", "w[3].y", "w[5].y"]),
         st.builds("link[{}].{}".format, st.integers(1, 6), st.sampled_from(["tension", "stress"])),
         st.text("abcXY_.[]12", min_size=1, max_size=8),
     ),
@@ -76,9 +74,7 @@ def of_place(message, place):
 
 @given(NAMES, st.data())
 def test_every_bit_comes_back(names, data):
-    words = data.draw(
-        st.lists(st.lists(WORDS, min_size=len(names), max_size=len(names)), min_size=1, max_size=4)
-    )
+    words = data.draw(st.lists(st.lists(WORDS, min_size=len(names), max_size=len(names)), min_size=1, max_size=4))
     recorded = np.array(words, np.uint64).reshape(len(words), len(names))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bits.mcap"
@@ -101,10 +97,7 @@ def test_names_are_places_and_back(names):
     assert len(set(where)) == len(names)
     layout = schema.layout(where)
     assert sorted(layout.order) == list(range(len(names)))
-    assert (
-        len({field.name.replace("_", "").lower() for field in layout.fields} | {"t", "h"})
-        == len(layout.fields) + 2
-    )
+    assert len({field.name.replace("_", "").lower() for field in layout.fields} | {"t", "h"}) == len(layout.fields) + 2
 
 
 def test_names_of_families():
@@ -179,9 +172,7 @@ def test_other_units_are_another_digest(tmp_path):
 
 def test_the_array_is_copied_and_steps_that_are_not_due_are_left_out(tmp_path):
     row = np.zeros(2)
-    with Recorder(
-        tmp_path / "a.mcap", {"/a/out": [("x", "m"), ("y", "m")]}, {}, {}, every={"/a/out": 3}
-    ) as recorder:
+    with Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m"), ("y", "m")]}, {}, {}, every={"/a/out": 3}) as recorder:
         for k in range(10):
             assert recorder.due("/a/out", k) == (k % 3 == 0)
             row[:] = k
@@ -353,9 +344,7 @@ def test_an_older_log_is_replaced_and_open_readers_keep_it(tmp_path):
 def test_cost_of_a_message(tmp_path, width):
     row = np.random.default_rng(1).normal(size=width)
     spent, steps = 0.0, 3000
-    with Recorder(
-        tmp_path / "a.mcap", {"/a/out": [(f"x{i}", "m") for i in range(width)]}, {}, {}
-    ) as recorder:
+    with Recorder(tmp_path / "a.mcap", {"/a/out": [(f"x{i}", "m") for i in range(width)]}, {}, {}) as recorder:
         for k in range(steps):
             began = time.perf_counter()
             recorder.write("/a/out", k, k * 1e-3, 1e-3, row)

@@ -191,9 +191,7 @@ def test_elasticity_is_for_flexible_links():
     assert "elasticity" not in assemble(load("hanging_chain", "flexible")).parts[0].parameters
     scene = load("hanging_chain", "flexible", ["track.elasticity=general"])
     assert assemble(scene).parts[0].parameters["elasticity"] == "general"
-    with pytest.raises(
-        BadInput, match=r"elasticity = 'general' needs model = 'flexible': rigid links have none$"
-    ):
+    with pytest.raises(BadInput, match=r"elasticity = 'general' needs model = 'flexible': rigid links have none$"):
         load("hanging_chain", "rigid", ["track.elasticity=general"])
 
 

@@ -26,9 +26,7 @@ DRIVEN = ("run.stop=0.03", "run.outputs=1", "drive.ramp_start=0", "drive.ramp_ti
 
 
 def energies(log):
-    return {
-        name: log.signal(f"chain.energy.{name}")[1] for name in ("kinetic", "strain", "gravity", "dissipated")
-    }
+    return {name: log.signal(f"chain.energy.{name}")[1] for name in ("kinetic", "strain", "gravity", "dissipated")}
 
 
 def test_monolith_is_of_order_four():
@@ -52,9 +50,7 @@ def test_energy_of_a_free_chain_closes(tmp_path):
     total = sum(parts.values())
     moved = np.ptp(parts["gravity"])
     assert np.ptp(total) < 1e-6 * moved
-    assert np.ptp(total - 0.02 * parts["dissipated"]) > 1e-6 * moved, (
-        "a twin that loses 2 % of the dissipation"
-    )
+    assert np.ptp(total - 0.02 * parts["dissipated"]) > 1e-6 * moved, "a twin that loses 2 % of the dissipation"
 
 
 @pytest.fixture(scope="module")
@@ -145,9 +141,7 @@ def coupled(tmp_path_factory):
     """The same by co-simulation, the components' steps shrunk along: what it says at the end, by step."""
     path, said = tmp_path_factory.mktemp("coupled") / "a.mcap", {}
     for h in (1e-3, 5e-4, 2.5e-4):
-        result = simulate(
-            load("straight", "flexible", (f"run.step={h}", f"track.step={h / 2}", *DRIVEN)), path
-        )
+        result = simulate(load("straight", "flexible", (f"run.step={h}", f"track.step={h / 2}", *DRIVEN)), path)
         assert result["status"] == "ok"
         said[h] = at_the_end(path)
     return said

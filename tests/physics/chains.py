@@ -42,9 +42,7 @@ def ring(n: int, pitch: float = P) -> np.ndarray:
 class Rigid:
     """Rigid links; the first pin held or not, the last one free."""
 
-    def __init__(
-        self, pins, held=False, closed=False, gravity=9.81, inertia=None, pitch=P, mass=18.0, radius=0.8
-    ):
+    def __init__(self, pins, held=False, closed=False, gravity=9.81, inertia=None, pitch=P, mass=18.0, radius=0.8):
         n = len(pins) if closed else len(pins) - 1
         thin = (0.25, mass * pitch**2 / 12.0, mass * pitch**2 / 12.0)
         self.link = rigid.Link(0.5 * pitch, 0.029, 0.1, mass, np.array(inertia or thin))
@@ -66,13 +64,9 @@ class Rigid:
         if integrator == "runge_kutta":
             n = len(self.s.q)
             flat, k = self.s.q.base[: 13 * n], rigid_explicit.slopes(n)
-            failed = rigid_explicit.march(
-                *self._parts(), NO_ROWS, time, h, self.s, self.work, flat, k, self.counters
-            )
+            failed = rigid_explicit.march(*self._parts(), NO_ROWS, time, h, self.s, self.work, flat, k, self.counters)
         else:
-            failed = rigid.advance(
-                *self._parts(), self.method, NO_ROWS, time, h, self.s, self.work, self.counters
-            )
+            failed = rigid.advance(*self._parts(), self.method, NO_ROWS, time, h, self.s, self.work, self.counters)
         assert failed == -1
         return self
 

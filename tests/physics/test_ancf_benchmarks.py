@@ -103,9 +103,7 @@ def test_the_cable_converges_with_order_4(kind):
 @pytest.mark.parametrize("alpha", TIP)
 def test_elastica_of_the_beam(cure, alpha):
     assert deflection(beam, 32, alpha, 100, **CURES[cure]) == pytest.approx(TIP[alpha], rel=2e-3)
-    assert deflection(beam, 32, alpha, 100, stiffer=1.03, **CURES[cure]) != pytest.approx(
-        TIP[alpha], rel=2e-3
-    )
+    assert deflection(beam, 32, alpha, 100, stiffer=1.03, **CURES[cure]) != pytest.approx(TIP[alpha], rel=2e-3)
 
 
 @pytest.mark.parametrize("cure", CURES)
@@ -363,9 +361,7 @@ def test_energy_of_a_soft_chain_released_from_the_horizontal(kind, worst):
     """16 links, EA = 1e5 N: the error of the energy, as a share of the largest strain energy."""
     c, n = Cable(0.1524, 118.0, 1e5, 20.0, 0.0, 0.0), 16
     ties = [Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
-    mesh = Mesh(
-        [Part(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], ties, [Support((0, 0), joints.held(2))]
-    )
+    mesh = Mesh([Part(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], ties, [Support((0, 0), joints.held(2))])
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -9.81]))
     q, error, strain = mesh.start(), 0.0, 0.0
     for _, p, v in dynamics.runge_kutta(mesh, q, np.zeros(mesh.n), 0.8 / 1600, 1600):

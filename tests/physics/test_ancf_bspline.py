@@ -174,8 +174,6 @@ def test_a_patch_by_its_corners():
     for a, x in ((0, 0.0), (2, lx)):
         for b, y in ((0, 0.0), (2, ly)):
             for da, db in ((0, 0), (1, 0), (0, 1), (1, 1)):
-                np.testing.assert_allclose(
-                    nodes[a + da, b + db], surface([[x, y]], nu=(da, db))[0], atol=2e-13
-                )
+                np.testing.assert_allclose(nodes[a + da, b + db], surface([[x, y]], nu=(da, db))[0], atol=2e-13)
     back = np.linalg.solve(A, nodes.reshape(16, 3)).reshape(4, 4, 3)
     assert np.abs(back - P).max() < 1e-13

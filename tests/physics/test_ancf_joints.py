@@ -56,9 +56,7 @@ def test_degrees_of_freedom_of_a_track(kind, c, closed, dofs):
     mesh, ties = chain(kind, c, 64, closed)
     assert mesh.n == dofs
     assert mesh.equations == len(ties) * (6 if kind is beam else 4)
-    np.testing.assert_allclose(
-        mesh.coordinates(mesh.start()), mesh.e0, atol=1e-12
-    )  # the joints fit the layout
+    np.testing.assert_allclose(mesh.coordinates(mesh.start()), mesh.e0, atol=1e-12)  # the joints fit the layout
     assert mesh.energy(mesh.start()) < 1e-12
 
 
@@ -113,9 +111,7 @@ def test_a_pin_turns_freely_through_360_degrees(kind, axis):
     c = SHOE if kind is beam else LINK
     size = 2e11 * 0.01516
     frames = np.eye(3), rotation([0, 0, 1], 0.4) if kind is beam else np.eye(3)
-    e = np.concatenate(
-        [nodes(kind, [0, 0, 0], frames[0], c.l, 1), nodes(kind, [c.l, 0, 0], frames[1], c.l, 1)]
-    )
+    e = np.concatenate([nodes(kind, [0, 0, 0], frames[0], c.l, 1), nodes(kind, [c.l, 0, 0], frames[1], c.l, 1)])
     pin = joints.pin_beam(axis, *frames) if kind is beam else joints.pin_cable(axis)
     mesh = Mesh([Part(kind, c, e)], [Tie((0, 1), (1, 0), pin)])
     middle, half = np.array([c.l, 0, 0]), kind.ROWS // 2

@@ -85,9 +85,7 @@ def test_stretch_is_the_length_of_the_gradient():
     expected[0, 0] = SIZE + SIZE**2 / 2
     np.testing.assert_allclose(behind, expected, atol=1e-16)
     np.testing.assert_allclose(before, 0.0, atol=1e-16)
-    assert not np.allclose(
-        modes.at_joint(moved("stretch", AXES["y"], size=1.03 * SIZE), L)[1], expected, rtol=1e-2
-    )
+    assert not np.allclose(modes.at_joint(moved("stretch", AXES["y"], size=1.03 * SIZE), L)[1], expected, rtol=1e-2)
 
 
 def test_bending_strains_linearly_across_the_section():
@@ -95,9 +93,7 @@ def test_bending_strains_linearly_across_the_section():
     pair, theta = moved("bending", AXES["y"], size=1e-4), 1e-4
     found = np.array([modes.at_joint(pair, L, z=z)[1][0, 0] for z in (-0.02, -0.01, 0.0, 0.01, 0.02)])
     assert abs(found[2]) < 1e-16
-    np.testing.assert_allclose(
-        found, -np.array([-0.02, -0.01, 0.0, 0.01, 0.02]) * theta / L, rtol=1e-4, atol=1e-12
-    )
+    np.testing.assert_allclose(found, -np.array([-0.02, -0.01, 0.0, 0.01, 0.02]) * theta / L, rtol=1e-4, atol=1e-12)
     assert np.abs(modes.at_joint(pair, L, z=0.02)[0]).max() < 1e-16  # the other element knows nothing of it
     # against the line between the nodes: the gradient leans by theta, the chord stays
     assert pair[1, 1, 2] == pytest.approx(-theta, rel=1e-6)

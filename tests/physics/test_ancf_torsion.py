@@ -52,9 +52,7 @@ def test_an_end_couple_twists_as_saint_venant_says(ratio, cure):
     T = G * torsion.constant(b, h) * angle / L
 
     def twist(off=1.0, shear=SHEAR):
-        half = [
-            lambda mesh, end, row=row: loads.couple(mesh, end, [0.5 * T, 0.0, 0.0], row) for row in (2, 3)
-        ]
+        half = [lambda mesh, end, row=row: loads.couple(mesh, end, [0.5 * T, 0.0, 0.0], row) for row in (2, 3)]
         r, _, r_y, r_z = tip(cantilever(L, b, h, 4, off * torsion.factor(b, h), cure, shear), *half)
         assert abs(r - [L, 0, 0]).max() < 1e-8
         return np.array([r_y[2], -r_z[1]]) / angle

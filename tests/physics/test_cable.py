@@ -111,9 +111,7 @@ def test_mass_and_first_moment():
     one = np.array([1.0, 0, 1, 0])
     assert one @ M @ one == pytest.approx(LINK.rhoA * LINK.l, rel=1e-14)
     np.testing.assert_allclose(one @ M @ e, [LINK.rhoA * LINK.l**2 / 2, 0, 0], rtol=1e-14)
-    spin = np.array(
-        [[0, 0, 0], [0, 0, 1], [0, 0, LINK.l], [0, 0, 1.0]]
-    )  # rotation about y through the first pin
+    spin = np.array([[0, 0, 0], [0, 0, 1], [0, 0, LINK.l], [0, 0, 1.0]])  # rotation about y through the first pin
     assert np.einsum("ai,ab,bi", spin, M, spin) == pytest.approx(LINK.rhoA * LINK.l**3 / 3, rel=1e-14)
 
 

@@ -114,9 +114,7 @@ def steel_loop(mass=MASS):
         loop.evaluate(loop.q, loop.still, loop.vdot, 0.0, -(RATE**2), True)
         step = np.linalg.lstsq(loop.blocks(), loop.w.b.ravel(), rcond=1e-12)[0]
         loop.w.b[:] = step.reshape(-1, 4)
-        size = cables.correct(
-            loop.links, loop.w, loop.q, np.zeros_like(loop.q), loop.vdot, 0.0, -(RATE**2), 0.1
-        )
+        size = cables.correct(loop.links, loop.w, loop.q, np.zeros_like(loop.q), loop.vdot, 0.0, -(RATE**2), 0.1)
     assert size < 1e-11
     loop.evaluate(loop.q, loop.still, loop.vdot)
     return loop
@@ -298,10 +296,7 @@ def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, 
 def test_cables_keep_the_component_about_the_pin_alone():
     """A sideways motion: about y the drift falls at order 2, about the other axes it is there whatever the step."""
     turned = np.array(
-        [
-            drift(free(Flexible, lateral=0.3), h, "generalized_alpha", 2.0)[1]
-            for h in (2.5e-3, 1.25e-3, 6.25e-4)
-        ]
+        [drift(free(Flexible, lateral=0.3), h, "generalized_alpha", 2.0)[1] for h in (2.5e-3, 1.25e-3, 6.25e-4)]
     )
     assert np.abs(np.log2(turned[:-1, 1] / turned[1:, 1]) - 2.0).max() < 0.4
     assert turned[-1, 1] < 1e-4

@@ -80,16 +80,12 @@ def test_derivatives_match_finite_differences(contact, x):
         for sign in (1.0, -1.0):
             contact(x + sign * e, v, s)
             pair.append(s.f.copy())
-        np.testing.assert_allclose(
-            (pair[0] - pair[1]) / 2e-7, f_x[:, i], rtol=1e-5, atol=1e-5 * abs(f_x).max()
-        )
+        np.testing.assert_allclose((pair[0] - pair[1]) / 2e-7, f_x[:, i], rtol=1e-5, atol=1e-5 * abs(f_x).max())
         pair = []
         for sign in (1.0, -1.0):
             contact(x, v + 10 * sign * e, s)
             pair.append(s.f.copy())
-        np.testing.assert_allclose(
-            (pair[0] - pair[1]) / 2e-6, f_v[:, i], rtol=1e-5, atol=1e-5 * abs(f_v).max()
-        )
+        np.testing.assert_allclose((pair[0] - pair[1]) / 2e-6, f_v[:, i], rtol=1e-5, atol=1e-5 * abs(f_v).max())
 
 
 @pytest.mark.parametrize(("contact", "x"), CASES)
@@ -328,9 +324,7 @@ def test_depth_below_a_bump_is_the_true_distance():
     foot = BUMP.foot
     low = np.stack([foot - radius * np.sin(turn), radius - radius * np.cos(turn)], axis=1)[::-1]
     ramp = np.linspace(top[-1], low[0], 4000)
-    right = np.concatenate(
-        [np.stack([np.linspace(0, half, 4000), np.full(4000, rise)], axis=1), top, ramp, low]
-    )
+    right = np.concatenate([np.stack([np.linspace(0, half, 4000), np.full(4000, rise)], axis=1), top, ramp, low])
     flat = np.stack([np.linspace(foot, foot + 1.0, 4000), np.zeros(4000)], axis=1)
     right = np.concatenate([right, flat])
     assert np.hypot(*np.diff(right, axis=0).T).max() < 1e-3, "a closed line"

@@ -13,17 +13,11 @@ class Model:
         self.config = config
         self.ports = (
             Port("force", "input", "N", "force on the mass"),
-            *(
-                Port(f"spare[{i}]", "input", "m", "an input that nobody reads")
-                for i in range(1, config["spare"] + 1)
-            ),
+            *(Port(f"spare[{i}]", "input", "m", "an input that nobody reads") for i in range(1, config["spare"] + 1)),
             Port("x", "output", "m", "position"),
             Port("v", "output", "m/s", "velocity"),
             *(Port(f"copy[{i}]", "output", "m", "the position again") for i in range(1, config["spare"] + 1)),
-            *(
-                Port(f"link[{i}].tension", "output", "N", "tension of a part of the spring")
-                for i in (1, 2, 3)
-            ),
+            *(Port(f"link[{i}].tension", "output", "N", "tension of a part of the spring") for i in (1, 2, 3)),
             Port("solver.steps", "output", "1", "internal steps", 0),
             Port("start.x", "parameter", "m", "position at the start", config["start"]),
             Port("stiffness", "parameter", "N/m", "stiffness", 100.0),

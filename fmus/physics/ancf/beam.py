@@ -34,9 +34,7 @@ ROWS = 8  # vectors of coordinates of an element: position and three gradients a
 ACROSS = 2  # Gauss points across the width, and across the height
 PLACES = ACROSS * ACROSS + 1  # of a section: the Gauss points of its area, and the axis
 GAUSS = 4  # Gauss points along the element
-PAIRS = np.array(
-    [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]]
-)  # of directions, in the order of the strains
+PAIRS = np.array([[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]])  # of directions, in the order of the strains
 SEES = np.array(
     [[0, 1], [0, 1], [1, 3], [2, 4]] * 2
 )  # which of a section's five vectors a vector of the element changes (r_x is not changed by a second)

@@ -109,9 +109,7 @@ def multiplicities(e: Floats, l: Floats, tolerance: float = 1e-9) -> NDArray[np.
     return np.asarray(DEGREE + 1 - smooth.sum(axis=1), dtype=np.int64)
 
 
-def from_cable(
-    e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None, start: float = 0.0
-) -> BSpline:
+def from_cable(e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None, start: float = 0.0) -> BSpline:
     """The clamped cubic spline of a cable mesh, ``e`` (n, 4, d), lengths ``l`` (n).
 
     ``knots_at`` (n - 1): multiplicity at each inner node, 1 to 4 (default: 4 less the number of derivatives that are
@@ -152,9 +150,7 @@ def from_cable(
 def control_points(knots: int, degree: int = DEGREE) -> int:
     """Number of control points n + 1 of a spline with ``knots`` = r + 1 knots: r = n + p + 1, paper (7)."""
     if knots < 2 * (degree + 1):
-        raise ValueError(
-            f"{knots} knots: a clamped spline of degree {degree} has {2 * (degree + 1)} at least"
-        )
+        raise ValueError(f"{knots} knots: a clamped spline of degree {degree} has {2 * (degree + 1)} at least")
     return knots - degree - 1
 
 

@@ -38,9 +38,7 @@ def _elasticity(cable: type) -> Any:
         from fmus.physics.ancf import cable_engineering
 
         return cable_engineering
-    raise TypeError(
-        f"a cable with a local strain is a GeneralCable or an EngineeringCable, not a {cable.__name__}"
-    )
+    raise TypeError(f"a cable with a local strain is a GeneralCable or an EngineeringCable, not a {cable.__name__}")
 
 
 def measures(c, a, b, g) -> Any:

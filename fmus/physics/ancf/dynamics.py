@@ -76,8 +76,6 @@ def generalized_alpha(
             if abs(dq).max() < tolerance:
                 break
         else:
-            raise NotFound(
-                f"Newton: correction {abs(dq).max():.1e} after 20 iterations at t = {step * h:.6g} s"
-            )
+            raise NotFound(f"Newton: correction {abs(dq).max():.1e} after 20 iterations at t = {step * h:.6g} s")
         a, vdot = a1, vdot1
         yield step * h, q, v

@@ -79,9 +79,7 @@ def in_a_row(rows: int, n: int, first: int = 0) -> list[Tie]:
 class Mesh:
     """Parts, ties and supports, with the ties eliminated."""
 
-    def __init__(
-        self, parts: Sequence[Part], ties: Iterable[Tie] = (), supports: Iterable[Support] = ()
-    ) -> None:
+    def __init__(self, parts: Sequence[Part], ties: Iterable[Tie] = (), supports: Iterable[Support] = ()) -> None:
         # the class of a section says which element it is, whatever cable it was given as
         self.parts = tuple(part._replace(section=part.element.Section(*part.section)) for part in parts)
         self.loads: tuple[Load, ...] = ()
@@ -89,9 +87,7 @@ class Mesh:
         self.e0 = np.concatenate([part.e.ravel() for part in parts])
         self.ends = list(_ends(parts))  # of each end, its place in e
         self.B, self.b = _eliminate(self.ends, list(ties), list(supports), self.e0)
-        self.M_e = sparse.block_diag(
-            [np.kron(_mass(part), np.eye(3)) for part in parts for _ in part.e], format="csr"
-        )
+        self.M_e = sparse.block_diag([np.kron(_mass(part), np.eye(3)) for part in parts for _ in part.e], format="csr")
         self.M = (self.B.T @ self.M_e @ self.B).tocsc()
         self._rows, self._columns = _blocks(parts)
 
@@ -166,9 +162,7 @@ class Mesh:
     def damping(self, q: Floats, v: Floats) -> Floats:
         """Damping force; it acts, like the elastic one, as -f."""
         Q = np.zeros_like(self.e0)
-        views = zip(
-            self.parts, self.split(self.coordinates(q)), self.split(self.B @ v), self.split(Q), strict=True
-        )
+        views = zip(self.parts, self.split(self.coordinates(q)), self.split(self.B @ v), self.split(Q), strict=True)
         for part, e, rate, f in views:
             part.element.dampings(part.section, e, rate, f)
         return self.B.T @ Q
@@ -259,9 +253,7 @@ def _eliminate(ends: list[slice], ties: list[Tie], supports: list[Support], e0: 
     holds = {2 * s.end[0] + s.end[1]: s.own for s in supports}
     if len(leads) < len(ties) or len(holds) < len(supports) or leads.keys() & holds.keys():
         raise ValueError("an end follows one other end or one support, not several: let the others follow it")
-    found: dict[
-        int, tuple[dict[int, Floats], Floats]
-    ] = {}  # of an end: factor of each end's own unknowns, constant
+    found: dict[int, tuple[dict[int, Floats], Floats]] = {}  # of an end: factor of each end's own unknowns, constant
 
     def resolve(end: int, waiting: frozenset[int] = frozenset()) -> None:
         if end in found:

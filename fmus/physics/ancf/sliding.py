@@ -36,9 +36,7 @@ from fmus.physics.ancf.cable import Cable
 Floats = NDArray[np.float64]
 # powers of the fraction xi in the shape functions of a cable of unit length: rows 1, xi, xi^2, xi^3
 POWERS = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
-FALLING = np.array(
-    [[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]]
-)  # derivative of order k of xi^p: factor
+FALLING = np.array([[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]])  # derivative of order k of xi^p: factor
 ITERATIONS = 20
 CLOSED = 1e-12  # largest Newton correction of a converged step, relative to the rail
 
@@ -138,9 +136,7 @@ def rail(c: Cable, T: Floats, point: Floats, slope: Floats | None = None, drag: 
     """The rail of a mesh of cables ``c`` mapped by ``T`` (n, 4, N), for the sliding ``point`` and ``slope`` (N)."""
     powers = POWERS * np.array([1.0, c.l, 1.0, c.l])
     nodes = c.l * np.arange(len(T) + 1.0)
-    return Rail(
-        nodes, np.einsum("pa,kaN->kpN", powers, T), point, np.zeros(0) if slope is None else slope, drag
-    )
+    return Rail(nodes, np.einsum("pa,kaN->kpN", powers, T), point, np.zeros(0) if slope is None else slope, drag)
 
 
 # The rail at a place, and between two ------------------------------------------------------------------------------

@@ -41,9 +41,7 @@ def newton(mesh: Mesh, q: Floats, share: float, tolerance: float, most: int) -> 
     return None
 
 
-def equilibrium(
-    mesh: Mesh, q: Floats, steps: int = 10, tolerance: float = 1e-10, most: int = 30
-) -> Equilibrium:
+def equilibrium(mesh: Mesh, q: Floats, steps: int = 10, tolerance: float = 1e-10, most: int = 30) -> Equilibrium:
     """Raise the loads from nothing in ``steps``; a step that fails is halved, one that is easy lets the next grow.
 
     ``tolerance`` bounds the last correction of the coordinates (positions in m, gradients without unit).

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 
-NODE = (
-    8  # position 3, slope of the ending link (x, z), slope of the beginning link (x, z), shared slope along y
-)
+NODE = 8  # position 3, slope of the ending link (x, z), slope of the beginning link (x, z), shared slope along y
 
 
 @kernel

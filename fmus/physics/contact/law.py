@@ -12,6 +12,4 @@ class Law(NamedTuple):
     c: float  # normal damping of a whole link or pin, N s/m
     mu: float  # coefficient of friction
     v_reg: float  # slip velocity at which friction has grown to 1/sqrt(2) of mu N, m/s
-    ramp: float = (
-        1e-3  # penetration over which the damper takes hold, m: without it the force jumps at first touch
-    )
+    ramp: float = 1e-3  # penetration over which the damper takes hold, m: without it the force jumps at first touch

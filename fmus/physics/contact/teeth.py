@@ -60,9 +60,7 @@ def teeth(
     a, b = a0 + length * da, b0 + length * db
     angle = float(np.arctan2(b, a))
     if length <= 0.0 or angle > np.pi / number:
-        raise ValueError(
-            "the teeth have no flank: raise the outer radius or make gap, flank angle or tip smaller"
-        )
+        raise ValueError("the teeth have no flank: raise the outer radius or make gap, flank angle or tip smaller")
     return Teeth(number, seat_a, clearance, da, db, length, a, b, rounding, angle, top)
 
 

@@ -69,8 +69,5 @@ def gyroscopic(J, w, torque):
 def kinetic(m, J, v):
     """Kinetic energy of one body, J."""
     return 0.5 * (
-        m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-        + J[0] * v[3] * v[3]
-        + J[1] * v[4] * v[4]
-        + J[2] * v[5] * v[5]
+        m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + J[0] * v[3] * v[3] + J[1] * v[4] * v[4] + J[2] * v[5] * v[5]
     )
