@@ -127,8 +127,8 @@ def _refusals() -> tuple[type[Exception], ...]:
     from orchestrator.coupling.scheme import CouplingFailed
     from orchestrator.evidence import Missing
     from orchestrator.graph import Miswired
-    from orchestrator.reader import LogUnreadable, NoSuchSignal
-    from orchestrator.recorder import LogFailed
+    from orchestrator.log.reader import LogUnreadable, NoSuchSignal
+    from orchestrator.log.recorder import LogFailed
     from orchestrator.replay import Unfit
 
     return (
@@ -285,7 +285,7 @@ def replay(
     An FMU that is the one that ran, by its hash, is compared bit by bit unless -o asks for its log.
     """
     from orchestrator import rerun
-    from orchestrator.log_tools import file_name
+    from orchestrator.log.tools import file_name
 
     with rerun.opened(log, component, other, _warn) as again:
         if other is None or (again.model.ran and output is None):
@@ -314,7 +314,7 @@ def compare(
     """
     from orchestrator.difference import differences
     from orchestrator.evidence import Evidence
-    from orchestrator.reader import Log
+    from orchestrator.log.reader import Log
     from orchestrator.scene import of_one_scene
 
     with Log(run) as one, Log(reference) as other:
@@ -423,7 +423,7 @@ def truth(
     """
     from orchestrator import truth as module
     from orchestrator.evidence import Evidence
-    from orchestrator.reader import Log
+    from orchestrator.log.reader import Log
     from orchestrator.scene import TrackScene, load, of_one_scene
     from orchestrator.system import placed
 

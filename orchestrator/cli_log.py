@@ -17,9 +17,10 @@ LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
 @app.command("info")
 def info(log: LogPath) -> None:
     """What a log holds and how its run ended."""
-    from orchestrator import log_tools, printed
+    from orchestrator import printed
+    from orchestrator.log import tools
 
-    about = log_tools.info(log)
+    about = tools.info(log)
     steps = "" if about.steps is None else f" after {about.steps} steps"
     lines = [
         f"{about.path}: {about.bytes / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {about.status}{steps}",
@@ -42,9 +43,9 @@ def info(log: LogPath) -> None:
 @app.command("verify")
 def verify(log: LogPath) -> None:
     """Whether a log is whole: exit 0, or 1 when it is broken."""
-    from orchestrator import log_tools
+    from orchestrator.log import tools
 
-    _report(log_tools.verify(log))
+    _report(tools.verify(log))
 
 
 @app.command("recover")
@@ -55,9 +56,9 @@ def recover(
     ] = None,
 ) -> None:
     """Save what is whole in a broken log: exit 0 without loss, 3 with loss, 1 when nothing is left."""
-    from orchestrator import log_tools
+    from orchestrator.log import tools
 
-    _report(log_tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")))
+    _report(tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")))
 
 
 @app.command("export")
@@ -73,9 +74,9 @@ def export(
     ] = None,
 ) -> None:
     """Recorded values as CSV."""
-    from orchestrator import log_tools
+    from orchestrator.log import tools
 
-    for file in log_tools.export(log, output, signals or (), topics or ()):
+    for file in tools.export(log, output, signals or (), topics or ()):
         print(file)
 
 

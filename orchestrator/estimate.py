@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from orchestrator.difference import differences, worst
 from orchestrator.evidence import Evidence, Missing
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Variable
 from orchestrator.summary import doubt

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.described import system_of
-from orchestrator.reader import Log
+from orchestrator.log.described import system_of
+from orchestrator.log.reader import Log
 
 Floats = NDArray[np.float64]
 

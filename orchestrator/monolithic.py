@@ -17,9 +17,9 @@ from orchestrator import master
 from orchestrator.component import LINK_FAMILIES, ComponentFailed
 from orchestrator.coupling.tracks_first import TracksFirst
 from orchestrator.graph import Member, System, wire
+from orchestrator.log.recorder import Recorder
 from orchestrator.narration import Narration
 from orchestrator.observers import Logging, ProgressBar
-from orchestrator.recorder import Recorder
 from orchestrator.scene import TrackScene
 from orchestrator.simulate import STATS_PERIOD, contents, strides
 from orchestrator.system import assemble, placed, system

@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from orchestrator.graph import Recorded
+from orchestrator.log.recorder import Recorder
 from orchestrator.narration import Narration
-from orchestrator.recorder import Recorder
 
 REFRESH = 0.2  # s of wall time between updates of the bar
 STATS = ("wall_time",)  # of /stats/<instance>, after the counters

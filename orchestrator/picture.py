@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from fmus.vehicle import BadInput, sentence
 from orchestrator.evidence import Evidence, Links, Window, within
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

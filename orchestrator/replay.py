@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.compare import Difference, first_difference
 from orchestrator.component import Component
-from orchestrator.reader import Log, Series
-from orchestrator.recorder import Recorder
+from orchestrator.log.bitwise import Difference, first_difference
+from orchestrator.log.reader import Log, Series
+from orchestrator.log.recorder import Recorder
 
 Floats = NDArray[np.float64]
 Parameters = Mapping[str, float | int | str]

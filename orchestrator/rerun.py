@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 from fmus.vehicle import BadInput, shown
 from orchestrator import replay
 from orchestrator.component import Component
-from orchestrator.described import system_of
 from orchestrator.graph import Instance, System
-from orchestrator.reader import Log
+from orchestrator.log.described import system_of
+from orchestrator.log.reader import Log
 from orchestrator.scene import TrackScene, from_table
 from orchestrator.simulate import as_json, describe, description, sha256
 from orchestrator.system import TRACKS, Part, assemble, build_all, placed

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from fmus.vehicle import Distance, Force, In, Mass, Part
 from orchestrator import measures
-from orchestrator.recorder import MOST_STEPS
+from orchestrator.log.recorder import MOST_STEPS
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]

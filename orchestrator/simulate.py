@@ -25,10 +25,10 @@ from orchestrator.coupling.scheme import CouplingFailed, Scheme, gather, needs_s
 from orchestrator.coupling.variable_step import VariableStep
 from orchestrator.evidence import Evidence
 from orchestrator.graph import Instance, Recorded, Stages, System, wire
+from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.narration import Narration
 from orchestrator.observers import STATS, Logging, ProgressBar
-from orchestrator.reader import Log, LogUnreadable
-from orchestrator.recorder import LogFailed, Recorder, check_writable
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Run
 from orchestrator.system import assemble, placed, system

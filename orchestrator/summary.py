@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator import measures
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Missing, Window
-from orchestrator.reader import NoSuchSignal
+from orchestrator.log.reader import NoSuchSignal
 from orchestrator.scene import ChainScene, Scene, VehicleScene
 from orchestrator.scene_parts import Check
 

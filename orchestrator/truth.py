@@ -25,8 +25,8 @@ from fmus.vehicle import BadInput
 from orchestrator import monolithic, system
 from orchestrator.difference import Difference, differences
 from orchestrator.evidence import Evidence
+from orchestrator.log.reader import Log
 from orchestrator.narration import Narration
-from orchestrator.reader import Log
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Run
 

@@ -27,8 +27,8 @@ from fmus.jit import _Overloads
 from fmus.vehicle import BadInput
 from orchestrator import precision
 from orchestrator.component import unpack
+from orchestrator.log.reader import Log
 from orchestrator.precision import Setting
-from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.truth import FIGURES, LOGS, _hashes, truth
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from orchestrator import products
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 

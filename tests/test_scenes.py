@@ -9,9 +9,9 @@ from orchestrator import gallery, measures, rerun
 from orchestrator.coupling.tracks_first import TracksFirst
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Window
-from orchestrator.log_tools import WHOLE, verify
+from orchestrator.log.reader import Log
+from orchestrator.log.tools import WHOLE, verify
 from orchestrator.measures import third_law
-from orchestrator.reader import Log
 from orchestrator.scene import load, tracked
 from orchestrator.simulate import simulate
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.system import assemble, placed

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 

@@ -12,8 +12,8 @@ from orchestrator.bench.tables import ABOUT, COST, Column
 from orchestrator.bench.timing import Floats, laps, per_step
 from orchestrator.coupling import SCHEMES
 from orchestrator.graph import wire
+from orchestrator.log.recorder import Recorder
 from orchestrator.observers import Logging
-from orchestrator.recorder import Recorder
 from orchestrator.scene import TrackScene
 from orchestrator.simulate import contents, opened, strides
 

@@ -17,7 +17,7 @@ from orchestrator.bench import exchange, kernels, own
 from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import Floats, laps, per_step
 from orchestrator.component import Component
-from orchestrator.reader import Log, Series
+from orchestrator.log.reader import Log, Series
 from orchestrator.simulate import simulate
 from orchestrator.system import TRACKS, Part
 

@@ -20,7 +20,7 @@ from fmus.ports import STATE
 from fmus.vehicle import BadInput
 from orchestrator.component import ComponentFailed
 from orchestrator.coupling.scheme import CouplingFailed
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 from orchestrator.scene import TrackScene
 from orchestrator.simulate import simulate
 from orchestrator.studies.chain_states import FARTHEST, FASTEST, Kept, keep

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies.baseline_file import Grown

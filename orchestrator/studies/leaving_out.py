@@ -27,9 +27,9 @@ from fmus.vehicle import BadInput
 from orchestrator import master
 from orchestrator.coupling import SCHEMES
 from orchestrator.graph import wire
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
 from orchestrator.observers import Logging
-from orchestrator.reader import Log
-from orchestrator.recorder import Recorder
 from orchestrator.scene import TrackScene, load
 from orchestrator.simulate import contents, paced, simulate, strides, warm_up
 from orchestrator.simulate import load as load_components

@@ -10,7 +10,7 @@ from typing import Any
 from fmus.build import BuildFailed
 from orchestrator.component import ComponentFailed
 from orchestrator.coupling.scheme import CouplingFailed
-from orchestrator.recorder import LogFailed
+from orchestrator.log.recorder import LogFailed
 from orchestrator.scene import Scene
 from orchestrator.simulate import simulate
 

@@ -15,7 +15,7 @@ from fmus.vehicle import BadInput
 from orchestrator import summary
 from orchestrator.component import ComponentFailed
 from orchestrator.evidence import Evidence, Missing
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 from orchestrator.scene import TrackScene
 from orchestrator.simulate import simulate
 from orchestrator.studies.expectations import ASKED

@@ -10,8 +10,8 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from orchestrator.reader import Log
-from orchestrator.recorder import CLOSING, PREFIX, _File
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import CLOSING, PREFIX, _File
 
 DIGITS = int("9" * 400)
 VALUES = (

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator import recorder as module
-from orchestrator.recorder import Recorder
+from orchestrator.log import recorder as module
+from orchestrator.log.recorder import Recorder
 
 STEP = 1e-3
 TOPICS = {

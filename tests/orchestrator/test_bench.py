@@ -30,7 +30,7 @@ from orchestrator.bench.process import Failed, isolated
 from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import laps, least, per_step
 from orchestrator.cli import main
-from orchestrator.reader import Series
+from orchestrator.log.reader import Series
 
 COLUMNS = (Column("what", "what", "", ABOUT), Column("time", "us", ".1f", COST), Column("count", "count", ",d"))
 TABLE = Table("Title", COLUMNS, [{"what": "a", "time": 2.0, "count": 1000}, {"what": "b", "time": None}], ("A note.",))

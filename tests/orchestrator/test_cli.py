@@ -19,9 +19,9 @@ from orchestrator import gallery, picture, rerun, simulate
 from orchestrator.cli import main
 from orchestrator.component import Component, ComponentFailed
 from orchestrator.evidence import Links
-from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, recover, verify
-from orchestrator.reader import Log
-from orchestrator.recorder import Recorder
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",

@@ -16,8 +16,8 @@ from orchestrator.coupling.jacobi import Jacobi
 from orchestrator.coupling.scheme import CouplingFailed, needs_states
 from orchestrator.coupling.variable_step import VariableStep
 from orchestrator.graph import Connection, Instance, System, wire
+from orchestrator.log.reader import Log
 from orchestrator.master import Clock, run
-from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import coupling as study

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from orchestrator.coupling.tracks_first import TracksFirst
 from orchestrator.energy import ledger, ports, turns
 from orchestrator.evidence import Evidence
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 

@@ -13,8 +13,8 @@ from orchestrator.cli import main
 from orchestrator.difference import Difference, Observable, Signal, aligned, difference, differences, worst
 from orchestrator.estimate import companions, estimate
 from orchestrator.evidence import Evidence
+from orchestrator.log.reader import Log
 from orchestrator.precision import Setting, cheapest, fraction, front
-from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import Case, error_runtime, work_precision

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
 from orchestrator.scene import load
 from orchestrator.show import lines, pairs
 from orchestrator.studies import leaving_out

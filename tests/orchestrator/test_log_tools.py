@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from mutated import Content
 from recorded import ATTACHMENTS, STEP, TOPICS, record, record_in_chunks
 
-from orchestrator import recorder as module
-from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, export, info, recover, verify
-from orchestrator.reader import Log, LogUnreadable, NoSuchSignal
-from orchestrator.recorder import PREFIX, LogFailed, Recorder
+from orchestrator.log import recorder as module
+from orchestrator.log.reader import Log, LogUnreadable, NoSuchSignal
+from orchestrator.log.recorder import PREFIX, LogFailed, Recorder
+from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, export, info, recover, verify
 
 
 @pytest.fixture(scope="module")

@@ -119,11 +119,11 @@ def test_many_mutated_logs_end_in_sentences(whole, monkeypatch, tmp_path):
 
 def test_the_survey_sees_a_traceback(whole, monkeypatch, tmp_path):
     """A fault behind the command line does not go unseen."""
-    from orchestrator import log_tools
+    from orchestrator.log import tools
 
     def broken(path):
         raise AttributeError("no such thing")
 
-    monkeypatch.setattr(log_tools, "verify", broken)
+    monkeypatch.setattr(tools, "verify", broken)
     with pytest.raises(AssertionError, match="internal error: AttributeError: no such thing; run 'cotrack --debug"):
         survey(whole, range(1), 1, monkeypatch, tmp_path)

@@ -11,10 +11,10 @@ from test_cli import KEYS
 from orchestrator.cli import main
 from orchestrator.component import ComponentFailed
 from orchestrator.evidence import Evidence, Missing, Window
-from orchestrator.log_tools import WHOLE, verify
+from orchestrator.log.reader import Log
+from orchestrator.log.tools import WHOLE, verify
 from orchestrator.measures import energy_drift
 from orchestrator.pieces import Stepped, piece
-from orchestrator.reader import Log
 from orchestrator.scene import load
 
 

@@ -9,8 +9,8 @@ from scipy.linalg import expm
 from orchestrator.component import Component
 from orchestrator.coupling.power_residual import PowerResidual, bonds, check, works
 from orchestrator.graph import Connection, Miswired
+from orchestrator.log.reader import Log
 from orchestrator.master import run
-from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import coupling as study

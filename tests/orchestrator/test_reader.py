@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, record, record_in_chunks, values
 
-from orchestrator.compare import first_difference
-from orchestrator.reader import Log, LogUnreadable, NoSuchSignal, Series
+from orchestrator.log.bitwise import first_difference
+from orchestrator.log.reader import Log, LogUnreadable, NoSuchSignal, Series
 
 
 @pytest.fixture(scope="module")

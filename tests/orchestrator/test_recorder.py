@@ -20,10 +20,10 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 from recorded import STEP, TOPICS, record, values, write_steps
 
-from orchestrator import schema
-from orchestrator.log_tools import BROKEN, RECOVERED, WHOLE, recover, verify
-from orchestrator.reader import Log
-from orchestrator.recorder import LogFailed, Recorder
+from orchestrator.log import schema
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import LogFailed, Recorder
+from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 
 ODD_BITS = [
     0x8000000000000000,  # -0.0
@@ -223,7 +223,7 @@ def test_a_killed_run_loses_less_than_a_second(tmp_path):
     script = textwrap.dedent(f"""
         import time
         import numpy as np
-        from orchestrator.recorder import Recorder
+        from orchestrator.log.recorder import Recorder
         topics = {{"/a/out": [("clock", "s"), ("step", "1")]}}
         with Recorder({str(tmp_path / "killed.mcap")!r}, topics, {{}}, {{}}) as recorder:
             for k in range(10**9):
@@ -262,7 +262,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_a_readable_log(tmp_path):
     script = textwrap.dedent(f"""
         import resource, signal
         import numpy as np
-        from orchestrator.recorder import LogFailed, Recorder
+        from orchestrator.log.recorder import LogFailed, Recorder
         resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, {resource.RLIM_INFINITY}))
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         random = np.random.default_rng(1)

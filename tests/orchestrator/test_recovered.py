@@ -5,13 +5,14 @@ import struct
 import numpy as np
 import pytest
 
-from orchestrator import recorder, rerun
+from orchestrator import rerun
 from orchestrator.difference import differences
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Missing
-from orchestrator.log_tools import RECOVERED, WHOLE, recover, verify
+from orchestrator.log import recorder
+from orchestrator.log.reader import Log
+from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
 from orchestrator.picture import draw
-from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 

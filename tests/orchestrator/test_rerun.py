@@ -10,13 +10,14 @@ from mutated import Content
 
 from fmus.build import build
 from fmus.vehicle import BadInput
-from orchestrator import log_tools, replay, rerun
+from orchestrator import replay, rerun
 from orchestrator.difference import differences
 from orchestrator.evidence import Evidence
-from orchestrator.log_tools import WHOLE, verify
+from orchestrator.log import tools
+from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.recorder import Recorder
+from orchestrator.log.tools import WHOLE, verify
 from orchestrator.picture import draw
-from orchestrator.reader import Log, LogUnreadable
-from orchestrator.recorder import Recorder
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.system import assemble
@@ -174,7 +175,7 @@ def test_a_log_that_was_cut_off_is_replayed_as_far_as_all_of_it_goes(log, tmp_pa
     ragged = content.write(tmp_path / "ragged.mcap")
     with rerun.opened(ragged, "chain", None) as again, pytest.raises(replay.Unfit, match="log recover"):
         again.verify()
-    assert log_tools.recover(ragged, tmp_path / "saved.mcap").code == log_tools.RECOVERED
+    assert tools.recover(ragged, tmp_path / "saved.mcap").code == tools.RECOVERED
     with rerun.opened(tmp_path / "saved.mcap", "chain", None) as again:
         verdict = again.verify()
     assert (verdict.equal, verdict.steps) == (True, 7), verdict.sentence
@@ -198,10 +199,10 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
     inner.mkdir(parents=True)
     evil = content.write(inner / "evil.mcap")
     before = set(tmp_path.rglob("*"))
-    files = log_tools.export(evil, inner / "csv")
+    files = tools.export(evil, inner / "csv")
     assert len(set(files)) == 4
     assert all(file.resolve().parent == (inner / "csv").resolve() for file in files)
-    log_tools.recover(evil, inner / "saved.mcap")
+    tools.recover(evil, inner / "saved.mcap")
     with pytest.raises((BadInput, LogUnreadable, replay.Unfit)), rerun.opened(evil, "../../evil", None):
         pass
     copy = tmp_path / "copy.fmu"

@@ -15,8 +15,8 @@ from orchestrator import truth as module
 from orchestrator.cli import app
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Window
+from orchestrator.log.reader import Log
 from orchestrator.measures import third_law
-from orchestrator.reader import Log
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.system import assemble, placed

@@ -14,8 +14,8 @@ from orchestrator.cli import main
 from orchestrator.component import Component, ComponentFailed
 from orchestrator.coupling.iterative import Iterative
 from orchestrator.graph import Connection, Instance, System, wire
-from orchestrator.log_tools import WHOLE, recover, verify
-from orchestrator.reader import Log
+from orchestrator.log.reader import Log
+from orchestrator.log.tools import WHOLE, recover, verify
 from orchestrator.scene import load
 from orchestrator.system import assemble, build_all, placed
 from orchestrator.warned import Warned, Warnings

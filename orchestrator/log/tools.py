@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.reader import Log, LogUnreadable, Messages, NoSuchSignal, Series
-from orchestrator.recorder import LogFailed, Recorder, check_writable
+from orchestrator.log.reader import Log, LogUnreadable, Messages, NoSuchSignal, Series
+from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 
 WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes
 

@@ -51,7 +51,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from orchestrator import schema
+from orchestrator.log import schema
 
 try:
     import fcntl

@@ -40,8 +40,8 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from orchestrator import schema
-from orchestrator.recorder import CLOSING, IDENTITY, MOST_STEPS, PREFIX
+from orchestrator.log import schema
+from orchestrator.log.recorder import CLOSING, IDENTITY, MOST_STEPS, PREFIX
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.reader import Series
+from orchestrator.log.reader import Series
 
 
 class Difference(NamedTuple):
