@@ -21,7 +21,7 @@ import typer
 from fmus.vehicle import BadInput
 from orchestrator import cli_log, printed
 from orchestrator.cli_log import LogPath
-from orchestrator.narration import Narration
+from orchestrator.cosim.narration import Narration
 
 FMI_WARNING = 1
 LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # of a stream that takes no more
@@ -123,10 +123,10 @@ def _ended_by(error: Exception) -> tuple[str, int]:
 def _refusals() -> tuple[type[Exception], ...]:
     """What is raised about input before anything ran."""
     from fmus.build import BuildFailed
-    from orchestrator.component import ComponentFailed
-    from orchestrator.coupling.scheme import CouplingFailed
+    from orchestrator.cosim.component import ComponentFailed
+    from orchestrator.cosim.coupling.scheme import CouplingFailed
+    from orchestrator.cosim.graph import Miswired
     from orchestrator.evidence import Missing
-    from orchestrator.graph import Miswired
     from orchestrator.log.reader import LogUnreadable, NoSuchSignal
     from orchestrator.log.recorder import LogFailed
     from orchestrator.replay import Unfit

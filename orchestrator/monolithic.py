@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from fmus.monolith.model import Monolith
 from fmus.ports import Port
-from orchestrator import master
-from orchestrator.component import LINK_FAMILIES, ComponentFailed
-from orchestrator.coupling.tracks_first import TracksFirst
-from orchestrator.graph import Member, System, wire
+from orchestrator.cosim import master
+from orchestrator.cosim.component import LINK_FAMILIES, ComponentFailed
+from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.graph import Member, System, wire
+from orchestrator.cosim.narration import Narration
+from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.log.recorder import Recorder
-from orchestrator.narration import Narration
-from orchestrator.observers import Logging, ProgressBar
 from orchestrator.scene import TrackScene
 from orchestrator.simulate import STATS_PERIOD, contents, strides
 from orchestrator.system import assemble, placed, system

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.component import Component
+from orchestrator.cosim.component import Component
 from orchestrator.log.bitwise import Difference, first_difference
 from orchestrator.log.reader import Log, Series
 from orchestrator.log.recorder import Recorder

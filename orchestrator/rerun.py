@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput, shown
 from orchestrator import replay
-from orchestrator.component import Component
-from orchestrator.graph import Instance, System
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.graph import Instance, System
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
 from orchestrator.scene import TrackScene, from_table

@@ -17,18 +17,19 @@ from pathlib import Path
 from typing import Any
 
 from fmus.build import BuildFailed
-from orchestrator import estimate, master, summary
-from orchestrator.component import Component, ComponentFailed
-from orchestrator.coupling import SCHEMES, power_residual
-from orchestrator.coupling.power_residual import PowerResidual
-from orchestrator.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
-from orchestrator.coupling.variable_step import VariableStep
+from orchestrator import estimate, summary
+from orchestrator.cosim import master
+from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.coupling import SCHEMES, power_residual
+from orchestrator.cosim.coupling.power_residual import PowerResidual
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
+from orchestrator.cosim.coupling.variable_step import VariableStep
+from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
+from orchestrator.cosim.narration import Narration
+from orchestrator.cosim.observers import STATS, Logging, ProgressBar
 from orchestrator.evidence import Evidence
-from orchestrator.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
-from orchestrator.narration import Narration
-from orchestrator.observers import STATS, Logging, ProgressBar
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Run
 from orchestrator.system import assemble, placed, system

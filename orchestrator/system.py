@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from fmus.build import build
 from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
-from orchestrator.graph import Connection, Instance, System
+from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene import BenchScene, ChainScene, RigScene, TrackScene, VehicleScene
 from orchestrator.scene_parts import Drive, VehicleStart
 

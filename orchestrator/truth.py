@@ -23,10 +23,10 @@ from fmus.cache import cache_folder, keep, kept, own, reason
 from fmus.monolith.model import content
 from fmus.vehicle import BadInput
 from orchestrator import monolithic, system
+from orchestrator.cosim.narration import Narration
 from orchestrator.difference import Difference, differences
 from orchestrator.evidence import Evidence
 from orchestrator.log.reader import Log
-from orchestrator.narration import Narration
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Run
 

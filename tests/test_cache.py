@@ -22,11 +22,11 @@ import pytest
 from conftest import build_toy
 
 import fmus.cache
-import orchestrator.cache
+import orchestrator.cosim.cache
 from fmus.jit import _Overloads
 from fmus.vehicle import BadInput
 from orchestrator import precision
-from orchestrator.component import unpack
+from orchestrator.cosim.component import unpack
 from orchestrator.log.reader import Log
 from orchestrator.precision import Setting
 from orchestrator.scene import load
@@ -57,10 +57,10 @@ def _nothing_said_yet(monkeypatch):
 
 
 def test_both_packages_say_the_same():
-    for name, one in vars(orchestrator.cache).items():
-        if getattr(one, "__module__", None) == "orchestrator.cache":
+    for name, one in vars(orchestrator.cosim.cache).items():
+        if getattr(one, "__module__", None) == "orchestrator.cosim.cache":
             assert inspect.getsource(one) == inspect.getsource(getattr(fmus.cache, name)), name
-    assert orchestrator.cache.OTHERS == fmus.cache.OTHERS
+    assert orchestrator.cosim.cache.OTHERS == fmus.cache.OTHERS
 
 
 # --- files -----------------------------------------------------------------------------------------
@@ -270,7 +270,7 @@ TOY_RUN = """
 import sys
 from pathlib import Path
 from conftest import build_toy
-from orchestrator.component import Component
+from orchestrator.cosim.component import Component
 def heard(name, status, message):
     print(status, message)
 with Component(build_toy(), "toy", heard) as component:
@@ -367,7 +367,7 @@ def full(tmp_path, monkeypatch):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
         put(file, content)
 
-    for module in ("fmus.cache", "orchestrator.cache", "orchestrator.component"):
+    for module in ("fmus.cache", "orchestrator.cosim.cache", "orchestrator.cosim.component"):
         monkeypatch.setattr(f"{module}.write", write)
     return place
 
@@ -377,7 +377,7 @@ def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, capl
     assert build_toy() == fmu
     folder = unpack(fmu)
     assert as_packed(fmu, folder) == []
-    for place, module in ((fmu, fmus.cache), (folder, orchestrator.cache)):
+    for place, module in ((fmu, fmus.cache), (folder, orchestrator.cosim.cache)):
         assert place.is_relative_to(module.temporary())
     (record,) = caplog.records
     assert record.levelno == logging.WARNING

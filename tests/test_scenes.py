@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orchestrator import gallery, measures, rerun
-from orchestrator.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.energy import ledger
 from orchestrator.evidence import Evidence, Window
 from orchestrator.log.reader import Log

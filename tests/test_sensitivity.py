@@ -19,9 +19,10 @@ from typing import Any, NamedTuple
 import pytest
 from vehicle_in_process import InProcess, Overrides
 
-from orchestrator import gallery, master
-from orchestrator.coupling.tracks_first import TracksFirst
-from orchestrator.graph import wire
+from orchestrator import gallery
+from orchestrator.cosim import master
+from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.graph import wire
 from orchestrator.scene import TrackScene, from_table, load, tracked
 from orchestrator.settings import put
 from orchestrator.simulate import load as components_of

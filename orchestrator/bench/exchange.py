@@ -10,10 +10,10 @@ from typing import Any
 
 from orchestrator.bench.tables import ABOUT, COST, Column
 from orchestrator.bench.timing import Floats, laps, per_step
-from orchestrator.coupling import SCHEMES
-from orchestrator.graph import wire
+from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.graph import wire
+from orchestrator.cosim.observers import Logging
 from orchestrator.log.recorder import Recorder
-from orchestrator.observers import Logging
 from orchestrator.scene import TrackScene
 from orchestrator.simulate import contents, opened, strides
 

@@ -16,7 +16,7 @@ from fmus.build import build
 from orchestrator.bench import exchange, kernels, own
 from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import Floats, laps, per_step
-from orchestrator.component import Component
+from orchestrator.cosim.component import Component
 from orchestrator.log.reader import Log, Series
 from orchestrator.simulate import simulate
 from orchestrator.system import TRACKS, Part

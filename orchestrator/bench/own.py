@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.build import KINDS, build
-from orchestrator.component import unpack
+from orchestrator.cosim.component import unpack
 from orchestrator.scene import TrackScene, load
 from orchestrator.system import Part, assemble, placed
 

@@ -12,8 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.component import ComponentFailed
-from orchestrator.warned import Warned
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.warned import Warned
 
 Floats = NDArray[np.float64]
 COUNTERS = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.coupling import SCHEMES
-from orchestrator.coupling.scheme import Scheme
-from orchestrator.coupling.variable_step import VariableStep
-from orchestrator.graph import Stages
-from orchestrator.master import Clock, run
+from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling.scheme import Scheme
+from orchestrator.cosim.coupling.variable_step import VariableStep
+from orchestrator.cosim.graph import Stages
+from orchestrator.cosim.master import Clock, run
 from orchestrator.studies import Case
 from orchestrator.studies.oscillator import (
     Oscillator,

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from fmus.build import BuildFailed
 from fmus.ports import STATE
 from fmus.vehicle import BadInput
-from orchestrator.component import ComponentFailed
-from orchestrator.coupling.scheme import CouplingFailed
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.log.reader import Log
 from orchestrator.scene import TrackScene
 from orchestrator.simulate import simulate

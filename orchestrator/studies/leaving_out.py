@@ -24,12 +24,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.vehicle import BadInput
-from orchestrator import master
-from orchestrator.coupling import SCHEMES
-from orchestrator.graph import wire
+from orchestrator.cosim import master
+from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.graph import wire
+from orchestrator.cosim.observers import Logging
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.observers import Logging
 from orchestrator.scene import TrackScene, load
 from orchestrator.simulate import contents, paced, simulate, strides, warm_up
 from orchestrator.simulate import load as load_components

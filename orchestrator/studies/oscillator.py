@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from orchestrator.graph import Connection, Instance, Kind, Stages, System, wire
+from orchestrator.cosim.graph import Connection, Instance, Kind, Stages, System, wire
 
 Floats = NDArray[np.float64]
 

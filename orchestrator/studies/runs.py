@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from fmus.build import BuildFailed
-from orchestrator.component import ComponentFailed
-from orchestrator.coupling.scheme import CouplingFailed
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.log.recorder import LogFailed
 from orchestrator.scene import Scene
 from orchestrator.simulate import simulate

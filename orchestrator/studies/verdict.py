@@ -13,7 +13,7 @@ import numpy as np
 from fmus.build import BuildFailed
 from fmus.vehicle import BadInput
 from orchestrator import summary
-from orchestrator.component import ComponentFailed
+from orchestrator.cosim.component import ComponentFailed
 from orchestrator.evidence import Evidence, Missing
 from orchestrator.log.reader import Log
 from orchestrator.scene import TrackScene

@@ -12,7 +12,7 @@ from fmus.defaults import check_names, configured
 from fmus.model import InvalidParameter
 from fmus.sprocket_drive.model import Model as Drive
 from fmus.track_rigid.model import Model as RigidTrack
-from orchestrator.component import Component
+from orchestrator.cosim.component import Component
 from orchestrator.scene import load
 from orchestrator.system import assemble, placed
 

@@ -193,7 +193,7 @@ def test_cache_folder_is_the_chosen_one_or_the_users(monkeypatch):
 ANNOUNCED = """
 import logging, sys
 from pathlib import Path
-from orchestrator.component import Component
+from orchestrator.cosim.component import Component
 
 events = []
 class Heard(logging.Handler):

@@ -15,7 +15,7 @@ from fmpy.validation import validate_fmu
 
 from fmus.build import build
 from fmus.vehicle import read_table, vehicle
-from orchestrator.component import Component, ComponentFailed, unpack
+from orchestrator.cosim.component import Component, ComponentFailed, unpack
 
 TABLE = vehicle(*read_table("m113")).model_dump()
 H = 1e-3
@@ -329,7 +329,7 @@ def test_warning_is_told_with_its_percent_sign(toy):
 RAISES = """
 import sys
 from fmpy.fmi2 import FMU2Slave
-from orchestrator.component import unpack
+from orchestrator.cosim.component import unpack
 from pathlib import Path
 folder = unpack(Path(sys.argv[1]))
 trouble = int(sys.argv[2])
@@ -375,7 +375,7 @@ RUNS = {
     "component": """
 import sys
 from pathlib import Path
-from orchestrator.component import Component
+from orchestrator.cosim.component import Component
 with Component(Path(sys.argv[1]), "toy") as component:
     component.initialise({})
     component.step(0.0, 1e-3)
@@ -383,7 +383,7 @@ with Component(Path(sys.argv[1]), "toy") as component:
     "left open": """
 import sys
 from pathlib import Path
-from orchestrator.component import Component
+from orchestrator.cosim.component import Component
 component = Component(Path(sys.argv[1]), "toy")
 component.initialise({})
 """,
@@ -406,7 +406,7 @@ def test_twenty_processes_in_a_row_end_well(toy, environment):
 FOREIGN = """
 import sys
 from pathlib import Path
-from orchestrator.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component, ComponentFailed
 try:
     Component(Path(sys.argv[1]), "toy")
 except ComponentFailed as error:

@@ -16,7 +16,7 @@ from fmus.physics.chain.rolling import roll
 from fmus.physics.contact.ground import bumpy
 from fmus.track import DISSIPATED, GRAVITY, KINETIC, STRAIN
 from fmus.track_flexible.beams import correct, evaluate, gather, massive, measure
-from orchestrator.component import Component
+from orchestrator.cosim.component import Component
 
 
 def rolled(model, q, v, by_rate: float, tangent: bool, contacts) -> None:

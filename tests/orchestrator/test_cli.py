@@ -17,7 +17,7 @@ from conftest import messages
 from fmus.vehicle import BadInput
 from orchestrator import gallery, picture, rerun, simulate
 from orchestrator.cli import main
-from orchestrator.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.evidence import Links
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import build_toy
 
-from orchestrator.component import Component, ComponentFailed, unpack
+from orchestrator.cosim.component import Component, ComponentFailed, unpack
 
 H = 1e-3
 

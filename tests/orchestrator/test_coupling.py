@@ -9,15 +9,15 @@ from scipy.linalg import expm
 
 from fmus.vehicle import BadInput
 from orchestrator import rerun
-from orchestrator.component import Component, ComponentFailed
-from orchestrator.coupling import SCHEMES
-from orchestrator.coupling.iterative import Iterative, anderson
-from orchestrator.coupling.jacobi import Jacobi
-from orchestrator.coupling.scheme import CouplingFailed, needs_states
-from orchestrator.coupling.variable_step import VariableStep
-from orchestrator.graph import Connection, Instance, System, wire
+from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling.iterative import Iterative, anderson
+from orchestrator.cosim.coupling.jacobi import Jacobi
+from orchestrator.cosim.coupling.scheme import CouplingFailed, needs_states
+from orchestrator.cosim.coupling.variable_step import VariableStep
+from orchestrator.cosim.graph import Connection, Instance, System, wire
+from orchestrator.cosim.master import Clock, run
 from orchestrator.log.reader import Log
-from orchestrator.master import Clock, run
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import coupling as study

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from orchestrator.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.energy import ledger, ports, turns
 from orchestrator.evidence import Evidence
 from orchestrator.log.reader import Log

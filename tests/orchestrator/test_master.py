@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from orchestrator.component import ComponentFailed
-from orchestrator.coupling.scheme import LONG
-from orchestrator.coupling.tracks_first import TracksFirst
-from orchestrator.graph import Connection, Instance, System, wire
-from orchestrator.master import Clock, run
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.coupling.scheme import LONG
+from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.graph import Connection, Instance, System, wire
+from orchestrator.cosim.master import Clock, run
 
 K, M1, M2, K1, K2 = 1.0, 1.0, 1.0, 1.0, 1.0  # coupling spring, masses, springs to the walls
 X1, X2 = 1.0, 0.0  # displaced at the start, at rest

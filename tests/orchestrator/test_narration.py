@@ -6,9 +6,9 @@ import subprocess
 import sys
 import time
 
-from orchestrator import observers
-from orchestrator.narration import FIRST, KERNELS, PATIENCE, Narration
-from orchestrator.observers import ProgressBar
+from orchestrator.cosim import observers
+from orchestrator.cosim.narration import FIRST, KERNELS, PATIENCE, Narration
+from orchestrator.cosim.observers import ProgressBar
 
 
 def told(work, patience=0.05):

@@ -9,7 +9,7 @@ from conftest import messages
 from test_cli import KEYS
 
 from orchestrator.cli import main
-from orchestrator.component import ComponentFailed
+from orchestrator.cosim.component import ComponentFailed
 from orchestrator.evidence import Evidence, Missing, Window
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify

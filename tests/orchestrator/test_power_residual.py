@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from orchestrator.component import Component
-from orchestrator.coupling.power_residual import PowerResidual, bonds, check, works
-from orchestrator.graph import Connection, Miswired
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.coupling.power_residual import PowerResidual, bonds, check, works
+from orchestrator.cosim.graph import Connection, Miswired
+from orchestrator.cosim.master import run
 from orchestrator.log.reader import Log
-from orchestrator.master import run
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import coupling as study

@@ -12,8 +12,8 @@ from fmus.build import KINDS
 from fmus.jit import source_hash
 from orchestrator import gallery
 from orchestrator.cli import main
-from orchestrator.coupling.tracks_first import TracksFirst
-from orchestrator.graph import wire
+from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.graph import wire
 from orchestrator.products import build_to, of_gallery, of_scenes
 from orchestrator.scene import load, tracked
 from orchestrator.simulate import load as loaded

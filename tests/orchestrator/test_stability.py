@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
-from orchestrator.component import ComponentFailed
+from orchestrator.cosim.component import ComponentFailed
 from orchestrator.scene import load
 from orchestrator.studies import expectations, extreme, limits, stability, stability_map, verdict
 from orchestrator.studies.limits import Pair

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fmus.ports import STATE, WRENCH
-from orchestrator.graph import Connection, Instance, Miswired, System, wire
+from orchestrator.cosim.graph import Connection, Instance, Miswired, System, wire
 from orchestrator.products import of_gallery, of_scenes
 from orchestrator.scene import load
 from orchestrator.show import describe

@@ -11,14 +11,14 @@ from conftest import build_toy, messages
 
 from orchestrator import rerun, simulate
 from orchestrator.cli import main
-from orchestrator.component import Component, ComponentFailed
-from orchestrator.coupling.iterative import Iterative
-from orchestrator.graph import Connection, Instance, System, wire
+from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.coupling.iterative import Iterative
+from orchestrator.cosim.graph import Connection, Instance, System, wire
+from orchestrator.cosim.warned import Warned, Warnings
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
 from orchestrator.scene import load
 from orchestrator.system import assemble, build_all, placed
-from orchestrator.warned import Warned, Warnings
 
 H = 1e-3
 CREAKS = "the spring creaks at 5 % of its load"

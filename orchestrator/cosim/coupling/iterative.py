@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.coupling import held
-from orchestrator.coupling.held import Outputs
-from orchestrator.coupling.scheme import CouplingFailed, Given, needs_states
-from orchestrator.coupling.staged import Staged
-from orchestrator.graph import Feed, Floats, Member, Stages
+from orchestrator.cosim.coupling import input_hold
+from orchestrator.cosim.coupling.input_hold import Outputs
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Given, needs_states
+from orchestrator.cosim.coupling.staged import Staged
+from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 
 KEPT = 6  # differences of earlier sweeps that the acceleration looks at
 
@@ -53,7 +53,7 @@ class Iterative(Staged):
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """Sweeps until the unknown inputs repeat themselves."""
-        z = self._collect(lambda feed: held.ahead(feed, now, self.past, h))
+        z = self._collect(lambda feed: input_hold.extrapolated(feed, now, self.past, h))
         if not len(z):  # no stage looks back
             super().exchange(t, h, now)
             return
@@ -66,7 +66,7 @@ class Iterative(Staged):
                 self._guess = z
                 super().exchange(t, h, now)
                 self.sweeps += 1
-                residual = self._collect(lambda feed: held.within(feed, now)) - z
+                residual = self._collect(lambda feed: input_hold.interpolated(feed, now)) - z
                 scale = self._scale(z + residual)
                 history.append((z, residual))
                 if np.abs(residual / scale).max() <= self.tolerance:
@@ -79,11 +79,11 @@ class Iterative(Staged):
     def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """The unknown; a state is as of t."""
         place = self._place.get(id(feed))
-        return held.of_time_t(feed, now) if place is None else self._guess[place]
+        return input_hold.constant(feed, now) if place is None else self._guess[place]
 
     def late(self, feed: Feed, now: Outputs) -> Floats:
         """The mean."""
-        return held.within(feed, now)
+        return input_hold.interpolated(feed, now)
 
     def _collect(self, given: Given) -> Floats:
         parts = [given(feed) for _, feed in self._feeds]

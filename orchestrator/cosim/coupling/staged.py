@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from orchestrator.coupling.held import Outputs
-from orchestrator.coupling.scheme import Scheme
-from orchestrator.graph import Feed, Floats, Member, Stages, joined
+from orchestrator.cosim.coupling.input_hold import Outputs
+from orchestrator.cosim.coupling.scheme import Scheme
+from orchestrator.cosim.graph import Feed, Floats, Member, Stages, joined
 
 
 class Staged(Scheme):

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orchestrator.component import ComponentFailed
-from orchestrator.coupling.held import Outputs
-from orchestrator.coupling.scheme import CouplingFailed, Saved, Scheme
-from orchestrator.graph import Feed, Floats
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.coupling.input_hold import Outputs
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Saved, Scheme
+from orchestrator.cosim.graph import Feed, Floats
 
 SAFETY = 0.9
 LEAST, MOST = 0.2, 2.0  # change of the step from one pair to the next

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from orchestrator.coupling import held
-from orchestrator.coupling.held import Outputs
-from orchestrator.coupling.scheme import Scheme, give
-from orchestrator.graph import Feed, Floats, Stages
+from orchestrator.cosim.coupling import input_hold
+from orchestrator.cosim.coupling.input_hold import Outputs
+from orchestrator.cosim.coupling.scheme import Scheme, give
+from orchestrator.cosim.graph import Feed, Floats, Stages
 
 
 class Jacobi(Scheme):
@@ -30,4 +30,4 @@ class Jacobi(Scheme):
 
     def foreseen(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """What a feed hands over for [t, t + h]."""
-        return held.ahead(feed, now, self.past, h) if self.linear else held.of_time_t(feed, now)
+        return input_hold.extrapolated(feed, now, self.past, h) if self.linear else input_hold.constant(feed, now)

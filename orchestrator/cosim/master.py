@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol
 
-from orchestrator.component import ComponentFailed
-from orchestrator.coupling.scheme import CouplingFailed, Scheme
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
 
 Observer = Callable[[int, float, float], None]  # (k, t, h): k steps are done, time is t, the last step took h
 

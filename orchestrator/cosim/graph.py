@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.warned import Warned
+from orchestrator.cosim.warned import Warned
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]

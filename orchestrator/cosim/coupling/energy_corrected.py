@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from orchestrator.coupling import held
-from orchestrator.coupling.gauss_seidel import GaussSeidel
-from orchestrator.coupling.held import Outputs
-from orchestrator.coupling.scheme import Saved
-from orchestrator.graph import Feed, Floats, Member, Stages
+from orchestrator.cosim.coupling import input_hold
+from orchestrator.cosim.coupling.gauss_seidel import GaussSeidel
+from orchestrator.cosim.coupling.input_hold import Outputs
+from orchestrator.cosim.coupling.scheme import Saved
+from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 
 
 class EnergyCorrected(GaussSeidel):
@@ -50,7 +50,8 @@ class EnergyCorrected(GaussSeidel):
         """The step, and what each feed missed in it."""
         super().exchange(t, h, now)
         self.missed = {
-            id(feed): self.missed.get(id(feed), 0.0) + h * (held.within(feed, now) - member.component.u[feed.inputs])
+            id(feed): self.missed.get(id(feed), 0.0)
+            + h * (input_hold.interpolated(feed, now) - member.component.u[feed.inputs])
             for member, feed in self._corrected
         }
 

@@ -1,4 +1,4 @@
-"""What a receiver is given for a step: every input is held over [t, t + h], as its value at t + h/2 if that is known.
+"""Input hold: every input is held over [t, t + h], as its value at t + h/2 if that is known.
 
 A hold of the value for the middle has no error in the mean, which is what makes a coupling of order 2:
 
@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from orchestrator.graph import Feed, Floats
+from orchestrator.cosim.graph import Feed, Floats
 
 Outputs = Mapping[str, Floats]  # y of every component by its name
 
@@ -31,14 +31,14 @@ class Past(NamedTuple):
     older: float  # h_2, s
 
 
-def of_time_t(feed: Feed, now: Outputs) -> Floats:
+def constant(feed: Feed, now: Outputs) -> Floats:
     """As the source shows it at t."""
     return now[feed.source.name][feed.outputs]
 
 
-def ahead(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
+def extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
     """For the middle of the step, from the past."""
-    y = of_time_t(feed, now)
+    y = constant(feed, now)
     if feed.carries == "state":
         return y
     if feed.rates is not None:
@@ -49,18 +49,18 @@ def ahead(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
     return y + reach * (y - past.outputs[feed.source.name][feed.outputs])
 
 
-def moved(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
+def values_extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
     """Values for the middle of the step, all else as of t: what comes with its rate is extrapolated by the receiver."""
-    return ahead(feed, now, past, h) if feed.carries == "value" else of_time_t(feed, now)
+    return extrapolated(feed, now, past, h) if feed.carries == "value" else constant(feed, now)
 
 
-def latest(feed: Feed, now: Outputs) -> Floats:
+def at_end(feed: Feed, now: Outputs) -> Floats:
     """As the source, which has stepped, shows it at t + h; a state is always of t."""
-    return of_time_t(feed, now) if feed.carries == "state" else feed.source.y[feed.outputs]
+    return constant(feed, now) if feed.carries == "state" else feed.source.y[feed.outputs]
 
 
-def within(feed: Feed, now: Outputs) -> Floats:
+def interpolated(feed: Feed, now: Outputs) -> Floats:
     """For the middle of the step that the source has done."""
     if feed.carries in ("state", "mean"):
-        return latest(feed, now)
-    return 0.5 * (of_time_t(feed, now) + latest(feed, now))
+        return at_end(feed, now)
+    return 0.5 * (constant(feed, now) + at_end(feed, now))

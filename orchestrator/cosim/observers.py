@@ -11,9 +11,9 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from orchestrator.graph import Recorded
+from orchestrator.cosim.graph import Recorded
+from orchestrator.cosim.narration import Narration
 from orchestrator.log.recorder import Recorder
-from orchestrator.narration import Narration
 
 REFRESH = 0.2  # s of wall time between updates of the bar
 STATS = ("wall_time",)  # of /stats/<instance>, after the counters

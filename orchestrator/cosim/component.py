@@ -35,8 +35,8 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from orchestrator.cache import cache_folder, make, own, temporary, write
-from orchestrator.warned import Warned, Warnings
+from orchestrator.cosim.cache import cache_folder, make, own, temporary, write
+from orchestrator.cosim.warned import Warned, Warnings
 
 Floats = NDArray[np.float64]
 Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a warning only the first of its kind

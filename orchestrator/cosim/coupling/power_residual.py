@@ -22,9 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.coupling import held
-from orchestrator.coupling.scheme import CouplingFailed, Scheme
-from orchestrator.graph import Connection, Feed, Floats, Member, Miswired
+from orchestrator.cosim.coupling import input_hold
+from orchestrator.cosim.coupling.input_hold import Outputs
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
+from orchestrator.cosim.graph import Connection, Feed, Floats, Member, Miswired
 
 WATT = (1, 2, -3, 0, 0, 0, 0, 0)  # exponents of kg, m, s, A, K, mol, cd, 10
 SAFETY = 0.8
@@ -76,10 +77,10 @@ def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dim
                 raise Miswired(f"bond '{name}': {there.source}.{one} times {back.source}.{other} is not in W")
 
 
-def works(bond: Bond, now: held.Outputs, h: float) -> tuple[float, float]:
+def works(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
     """J that went from a to b over the step just done: as a felt it, and as b did; ``now``: outputs at its start."""
-    shown, felt = held.within(bond.there, now), bond.b.component.u[bond.there.inputs]
-    answer, seen = held.within(bond.back, now), bond.a.component.u[bond.back.inputs]
+    shown, felt = input_hold.interpolated(bond.there, now), bond.b.component.u[bond.there.inputs]
+    answer, seen = input_hold.interpolated(bond.back, now), bond.a.component.u[bond.back.inputs]
     return h * _dot(shown, seen), h * _dot(felt, answer)
 
 

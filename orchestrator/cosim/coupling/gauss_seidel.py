@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from orchestrator.coupling import held
-from orchestrator.coupling.held import Outputs
-from orchestrator.coupling.staged import Staged
-from orchestrator.graph import Feed, Floats, Stages
+from orchestrator.cosim.coupling import input_hold
+from orchestrator.cosim.coupling.input_hold import Outputs
+from orchestrator.cosim.coupling.staged import Staged
+from orchestrator.cosim.graph import Feed, Floats, Stages
 
 
 class GaussSeidel(Staged):
@@ -20,8 +20,8 @@ class GaussSeidel(Staged):
 
     def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """Of a peer that has not stepped yet."""
-        return held.ahead(feed, now, self.past, h) if self.linear else held.of_time_t(feed, now)
+        return input_hold.extrapolated(feed, now, self.past, h) if self.linear else input_hold.constant(feed, now)
 
     def late(self, feed: Feed, now: Outputs) -> Floats:
         """Of a peer that has stepped."""
-        return held.within(feed, now) if self.linear else held.latest(feed, now)
+        return input_hold.interpolated(feed, now) if self.linear else input_hold.at_end(feed, now)

@@ -7,10 +7,10 @@ value for the middle of the step where only the master can do so; one whose peer
 
 from __future__ import annotations
 
-from orchestrator.coupling import held
-from orchestrator.coupling.held import Outputs
-from orchestrator.coupling.staged import Staged
-from orchestrator.graph import Feed, Floats
+from orchestrator.cosim.coupling import input_hold
+from orchestrator.cosim.coupling.input_hold import Outputs
+from orchestrator.cosim.coupling.staged import Staged
+from orchestrator.cosim.graph import Feed, Floats
 
 
 class TracksFirst(Staged):
@@ -21,8 +21,8 @@ class TracksFirst(Staged):
 
     def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """Moved on by its velocity."""
-        return held.moved(feed, now, self.past, h)
+        return input_hold.values_extrapolated(feed, now, self.past, h)
 
     def late(self, feed: Feed, now: Outputs) -> Floats:
         """The mean."""
-        return held.within(feed, now)
+        return input_hold.interpolated(feed, now)

@@ -8,9 +8,9 @@ from time import perf_counter
 from types import TracebackType
 from typing import Any, ClassVar, NamedTuple
 
-from orchestrator.component import ComponentFailed
-from orchestrator.coupling.held import Outputs, Past
-from orchestrator.graph import Feed, Floats, Member, Stages
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.coupling.input_hold import Outputs, Past
+from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 
 LONG = 6e-5  # s: a step that is shorter is over before another thread would have begun
 Given = Callable[[Feed], Floats]  # what a feed hands over
