@@ -126,10 +126,10 @@ def _refusals() -> tuple[type[Exception], ...]:
     from orchestrator.cosim.component import ComponentFailed
     from orchestrator.cosim.coupling.scheme import CouplingFailed
     from orchestrator.cosim.graph import Miswired
-    from orchestrator.evidence import Missing
     from orchestrator.log.reader import LogUnreadable, NoSuchSignal
     from orchestrator.log.recorder import LogFailed
     from orchestrator.replay import Unfit
+    from orchestrator.results.run_data import Missing
 
     return (
         BadInput,
@@ -312,13 +312,13 @@ def compare(
     They may differ in the track model, in what its links are, in steps, coupling, duration, checks and records; where
     anything else of their scenes differs, vehicle included, they are refused (--different compares them all the same).
     """
-    from orchestrator.difference import differences
-    from orchestrator.evidence import Evidence
     from orchestrator.log.reader import Log
+    from orchestrator.results.difference import differences
+    from orchestrator.results.run_data import RunData
     from orchestrator.scene import of_one_scene
 
     with Log(run) as one, Log(reference) as other:
-        a, b = Evidence(one), Evidence(other)
+        a, b = RunData(one), RunData(other)
         if not different:
             of_one_scene((f"{run}", a.scene), (f"{reference}", b.scene))
         found = differences(a, b)
@@ -338,7 +338,7 @@ def view(
 
     At three instants or those given.
     """
-    from orchestrator import picture
+    from orchestrator.results import picture
 
     picture.draw(log, output, times or None)
     print(output)
@@ -422,8 +422,9 @@ def truth(
     With its own error; built once, then found.
     """
     from orchestrator import truth as module
-    from orchestrator.evidence import Evidence
     from orchestrator.log.reader import Log
+    from orchestrator.results.difference import differences_of_logs
+    from orchestrator.results.run_data import RunData
     from orchestrator.scene import TrackScene, load, of_one_scene
     from orchestrator.system import placed
 
@@ -432,12 +433,12 @@ def truth(
     if against:
         with Log(against) as log:
             own = placed(resolved) if isinstance(resolved, TrackScene) else resolved
-            of_one_scene((f"{against}", Evidence(log).scene), (f"the truth of {scene}", own.resolved()))
+            of_one_scene((f"{against}", RunData(log).scene), (f"the truth of {scene}", own.resolved()))
     try:
         found = module.truth(resolved, narration)
     except module.TruthFailed as failure:
         _leave(str(failure), 1)
-    off = module.apart(against, found.log) if against else {}
+    off = differences_of_logs(against, found.log) if against else {}
     observables = {
         name: {"unit": one.unit, "difference": one.absolute, "error": found.error(name)}
         | ({"off": off[name].absolute, "off_relative": off[name].relative} if name in off else {})

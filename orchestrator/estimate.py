@@ -15,9 +15,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from orchestrator.difference import differences, worst
-from orchestrator.evidence import Evidence, Missing
 from orchestrator.log.reader import Log
+from orchestrator.results.difference import differences, worst
+from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Variable
 from orchestrator.summary import doubt
@@ -89,7 +89,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
             logs[name] = Path(told["log"])
         try:
             with Log(log) as fine, Log(logs["both"]) as both, Log(logs.get("coupling", log)) as coupling:
-                runs = [Evidence(each) for each in (fine, coupling, both)]
+                runs = [RunData(each) for each in (fine, coupling, both)]
                 total = differences(runs[2], runs[0])
                 alone = wanted.coupling is None
                 parts = {

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from fmus.vehicle import Distance, Force, In, Mass, Part
-from orchestrator import measures
 from orchestrator.log.recorder import MOST_STEPS
+from orchestrator.results import measures
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]

@@ -27,9 +27,9 @@ from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import STATS, Logging, ProgressBar
-from orchestrator.evidence import Evidence
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
+from orchestrator.results.run_data import RunData
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Run
 from orchestrator.system import assemble, placed, system
@@ -146,7 +146,7 @@ def _evaluated(scene: Scene, path: Path, outcome: master.Outcome) -> dict[str, A
     """Energy, checks, observables, and what they make one doubt."""
     try:
         with Log(path) as log:
-            found = summary.evaluate(Evidence(log), scene, outcome.time)
+            found = summary.evaluate(RunData(log), scene, outcome.time)
     except LogUnreadable as error:  # a device, or a file that someone else has changed
         return {"status": "failed", "message": str(error)}
     return found | {"message": "; ".join(filter(None, (outcome.message, summary.doubt(found["energy"]))))}

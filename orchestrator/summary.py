@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator import measures
-from orchestrator.energy import ledger
-from orchestrator.evidence import Evidence, Missing, Window
 from orchestrator.log.reader import NoSuchSignal
+from orchestrator.results import measures
+from orchestrator.results.energy import ledger
+from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene import ChainScene, Scene, VehicleScene
 from orchestrator.scene_parts import Check
 
@@ -54,7 +54,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
     }
 
 
-def evaluate(run: Evidence, scene: Scene, simulated: float) -> dict[str, Any]:
+def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
     """Energy, checks and observables of a log that covers ``simulated`` s of the scene."""
     try:
         energy: dict[str, Any] | None = ledger(run).as_json()
@@ -77,7 +77,7 @@ def doubt(energy: dict[str, Any] | None) -> str:
     )
 
 
-def checks(run: Evidence, scene: Scene, simulated: float) -> dict[str, CheckResult]:
+def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, CheckResult]:
     """Results of the checks whose window the run covers."""
     results = {}
     for name, check in scene.expect.items():
@@ -92,7 +92,7 @@ def checks(run: Evidence, scene: Scene, simulated: float) -> dict[str, CheckResu
     return results
 
 
-def _value(run: Evidence, check: Check, window: Window) -> tuple[float, str]:
+def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
     """Value of a check, or a NaN (which is not ok) and why."""
     return _evaluated(
         lambda: (
@@ -117,7 +117,7 @@ def _evaluated(evaluate: Callable[[], float], measure: str | None = None) -> tup
     return value, "" if np.isfinite(value) else "no finite number comes out of what was recorded"
 
 
-def observables(run: Evidence, scene: Scene, simulated: float) -> dict[str, float]:
+def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float]:
     """What is worth knowing of a run of this kind, whatever it expects; means over its last second."""
     last = Window(max(0.0, simulated - LAST), simulated)
     if not run.tracks:

@@ -24,9 +24,7 @@ from fmus.monolith.model import content
 from fmus.vehicle import BadInput
 from orchestrator import monolithic, system
 from orchestrator.cosim.narration import Narration
-from orchestrator.difference import Difference, differences
-from orchestrator.evidence import Evidence
-from orchestrator.log.reader import Log
+from orchestrator.results.difference import Difference, differences_of_logs
 from orchestrator.scene import Scene, TrackScene
 from orchestrator.scene_parts import Run
 
@@ -141,7 +139,7 @@ def _build(scene: TrackScene, folder: Path, narration: Narration | None) -> dict
         figures = {
             "internal_step": results[0][1]["internal_step"],
             "wall_time": max(cost["wall_time"] for _, cost in results),
-            "difference": {name: one._asdict() for name, one in apart(logs[1], logs[0]).items()},
+            "difference": {name: one._asdict() for name, one in differences_of_logs(logs[1], logs[0]).items()},
             "sha256": _hashes(fresh),
         }
         for log in logs:
@@ -166,9 +164,3 @@ def _alone(lock: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-def apart(log: Path, reference: Path) -> dict[str, Difference]:
-    """How far a log lies from another one, by observable."""
-    with Log(log) as one, Log(reference) as two:
-        return differences(Evidence(one), Evidence(two))

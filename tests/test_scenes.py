@@ -5,13 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from orchestrator import gallery, measures, rerun
+from orchestrator import gallery, rerun
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
-from orchestrator.energy import ledger
-from orchestrator.evidence import Evidence, Window
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.measures import third_law
+from orchestrator.results import measures
+from orchestrator.results.energy import ledger
+from orchestrator.results.measures import third_law
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene import load, tracked
 from orchestrator.simulate import simulate
 
@@ -87,7 +88,7 @@ def test_rigid_links_under_the_wheels_of_flexible_ones(ran, tmp_path):
 def test_impulse_across_the_ports(ran):
     result = ran("straight", "flexible", *BRIEF)
     with Log(result["log"]) as log:
-        run = Evidence(log)
+        run = RunData(log)
         assert third_law(run, "", Window(0.0, 0.3)) < 1e-12
         series = log.read("/chassis/in")
         column = series.names.index("left.road_wheel[3].force.z")
@@ -103,7 +104,7 @@ def test_port_energy_falls_with_the_communication_step(ran):
     for h in ("1 ms", "2 ms"):
         result = ran("straight", "flexible", *BRIEF, f"run.step={h}")
         with Log(result["log"]) as log:
-            ports.append(ledger(Evidence(log)).port)
+            ports.append(ledger(RunData(log)).port)
     assert TracksFirst.ORDER < np.log2(ports[1] / ports[0]) < 4.5
 
 
@@ -210,7 +211,7 @@ FALL = {"fall_time": 0.8472, "half_fall_time": 0.948, "behind_free_fall": 0.0}
 
 def measured(result, name):
     with Log(result["log"]) as log:
-        return measures.NAMES[name](Evidence(log), "", Window(0.0, result["simulated_time"]))
+        return measures.NAMES[name](RunData(log), "", Window(0.0, result["simulated_time"]))
 
 
 def test_a_heavier_hull_is_noticed(ran):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fmus.vehicle import BadInput
-from orchestrator.difference import worst
+from orchestrator.results.difference import differences_of_logs, worst
 from orchestrator.scene import ChainScene, Scene, TrackScene, load
 from orchestrator.studies import Case
 from orchestrator.studies.runs import Runs
@@ -134,10 +134,10 @@ def _scene(scene: str, track: str, settings: Sequence[str]) -> Scene:
 
 def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
     """The truth held against its own coarser half."""
-    from orchestrator.truth import ORDER, apart, truth
+    from orchestrator.truth import ORDER, truth
 
     found = truth(load(scene, track, base))
-    between = apart(found.coarse_log, found.log)
+    between = differences_of_logs(found.coarse_log, found.log)
     share = 1.0 / (2.0**ORDER - 1.0)
     row = Row(
         "", "", track, "truth", base, found.wall_time, math.nan, share * worst(between), math.nan,
@@ -152,7 +152,7 @@ def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
 def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Row]:
     """One run, timed, against the truth, with its own estimate."""
     from orchestrator.estimate import estimate
-    from orchestrator.truth import apart, truth
+    from orchestrator.truth import truth
 
     exact = truth(load(scene, track, base))
     timed = _scene(scene, track, settings)
@@ -160,7 +160,7 @@ def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: 
     if told["status"] != "ok":
         return [failed(scene, "", told["message"])._replace(track=track, method=method, settings=settings)]
     log = Path(told["log"])
-    off = apart(log, exact.log)
+    off = differences_of_logs(log, exact.log)
     own = estimate(timed, log, told, _runs().record)
     estimates = {name: one["total"] for name, one in own["observables"].items()}
     row = Row(

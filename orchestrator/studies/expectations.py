@@ -8,41 +8,42 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
-from orchestrator import measures, summary
-from orchestrator.evidence import Evidence, Window
+from orchestrator import summary
+from orchestrator.results import measures
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene import ChainScene, RigScene, TrackScene, VehicleScene
 
 Answer = tuple[float, float, float]  # value, expected, tolerance
 
 
-def _last(run: Evidence, seconds: float = 1.0) -> Window:
+def _last(run: RunData, seconds: float = 1.0) -> Window:
     end = min(float(run.log.read(f"/{name}/out").t[-1]) for name in run.instances)
     return Window(max(0.0, end - seconds), end)
 
 
-def weight(run: Evidence, scene: TrackScene, within: float = 0.03) -> Answer:
+def weight(run: RunData, scene: TrackScene, within: float = 0.03) -> Answer:
     """The mean ground reaction of the last second is the weight."""
     assert isinstance(scene, VehicleScene)
     heavy = summary.weight(scene)
     return measures.ground_force(run, "", _last(run)), heavy, within * heavy
 
 
-def afloat(run: Evidence, scene: TrackScene) -> Answer:
+def afloat(run: RunData, scene: TrackScene) -> Answer:
     """Without gravity it drifts off as slowly as its tracks push it away when they settle on their wheels."""
     return float(abs(run.signal("chassis.settlement")[1]).max()), 0.0, 0.05
 
 
-def speed(run: Evidence, scene: TrackScene) -> Answer:
+def speed(run: RunData, scene: TrackScene) -> Answer:
     """Vehicle speed over teeth x pitch x omega / 2 pi of the last half second, less 1."""
     return measures.speed_excess(run, "", _last(run, 0.5)), 0.02, 0.04
 
 
-def stays(run: Evidence, scene: TrackScene) -> Answer:
+def stays(run: RunData, scene: TrackScene) -> Answer:
     """Without friction on the ground the vehicle stays where it is, but for its rocking."""
     return run.mean("chassis.speed", _last(run)), 0.0, 0.03
 
 
-def sliding(run: Evidence, scene: TrackScene) -> Answer:
+def sliding(run: RunData, scene: TrackScene) -> Answer:
     """With locked sprockets the vehicle slides: its deceleration is friction times gravity."""
     assert isinstance(scene, VehicleScene)
     t, v = run.signal("chassis.speed", Window(float(scene.drive.stop or 0.0) + 0.3, scene.run.stop))
@@ -51,7 +52,7 @@ def sliding(run: Evidence, scene: TrackScene) -> Answer:
     return float(-np.polyfit(t[moving], v[moving], 1)[0]), wanted, 0.1 * wanted
 
 
-def climbs(run: Evidence, scene: TrackScene) -> Answer:
+def climbs(run: RunData, scene: TrackScene) -> Answer:
     """The centre of mass rises by most of the obstacle's height, or more where the nose rears up, and gets across."""
     assert isinstance(scene, VehicleScene)
     assert scene.ground.bump
@@ -60,12 +61,12 @@ def climbs(run: Evidence, scene: TrackScene) -> Answer:
     return (float(-run.signal("chassis.settlement")[1].min()) if across else 0.0), rise, 0.35 * rise
 
 
-def at_rest(run: Evidence, scene: TrackScene) -> Answer:
+def at_rest(run: RunData, scene: TrackScene) -> Answer:
     """It ends lying still, but for the contacts' last swings."""
     return weight(run, scene, 0.06)
 
 
-def sag(run: Evidence, scene: TrackScene) -> Answer:
+def sag(run: RunData, scene: TrackScene) -> Answer:
     """Sag of the discrete catenary of rigid links: tan(angle) = weight from the middle on over the pull."""
     assert isinstance(scene, ChainScene)
     n, pitch = scene.chain.links, scene.vehicle.track.pitch
@@ -77,7 +78,7 @@ def sag(run: Evidence, scene: TrackScene) -> Answer:
     return measures.sag(run, "", _last(run)), float(depth), 2e-3 * float(depth)
 
 
-def hoop(run: Evidence, scene: TrackScene) -> Answer:
+def hoop(run: RunData, scene: TrackScene) -> Answer:
     """Force in the pins of a free loop of rigid links: m omega^2 Rc / (2 sin(pi/N)), Rc = p / (2 tan(pi/N))."""
     assert isinstance(scene, ChainScene)
     track, half = scene.vehicle.track, math.pi / scene.chain.links
@@ -85,7 +86,7 @@ def hoop(run: Evidence, scene: TrackScene) -> Answer:
     return measures.joint_force(run, "", _last(run)), force, 1e-3 * force
 
 
-def rides(run: Evidence, scene: TrackScene) -> Answer:
+def rides(run: RunData, scene: TrackScene) -> Answer:
     """Chain speed over teeth x pitch x omega / 2 pi of the last ten teeth that pass."""
     assert isinstance(scene, RigScene)
     pace = scene.vehicle.sprocket.teeth * scene.vehicle.track.pitch / (2.0 * math.pi)
@@ -93,12 +94,12 @@ def rides(run: Evidence, scene: TrackScene) -> Answer:
     return run.mean("track.speed", window) / (pace * run.mean("drive.speed", window)), 1.0, 0.005
 
 
-def ledger(run: Evidence, scene: TrackScene) -> Answer:
+def ledger(run: RunData, scene: TrackScene) -> Answer:
     """The energy ledger closes to 5 %, and that is all that is asked."""
     return 0.0, 0.0, 0.0
 
 
-ASKED: dict[str, tuple[Callable[[Evidence, TrackScene], Answer], str]] = {
+ASKED: dict[str, tuple[Callable[[RunData, TrackScene], Answer], str]] = {
     "weight": (weight, "ground reaction, last second, N: the weight, 3 %"),
     "afloat": (afloat, "largest way up or down, m: 0 to 0.05"),
     "speed": (speed, "speed over that of the sprocket, less 1, last 0.5 s"),

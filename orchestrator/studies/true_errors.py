@@ -6,9 +6,10 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+from orchestrator.results.difference import differences_of_logs
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
-from orchestrator.truth import ORDER, apart, truth
+from orchestrator.truth import ORDER, truth
 
 LINKS = 0.01  # s between outputs per link
 
@@ -61,7 +62,7 @@ def errors(window: Window) -> dict[str, dict[str, float]]:
         told = simulate(scene, path)
         if told["status"] != "ok":
             raise RuntimeError(f"{window.name}: {told['message']}")
-        off = apart(path, exact.log)
-    between = apart(exact.coarse_log, exact.log)
+        off = differences_of_logs(path, exact.log)
+    between = differences_of_logs(exact.coarse_log, exact.log)
     share = 1.0 / (2.0**ORDER - 1.0)
     return {name: {"error": one.relative, "doubt": share * between[name].relative} for name, one in off.items()}

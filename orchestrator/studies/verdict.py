@@ -14,8 +14,8 @@ from fmus.build import BuildFailed
 from fmus.vehicle import BadInput
 from orchestrator import summary
 from orchestrator.cosim.component import ComponentFailed
-from orchestrator.evidence import Evidence, Missing
 from orchestrator.log.reader import Log
+from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene import TrackScene
 from orchestrator.simulate import simulate
 from orchestrator.studies.expectations import ASKED
@@ -64,7 +64,7 @@ def judged(scene: TrackScene, asked: str) -> Row:
             return _ended(row, CLEAN, str(refusal), began)
         if told["communication_steps"]:
             with Log(path) as log:
-                run = Evidence(log)
+                run = RunData(log)
                 if not _finite(run):
                     return _ended(row, BLOWN, told["message"] or "a recorded output is not finite", began)
                 row = row._replace(open=(told["energy"] or {}).get("residual_relative", math.nan))
@@ -92,5 +92,5 @@ def _ended(row: Row, verdict: str, note: str, began: float) -> Row:
     return row._replace(verdict=verdict, note=" ".join(note.split()), seconds=time.perf_counter() - began)
 
 
-def _finite(run: Evidence) -> bool:
+def _finite(run: RunData) -> bool:
     return all(bool(np.isfinite(run.log.read(f"/{name}/out").values).all()) for name in run.instances)

@@ -15,13 +15,14 @@ import pytest
 from conftest import messages
 
 from fmus.vehicle import BadInput
-from orchestrator import gallery, picture, rerun, simulate
+from orchestrator import gallery, rerun, simulate
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
-from orchestrator.evidence import Links
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
+from orchestrator.results import picture
+from orchestrator.results.run_data import Links
 
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
-from orchestrator.energy import ledger, ports, turns
-from orchestrator.evidence import Evidence
 from orchestrator.log.reader import Log
+from orchestrator.results.energy import ledger, ports, turns
+from orchestrator.results.run_data import RunData
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 
@@ -43,7 +43,7 @@ def driven(tmp_path_factory):
 
 def test_every_wheel_and_mount_is_a_port(driven):
     with Log(driven) as log:
-        found = ports(Evidence(log))
+        found = ports(RunData(log))
     assert len(found) == 2 * (1 + 6 + 1)
     assert ("left_track", "sprocket", "left_drive", "sprocket") in found
     assert ("right_drive", "mount", "chassis", "right.sprocket") in found
@@ -52,7 +52,7 @@ def test_every_wheel_and_mount_is_a_port(driven):
 def test_work_at_the_ports_is_what_the_components_received(driven):
     """Chassis and drives integrate the work of their ports themselves."""
     with Log(driven) as log:
-        run = Evidence(log)
+        run = RunData(log)
         books = ledger(run)
 
         def change(name):
@@ -70,7 +70,7 @@ def test_work_at_the_ports_is_what_the_components_received(driven):
 
 def test_a_lost_force_shows_in_the_books(driven):
     with Log(driven) as log:
-        run = Evidence(log)
+        run = RunData(log)
         whole = ledger(run)
         series = log.read("/chassis/in")
         values = series.values.copy()

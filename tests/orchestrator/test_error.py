@@ -10,11 +10,11 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator import precision, printed
 from orchestrator.cli import main
-from orchestrator.difference import Difference, Observable, Signal, aligned, difference, differences, worst
 from orchestrator.estimate import companions, estimate
-from orchestrator.evidence import Evidence
 from orchestrator.log.reader import Log
 from orchestrator.precision import Setting, cheapest, fraction, front
+from orchestrator.results.difference import Difference, Observable, Signal, aligned, difference, differences, worst
+from orchestrator.results.run_data import RunData
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import Case, error_runtime, work_precision
@@ -73,7 +73,7 @@ def swings(tmp_path_factory):
 @pytest.mark.parametrize("step", [4.0, 2.0])
 def test_the_estimate_is_within_a_factor_of_three(swings, step):
     with Log(swings[step]["log"]) as run, Log(swings[0.25]["log"]) as fine:
-        true = differences(Evidence(run), Evidence(fine))
+        true = differences(RunData(run), RunData(fine))
     own = swings[step]["error"]
     assert own["coupling"] == 0.0, "there is nothing to couple"
     assert own["total"] == own["integration"]

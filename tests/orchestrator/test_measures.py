@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from orchestrator import measures
-from orchestrator.evidence import Links, Window
+from orchestrator.results import measures
+from orchestrator.results.run_data import Links, Window
 
 TEETH, PITCH = 10, 0.1524
 RADIUS = PITCH / (2 * np.sin(np.pi / TEETH))

@@ -10,11 +10,11 @@ from test_cli import KEYS
 
 from orchestrator.cli import main
 from orchestrator.cosim.component import ComponentFailed
-from orchestrator.evidence import Evidence, Missing, Window
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.measures import energy_drift
 from orchestrator.pieces import Stepped, piece
+from orchestrator.results.measures import energy_drift
+from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene import load
 
 
@@ -60,7 +60,7 @@ def test_a_piece_is_run_logged_and_summed_up_like_a_system(cotrack, tmp_path):
         assert ends.names[-1] == "point[17].position.z"
         assert ends.values[-1, -1] == log.signal("cantilever.tip.displacement.z")[1][-1]
         with pytest.raises(Missing, match="no kinetic energy"):
-            energy_drift(Evidence(log), "", Window(0.0, 1.0))
+            energy_drift(RunData(log), "", Window(0.0, 1.0))
     status, out, _ = cotrack("run", "elastica", "--stop", "0.1")
     assert out.startswith("elastica: ok; 1 of 1 checks are met\n  0.1 s simulated")
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from orchestrator import rerun
-from orchestrator.difference import differences
-from orchestrator.energy import ledger
-from orchestrator.evidence import Evidence, Missing
 from orchestrator.log import recorder
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
-from orchestrator.picture import draw
+from orchestrator.results.difference import differences
+from orchestrator.results.energy import ledger
+from orchestrator.results.picture import draw
+from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 
@@ -50,7 +50,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
     """Cut a log at each place and use what is recovered; ``rerun_to`` runs so many steps. The last steps found."""
     data, found = whole.read_bytes(), set()
     with Log(whole) as log:
-        reference = Evidence(log)
+        reference = RunData(log)
         for number, cut in enumerate(cuts):
             broken, saved = folder / "cut.mcap", folder / "saved.mcap"
             broken.write_bytes(data[:cut])
@@ -62,7 +62,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
                 if n < 1:
                     continue
                 assert set(ends(left).values()) == {n}, cut
-                run = Evidence(left)
+                run = RunData(left)
                 books = ledger(run)
                 assert np.isfinite(books.residual)
                 apart = differences(run, reference)
@@ -72,7 +72,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
                     with Log(rerun_to(n)) as shorter:
                         theirs, ours = shorter.hashes(), left.hashes()
                         assert {t: h for t, h in ours.items() if "stats" not in t}.items() <= theirs.items()
-                        assert ledger(Evidence(shorter)) == books
+                        assert ledger(RunData(shorter)) == books
             if number % seldom == 0:
                 for name in components:
                     with rerun.opened(saved, name, None) as again:
@@ -112,9 +112,9 @@ def test_steps_that_are_lost_are_no_shorter_run(tmp_path):
     with Log(tmp_path / "saved.mcap") as log:
         assert log.closing["steps"] == 100
         with pytest.raises(Missing, match=r"lacks the inputs of 'chain' from t = 0\.0\d+ to 0\.0\d+ s"):
-            ledger(Evidence(log))
+            ledger(RunData(log))
         with Log(whole) as reference:
-            assert "pins" in differences(Evidence(log), Evidence(reference))
+            assert "pins" in differences(RunData(log), RunData(reference))
 
 
 @pytest.mark.study

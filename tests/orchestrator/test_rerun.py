@@ -11,13 +11,13 @@ from mutated import Content
 from fmus.build import build
 from fmus.vehicle import BadInput
 from orchestrator import replay, rerun
-from orchestrator.difference import differences
-from orchestrator.evidence import Evidence
 from orchestrator.log import tools
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.picture import draw
+from orchestrator.results.difference import differences
+from orchestrator.results.picture import draw
+from orchestrator.results.run_data import RunData
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.system import assemble
@@ -103,7 +103,7 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
         assert entry["sha256"] == hashlib.sha256(rigid.read_bytes()).hexdigest()
         assert entry["fmu"] == ("TrackRigid.fmu" if other == "rigid" else "mine.fmu")
         assert log_of_answer.topics["/chain/links"].every == 7
-        assert differences(Evidence(log_of_answer), Evidence(source))["tension"].absolute > 0
+        assert differences(RunData(log_of_answer), RunData(source))["tension"].absolute > 0
         if other == "rigid":
             scene, theirs = (each.table("scene.json") for each in (log_of_answer, source))
             assert (scene["track"]["model"], theirs["track"]["model"]) == ("rigid", "flexible")
@@ -265,6 +265,6 @@ def test_a_run_that_blew_up_is_compared_in_silence(log, tmp_path, recwarn):
                     recorder.write(topic, sequence, series.t[k], series.h[k], series.values[k] * 1e200 * k)
             recorder.close("failed", "blown up", 20)
         with Log(tmp_path / "blown.mcap") as blown:
-            apart = differences(Evidence(blown), Evidence(whole))
+            apart = differences(RunData(blown), RunData(whole))
     assert apart["tension"].relative > 1e100
     assert not [each for each in recwarn if issubclass(each.category, RuntimeWarning)]

@@ -13,10 +13,10 @@ from fmus.vehicle import BadInput
 from orchestrator import monolithic
 from orchestrator import truth as module
 from orchestrator.cli import app
-from orchestrator.energy import ledger
-from orchestrator.evidence import Evidence, Window
 from orchestrator.log.reader import Log
-from orchestrator.measures import third_law
+from orchestrator.results.energy import ledger
+from orchestrator.results.measures import third_law
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.system import assemble, placed
@@ -66,7 +66,7 @@ def driven(tmp_path_factory):
 def test_the_ledger_of_a_whole_vehicle_closes(driven):
     """Contacts and all; without the entry of what covered parts lose it stays open, whatever the step."""
     with Log(driven) as log:
-        books = ledger(Evidence(log))
+        books = ledger(RunData(log))
     assert books.dissipated > 20.0
     assert abs(books.residual) < 5e-3 * abs(books.covered)
     assert abs(books.covered) > 0.02
@@ -119,7 +119,7 @@ def test_a_speed_that_jumps(tmp_path):
 
 def test_third_law_of_the_vehicle(driven):
     with Log(driven) as log:
-        run = Evidence(log)
+        run = RunData(log)
         assert third_law(run, "", Window(0.0, 0.03)) < 1e-12
         series = log.read("/chassis/in")
         values = series.values.copy()

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.evidence import Evidence, Missing, since
+from orchestrator.log.reader import Log
+from orchestrator.results.run_data import Missing, RunData, since
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +38,7 @@ class Observable(NamedTuple):
 
     unit: str
     floor: float  # the least that an error is relative to, in ``unit``
-    read: Callable[[Evidence], Signal]
+    read: Callable[[RunData], Signal]
     decisive: bool = True  # counts towards the error of the run as a whole
 
 
@@ -49,7 +51,7 @@ class Difference(NamedTuple):
     decisive: bool
 
 
-def differences(run: Evidence, reference: Evidence) -> dict[str, Difference]:
+def differences(run: RunData, reference: RunData) -> dict[str, Difference]:
     """Every observable that both hold; raises Missing when there is none."""
     found = {}
     for name, observable in observables(reference):
@@ -63,6 +65,12 @@ def differences(run: Evidence, reference: Evidence) -> dict[str, Difference]:
     if not found:
         raise Missing("the two logs have no observable in common, or no time")
     return found
+
+
+def differences_of_logs(run: Path, reference: Path) -> dict[str, Difference]:
+    """How far the run of a log lies from that of another one, by observable; raises Missing, LogUnreadable."""
+    with Log(run) as one, Log(reference) as two:
+        return differences(RunData(one), RunData(two))
 
 
 def worst(found: dict[str, Difference]) -> float:
@@ -113,7 +121,7 @@ def _rms(values: Floats, lengths: Floats) -> float:
 # --- observables -----------------------------------------------------------------------------------
 
 
-def observables(run: Evidence) -> Iterator[tuple[str, Observable]]:
+def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     """Those that a run of this kind has."""
     if "chassis" in run.instances:
         yield "position", Observable("m", 0.1, _position)
@@ -140,7 +148,7 @@ def observables(run: Evidence) -> Iterator[tuple[str, Observable]]:
     yield "joint_force", Observable("N", 100.0, lambda run: _early(_joint_force(run)), decisive=False)
 
 
-def _signals(run: Evidence, names: list[str], mean: bool = False) -> Signal:
+def _signals(run: RunData, names: list[str], mean: bool = False) -> Signal:
     return _together([(t, values[:, None]) for t, values in (run.signal(name) for name in names)], mean)
 
 
@@ -157,16 +165,16 @@ def _together(parts: list[tuple[Floats, Floats]], mean: bool = False) -> Signal:
     return Signal(first, np.hstack([values[:m] for _, values in parts]), mean)
 
 
-def _position(run: Evidence) -> Signal:
+def _position(run: RunData) -> Signal:
     t, position, _ = _together([run.vectors("chassis", "out", "chassis.position")])
     return Signal(t, position - position[0])
 
 
-def _velocity(run: Evidence) -> Signal:
+def _velocity(run: RunData) -> Signal:
     return _together([run.vectors("chassis", "out", "chassis.velocity")])
 
 
-def _links(run: Evidence, start: str, end: str) -> Signal:
+def _links(run: RunData, start: str, end: str) -> Signal:
     """Outputs per link of all tracks."""
     parts = []
     for track in run.tracks:
@@ -179,7 +187,7 @@ def _links(run: Evidence, start: str, end: str) -> Signal:
     return _together(parts)
 
 
-def _axes(run: Evidence, what: str) -> list[Signal]:
+def _axes(run: RunData, what: str) -> list[Signal]:
     """``joint[i].what`` along x, y and z."""
     parts = [_links(run, "joint[", f"].{what}.{axis}") for axis in "xyz"]
     if len({part.values.shape for part in parts}) > 1:
@@ -187,16 +195,16 @@ def _axes(run: Evidence, what: str) -> list[Signal]:
     return parts
 
 
-def _pins(run: Evidence) -> Signal:
+def _pins(run: RunData) -> Signal:
     parts = _axes(run, "position")
     return Signal(parts[0].t, np.hstack([part.values - part.values[:1] for part in parts]))
 
 
-def _tension(run: Evidence) -> Signal:
+def _tension(run: RunData) -> Signal:
     return _links(run, "link[", "].tension")
 
 
-def _joint_force(run: Evidence) -> Signal:
+def _joint_force(run: RunData) -> Signal:
     parts = _axes(run, "force")
     return Signal(parts[0].t, np.sqrt(sum(part.values**2 for part in parts)))
 

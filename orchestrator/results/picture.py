@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
 from fmus.vehicle import BadInput, sentence
-from orchestrator.evidence import Evidence, Links, Window, within
 from orchestrator.log.reader import Log
+from orchestrator.results.run_data import Links, RunData, Window, within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,7 +82,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
     if output.is_dir():
         raise BadInput(f"the picture {output} cannot be written: it is a directory")
     with Log(path) as log:
-        run = Evidence(log)
+        run = RunData(log)
         if not run.tracks:
             raise BadInput(f"{path} holds no links to draw")
         run.scene = _scene(run)
@@ -109,7 +109,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
             raise BadInput(f"the picture {output} cannot be written: {error}") from None
 
 
-def _scene(run: Evidence) -> dict[str, Any]:
+def _scene(run: RunData) -> dict[str, Any]:
     """What is drawn of the scene, checked; raises BadInput."""
     if not run.scene:
         raise BadInput(f"{run.log.path} does not say of which scene it is: there is nothing to draw it by")
@@ -137,7 +137,7 @@ def _rows(links: Links, times: Sequence[float] | None) -> list[int]:
     return [int(np.abs(links.t - t).argmin()) for t in times]
 
 
-def _pane(pane: Axes, run: Evidence, track: str, links: Links, row: int, scale: Any) -> None:
+def _pane(pane: Axes, run: RunData, track: str, links: Links, row: int, scale: Any) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Circle, Polygon
 
@@ -169,7 +169,7 @@ def _boxes(a: Floats, b: Floats, face: float) -> Floats:
     return np.stack([a - across, b - across, b + across, a + across], axis=1)
 
 
-def _teeth(run: Evidence, track: str, t: float) -> Floats:
+def _teeth(run: RunData, track: str, t: float) -> Floats:
     """Outline of the sprocket (n, 2) about its centre, turned as it is at ``t``; simplified."""
     vehicle = run.scene["vehicle"]
     sprocket, number = vehicle["sprocket"], vehicle["sprocket"]["teeth"]
@@ -189,7 +189,7 @@ def _teeth(run: Evidence, track: str, t: float) -> Floats:
     return np.tile(radii, number)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def _ground(run: Evidence, track: str, t: float) -> float:
+def _ground(run: RunData, track: str, t: float) -> float:
     """Height of the ground over the sprocket axle: it lies under the pads of the drawn position."""
     vehicle = run.scene["vehicle"]
     wheel = vehicle["road_wheel"]
@@ -198,7 +198,7 @@ def _ground(run: Evidence, track: str, t: float) -> float:
     return float(height - axle[np.abs(times - t).argmin(), 2])
 
 
-def _wheels(run: Evidence, track: str, t: float) -> list[tuple[str, tuple[float, float], float]]:
+def _wheels(run: RunData, track: str, t: float) -> list[tuple[str, tuple[float, float], float]]:
     """Name, centre in the plane of the track, and radius, of every wheel."""
     vehicle = run.scene["vehicle"]
     pitch_radius = vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"]))
@@ -212,7 +212,7 @@ def _wheels(run: Evidence, track: str, t: float) -> list[tuple[str, tuple[float,
     return found
 
 
-def _motion(run: Evidence, t: float) -> str:
+def _motion(run: RunData, t: float) -> str:
     if not run.has("chassis.speed"):
         return ""
     times, speed = run.signal("chassis.speed")

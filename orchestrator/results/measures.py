@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.evidence import mean, within
+from orchestrator.results.run_data import mean, within
 
 if TYPE_CHECKING:
-    from orchestrator.evidence import Evidence, Links, Window
+    from orchestrator.results.run_data import Links, RunData, Window
 
 Floats = NDArray[np.float64]
-Measure = Callable[["Evidence", str, "Window"], float]
+Measure = Callable[["RunData", str, "Window"], float]
 
 SPAN_MARGIN = 0.25  # a span's links lie this fraction of the axle distance away from both axles
 AT_REST = 0.01  # m/s of chain speed
@@ -47,13 +47,13 @@ def reduce(t: Floats, values: Floats, how: str) -> float:
 # --- chain between pins ----------------------------------------------------------------------------
 
 
-def sag(run: Evidence, of: str, window: Window) -> float:
+def sag(run: RunData, of: str, window: Window) -> float:
     """Depth of the lowest pin below the highest, m."""
     links = _inside(run.links(of or run.tracks[0]), window)
     return float(np.mean(links.up.max(axis=1) - links.up.min(axis=1)))
 
 
-def end_tension(run: Evidence, of: str, window: Window) -> float:
+def end_tension(run: RunData, of: str, window: Window) -> float:
     """Force in the pin at the end of a hanging chain (the largest of all pins), N."""
     return float(_joint_forces(run, of, window).max(axis=1).mean())
 
@@ -61,25 +61,25 @@ def end_tension(run: Evidence, of: str, window: Window) -> float:
 # --- free chains -----------------------------------------------------------------------------------
 
 
-def joint_force(run: Evidence, of: str, window: Window) -> float:
+def joint_force(run: RunData, of: str, window: Window) -> float:
     """Mean force in the pins, N."""
     return float(_joint_forces(run, of, window).mean())
 
 
-def joint_force_spread(run: Evidence, of: str, window: Window) -> float:
+def joint_force_spread(run: RunData, of: str, window: Window) -> float:
     """Largest difference between the force in a pin, at any instant, and the mean, over the mean."""
     forces = _joint_forces(run, of, window)
     return float(np.abs(forces / forces.mean() - 1.0).max())
 
 
-def hoop_strain(run: Evidence, of: str, window: Window) -> float:
+def hoop_strain(run: RunData, of: str, window: Window) -> float:
     """Mean stretch of the chords between the pins of a loop."""
     links = _inside(run.links(of or run.tracks[0]), window)
     chords = np.hypot(*(np.roll(x, -1, axis=1) - x for x in (links.forward, links.up)))
     return float((chords / run.scene["vehicle"]["track"]["pitch"] - 1.0).mean())
 
 
-def fall_time(run: Evidence, of: str, window: Window) -> float:
+def fall_time(run: RunData, of: str, window: Window) -> float:
     """When the free end of a chain of length L has dropped most, over sqrt(2 L/g); NaN when it falls on."""
     t, drop, length, gravity = _fall(run, of, window)
     k = int(drop.argmax())
@@ -89,7 +89,7 @@ def fall_time(run: Evidence, of: str, window: Window) -> float:
     return float(top / np.sqrt(2.0 * length / gravity))
 
 
-def half_fall_time(run: Evidence, of: str, window: Window) -> float:
+def half_fall_time(run: RunData, of: str, window: Window) -> float:
     """When the free end of a chain of length L has dropped L/2, over sqrt(L/g)."""
     t, drop, length, gravity = _fall(run, of, window)
     k = int(drop.argmax()) + 1
@@ -97,7 +97,7 @@ def half_fall_time(run: Evidence, of: str, window: Window) -> float:
     return float(half / np.sqrt(length / gravity))
 
 
-def behind_free_fall(run: Evidence, of: str, window: Window) -> float:
+def behind_free_fall(run: RunData, of: str, window: Window) -> float:
     """How far the free end stands above a free fall, at most, until its largest drop, m; 0 when always below."""
     t, drop, _, gravity = _fall(run, of, window)
     k = int(drop.argmax()) + 1
@@ -107,7 +107,7 @@ def behind_free_fall(run: Evidence, of: str, window: Window) -> float:
 # --- chain over a sprocket -------------------------------------------------------------------------
 
 
-def pins_passed(run: Evidence, of: str, window: Window) -> float:
+def pins_passed(run: RunData, of: str, window: Window) -> float:
     """Pins that pass the front of the sprocket, forward positive, counted with the fraction of a pitch."""
     links = _inside(run.links(_track(run, of)), window)
     angle = np.arctan2(links.up, links.forward)
@@ -124,7 +124,7 @@ def pins_passed(run: Evidence, of: str, window: Window) -> float:
     return float(-towards[0] * (path[-1] - path[0]))
 
 
-def pins_per_revolution(run: Evidence, of: str, window: Window) -> float:
+def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
     """Pins passed over revolutions of the sprocket against its mount."""
     t = _inside(run.links(_track(run, of)), window).t
     times, angle = run.signal(f"{_drive(run, of)}.angle")
@@ -132,7 +132,7 @@ def pins_per_revolution(run: Evidence, of: str, window: Window) -> float:
     return pins_passed(run, of, window) / float((turned[1] - turned[0]) / (2 * np.pi))
 
 
-def chain_speed_ratio(run: Evidence, of: str, window: Window) -> float:
+def chain_speed_ratio(run: RunData, of: str, window: Window) -> float:
     """Mean chain speed over pins passed times pitch over time."""
     track = _track(run, of)
     t = _inside(run.links(track), window).t
@@ -140,7 +140,7 @@ def chain_speed_ratio(run: Evidence, of: str, window: Window) -> float:
     return run.mean(f"{track}.speed", window) / float(by_pins)
 
 
-def polygon_ripple(run: Evidence, of: str, window: Window) -> float:
+def polygon_ripple(run: RunData, of: str, window: Window) -> float:
     """First tooth harmonic of the speed of a chain end over its mean: least squares over whole tooth periods.
 
     ``of`` is the end: "upper" (default) or "lower". Fitted to the position of the end pin, x(t) = a + v t +
@@ -161,7 +161,7 @@ def polygon_ripple(run: Evidence, of: str, window: Window) -> float:
     return float(abs(w) * np.hypot(fit[2], fit[3]) / abs(fit[1]))
 
 
-def span_tension(run: Evidence, of: str, window: Window) -> float:
+def span_tension(run: RunData, of: str, window: Window) -> float:
     """Mean tension of the "upper" or "lower" span between sprocket and idler of a rig, N."""
     links = _inside(run.links(run.tracks[0]), window)
     distance = run.scene["rig"]["axle_distance"]
@@ -170,7 +170,7 @@ def span_tension(run: Evidence, of: str, window: Window) -> float:
     return float(links.tension[free & ((up > 0) if of == "upper" else (up < 0))].mean())
 
 
-def span_moment_ratio(run: Evidence, of: str, window: Window) -> float:
+def span_moment_ratio(run: RunData, of: str, window: Window) -> float:
     """(T_upper - T_lower) x teeth x pitch / 2 pi over the mean torque of the drive on the sprocket."""
     vehicle = run.scene["vehicle"]
     arm = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2 * np.pi)
@@ -178,7 +178,7 @@ def span_moment_ratio(run: Evidence, of: str, window: Window) -> float:
     return difference * arm / run.mean(f"{_drive(run, of)}.torque", window)
 
 
-def tight_span_enters(run: Evidence, of: str, window: Window) -> float:
+def tight_span_enters(run: RunData, of: str, window: Window) -> float:
     """1 when the tighter span runs into the sprocket, -1 when it leaves it."""
     difference = span_tension(run, "upper", window) - span_tension(run, "lower", window)
     return float(np.sign(difference * run.mean(f"{_drive(run, of)}.speed", window)))  # the upper one enters forward
@@ -187,20 +187,20 @@ def tight_span_enters(run: Evidence, of: str, window: Window) -> float:
 # --- vehicle ---------------------------------------------------------------------------------------
 
 
-def ground_force(run: Evidence, of: str, window: Window) -> float:
+def ground_force(run: RunData, of: str, window: Window) -> float:
     """Vertical ground reaction of all tracks, and of the chassis where it touches the ground, mean, N."""
     touching = [name for name in (*run.tracks, "chassis") if run.has(f"{name}.ground.force.z")]
     return sum(run.copies(name) * run.mean(f"{name}.ground.force.z", window) for name in touching)
 
 
-def slip(run: Evidence, of: str, window: Window) -> float:
+def slip(run: RunData, of: str, window: Window) -> float:
     """Load-weighted slip velocity of the ground contact points over the chain speed; 0 at rest."""
     speed = np.mean([abs(run.mean(f"{track}.speed", window)) for track in run.tracks])
     velocity = np.mean([run.mean(f"{track}.slip", window) for track in run.tracks])
     return float(velocity / speed) if speed > AT_REST else 0.0
 
 
-def speed_excess(run: Evidence, of: str, window: Window) -> float:
+def speed_excess(run: RunData, of: str, window: Window) -> float:
     """Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1."""
     vehicle = run.scene["vehicle"]
     omega = np.mean([run.mean(f"{_drive(run, side)}.speed", window) for side in run.sides])
@@ -208,7 +208,7 @@ def speed_excess(run: Evidence, of: str, window: Window) -> float:
     return run.mean("chassis.speed", window) / float(kinematic) - 1.0
 
 
-def settlement_of_springs(run: Evidence, of: str, window: Window) -> float:
+def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
     """Mean rise of the road wheels against the hull since the start, m: the settlement's share of springs."""
     wheels = [
         f"chassis.{side}.road_wheel[{i}].position.z"
@@ -221,27 +221,27 @@ def settlement_of_springs(run: Evidence, of: str, window: Window) -> float:
     return float(rise[inside].mean() - rise[0])
 
 
-def settlement_of_contacts(run: Evidence, of: str, window: Window) -> float:
+def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
     """What remains of the settlement: wheels into the chain and the chain into the ground, m."""
     return run.mean("chassis.settlement", window) - settlement_of_springs(run, of, window)
 
 
-def tension_top(run: Evidence, of: str, window: Window) -> float:
+def tension_top(run: RunData, of: str, window: Window) -> float:
     """Mean tension of the upper run, N; of one side or of all tracks."""
     return _run_tension(run, of, window, "top")
 
 
-def tension_rear(run: Evidence, of: str, window: Window) -> float:
+def tension_rear(run: RunData, of: str, window: Window) -> float:
     """Mean tension between the last road wheel and the idler, N."""
     return _run_tension(run, of, window, "rear")
 
 
-def tension_front(run: Evidence, of: str, window: Window) -> float:
+def tension_front(run: RunData, of: str, window: Window) -> float:
     """Mean tension between the first road wheel and the sprocket, N."""
     return _run_tension(run, of, window, "front")
 
 
-def third_law(run: Evidence, of: str, window: Window) -> float:
+def third_law(run: RunData, of: str, window: Window) -> float:
     """Impulse the tracks gave to their wheels less what the chassis received, over the sum of magnitudes.
 
     The sprockets' share goes through the drives, which pass the whole force on.
@@ -265,24 +265,24 @@ def third_law(run: Evidence, of: str, window: Window) -> float:
 # --- energy, over the whole run --------------------------------------------------------------------
 
 
-def energy_residual(run: Evidence, of: str, window: Window) -> float:
+def energy_residual(run: RunData, of: str, window: Window) -> float:
     """Residual of the energy ledger over the largest of work, change and dissipation."""
-    from orchestrator.energy import ledger
+    from orchestrator.results.energy import ledger
 
     return ledger(run).residual_relative
 
 
-def port_residual(run: Evidence, of: str, window: Window) -> float:
+def port_residual(run: RunData, of: str, window: Window) -> float:
     """The part of the ports in the energy residual, over the work of the drives."""
-    from orchestrator.energy import ledger
+    from orchestrator.results.energy import ledger
 
     books = ledger(run)
     return books.port / books.work
 
 
-def energy_drift(run: Evidence, of: str, window: Window) -> float:
+def energy_drift(run: RunData, of: str, window: Window) -> float:
     """Largest change of energy held and lost less the work, at any instant, over the largest kinetic energy."""
-    from orchestrator.energy import drift
+    from orchestrator.results.energy import drift
 
     return drift(run, window)
 
@@ -290,7 +290,7 @@ def energy_drift(run: Evidence, of: str, window: Window) -> float:
 # --- helpers ---------------------------------------------------------------------------------------
 
 
-def _run_tension(run: Evidence, of: str, window: Window, where: str) -> float:
+def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
     vehicle = run.scene["vehicle"]
     first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
     middle, reach = {
@@ -324,7 +324,7 @@ def _inside(links: Links, window: Window) -> Links:
     return type(links)(*(column[inside] for column in links))
 
 
-def _joint_forces(run: Evidence, of: str, window: Window) -> Floats:
+def _joint_forces(run: RunData, of: str, window: Window) -> Floats:
     """Force in every pin (m, pins), N."""
     series = run.log.read(f"/{of or run.tracks[0]}/links")
     inside = (series.t >= window.start - 1e-9) & (series.t <= window.end + 1e-9)
@@ -332,7 +332,7 @@ def _joint_forces(run: Evidence, of: str, window: Window) -> Floats:
     return np.asarray(np.sqrt(sum(force**2 for force in forces)))
 
 
-def _fall(run: Evidence, of: str, window: Window) -> tuple[Floats, Floats, float, float]:
+def _fall(run: RunData, of: str, window: Window) -> tuple[Floats, Floats, float, float]:
     """Times, drop of the last pin, length of the chain, m, and gravity."""
     links = _inside(run.links(of or run.tracks[0]), window)
     vehicle = run.scene["vehicle"]
@@ -340,18 +340,18 @@ def _fall(run: Evidence, of: str, window: Window) -> tuple[Floats, Floats, float
     return links.t, links.up[0, -1] - links.up[:, -1], length, vehicle["gravity"]
 
 
-def _track(run: Evidence, of: str) -> str:
+def _track(run: RunData, of: str) -> str:
     return f"{of}_track" if f"{of}_track" in run.tracks else run.tracks[0]
 
 
-def _drive(run: Evidence, of: str) -> str:
+def _drive(run: RunData, of: str) -> str:
     """The drive of a side; a mirrored side has that of the other, a rig its own."""
     if f"{of}_drive" in run.instances:
         return f"{of}_drive"
     return f"{run.sides[0]}_drive" if run.sides else "drive"
 
 
-def _pitch_radius(run: Evidence) -> float:
+def _pitch_radius(run: RunData) -> float:
     vehicle = run.scene["vehicle"]
     return float(vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
 

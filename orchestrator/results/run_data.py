@@ -34,7 +34,7 @@ class Links(NamedTuple):
     tension: Floats  # (m, links) N
 
 
-class Evidence:
+class RunData:
     """A log with its scene; arrays are read once. Raises LogUnreadable and NoSuchSignal.
 
     ``scene`` is as the log has it, unchecked (``scene.from_table``), and empty where an FMU of unknown scene answered.

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.evidence import Evidence, Missing, Window
+from orchestrator.results.run_data import Missing, RunData, Window
 
 Floats = NDArray[np.float64]
 LEAST = 1.0  # J: below it all is rest
@@ -50,7 +50,7 @@ class Ledger(NamedTuple):
         return self._asdict()
 
 
-def ledger(run: Evidence) -> Ledger:
+def ledger(run: RunData) -> Ledger:
     """The ledger of a log; raises Missing where the log holds no energies, or not every step of them."""
     books = {name: _book(run, name) for name in run.instances}
     if not any(books.values()):
@@ -89,7 +89,7 @@ def ledger(run: Evidence) -> Ledger:
     return Ledger(work, change, dissipated, covered, residual, residual / scale, lost, integration)
 
 
-def drift(run: Evidence, window: Window) -> float:
+def drift(run: RunData, window: Window) -> float:
     """Largest change of what all components hold and have lost, less the work, over the largest kinetic energy.
 
     Of what goes through no ports; in a window, against its first instant.
@@ -107,13 +107,13 @@ def drift(run: Evidence, window: Window) -> float:
     return float(np.abs(total - total[0]).max() / most)
 
 
-def _liveliest(run: Evidence) -> float:
+def _liveliest(run: RunData) -> float:
     """Largest kinetic energy of a component, J: of what falls or spins freely it says how much went back and forth."""
     names = [f"{name}.energy.kinetic" for name in run.instances if run.has(f"{name}.energy.kinetic")]
     return max((float(run.signal(name)[1].max()) for name in names), default=0.0)
 
 
-def ports(run: Evidence) -> list[Port]:
+def ports(run: RunData) -> list[Port]:
     """The ports of a system: where a wrench goes one way."""
     found = []
     for connection in run.system["connections"]:
@@ -130,7 +130,7 @@ def ports(run: Evidence) -> list[Port]:
     return found
 
 
-def _book(run: Evidence, instance: str) -> dict[str, float]:
+def _book(run: RunData, instance: str) -> dict[str, float]:
     """Change of each ``energy.*`` output of an instance over the run; raises Missing."""
     topic = f"/{instance}/out"
     if topic not in run.log.topics or not len((series := run.log.read(topic)).t):
@@ -142,7 +142,7 @@ def _book(run: Evidence, instance: str) -> dict[str, float]:
     }
 
 
-def _works(run: Evidence, port: Port, end: float) -> tuple[float, float]:
+def _works(run: RunData, port: Port, end: float) -> tuple[float, float]:
     """Work of the port's wrench, J: the giver's on the motion that it saw, the taker's on what it made."""
     t, taken = _wrench(run, port.taker, "in", port.taken)
     _, given = _wrench(run, port.giver, "out", port.connector)
@@ -165,13 +165,13 @@ def _work(wrench: Floats, motion: Floats, jump: Floats) -> float:
     return float(np.sum(wrench * motion) + np.sum(between * jump))
 
 
-def _wrench(run: Evidence, instance: str, topic: str, connector: str) -> tuple[Floats, Floats]:
+def _wrench(run: RunData, instance: str, topic: str, connector: str) -> tuple[Floats, Floats]:
     """Times, and force and torque (m, 6)."""
     parts = [run.vectors(instance, topic, f"{connector}.{part}") for part in ("force", "torque")]
     return parts[0][0], np.hstack([values for _, values in parts])
 
 
-def _motions(run: Evidence, instance: str, connector: str) -> tuple[Floats, Floats]:
+def _motions(run: RunData, instance: str, connector: str) -> tuple[Floats, Floats]:
     """Of every step (m, 6): shift and turn as extrapolated, and as made.
 
     The last step has no successor in the inputs: its motion is taken as extrapolated.
