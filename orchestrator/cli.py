@@ -159,7 +159,7 @@ def _leave(message: str, status: int) -> NoReturn:
 @app.command()
 def scenes() -> None:
     """The gallery, one line each."""
-    from orchestrator import gallery
+    from orchestrator.scene import gallery
 
     for name in gallery.names():
         print(f"{name:16} {gallery.read(name)[1]['title']}")
@@ -168,7 +168,7 @@ def scenes() -> None:
 @app.command()
 def show(scene: SceneName, track: TrackOption = None, settings: Settings = None) -> None:
     """What is in, what is left out, sizes."""
-    from orchestrator.scene import load
+    from orchestrator.scene.scene import load
     from orchestrator.show import lines
 
     for line in lines(load(scene, _model(track), settings or ())):
@@ -190,9 +190,9 @@ def build(
 
     The four standard ones, a scene's, or all.
     """
-    from orchestrator import products
-    from orchestrator.scene import load
-    from orchestrator.system import TRACKS
+    from orchestrator.scene import products
+    from orchestrator.scene.assembly import TRACKS
+    from orchestrator.scene.scene import load
 
     if scene is not None and everything:
         raise BadInput("give a scene or --all, not both")
@@ -235,7 +235,7 @@ def run(
     """Run a scene, log it, check what it expects, say how wrong it is."""
     narration(f"{scene}: the scene is read")
     from orchestrator import summary
-    from orchestrator.scene import load
+    from orchestrator.scene.scene import load
 
     result, status = summary.empty(scene, _model(track)), 2
     told = (("stop", stop), ("step", step), ("coupling", coupling))
@@ -315,7 +315,7 @@ def compare(
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import differences
     from orchestrator.results.run_data import RunData
-    from orchestrator.scene import of_one_scene
+    from orchestrator.scene.scene import of_one_scene
 
     with Log(run) as one, Log(reference) as other:
         a, b = RunData(one), RunData(other)
@@ -425,8 +425,8 @@ def truth(
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import differences_of_logs
     from orchestrator.results.run_data import RunData
-    from orchestrator.scene import TrackScene, load, of_one_scene
-    from orchestrator.system import placed
+    from orchestrator.scene.assembly import placed
+    from orchestrator.scene.scene import TrackScene, load, of_one_scene
 
     changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
     resolved = load(scene, _model(track), changes)

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.scene import Scene, TrackScene
-from orchestrator.scene_parts import Variable
+from orchestrator.scene.scene import Scene, TrackScene
+from orchestrator.scene.tables import Variable
 from orchestrator.summary import doubt
 
 SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)

@@ -20,9 +20,9 @@ from orchestrator.cosim.graph import Member, System, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.log.recorder import Recorder
-from orchestrator.scene import TrackScene
+from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.scene import TrackScene
 from orchestrator.simulate import STATS_PERIOD, contents, strides
-from orchestrator.system import assemble, placed, system
 
 Floats = NDArray[np.float64]
 

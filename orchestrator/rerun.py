@@ -17,9 +17,9 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import Instance, System
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
-from orchestrator.scene import TrackScene, from_table
+from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, placed
+from orchestrator.scene.scene import TrackScene, from_table
 from orchestrator.simulate import as_json, describe, description, sha256
-from orchestrator.system import TRACKS, Part, assemble, build_all, placed
 
 Logger = Callable[[str, int, str], None]
 

@@ -7,8 +7,8 @@ from math import isclose
 from typing import Any
 
 from fmus.contents import contents
-from orchestrator.scene import Scene, TrackScene, VehicleScene
-from orchestrator.system import DRIVE, TRACK, TRACKS, Assembly, Part, assemble
+from orchestrator.scene.assembly import DRIVE, TRACK, TRACKS, Assembly, Part, assemble
+from orchestrator.scene.scene import Scene, TrackScene, VehicleScene
 
 DOFS = {"cable": (12, 4), "planar": (8, 2), "beam": (24, 6)}  # coordinates of a link, equations of a pin
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"

@@ -30,9 +30,9 @@ from orchestrator.cosim.observers import STATS, Logging, ProgressBar
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.run_data import RunData
-from orchestrator.scene import Scene, TrackScene
-from orchestrator.scene_parts import Run
-from orchestrator.system import assemble, placed, system
+from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.scene import Scene, TrackScene
+from orchestrator.scene.tables import Run
 
 PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
 QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise

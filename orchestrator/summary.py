@@ -12,8 +12,8 @@ from orchestrator.log.reader import NoSuchSignal
 from orchestrator.results import measures
 from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import Missing, RunData, Window
-from orchestrator.scene import ChainScene, Scene, VehicleScene
-from orchestrator.scene_parts import Check
+from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
+from orchestrator.scene.tables import Check
 
 LAST = 1.0  # s: observables are means over the end of a run
 OPEN = 0.05  # of the work: an energy ledger that leaves more is worth a word

@@ -22,11 +22,12 @@ from typing import Any, NamedTuple
 from fmus.cache import cache_folder, keep, kept, own, reason
 from fmus.monolith.model import content
 from fmus.vehicle import BadInput
-from orchestrator import monolithic, system
+from orchestrator import monolithic
 from orchestrator.cosim.narration import Narration
 from orchestrator.results.difference import Difference, differences_of_logs
-from orchestrator.scene import Scene, TrackScene
-from orchestrator.scene_parts import Run
+from orchestrator.scene import assembly
+from orchestrator.scene.scene import Scene, TrackScene
+from orchestrator.scene.tables import Run
 
 ORDER = 2
 SAMPLING, LINKS = 1e-3, 10  # s between outputs; links at one in so many
@@ -107,14 +108,14 @@ def bare(scene: TrackScene) -> TrackScene:
     sampled = Run(stop=run.stop, step=step, outputs=1, links=LINKS)
     track = scene.track.model_copy(update={"integrator": None, "step": None, "link_outputs": True})
     same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # the motion of a planar chain is no other
-    return system.placed(scene).model_copy(update=same)
+    return assembly.placed(scene).model_copy(update=same)
 
 
 def key(scene: TrackScene) -> str:
     """Hash of a bare scene and of the sources that make its truth."""
     physics = {name: value for name, value in scene.resolved().items() if name not in ("name", "title")}
     parts = [json.dumps(physics, sort_keys=True), content()]
-    parts += [Path(str(module.__file__)).read_text(encoding="utf-8") for module in (system, monolithic)]
+    parts += [Path(str(module.__file__)).read_text(encoding="utf-8") for module in (assembly, monolithic)]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 

@@ -29,7 +29,7 @@ from orchestrator import precision
 from orchestrator.cosim.component import unpack
 from orchestrator.log.reader import Log
 from orchestrator.precision import Setting
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.truth import FIGURES, LOGS, _hashes, truth
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="no owners and modes there")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator import products
 from orchestrator.log.reader import Log
-from orchestrator.scene import load
+from orchestrator.scene import products
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
 
 HERE = Path(__file__).resolve().parent

@@ -12,8 +12,8 @@ import pytest
 from vehicle_in_process import InProcess
 
 from orchestrator.pieces import piece
-from orchestrator.scene import from_table, load
-from orchestrator.settings import put
+from orchestrator.scene.scene import from_table, load
+from orchestrator.scene.settings import put
 
 G = 9.81
 MORE = 1.1

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from orchestrator import gallery, rerun
+from orchestrator import rerun
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
@@ -13,7 +13,8 @@ from orchestrator.results import measures
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene import load, tracked
+from orchestrator.scene import gallery
+from orchestrator.scene.scene import load, tracked
 from orchestrator.simulate import simulate
 
 MODELS = ("flexible", "rigid")

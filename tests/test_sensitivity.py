@@ -19,15 +19,15 @@ from typing import Any, NamedTuple
 import pytest
 from vehicle_in_process import InProcess, Overrides
 
-from orchestrator import gallery
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.scene import TrackScene, from_table, load, tracked
-from orchestrator.settings import put
+from orchestrator.scene import gallery
+from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.scene import TrackScene, from_table, load, tracked
+from orchestrator.scene.settings import put
 from orchestrator.simulate import load as components_of
 from orchestrator.simulate import opened, paced
-from orchestrator.system import assemble, placed, system
 
 ROUNDING = 1e3  # so many times the effect of an ulp, and of the rounding of an output itself
 FACTOR = 1.02

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from orchestrator.log.reader import Log
-from orchestrator.scene import load
+from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
-from orchestrator.system import assemble, placed
 
 
 @pytest.mark.parametrize(

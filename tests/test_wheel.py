@@ -30,7 +30,7 @@ def cotrack(site, folder, *arguments):
 
 
 def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
-    assert (unpacked / "orchestrator" / "scenes" / "straight.toml").is_file()
+    assert (unpacked / "orchestrator" / "gallery" / "straight.toml").is_file()
     assert (unpacked / "fmus" / "vehicles" / "m113.toml").is_file()
     top = {path.name for path in unpacked.iterdir() if not path.name.endswith(".dist-info")}
     assert top == {"fmus", "orchestrator"}

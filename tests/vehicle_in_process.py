@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.scene import TrackScene
-from orchestrator.system import Part, assemble, placed
+from orchestrator.scene.assembly import Part, assemble, placed
+from orchestrator.scene.scene import TrackScene
 
 Floats = NDArray[np.float64]
 Overrides = Mapping[str, Mapping[str, float | int | str]]

@@ -14,7 +14,7 @@ from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
 from orchestrator.log.recorder import Recorder
-from orchestrator.scene import TrackScene
+from orchestrator.scene.scene import TrackScene
 from orchestrator.simulate import contents, opened, strides
 
 COLUMNS = (

@@ -18,8 +18,8 @@ from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import Floats, laps, per_step
 from orchestrator.cosim.component import Component
 from orchestrator.log.reader import Log, Series
+from orchestrator.scene.assembly import TRACKS, Part
 from orchestrator.simulate import simulate
-from orchestrator.system import TRACKS, Part
 
 Row = dict[str, Any]
 

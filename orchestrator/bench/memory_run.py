@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies.leaving_out import peak
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from fmus.physics.chain_layout import ovalling, regular_polygon
 from orchestrator.bench import own
-from orchestrator.scene import TrackScene
-from orchestrator.system import Part
+from orchestrator.scene.assembly import Part
+from orchestrator.scene.scene import TrackScene
 
 Floats = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from fmus.build import KINDS, build
 from orchestrator.cosim.component import unpack
-from orchestrator.scene import TrackScene, load
-from orchestrator.system import Part, assemble, placed
+from orchestrator.scene.assembly import Part, assemble, placed
+from orchestrator.scene.scene import TrackScene, load
 
 
 def scene(name: str, track: str, settings: Sequence[str]) -> TrackScene:

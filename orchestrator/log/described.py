@@ -12,11 +12,11 @@ from orchestrator.log.reader import Log, LogUnreadable
 Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
 
 
-class _Part(BaseModel):
+class _Table(BaseModel):
     model_config = ConfigDict(strict=True)
 
 
-class _Instance(_Part):
+class _Instance(_Table):
     name: str
     fmu: str | None = None  # name of its file, hash of its content; neither: stepped without an FMU
     sha256: str | None = None
@@ -24,14 +24,14 @@ class _Instance(_Part):
     stage: Integer = 0
 
 
-class _Connection(_Part):
+class _Connection(_Table):
     source: str
     outputs: list[str]
     target: str
     inputs: list[str]
 
 
-class _System(_Part):
+class _System(_Table):
     instances: list[_Instance]
     connections: list[_Connection]
 

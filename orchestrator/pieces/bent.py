@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from fmus.physics.ancf import beam, loads, statics
 from fmus.physics.ancf.mesh import Mesh
-from orchestrator import scene
 from orchestrator.pieces import meshes
+from orchestrator.scene import tables
 
 Floats = NDArray[np.float64]
 CLOSE = 1e-11  # last correction of Newton's iteration, m
@@ -52,7 +52,7 @@ class Bent:
 class Cantilever(Bent):
     """Cable elements of L = 1 m and EI = 1 N m2 under 1 N times rate times t."""
 
-    def __init__(self, p: scene.Cantilever) -> None:
+    def __init__(self, p: tables.Cantilever) -> None:
         mesh = meshes.cantilever(meshes.ELASTICITIES[p.elasticity], p.elements, p.slenderness)
         tip = (p.elements - 1, 1)
         self.about = f"{p.elements} cable elements ({p.elasticity}), {mesh.n} dofs"
@@ -62,7 +62,7 @@ class Cantilever(Bent):
 class Frame(Bent):
     """Two members of beams or cables, rigidly joined."""
 
-    def __init__(self, p: scene.Frame) -> None:
+    def __init__(self, p: tables.Frame) -> None:
         kind = beam if p.element == "beam" else meshes.ELASTICITIES[p.element]
         mesh, _ = meshes.frame(kind, p.elements, p.height, p.corner)
         self.about = f"2 x {p.elements} elements ({p.element}), {mesh.n} dofs"

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from fmus.physics.ancf import dynamics, sliding
 from fmus.physics.ancf.cable import Cable
-from orchestrator import scene
 from orchestrator.pieces import meshes
+from orchestrator.scene import tables
 
 Floats = NDArray[np.float64]
 STAGES = 4  # of Runge-Kutta
@@ -27,7 +27,7 @@ class Pendulum:
 
     outputs = xyz("tip.position", "m") | ENERGIES
 
-    def __init__(self, p: scene.Pendulum) -> None:
+    def __init__(self, p: tables.Pendulum) -> None:
         kind = meshes.ELASTICITIES[p.elasticity]
         c = meshes.round_cable(p.length / p.elements, p.area, p.youngs_modulus, p.density)
         self.mesh, q, v = meshes.rotating(kind, c, p.elements, p.spin, p.gravity)
@@ -60,7 +60,7 @@ class Slider:
 
     outputs = xyz("mass.position", "m") | {"place": "m", "constraint": "m"} | ENERGIES
 
-    def __init__(self, p: scene.Slider) -> None:
+    def __init__(self, p: tables.Slider) -> None:
         c = Cable(p.length / p.elements, p.line_density, p.axial_stiffness, p.bending_stiffness, 0.0, 0.0)
         self.bodies, self.rail, self.state = meshes.rope("point", p.elements, p.place, c, p.mass, p.gravity)
         self.h, self.spots = p.step, np.linspace(0.0, p.length, 4 * p.elements + 1)

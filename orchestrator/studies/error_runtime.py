@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from fmus.vehicle import BadInput
 from orchestrator.results.difference import differences_of_logs, worst
-from orchestrator.scene import ChainScene, Scene, TrackScene, load
+from orchestrator.scene.scene import ChainScene, Scene, TrackScene, load
 from orchestrator.studies import Case
 from orchestrator.studies.runs import Runs
 from orchestrator.studies.work_precision import Row, to_markdown, write

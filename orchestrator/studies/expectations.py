@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from orchestrator import summary
 from orchestrator.results import measures
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene import ChainScene, RigScene, TrackScene, VehicleScene
+from orchestrator.scene.scene import ChainScene, RigScene, TrackScene, VehicleScene
 
 Answer = tuple[float, float, float]  # value, expected, tolerance
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from orchestrator.scene import RigScene, TrackScene, load
+from orchestrator.scene.scene import RigScene, TrackScene, load
 
 
 def loaded(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> TrackScene:

@@ -21,12 +21,12 @@ from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.log.reader import Log
-from orchestrator.scene import TrackScene
+from orchestrator.scene.assembly import TRACK, assemble
+from orchestrator.scene.scene import TrackScene
 from orchestrator.simulate import simulate
 from orchestrator.studies.chain_states import FARTHEST, FASTEST, Kept, keep
 from orchestrator.studies.evaluations import Chain
 from orchestrator.studies.extreme import FAMILIES, loaded
-from orchestrator.system import TRACK, assemble
 
 Floats = NDArray[np.float64]
 

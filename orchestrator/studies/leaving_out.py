@@ -30,12 +30,12 @@ from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.scene import TrackScene, load
+from orchestrator.scene.assembly import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
+from orchestrator.scene.scene import TrackScene, load
 from orchestrator.simulate import contents, paced, simulate, strides, warm_up
 from orchestrator.simulate import load as load_components
 from orchestrator.studies import Case
 from orchestrator.studies.files import save
-from orchestrator.system import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # a timed pair has the machine to itself

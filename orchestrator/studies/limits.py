@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from fmus.physics.ancf import cable
 from orchestrator import summary
-from orchestrator.scene import TrackScene, VehicleScene
+from orchestrator.scene.scene import TrackScene, VehicleScene
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from fmus.build import BuildFailed
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.log.recorder import LogFailed
-from orchestrator.scene import Scene
+from orchestrator.scene.scene import Scene
 from orchestrator.simulate import simulate
 
 

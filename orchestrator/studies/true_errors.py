@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from orchestrator.results.difference import differences_of_logs
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.truth import ORDER, truth
 

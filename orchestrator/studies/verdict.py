@@ -16,7 +16,7 @@ from orchestrator import summary
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.scene import TrackScene
+from orchestrator.scene.scene import TrackScene
 from orchestrator.simulate import simulate
 from orchestrator.studies.expectations import ASKED
 

@@ -13,8 +13,8 @@ from fmus.model import InvalidParameter
 from fmus.sprocket_drive.model import Model as Drive
 from fmus.track_rigid.model import Model as RigidTrack
 from orchestrator.cosim.component import Component
-from orchestrator.scene import load
-from orchestrator.system import assemble, placed
+from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.scene import load
 
 H = 1e-3
 PLACE = {"start.position.x": 3.0, "start.position.y": -2.0, "start.heading": 0.7, "start.pitch": 0.2}

@@ -6,8 +6,8 @@ import pytest
 from fmus.model import StepFailed
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
-from orchestrator.scene import load
-from orchestrator.system import assemble
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.scene import load
 
 KINDS = [(Flexible, "cable"), (Flexible, "planar"), (Flexible, "beam"), (Rigid, None)]
 

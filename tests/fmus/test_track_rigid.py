@@ -15,7 +15,7 @@ from fmus.track_rigid import chain, explicit
 from fmus.track_rigid.chain import Link
 from fmus.track_rigid.model import Model
 from fmus.vehicle import read_table, vehicle
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 
 VEHICLE = vehicle(*read_table("m113")).model_dump()
 TRACK = VEHICLE["track"]

@@ -11,7 +11,7 @@ import numpy as np
 from vehicle_in_process import InProcess
 
 from mirror.record import Record
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 
 PLACE = ("start.heading=37 deg", "start.position=[12.0, -7.0, 0.4]")
 DRIVE = (

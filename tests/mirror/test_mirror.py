@@ -25,9 +25,9 @@ from fmus.track_flexible.model import Model as TrackFlexible
 from fmus.track_rigid.model import Model as TrackRigid
 from mirror import chassis_checks, drive_checks, runs, track_checks
 from mirror.check import FAULTS, View
-from orchestrator import gallery
-from orchestrator.scene import load, tracked
-from orchestrator.system import TRACKS, assemble
+from orchestrator.scene import gallery
+from orchestrator.scene.assembly import TRACKS, assemble
+from orchestrator.scene.scene import load, tracked
 
 CHECKS = {
     "TrackRigid": track_checks.CHECKS,

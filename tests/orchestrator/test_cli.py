@@ -15,7 +15,7 @@ import pytest
 from conftest import messages
 
 from fmus.vehicle import BadInput
-from orchestrator import gallery, rerun, simulate
+from orchestrator import rerun, simulate
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.log.reader import Log
@@ -23,6 +23,7 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 from orchestrator.results import picture
 from orchestrator.results.run_data import Links
+from orchestrator.scene import gallery
 
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",
@@ -67,7 +68,7 @@ def test_show(cotrack):
 
 def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
     """A chain that falls 20 cm a step: nothing is asked of it, yet it cannot be right."""
-    text = (Path(gallery.__file__).parent / "scenes" / "released_chain.toml").read_text(encoding="utf-8")
+    text = (Path(gallery.__file__).parents[1] / "gallery" / "released_chain.toml").read_text(encoding="utf-8")
     (tmp_path / "fall.toml").write_text(text.partition("[expect")[0], encoding="utf-8")
     fall = ("run", "fall.toml", "--no-estimate", "--set", "chain.links=8", "--stop", "0.6", "--json")
     for step, wanted in (("50 ms", 1), ("2 ms", 0)):

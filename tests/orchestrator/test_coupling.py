@@ -18,7 +18,7 @@ from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.master import Clock, run
 from orchestrator.log.reader import Log
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import coupling as study
 from orchestrator.studies.coupling import (

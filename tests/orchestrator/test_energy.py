@@ -10,7 +10,7 @@ from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.log.reader import Log
 from orchestrator.results.energy import ledger, ports, turns
 from orchestrator.results.run_data import RunData
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
 
 

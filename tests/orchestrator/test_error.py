@@ -15,7 +15,7 @@ from orchestrator.log.reader import Log
 from orchestrator.precision import Setting, cheapest, fraction, front
 from orchestrator.results.difference import Difference, Observable, Signal, aligned, difference, differences, worst
 from orchestrator.results.run_data import RunData
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import Case, error_runtime, work_precision
 from orchestrator.studies.runs import Runs

@@ -7,11 +7,11 @@ import pytest
 
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
-from orchestrator.scene import load
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.scene import load
 from orchestrator.show import lines, pairs
 from orchestrator.studies import leaving_out
 from orchestrator.studies.leaving_out import MOTION, Row, Side, cases, difference, run
-from orchestrator.system import assemble
 
 BRIEF = ("run.stop=20 ms", "track.start=displaced", "chain.links=8")
 

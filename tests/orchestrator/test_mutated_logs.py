@@ -12,7 +12,7 @@ from mutated import Content, bytes_changed, content_changed
 from fmus.build import BuildFailed
 from orchestrator import rerun
 from orchestrator.cli import main
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
 
 LONG = 1500  # characters that nobody reads as a sentence

@@ -15,7 +15,7 @@ from orchestrator.log.tools import WHOLE, verify
 from orchestrator.pieces import Stepped, piece
 from orchestrator.results.measures import energy_drift
 from orchestrator.results.run_data import Missing, RunData, Window
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from orchestrator.cosim.coupling.power_residual import PowerResidual, bonds, che
 from orchestrator.cosim.graph import Connection, Miswired
 from orchestrator.cosim.master import run
 from orchestrator.log.reader import Log
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
 from orchestrator.studies import coupling as study
 from orchestrator.studies.coupling import couple

@@ -13,7 +13,7 @@ from orchestrator.results.difference import differences
 from orchestrator.results.energy import ledger
 from orchestrator.results.picture import draw
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
 
 WINDOWED = ("_mean", "_rms")  # over a second, of which less is left

@@ -18,9 +18,9 @@ from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results.difference import differences
 from orchestrator.results.picture import draw
 from orchestrator.results.run_data import RunData
-from orchestrator.scene import load
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
-from orchestrator.system import assemble
 
 SETTINGS = ("run.stop=0.02", "chain.links=8", "run.links=7", "expect={}")
 

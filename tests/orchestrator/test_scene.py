@@ -6,11 +6,11 @@ from scipy.spatial.transform import Rotation
 
 from fmus.start import start
 from fmus.vehicle import BadInput
-from orchestrator import gallery
-from orchestrator.scene import Scene, from_table, load, of_one_scene, tracked
-from orchestrator.settings import keys
+from orchestrator.scene import gallery
+from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.scene import Scene, from_table, load, of_one_scene, tracked
+from orchestrator.scene.settings import keys
 from orchestrator.show import describe
-from orchestrator.system import assemble, placed
 
 BARE = """
 title = "a chain"

@@ -9,7 +9,7 @@ import pytest
 
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
-from orchestrator.scene import load
+from orchestrator.scene.scene import load
 from orchestrator.studies import expectations, extreme, limits, stability, stability_map, verdict
 from orchestrator.studies.limits import Pair
 from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, Row

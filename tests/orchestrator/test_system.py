@@ -6,10 +6,10 @@ import pytest
 
 from fmus.ports import STATE, WRENCH
 from orchestrator.cosim.graph import Connection, Instance, Miswired, System, wire
-from orchestrator.products import of_gallery, of_scenes
-from orchestrator.scene import load
+from orchestrator.scene.assembly import CHASSIS, DRIVE, TRACK, assemble
+from orchestrator.scene.products import of_gallery, of_scenes
+from orchestrator.scene.scene import load
 from orchestrator.show import describe
-from orchestrator.system import CHASSIS, DRIVE, TRACK, assemble
 
 
 def parts(name, *settings, track=None):

@@ -17,9 +17,9 @@ from orchestrator.log.reader import Log
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene import load
+from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.scene import load
 from orchestrator.simulate import simulate
-from orchestrator.system import assemble, placed
 
 SOFT = ("track.start=displaced", "vehicle.material.youngs_modulus=2e7", "chain.links=16")
 DRIVEN = ("run.stop=0.03", "run.outputs=1", "drive.ramp_start=0", "drive.ramp_time=0.5")

@@ -17,8 +17,8 @@ from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.warned import Warned, Warnings
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
-from orchestrator.scene import load
-from orchestrator.system import assemble, build_all, placed
+from orchestrator.scene.assembly import assemble, build_all, placed
+from orchestrator.scene.scene import load
 
 H = 1e-3
 CREAKS = "the spring creaks at 5 % of its load"

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator import gallery
-from orchestrator.scene import Scene, TrackScene, load, tracked
-from orchestrator.system import TRACKS, Part, assemble, build_all, placed
+from orchestrator.scene import gallery
+from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, placed
+from orchestrator.scene.scene import Scene, TrackScene, load, tracked
 
 STANDARD = "straight"  # its components carry the plain names
 

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fmus.vehicle import Distance, Force, In, Mass, Part
+from fmus.vehicle import Distance, Force, In, Mass
+from fmus.vehicle import Part as Table
 from orchestrator.log.recorder import MOST_STEPS
 from orchestrator.results import measures
 
@@ -25,7 +26,7 @@ OPTIONS = {
 }
 
 
-class Coupling(Part):
+class Coupling(Table):
     """How components are coupled; what is not given is the coupling's own default."""
 
     scheme: Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"] = "tracks_first"
@@ -50,7 +51,7 @@ class Coupling(Part):
         return f"{self.scheme} ({given})" if given else self.scheme
 
 
-class Variable(Part):
+class Variable(Table):
     """A communication step that follows an error estimate; ``run.step`` is the first."""
 
     # of a step: its error over what its connection has carried, or its power residual over what a bond has carried
@@ -83,7 +84,7 @@ def _off(value: object) -> object:
     return None if value is False else value
 
 
-class Run(Part):
+class Run(Table):
     """How long, in which steps, and how often results are recorded."""
 
     stop: Duration
@@ -107,7 +108,7 @@ class Run(Part):
         return round(self.stop / self.step)
 
 
-class Start(Part):
+class Start(Table):
     """Where the vehicle stands at the start, world frame."""
 
     position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
@@ -135,7 +136,7 @@ class VehicleStart(Start):
         return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
 
 
-class Bump(Part):
+class Bump(Table):
     """A trapezoid across the way, its edges rounded, in the frame of the start."""
 
     start: Place  # where it begins, ahead of the sprocket axle
@@ -145,7 +146,7 @@ class Bump(Part):
     radius: Distance  # of the four edges
 
 
-class Ground(Part):
+class Ground(Table):
     """What the ground has beside its level, and what can touch it beside the tracks."""
 
     hull: bool = False  # the points vehicle.chassis.hull
@@ -155,7 +156,7 @@ class Ground(Part):
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
-class Track(Part):
+class Track(Table):
     """Which track model, and what it is told; what is not given is the model's own default."""
 
     model: Literal["flexible", "rigid"]
@@ -182,7 +183,7 @@ def short_track(value: object) -> object:
     return {"model": value} if isinstance(value, str) else value
 
 
-class Drive(Part):
+class Drive(Table):
     """What turns a sprocket (or a braked idler).
 
     ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time``, and is
@@ -200,7 +201,7 @@ class Drive(Part):
     brake: Annotated[float, In("N m", ge=0)] = 0.0
 
 
-class Check(Part):
+class Check(Table):
     """An expectation: a signal reduced over a window, or a named measure, against a value."""
 
     signal: str | None = None  # instance.variable
@@ -225,7 +226,7 @@ class Check(Part):
         return self
 
 
-class Chain(Part):
+class Chain(Table):
     """An open chain between two fixed pins at the height of the origin, or held at the first alone, or a free loop."""
 
     links: Annotated[int, Field(ge=2, le=4096)]
@@ -246,7 +247,7 @@ class Chain(Part):
         return self
 
 
-class Bench(Part):
+class Bench(Table):
     """An open chain over one sprocket, its ends pulled by constant forces."""
 
     links: Annotated[int, Field(ge=8, le=4096)]
@@ -255,7 +256,7 @@ class Bench(Part):
     transverse_damping: Annotated[float, In("N s/m", ge=0)] = 0.0
 
 
-class Rig(Part):
+class Rig(Table):
     """A closed chain round a sprocket and a smooth idler with fixed axles."""
 
     links: Annotated[int, Field(ge=8, le=4096)]
@@ -263,7 +264,7 @@ class Rig(Part):
     tension: Force
 
 
-class Pendulum(Part):
+class Pendulum(Table):
     """A cable of circular section, pinned at the origin, that lies along x, turns about y and falls along -y."""
 
     elements: Elements
@@ -277,7 +278,7 @@ class Pendulum(Part):
     step: Duration  # of the integration, Runge-Kutta of order 4
 
 
-class Cantilever(Part):
+class Cantilever(Table):
     """A cable clamped at the origin along x under a dead load along z at its tip: L = 1 m, EI = 1 N m2."""
 
     elements: Elements
@@ -286,7 +287,7 @@ class Cantilever(Part):
     load_rate: Annotated[float, In("N/s", gt=0)]  # the load grows from 0, in static equilibrium
 
 
-class Frame(Part):
+class Frame(Table):
     """An L-frame, 1 m along x from its clamp and 0.8 m up, of square section and E = 1e7 Pa.
 
     At its tip acts (P, 0, P); P grows from 0 to 160 h^4 N/m^4 at ``load_time``, in static equilibrium.
@@ -299,7 +300,7 @@ class Frame(Part):
     load_time: Duration
 
 
-class Slider(Part):
+class Slider(Table):
     """A mass without friction on a smooth flexible beam along x that is pinned at both ends; all at rest."""
 
     elements: Elements

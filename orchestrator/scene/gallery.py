@@ -13,7 +13,7 @@ from fmus.vehicle import BadInput
 
 def names() -> list[str]:
     """Names of the packaged scenes, in the order in which the physics grows."""
-    folder = resources.files("orchestrator") / "scenes"
+    folder = resources.files("orchestrator") / "gallery"
     found = {file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")}
     order = [
         "hanging_chain", "sprocket_bench", "rig", "settle", "straight", "hard_stop",
@@ -29,7 +29,7 @@ def read(scene: str) -> tuple[str, dict[str, Any]]:
     if path.suffix == ".toml":
         source: Any = path
     elif scene in names():
-        source = resources.files("orchestrator") / "scenes" / f"{scene}.toml"
+        source = resources.files("orchestrator") / "gallery" / f"{scene}.toml"
     else:
         near = get_close_matches(scene, names(), n=1)
         hint = f"did you mean '{near[0]}'?" if near else f"the gallery has {', '.join(names())}"

@@ -13,8 +13,8 @@ from fmus.build import build
 from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
 from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.scene import BenchScene, ChainScene, RigScene, TrackScene, VehicleScene
-from orchestrator.scene_parts import Drive, VehicleStart
+from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, TrackScene, VehicleScene
+from orchestrator.scene.tables import Drive, VehicleStart
 
 TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y

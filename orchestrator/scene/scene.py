@@ -12,9 +12,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.vehicle import BadInput, Part, Vehicle, read_table, sentence, shown
-from orchestrator import gallery
-from orchestrator.scene_parts import (
+from fmus.vehicle import BadInput, Vehicle, read_table, sentence, shown
+from fmus.vehicle import Part as Table
+from orchestrator.scene import gallery
+from orchestrator.scene.settings import keys, merged, put, setting
+from orchestrator.scene.tables import (
     Bench,
     Cantilever,
     Chain,
@@ -32,7 +34,6 @@ from orchestrator.scene_parts import (
     short_coupling,
     short_track,
 )
-from orchestrator.settings import keys, merged, put, setting
 
 # how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
 COMPUTED = (
@@ -42,7 +43,7 @@ COMPUTED = (
 SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of theirs
 
 
-class Scene(Part):
+class Scene(Table):
     """What every scene has."""
 
     name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # names the log
