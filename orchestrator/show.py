@@ -31,7 +31,7 @@ def describe(scene: Scene) -> Iterator[str]:
     else:
         yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
     yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {run.links}"
-    present, absent = _of_fmus(scene) if isinstance(scene, TrackScene) else _of_piece(scene)
+    present, absent = _of_fmus(scene) if isinstance(scene, TrackScene) else _without_fmu(scene)
     yield "in"
     for line in present:
         yield f"  {line}"
@@ -56,10 +56,10 @@ def _of_fmus(scene: TrackScene) -> tuple[list[str], list[str]]:
     return present, list(_absent(scene, assembly))
 
 
-def _of_piece(scene: Scene) -> tuple[list[str], list[str]]:
-    from orchestrator.pieces import piece
+def _without_fmu(scene: Scene) -> tuple[list[str], list[str]]:
+    from orchestrator.without_fmu.models import model_of
 
-    it = piece(scene)
+    it = model_of(scene)
     absent = [
         "FMUs: the mechanics are stepped directly",
         "both track models",

@@ -197,10 +197,13 @@ def opened(scene: Scene, stack: ExitStack, logger: Logger | None) -> tuple[Scene
         scene = placed(scene)
         graph = system(assemble(scene))
         return scene, graph, load(graph, scene.run.stop, stack, logger)
-    from orchestrator.pieces import Stepped, piece  # the mechanics, only for scenes that need them here
+    from orchestrator.without_fmu.models import (  # the mechanics, only for scenes that need them here
+        ModelComponent,
+        model_of,
+    )
 
     name = scene.assembly
-    return scene, System((Instance(name, None, {}, 0),), ()), {name: Stepped(name, piece(scene))}
+    return scene, System((Instance(name, None, {}, 0),), ()), {name: ModelComponent(name, model_of(scene))}
 
 
 def load(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:

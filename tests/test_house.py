@@ -38,7 +38,7 @@ DOORS = {
     "fmus.build", "fmus.cache", "fmus.contents", "fmus.vehicle", "fmus.ports", "fmus.tensioning", "fmus.monolith.model",
 }  # fmt: skip
 # scenes without an FMU, studies of the mechanics and the motion that other codes are given need the mechanics
-TO_PHYSICS = {"pieces", "studies", "bench"}
+TO_PHYSICS = {"without_fmu", "studies", "bench"}
 KERNELS = ORCHESTRATOR / "bench" / "kernels.py"  # times the parts of a step by the signatures of the kernels
 TO_TRACKS = ORCHESTRATOR / "studies" / "evaluations.py"  # knows the tracks' kernels; other studies see their numbers
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
@@ -149,7 +149,7 @@ def test_orchestrator_reaches_into_fmus_through_few_doors():
         assert not found, (file, found)
 
 
-def test_the_doors_to_the_physics_are_pieces_studies_and_benchmarks_alone():
+def test_the_doors_to_the_physics_are_direct_models_studies_and_benchmarks_alone():
     behind = {
         file.relative_to(ORCHESTRATOR).parts[0]
         for file in sources(ORCHESTRATOR)
@@ -158,13 +158,13 @@ def test_the_doors_to_the_physics_are_pieces_studies_and_benchmarks_alone():
     assert behind == TO_PHYSICS
 
 
-def test_scenes_of_fmus_know_no_piece():
-    """Nothing imports the pieces when a module is loaded; scene and system do so when a scene asks for one."""
+def test_scenes_of_fmus_know_no_direct_model():
+    """Nothing imports the models without an FMU when a module is loaded; a run does so when a scene asks for one."""
     for file in sources(ORCHESTRATOR):
         if file.relative_to(ORCHESTRATOR).parts[0] not in TO_PHYSICS:
             body = [node for node in ast.parse(file.read_text()).body if isinstance(node, ast.ImportFrom)]
-            assert not [node for node in body if node.module.startswith("orchestrator.pieces")], file
-    for file in sources(ORCHESTRATOR / "pieces"):
+            assert not [node for node in body if node.module.startswith("orchestrator.without_fmu")], file
+    for file in sources(ORCHESTRATOR / "without_fmu"):
         assert not any(name.startswith("orchestrator.studies") for name in imports(file.read_text())), file
 
 

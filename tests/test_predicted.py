@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
-from orchestrator.pieces import piece
 from orchestrator.scene.scene import from_table, load
 from orchestrator.scene.settings import put
+from orchestrator.without_fmu.models import model_of
 
 G = 9.81
 MORE = 1.1
@@ -183,13 +183,13 @@ def test_links_stretch_and_bend_by_their_stiffness(kind):
             assert less_turned == pytest.approx(turned / bend, rel=FAINT), key
 
 
-PIECES = {
+WITHOUT_FMU = {
     "flexible_pendulum": (("youngs_modulus", "density"), ("youngs_modulus",)),
     "sliding_mass": (("mass", "line_density", "axial_stiffness", "bending_stiffness"), ("line_density",)),
 }
 
 
-@pytest.mark.parametrize("name", PIECES)
+@pytest.mark.parametrize("name", WITHOUT_FMU)
 def test_motion_hangs_on_stiffness_over_density(name):
     """All of them a tenth larger: the same motion; one of them alone: another."""
     scene = load(name)
@@ -198,11 +198,11 @@ def test_motion_hangs_on_stiffness_over_density(name):
         table = scene.resolved()
         for key in keys:
             table[scene.assembly][key] *= MORE
-        made = piece(from_table(table, name))
+        made = model_of(from_table(table, name))
         for k in range(20):
             made.advance(k * scene.run.step, scene.run.step)
         return made.points()
 
-    together, alone = PIECES[name]
+    together, alone = WITHOUT_FMU[name]
     np.testing.assert_allclose(tip(together), tip(()), rtol=0.0, atol=1e-9)
     assert abs(tip(alone) - tip(())).max() > 1e-6

@@ -19,7 +19,7 @@ from orchestrator.simulate import simulate
 
 MODELS = ("flexible", "rigid")
 CASES = [
-    pytest.param(name, model, id=f"{name}-{model or 'piece'}")
+    pytest.param(name, model, id=f"{name}-{model or 'without-fmu'}")
     for name in gallery.names()
     for model in (MODELS if tracked(name) else (None,))
 ]

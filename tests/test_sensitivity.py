@@ -189,9 +189,9 @@ def acts(key: str) -> Acts | None:
 
 def scene_of(case: Case, kind: str, **changes: float | int) -> Any:
     """The case's scene with links of a kind and the numbers ``changes`` of its resolved form."""
-    piece = not tracked(case.scene)
+    direct = not tracked(case.scene)
     settings = [*case.settings, *(["track.element=beam"] if kind == "beam" else [])]
-    table = load(case.scene, None if piece else "rigid" if kind == "rigid" else "flexible", settings).resolved()
+    table = load(case.scene, None if direct else "rigid" if kind == "rigid" else "flexible", settings).resolved()
     for key, value in changes.items():
         put(table, key, value)
     return from_table(table, "the case")
@@ -205,7 +205,7 @@ def seen(name: str, pattern: str) -> bool:
 
 
 def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) -> dict[str, float]:
-    """Outputs at the end of a case by name: those of the models in this process, of FMUs, or of a piece."""
+    """Outputs at the end of a case by name: those of the models in this process, of FMUs, or of a model without one."""
     scene = scene_of(case, kind, **changes)
     if not isinstance(scene, TrackScene) or fmus or scene.run.variable is not None:
         return stepped(case, scene)
@@ -219,7 +219,7 @@ def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) 
 
 
 def stepped(case: Case, scene: Any) -> dict[str, float]:
-    """The same through the master: FMUs, or a piece that is stepped without one."""
+    """The same through the master: FMUs, or a model that is stepped without one."""
     with ExitStack() as stack:
         if isinstance(scene, TrackScene):
             assembly = assemble(placed(scene))

@@ -161,32 +161,32 @@ class VehicleScene(TrackScene):
         return self
 
 
-class PieceScene(Scene):
-    """A piece of the mechanics that is stepped directly, without an FMU."""
+class DirectScene(Scene):
+    """A model that is stepped directly, without an FMU."""
 
 
-class PendulumScene(PieceScene):
+class PendulumScene(DirectScene):
     """A very flexible cable swings."""
 
     assembly: Literal["pendulum"]
     pendulum: Pendulum
 
 
-class CantileverScene(PieceScene):
+class CantileverScene(DirectScene):
     """A cable is bent."""
 
     assembly: Literal["cantilever"]
     cantilever: Cantilever
 
 
-class FrameScene(PieceScene):
+class FrameScene(DirectScene):
     """A frame is bent."""
 
     assembly: Literal["frame"]
     frame: Frame
 
 
-class SliderScene(PieceScene):
+class SliderScene(DirectScene):
     """A mass slides."""
 
     assembly: Literal["slider"]

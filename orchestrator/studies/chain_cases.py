@@ -11,11 +11,11 @@ from scipy.linalg import eigh
 
 from fmus.physics.ancf import beam, cable_small, dynamics, loads, statics
 from fmus.physics.chain_layout import regular_polygon
-from orchestrator.pieces.meshes import PITCH, SHOE, STEEL, TRACK, angular_momentum, chain, spinning, velocity
 from orchestrator.studies import Case
 from orchestrator.studies.orders import order_of, rate_of
 from orchestrator.studies.rods import MASS, G, Rods, of_angles
 from orchestrator.studies.tables import Row, checked, of_order
+from orchestrator.without_fmu.meshes import PITCH, SHOE, STEEL, TRACK, angular_momentum, chain, spinning, velocity
 
 Floats = NDArray[np.float64]
 

@@ -20,7 +20,10 @@ from fmus.physics.ancf import (
     sliding,
 )
 from fmus.physics.ancf.mesh import Mesh, Part, Tie, nodes
-from orchestrator.pieces.meshes import (
+from orchestrator.studies import Case
+from orchestrator.studies.orders import order_of, rate_of
+from orchestrator.studies.tables import Row, checked, of_order
+from orchestrator.without_fmu.meshes import (
     MODULUS,
     PITCH,
     SECTIONS,
@@ -41,9 +44,6 @@ from orchestrator.pieces.meshes import (
     section,
     turned,
 )
-from orchestrator.studies import Case
-from orchestrator.studies.orders import order_of, rate_of
-from orchestrator.studies.tables import Row, checked, of_order
 
 Floats = NDArray[np.float64]
 CABLES: dict[str, Any] = {

@@ -1,7 +1,7 @@
 """Runs that states of chains are taken from: every scene with a track, and the stiff and extreme cases.
 
 Runs are short: what counts is that chains rest, drive, slide, fall, strike and hang in all ways that scenes and cases
-know. The scenes of ``pieces`` have no chain of links.
+know. The scenes ``without_fmu`` have no chain of links.
 """
 
 from __future__ import annotations

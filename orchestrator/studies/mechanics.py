@@ -1,4 +1,4 @@
-"""The chain mechanics of the paper, each piece held against something exact or published.
+"""The chain mechanics of the paper, each part compared with something exact or published.
 
 Items are those of the list in the study's table; ``cases(quick)`` leaves the two long chains and the long windows out.
 """

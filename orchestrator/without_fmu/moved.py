@@ -1,4 +1,4 @@
-"""Pieces that move by themselves: a very flexible pendulum, a mass that slides along a beam."""
+"""Models that move by themselves: a very flexible pendulum, a mass that slides along a beam."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from fmus.physics.ancf import dynamics, sliding
 from fmus.physics.ancf.cable import Cable
-from orchestrator.pieces import meshes
 from orchestrator.scene import tables
+from orchestrator.without_fmu import meshes
 
 Floats = NDArray[np.float64]
 STAGES = 4  # of Runge-Kutta

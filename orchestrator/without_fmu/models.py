@@ -1,7 +1,7 @@
-"""Scenes without an FMU: pieces of the mechanics that the master steps as it steps components.
+"""Models of scenes without an FMU, and what makes a component of one.
 
-The door of scenes to ``fmus.physics``. A piece has outputs and points, ``advance`` moves it; ``Stepped`` gives it the
-face of a component.
+The door of scenes to ``fmus.physics``. A model has outputs and points, ``advance`` moves it; ``ModelComponent``
+shows it to the master as a component.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 COUNTERS = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 
 
-class Piece(Protocol):
+class Model(Protocol):
     """What moves."""
 
     about: str  # elements and degrees of freedom, for ``cotrack show``
@@ -37,27 +37,27 @@ class Piece(Protocol):
         """Positions (count, 3), m."""
 
 
-class Stepped:
-    """A piece as the master, the log and the summary see a component; without inputs."""
+class ModelComponent:
+    """A model as the master, the log and the summary see a component; without inputs."""
 
-    def __init__(self, name: str, piece: Piece) -> None:
+    def __init__(self, name: str, model: Model) -> None:
         self.name = name
-        self.piece = piece
+        self.model = model
         self.inputs: tuple[str, ...] = ()
-        self.outputs = tuple(piece.outputs)
-        self.links = tuple(f"point[{i}].position.{axis}" for i in range(1, piece.count + 1) for axis in "xyz")
+        self.outputs = tuple(model.outputs)
+        self.links = tuple(f"point[{i}].position.{axis}" for i in range(1, model.count + 1) for axis in "xyz")
         self.integers: tuple[str, ...] = COUNTERS
         self.u: Floats = np.zeros(0)
         self.y: Floats = np.zeros(len(self.outputs))
         self.y_links: Floats = np.zeros(len(self.links))
-        self.counters: NDArray[Any] = piece.counters
-        self.warnings: tuple[Warned, ...] = ()  # a piece does or fails
+        self.counters: NDArray[Any] = model.counters
+        self.warnings: tuple[Warned, ...] = ()  # a model does or fails
         self.read()
         self.wall_time = 0.0  # s
 
     def unit(self, name: str) -> str:
         """Unit of an output."""
-        return "m" if name.startswith("point[") else self.piece.outputs[name]
+        return "m" if name.startswith("point[") else self.model.outputs[name]
 
     def write(self) -> None:
         """Nothing comes in."""
@@ -67,7 +67,7 @@ class Stepped:
         began = perf_counter()
         try:
             with np.errstate(all="ignore"):  # what overflows is heard of below
-                self.piece.advance(t, h)
+                self.model.advance(t, h)
                 self.read()
         except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
             raise ComponentFailed(f"{self.name}: {error} (step from t = {t:.6g} s)") from None
@@ -79,10 +79,10 @@ class Stepped:
 
     def read(self) -> None:
         """The outputs go into ``y``."""
-        self.y[:] = self.piece.values()
+        self.y[:] = self.model.values()
 
     def save(self) -> Any:
-        """Pieces do not go back; raises ComponentFailed."""
+        """These models do not go back; raises ComponentFailed."""
         raise ComponentFailed(f"{self.name} cannot save its state")
 
     def restore(self, state: Any) -> None:
@@ -93,19 +93,19 @@ class Stepped:
 
     def read_links(self) -> None:
         """The points go into ``y_links``."""
-        self.y_links[:] = self.piece.points().ravel()
+        self.y_links[:] = self.model.points().ravel()
 
     def read_counters(self) -> None:
-        """They are the piece's own array."""
+        """They are the model's own array."""
 
 
-def piece(scene: Any) -> Piece:
-    """The piece of a scene, as it starts."""
-    from orchestrator.pieces.bent import Cantilever, Frame
-    from orchestrator.pieces.moved import Pendulum, Slider
+def model_of(scene: Any) -> Model:
+    """The model of a scene, as it starts."""
+    from orchestrator.without_fmu.bent import Cantilever, Frame
+    from orchestrator.without_fmu.moved import Pendulum, Slider
 
     kinds: dict[str, Any] = {
         "pendulum": Pendulum, "cantilever": Cantilever, "frame": Frame, "slider": Slider,
     }  # fmt: skip
-    made: Piece = kinds[scene.assembly](getattr(scene, scene.assembly))
+    made: Model = kinds[scene.assembly](getattr(scene, scene.assembly))
     return made

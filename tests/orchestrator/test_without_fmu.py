@@ -12,10 +12,10 @@ from orchestrator.cli import main
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.pieces import Stepped, piece
 from orchestrator.results.measures import energy_drift
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.scene import load
+from orchestrator.without_fmu.models import ModelComponent, model_of
 
 
 @pytest.fixture
@@ -35,10 +35,10 @@ def cotrack(capsys, monkeypatch, tmp_path):
 
 def stepped(name, *settings):
     scene = load(name, None, settings)
-    return Stepped(scene.assembly, piece(scene))
+    return ModelComponent(scene.assembly, model_of(scene))
 
 
-def test_a_piece_is_run_logged_and_summed_up_like_a_system(cotrack, tmp_path):
+def test_a_model_without_fmu_is_run_logged_and_summed_up_like_a_system(cotrack, tmp_path):
     status, out, err = cotrack("run", "elastica", "--set", "run.stop=1", "--json")
     assert status == 0, err
     result = json.loads(out.splitlines()[-1])
@@ -82,7 +82,7 @@ def test_what_needs_an_fmu_or_a_track_is_refused(cotrack):
         assert len(err.splitlines()) == 1
 
 
-def test_a_piece_that_cannot_go_on_ends_its_run_in_one_sentence(cotrack, tmp_path):
+def test_a_model_without_fmu_that_cannot_go_on_ends_its_run_in_one_sentence(cotrack, tmp_path):
     status, out, _ = cotrack("run", "flexible_pendulum", "--set", "pendulum.step=2 ms", "--stop", "0.2", "--json")
     assert status == 1
     result = json.loads(out.splitlines()[-1])
@@ -98,7 +98,7 @@ def test_a_piece_that_cannot_go_on_ends_its_run_in_one_sentence(cotrack, tmp_pat
 
 def test_a_mass_leaves_its_beam():
     sliding = stepped("sliding_mass", "slider.place=1.99")
-    sliding.piece.state.V[-1, 0] = 50.0
+    sliding.model.state.V[-1, 0] = 50.0
     with pytest.raises(ComponentFailed, match="slider: the sliding joint left its rail of 2 m"):
         sliding.step(0.0, 0.2)
 

@@ -32,7 +32,7 @@ ELASTICITIES: dict[str, Any] = {
 }
 Y = [0.0, 1.0, 0.0]
 
-# One piece ---------------------------------------------------------------------------------------------------------
+# One beam -----------------------------------------------------------------------------------------------------------
 
 
 def section(kind: Any, n: int, slender: float, nu: float = 0.0, split: bool = False) -> Any:
@@ -44,7 +44,7 @@ def section(kind: Any, n: int, slender: float, nu: float = 0.0, split: bool = Fa
 
 
 def line(kind: Any, c: Any, n: int, supports: Any) -> Mesh:
-    """A straight piece of ``n`` elements from the origin along x; ``supports``: ends and what makes them held."""
+    """A straight line of ``n`` elements from the origin along x; ``supports``: ends and what makes them held."""
     rows = kind.ROWS // 2
     held = [Support(end, own(rows)) for end, own in supports]
     return Mesh([Part(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], in_a_row(rows, n), held)

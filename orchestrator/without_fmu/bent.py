@@ -1,4 +1,4 @@
-"""Pieces in static equilibrium under a dead load that grows with time: a cantilever (the elastica), an L-frame."""
+"""Models in static equilibrium under a dead load that grows with time: a cantilever (the elastica), an L-frame."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from fmus.physics.ancf import beam, loads, statics
 from fmus.physics.ancf.mesh import Mesh
-from orchestrator.pieces import meshes
 from orchestrator.scene import tables
+from orchestrator.without_fmu import meshes
 
 Floats = NDArray[np.float64]
 CLOSE = 1e-11  # last correction of Newton's iteration, m
