@@ -126,9 +126,9 @@ def _refusals() -> tuple[type[Exception], ...]:
     from orchestrator.cosim.component import ComponentFailed
     from orchestrator.cosim.coupling.scheme import CouplingFailed
     from orchestrator.cosim.graph import Miswired
+    from orchestrator.execution.replays import Unfit
     from orchestrator.log.reader import LogUnreadable, NoSuchSignal
     from orchestrator.log.recorder import LogFailed
-    from orchestrator.replay import Unfit
     from orchestrator.results.run_data import Missing
 
     return (
@@ -234,7 +234,7 @@ def run(
 ) -> None:
     """Run a scene, log it, check what it expects, say how wrong it is."""
     narration(f"{scene}: the scene is read")
-    from orchestrator import summary
+    from orchestrator.execution import summary
     from orchestrator.scene.scene import load
 
     result, status = summary.empty(scene, _model(track)), 2
@@ -243,17 +243,17 @@ def run(
     try:
         resolved = load(scene, _model(track), changes)
         if error is not None:
-            from orchestrator.precision import cheapest, fraction
+            from orchestrator.execution.precision import cheapest, fraction
 
             chosen = cheapest(resolved.name, resolved.variant or "none", fraction(error)).settings
             print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
             resolved = load(scene, _model(track), [*chosen, *changes])
-        from orchestrator.simulate import simulate
+        from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
         result = simulate(resolved, path, _warn, narration, estimated=estimate)
         checked = all(check["ok"] for check in result["checks"].values())
-        status = 0 if result["status"] == "ok" and checked and not summary.doubt(result["energy"]) else 1
+        status = 0 if result["status"] == "ok" and checked and not summary.energy_warning(result["energy"]) else 1
     except KeyboardInterrupt:
         result["message"], status = "interrupted", 1
     except Exception as failure:
@@ -284,10 +284,10 @@ def replay(
     What is stepped is built from the scene in the log, or is the FMU that --with names: no file that the log names.
     An FMU that is the one that ran, by its hash, is compared bit by bit unless -o asks for its log.
     """
-    from orchestrator import rerun
+    from orchestrator.execution import replay_model
     from orchestrator.log.tools import file_name
 
-    with rerun.opened(log, component, other, _warn) as again:
+    with replay_model.opened(log, component, other, _warn) as again:
         if other is None or (again.model.ran and output is None):
             verdict = again.verify()
             print(verdict.sentence)
@@ -421,7 +421,7 @@ def truth(
 
     With its own error; built once, then found.
     """
-    from orchestrator import truth as module
+    from orchestrator.execution import truth as module
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import differences_of_logs
     from orchestrator.results.run_data import RunData

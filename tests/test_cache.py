@@ -25,12 +25,12 @@ import fmus.cache
 import orchestrator.cosim.cache
 from fmus.jit import _Overloads
 from fmus.vehicle import BadInput
-from orchestrator import precision
 from orchestrator.cosim.component import unpack
+from orchestrator.execution import precision
+from orchestrator.execution.precision import Setting
+from orchestrator.execution.truth import FIGURES, LOGS, _hashes, truth
 from orchestrator.log.reader import Log
-from orchestrator.precision import Setting
 from orchestrator.scene.scene import load
-from orchestrator.truth import FIGURES, LOGS, _hashes, truth
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="no owners and modes there")
 DAMAGES = ("flip", "cut", "empty", "delete")
@@ -180,7 +180,7 @@ def test_no_bytecode_is_run_that_nobody_checks(toy, fresh_cache, tmp_path):
 
 
 def test_a_damaged_truth_is_built_again(fresh_cache, monkeypatch):
-    monkeypatch.setattr("orchestrator.truth._build", built_of(counter := Counter()))
+    monkeypatch.setattr("orchestrator.execution.truth._build", built_of(counter := Counter()))
     scene = short_chain()
     first = truth(scene)
     assert (first.built, counter["built"]) == (True, 1)
@@ -388,7 +388,7 @@ def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, capl
 
 
 def test_a_truth_needs_a_cache(full, monkeypatch):
-    monkeypatch.setattr("orchestrator.truth._build", built_of(Counter()))
+    monkeypatch.setattr("orchestrator.execution.truth._build", built_of(Counter()))
     with pytest.raises(BadInput, match=r"^truth: it cannot be kept in the cache: .*/truth.json: No space left"):
         truth(short_chain())
 

@@ -32,7 +32,7 @@ GENERIC = (
     "log/recorder.py",
     "log/reader.py",
     "log/bitwise.py",
-    "replay.py",
+    "execution/replays.py",
 )
 DOORS = {
     "fmus.build", "fmus.cache", "fmus.contents", "fmus.vehicle", "fmus.ports", "fmus.tensioning", "fmus.monolith.model",

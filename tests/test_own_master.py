@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene import products
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 
 HERE = Path(__file__).resolve().parent
 PROGRAM = """

@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from orchestrator import rerun
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.execution import replay_model
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results import measures
@@ -15,7 +16,6 @@ from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene import gallery
 from orchestrator.scene.scene import load, tracked
-from orchestrator.simulate import simulate
 
 MODELS = ("flexible", "rigid")
 CASES = [
@@ -62,7 +62,7 @@ BRIEF = ("run.stop=0.3 s", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run
 @pytest.mark.parametrize("component", ["chassis", "left_track", "right_track", "left_drive", "right_drive"])
 def test_every_component_of_straight_replays_bit_by_bit(ran, component):
     result = ran("straight", "flexible", *BRIEF)
-    with rerun.opened(result["log"], component, None) as again:
+    with replay_model.opened(result["log"], component, None) as again:
         verdict = again.verify()
     assert verdict.difference is None, verdict.sentence
     assert verdict.steps == 300
@@ -70,7 +70,7 @@ def test_every_component_of_straight_replays_bit_by_bit(ran, component):
 
 def test_replay_notices_another_parameter(ran):
     result = ran("straight", "flexible", *BRIEF)
-    with rerun.opened(result["log"], "left_drive", None) as again:
+    with replay_model.opened(result["log"], "left_drive", None) as again:
         other = again._replace(parameters={**again.parameters, "speed.end": 20.0 * (1 + 1e-12)})
         verdict = other.verify()
     assert verdict.difference is not None
@@ -79,7 +79,7 @@ def test_replay_notices_another_parameter(ran):
 
 def test_rigid_links_under_the_wheels_of_flexible_ones(ran, tmp_path):
     result = ran("straight", "flexible", *BRIEF)
-    with rerun.opened(result["log"], "left_track", "rigid") as again:
+    with replay_model.opened(result["log"], "left_track", "rigid") as again:
         lines = again.answer(tmp_path / "answer.mcap")
     assert any(line.startswith("sprocket.force.x") for line in lines)
     with Log(tmp_path / "answer.mcap") as log:

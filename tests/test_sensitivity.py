@@ -22,12 +22,12 @@ from vehicle_in_process import InProcess, Overrides
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
+from orchestrator.execution.simulate import load as components_of
+from orchestrator.execution.simulate import opened, paced
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import TrackScene, from_table, load, tracked
 from orchestrator.scene.settings import put
-from orchestrator.simulate import load as components_of
-from orchestrator.simulate import opened, paced
 
 ROUNDING = 1e3  # so many times the effect of an ulp, and of the rounding of an output itself
 FACTOR = 1.02

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 
 BRIEF = ("run.stop=0.05 s", "run.outputs=1", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s")
 

@@ -17,8 +17,8 @@ from orchestrator.bench.motion import CASES, Case, Floats
 from orchestrator.bench.peers import PEERS, runs
 from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import cpu, least
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.simulate import simulate
 
 STEPS = (2e-3, 1e-3, 5e-4)  # s
 H = 1e-3  # s, of what is measured at one step alone

@@ -13,9 +13,9 @@ from orchestrator.bench.timing import Floats, laps, per_step
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
+from orchestrator.execution.simulate import contents, opened, strides
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import TrackScene
-from orchestrator.simulate import contents, opened, strides
 
 COLUMNS = (
     Column("tracks", "vehicle on tracks", "", ABOUT),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from orchestrator.execution.simulate import simulate
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 from orchestrator.studies.leaving_out import peak
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from orchestrator.bench import own
 from orchestrator.bench.tables import ABOUT, COST, Column, Table
-from orchestrator.simulate import simulate
+from orchestrator.execution.simulate import simulate
 
 SCENE, TRACKS = "straight", ("flexible", "rigid")
 COLUMNS = (

@@ -134,7 +134,7 @@ def _scene(scene: str, track: str, settings: Sequence[str]) -> Scene:
 
 def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
     """The truth held against its own coarser half."""
-    from orchestrator.truth import ORDER, truth
+    from orchestrator.execution.truth import ORDER, truth
 
     found = truth(load(scene, track, base))
     between = differences_of_logs(found.coarse_log, found.log)
@@ -151,8 +151,8 @@ def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
 
 def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Row]:
     """One run, timed, against the truth, with its own estimate."""
-    from orchestrator.estimate import estimate
-    from orchestrator.truth import truth
+    from orchestrator.execution.estimate import estimate
+    from orchestrator.execution.truth import truth
 
     exact = truth(load(scene, track, base))
     timed = _scene(scene, track, settings)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
-from orchestrator import summary
+from orchestrator.execution import summary
 from orchestrator.results import measures
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene.scene import ChainScene, RigScene, TrackScene, VehicleScene

@@ -20,10 +20,10 @@ from fmus.ports import STATE
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import TRACK, assemble
 from orchestrator.scene.scene import TrackScene
-from orchestrator.simulate import simulate
 from orchestrator.studies.chain_states import FARTHEST, FASTEST, Kept, keep
 from orchestrator.studies.evaluations import Chain
 from orchestrator.studies.extreme import FAMILIES, loaded

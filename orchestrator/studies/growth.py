@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 from orchestrator.studies.baseline_file import Grown
 
 Floats = NDArray[np.float64]

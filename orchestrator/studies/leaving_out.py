@@ -28,12 +28,12 @@ from orchestrator.cosim import master
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
+from orchestrator.execution.simulate import contents, paced, simulate, strides, warm_up
+from orchestrator.execution.simulate import load as load_components
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
 from orchestrator.scene.scene import TrackScene, load
-from orchestrator.simulate import contents, paced, simulate, strides, warm_up
-from orchestrator.simulate import load as load_components
 from orchestrator.studies import Case
 from orchestrator.studies.files import save
 

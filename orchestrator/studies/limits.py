@@ -17,7 +17,7 @@ from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 
 from fmus.physics.ancf import cable
-from orchestrator import summary
+from orchestrator.execution import summary
 from orchestrator.scene.scene import TrackScene, VehicleScene
 
 Floats = NDArray[np.float64]

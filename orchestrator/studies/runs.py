@@ -10,9 +10,9 @@ from typing import Any
 from fmus.build import BuildFailed
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.recorder import LogFailed
 from orchestrator.scene.scene import Scene
-from orchestrator.simulate import simulate
 
 
 class Runs:

@@ -1,7 +1,7 @@
 """Stiff and extreme cases: what becomes of each, the margin to the predicted limit, and the limit that is observed.
 
 A case (``extreme``) runs a scene of the gallery with settings and asks for two things: that the energy ledger closes to
-5 % (as ``summary.doubt`` wants it), and one physical expectation, named in the table (``expectations``); ``verdict``
+5 % (``summary.energy_warning``), and one physical expectation, named in the table (``expectations``); ``verdict``
 judges the run. The predicted limit is the longest communication step of the linearised coupling, or internal step of an
 explicit integrator (``limits``); an observed limit is bisected in the same way of asking.
 """

@@ -6,10 +6,10 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+from orchestrator.execution.simulate import simulate
+from orchestrator.execution.truth import ORDER, truth
 from orchestrator.results.difference import differences_of_logs
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
-from orchestrator.truth import ORDER, truth
 
 LINKS = 0.01  # s between outputs per link
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from fmus.build import BuildFailed
 from fmus.vehicle import BadInput
-from orchestrator import summary
 from orchestrator.cosim.component import ComponentFailed
+from orchestrator.execution import summary
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene.scene import TrackScene
-from orchestrator.simulate import simulate
 from orchestrator.studies.expectations import ASKED
 
 RIGHT, WRONG, CLEAN, BLOWN, MUTE = VERDICTS = (

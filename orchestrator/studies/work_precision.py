@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.cache import spared
-from orchestrator import precision
+from orchestrator.execution import precision
 from orchestrator.studies.files import save
 
 LEVELS = (1e-2, 1e-3, 1e-4)

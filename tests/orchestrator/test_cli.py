@@ -15,9 +15,9 @@ import pytest
 from conftest import messages
 
 from fmus.vehicle import BadInput
-from orchestrator import rerun, simulate
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
@@ -303,7 +303,7 @@ def test_an_answer_is_replayed_in_turn(cotrack, tmp_path):
     assert cotrack("replay", "a.mcap", "--component", "chain", "--with", "rigid", "-o", "b.mcap")[0] == 0
     status, out, _ = cotrack("replay", "b.mcap", "--component", "chain")
     assert (status, out[:7]) == (0, "equal: ")
-    with rerun.opened(Path("a.mcap"), "chain", None) as again:
+    with replay_model.opened(Path("a.mcap"), "chain", None) as again:
         shutil.copy(again.model.fmu, "mine.fmu")
     status, out, _ = cotrack("replay", "a.mcap", "--component", "chain", "--with", "mine.fmu")
     assert (status, out[:7]) == (0, "equal: "), "the file is what ran"
@@ -551,6 +551,6 @@ def test_a_killed_run_leaves_a_log_that_can_be_saved(tmp_path, environment):
     saved = tmp_path / "saved.mcap"
     assert recover(log, saved).code == RECOVERED
     assert verify(saved).code == WHOLE
-    with rerun.opened(saved, "chain", None) as again:
+    with replay_model.opened(saved, "chain", None) as again:
         verdict = again.verify()
     assert verdict.equal, verdict.sentence

@@ -8,7 +8,6 @@ import pytest
 from scipy.linalg import expm
 
 from fmus.vehicle import BadInput
-from orchestrator import rerun
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.iterative import Iterative, anderson
@@ -17,9 +16,10 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, needs_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.master import Clock, run
+from orchestrator.execution import replay_model
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 from orchestrator.studies import coupling as study
 from orchestrator.studies.coupling import (
     DAMPED,
@@ -270,7 +270,7 @@ def test_a_rig_runs_and_replays_with_every_coupling(way, tmp_path):
         assert (np.ptp(h) > 0.0) == (way in ("variable", "power"))
         assert log.read("/track/in").t + h == pytest.approx(log.read("/track/out").t[1:], abs=1e-15)
     for name in ("track", "drive"):
-        with rerun.opened(path, name, None) as again:
+        with replay_model.opened(path, name, None) as again:
             verdict = again.verify()
         assert verdict.difference is None, verdict.sentence
 

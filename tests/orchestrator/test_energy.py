@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.energy import ledger, ports, turns
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 
 
 def quaternions(rotations):

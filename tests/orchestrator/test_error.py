@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
-from orchestrator import precision, printed
+from orchestrator import printed
 from orchestrator.cli import main
-from orchestrator.estimate import companions, estimate
+from orchestrator.execution import precision
+from orchestrator.execution.estimate import companions, estimate
+from orchestrator.execution.precision import Setting, cheapest, fraction, front
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.precision import Setting, cheapest, fraction, front
 from orchestrator.results.difference import Difference, Observable, Signal, aligned, difference, differences, worst
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 from orchestrator.studies import Case, error_runtime, work_precision
 from orchestrator.studies.runs import Runs
 

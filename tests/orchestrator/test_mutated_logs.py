@@ -10,10 +10,10 @@ import pytest
 from mutated import Content, bytes_changed, content_changed
 
 from fmus.build import BuildFailed
-from orchestrator import rerun
 from orchestrator.cli import main
+from orchestrator.execution import replay_model
+from orchestrator.execution.simulate import simulate
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 
 LONG = 1500  # characters that nobody reads as a sentence
 HANG = 20  # s of CPU time
@@ -77,7 +77,7 @@ def survey(whole, seeds, drawn, monkeypatch, folder):
     def not_built(*_):
         raise BuildFailed("not built here")  # what is stepped is no matter of the log
 
-    monkeypatch.setattr(rerun, "build_all", not_built)
+    monkeypatch.setattr(replay_model, "build_all", not_built)
     monkeypatch.chdir(folder)
     data, content = whole.read_bytes(), Content(whole)
     seen = {}

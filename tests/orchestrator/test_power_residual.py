@@ -10,9 +10,9 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.power_residual import PowerResidual, bonds, check, works
 from orchestrator.cosim.graph import Connection, Miswired
 from orchestrator.cosim.master import run
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 from orchestrator.studies import coupling as study
 from orchestrator.studies.coupling import couple
 from orchestrator.studies.oscillator import Oscillator, coupled

@@ -13,11 +13,11 @@ from fmus.jit import source_hash
 from orchestrator.cli import main
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
+from orchestrator.execution.simulate import load as loaded
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.products import build_to, of_gallery, of_scenes
 from orchestrator.scene.scene import load, tracked
-from orchestrator.simulate import load as loaded
 
 SCENES = [name for name in gallery.names() if tracked(name)]
 VARIANTS = {"flexible": (), "rigid": (), "beam": ("track.element=beam",)}

@@ -5,7 +5,8 @@ import struct
 import numpy as np
 import pytest
 
-from orchestrator import rerun
+from orchestrator.execution import replay_model
+from orchestrator.execution.simulate import simulate
 from orchestrator.log import recorder
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
@@ -14,7 +15,6 @@ from orchestrator.results.energy import ledger
 from orchestrator.results.picture import draw
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 
 WINDOWED = ("_mean", "_rms")  # over a second, of which less is left
 
@@ -75,7 +75,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
                         assert ledger(RunData(shorter)) == books
             if number % seldom == 0:
                 for name in components:
-                    with rerun.opened(saved, name, None) as again:
+                    with replay_model.opened(saved, name, None) as again:
                         verdict = again.verify()
                     assert verdict.equal, verdict.sentence
                     assert verdict.steps == n

@@ -10,16 +10,16 @@ from typer.testing import CliRunner
 from fmus.model import InvalidParameter
 from fmus.monolith.model import Monolith
 from fmus.vehicle import BadInput
-from orchestrator import monolithic
-from orchestrator import truth as module
 from orchestrator.cli import app
+from orchestrator.execution import monolithic
+from orchestrator.execution import truth as module
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 
 SOFT = ("track.start=displaced", "vehicle.material.youngs_modulus=2e7", "chain.links=16")
 DRIVEN = ("run.stop=0.03", "run.outputs=1", "drive.ramp_start=0", "drive.ramp_time=0.5")

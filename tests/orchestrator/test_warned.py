@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from conftest import build_toy, messages
 
-from orchestrator import rerun, simulate
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling.iterative import Iterative
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.warned import Warned, Warnings
+from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
 from orchestrator.scene.assembly import assemble, build_all, placed
@@ -189,7 +189,7 @@ def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
     assert verify("a.mcap").code == WHOLE
     with Log("a.mcap") as log:
         assert log.closing["warnings"] == [warning]
-    with rerun.opened("a.mcap", "left_track", None) as again:
+    with replay_model.opened("a.mcap", "left_track", None) as again:
         assert again.verify().difference is None
         assert [asdict(one) for one in again.component.warnings] == [warning]
         again.answer(again.log.path.with_name("b.mcap"))

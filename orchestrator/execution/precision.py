@@ -17,7 +17,7 @@ from fmus.cache import Untrusted, cache_folder, check, make, tell
 from fmus.cache import write as put
 from fmus.vehicle import BadInput
 
-SHIPPED = Path(__file__).parent / "gallery" / "precision.json"
+SHIPPED = Path(__file__).parents[1] / "gallery" / "precision.json"
 
 
 class Setting(NamedTuple):

@@ -19,10 +19,10 @@ from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import Member, System, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
+from orchestrator.execution.simulate import STATS_PERIOD, contents, strides
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import TrackScene
-from orchestrator.simulate import STATS_PERIOD, contents, strides
 
 Floats = NDArray[np.float64]
 

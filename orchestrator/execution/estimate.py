@@ -15,12 +15,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Variable
-from orchestrator.summary import doubt
 
 SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
@@ -80,7 +80,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
                 continue
             told = record(companion, Path(folder) / f"{name}.mcap")
             spent += told["wall_time"]
-            if told["status"] != "ok" or doubt(told["energy"]):
+            if told["status"] != "ok" or energy_warning(told["energy"]):
                 return unknown(f"the run at twice the step cannot be right: {told['message']}")
             if wanted.coupling is None and scene.run.variable is None:
                 coarser = max(_steps(told)) / told["simulated_time"]  # steps a second

@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput, shown
-from orchestrator import replay
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import Instance, System
+from orchestrator.execution import replays
+from orchestrator.execution.simulate import as_json, describe, description, sha256
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, placed
 from orchestrator.scene.scene import TrackScene, from_table
-from orchestrator.simulate import as_json, describe, description, sha256
 
 Logger = Callable[[str, int, str], None]
 
@@ -28,7 +28,7 @@ class Model(NamedTuple):
     """What is stepped in a component's place."""
 
     fmu: Path
-    parameters: replay.Parameters
+    parameters: replays.Parameters
     stage: int
     scene: TrackScene | None  # that it belongs to, None for another's FMU
     ran: bool  # whether it is what the log's component was
@@ -39,12 +39,12 @@ class Again(NamedTuple):
 
     log: Log
     component: Component
-    parameters: replay.Parameters
+    parameters: replays.Parameters
     model: Model
 
-    def verify(self) -> replay.Verdict:
+    def verify(self) -> replays.Verdict:
         """Bit by bit against the log."""
-        return replay.verify(self.log, self.component, self.parameters)
+        return replays.verify(self.log, self.component, self.parameters)
 
     def answer(self, path: Path) -> list[str]:
         """Log the component's own answer, and lines of a table of forces; nothing for a log without a step.
@@ -66,7 +66,7 @@ class Again(NamedTuple):
             attachments["scene.json"] = as_json(self.model.scene.resolved())
         links = log.topics.get(f"/{name}/links")
         every = links.every if links else self.model.scene.run.links if self.model.scene else 1
-        rows = replay.answer(log, self.component, self.parameters, path, attachments, every)
+        rows = replays.answer(log, self.component, self.parameters, path, attachments, every)
         head = f"{'signal':28} {'unit':5} {'mean, log':>12} {'mean, now':>12} {'rms, log':>12} {'rms, now':>12}"
         return [head] + [
             f"{row.name:28} {row.unit:5} {row.recorded_mean:12.1f} {row.replayed_mean:12.1f}"
@@ -94,7 +94,7 @@ def _entry(log: Log, name: str) -> dict[str, Any]:
     """What the log says of a component; raises Unfit, BadInput."""
     instances = {entry["name"]: entry for entry in system_of(log)["instances"]}
     if name not in instances:
-        raise replay.Unfit(f"the log has no component '{name}': one of {', '.join(instances)}")
+        raise replays.Unfit(f"the log has no component '{name}': one of {', '.join(instances)}")
     if not instances[name].get("sha256"):
         raise BadInput(f"'{name}' of the log was stepped without an FMU: there is nothing to replay")
     return instances[name]
@@ -140,5 +140,5 @@ def _scene(log: Log) -> TrackScene:
 def _part(scene: TrackScene, name: str) -> Part:
     parts = {part.name: part for part in assemble(placed(scene)).parts}
     if name not in parts:
-        raise replay.Unfit(f"the scene of the log has no component '{name}': one of {', '.join(parts)}")
+        raise replays.Unfit(f"the scene of the log has no component '{name}': one of {', '.join(parts)}")
     return parts[name]

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from fmus.build import BuildFailed
-from orchestrator import estimate, summary
 from orchestrator.cosim import master
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import SCHEMES, power_residual
@@ -27,6 +26,7 @@ from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import STATS, Logging, ProgressBar
+from orchestrator.execution import estimate, summary
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.run_data import RunData
@@ -143,13 +143,13 @@ def _how_it_ended(outcome: master.Outcome, startup: float, wall: float) -> dict[
 
 
 def _evaluated(scene: Scene, path: Path, outcome: master.Outcome) -> dict[str, Any]:
-    """Energy, checks, observables, and what they make one doubt."""
+    """Energy, checks, observables, and an energy warning where there is one."""
     try:
         with Log(path) as log:
             found = summary.evaluate(RunData(log), scene, outcome.time)
     except LogUnreadable as error:  # a device, or a file that someone else has changed
         return {"status": "failed", "message": str(error)}
-    return found | {"message": "; ".join(filter(None, (outcome.message, summary.doubt(found["energy"]))))}
+    return found | {"message": "; ".join(filter(None, (outcome.message, summary.energy_warning(found["energy"]))))}
 
 
 def _companion(interrupt: _Interrupt) -> estimate.Run:

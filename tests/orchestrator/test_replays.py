@@ -10,7 +10,8 @@ from mutated import Content
 
 from fmus.build import build
 from fmus.vehicle import BadInput
-from orchestrator import replay, rerun
+from orchestrator.execution import replay_model, replays
+from orchestrator.execution.simulate import simulate
 from orchestrator.log import tools
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
@@ -20,7 +21,6 @@ from orchestrator.results.picture import draw
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
-from orchestrator.simulate import simulate
 
 SETTINGS = ("run.stop=0.02", "chain.links=8", "run.links=7", "expect={}")
 
@@ -28,7 +28,7 @@ SETTINGS = ("run.stop=0.02", "chain.links=8", "run.links=7", "expect={}")
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     """A hanging chain of eight links."""
-    path = tmp_path_factory.mktemp("rerun") / "chain.mcap"
+    path = tmp_path_factory.mktemp("replay") / "chain.mcap"
     assert simulate(load("hanging_chain", "flexible", SETTINGS), path)["status"] == "ok"
     return path
 
@@ -45,7 +45,7 @@ def altered(log, path, change):
 def fmu_of(log):
     """Our own build of the chain."""
     with Log(log) as opened:
-        (part,) = assemble(rerun._scene(opened)).parts
+        (part,) = assemble(replay_model._scene(opened)).parts
     return build(part.kind, part.config)
 
 
@@ -67,15 +67,15 @@ def test_an_fmu_that_only_the_log_vouches_for_is_not_run(log, tmp_path):
     strange = altered(log, tmp_path / "strange.mcap", named)
     assert verify(strange).code == WHOLE
     said = "another build of 'TrackFlexible.fmu': name an FMU with --with"
-    with pytest.raises(BadInput, match=said), rerun.opened(strange, "chain", None):
+    with pytest.raises(BadInput, match=said), replay_model.opened(strange, "chain", None):
         pass
-    with rerun.opened(strange, "chain", "rigid") as again:
+    with replay_model.opened(strange, "chain", "rigid") as again:
         assert again.model.fmu.name == "TrackRigid.fmu"
     assert not mark.exists()
 
 
 def test_replay_builds_what_it_steps(log):
-    with rerun.opened(log, "chain", None) as again:
+    with replay_model.opened(log, "chain", None) as again:
         assert again.model.fmu == fmu_of(log)
         verdict = again.verify()
     assert verdict.equal, verdict.sentence
@@ -91,7 +91,7 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
     if other == "fmu":
         given.write_bytes(rigid.read_bytes())
     answer = tmp_path / "answer.mcap"
-    with rerun.opened(log, "chain", str(given)) as again:
+    with replay_model.opened(log, "chain", str(given)) as again:
         assert not again.model.ran
         again.answer(answer)
     assert verify(answer).code == WHOLE
@@ -115,9 +115,9 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
     else:
         with pytest.raises(BadInput, match="does not say of which scene"):
             draw(answer, tmp_path / "answer.png")
-        with pytest.raises(BadInput, match="name its FMU with --with"), rerun.opened(answer, "chain", None):
+        with pytest.raises(BadInput, match="name its FMU with --with"), replay_model.opened(answer, "chain", None):
             pass
-    with rerun.opened(answer, "chain", None if other == "rigid" else str(given)) as again:
+    with replay_model.opened(answer, "chain", None if other == "rigid" else str(given)) as again:
         assert again.model.ran
         verdict = again.verify()
         assert verdict.equal, verdict.sentence
@@ -128,7 +128,7 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
 def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
     copy = tmp_path / "copy.fmu"
     copy.write_bytes(fmu_of(log).read_bytes())
-    with rerun.opened(log, "chain", str(copy)) as again:
+    with replay_model.opened(log, "chain", str(copy)) as again:
         assert again.model.ran
         assert again.verify().equal
         again.answer(tmp_path / "own.mcap")
@@ -142,7 +142,10 @@ def test_a_replay_of_no_step_is_no_success(log, tmp_path):
     content = Content(log)
     content.chunks = []
     empty = content.write(tmp_path / "empty.mcap")
-    with rerun.opened(empty, "chain", None) as again, pytest.raises(replay.Unfit, match="does not hold the steps"):
+    with (
+        replay_model.opened(empty, "chain", None) as again,
+        pytest.raises(replays.Unfit, match="does not hold the steps"),
+    ):
         again.verify()
     content = Content(log)
     topics = {number: topic for number, (topic, _, _) in content.channels.items()}
@@ -154,7 +157,7 @@ def test_a_replay_of_no_step_is_no_success(log, tmp_path):
         ]
     ]
     start = content.write(tmp_path / "start.mcap")
-    with rerun.opened(start, "chain", None) as again:
+    with replay_model.opened(start, "chain", None) as again:
         verdict = again.verify()
         assert (verdict.steps, verdict.difference, verdict.equal) == (0, None, False)
         assert verdict.sentence.startswith("nothing was compared: the log holds 0 steps")
@@ -173,10 +176,10 @@ def test_a_log_that_was_cut_off_is_replayed_as_far_as_all_of_it_goes(log, tmp_pa
     ]
     del content.metadata["closing"]
     ragged = content.write(tmp_path / "ragged.mcap")
-    with rerun.opened(ragged, "chain", None) as again, pytest.raises(replay.Unfit, match="log recover"):
+    with replay_model.opened(ragged, "chain", None) as again, pytest.raises(replays.Unfit, match="log recover"):
         again.verify()
     assert tools.recover(ragged, tmp_path / "saved.mcap").code == tools.RECOVERED
-    with rerun.opened(tmp_path / "saved.mcap", "chain", None) as again:
+    with replay_model.opened(tmp_path / "saved.mcap", "chain", None) as again:
         verdict = again.verify()
     assert (verdict.equal, verdict.steps) == (True, 7), verdict.sentence
 
@@ -203,11 +206,11 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
     assert len(set(files)) == 4
     assert all(file.resolve().parent == (inner / "csv").resolve() for file in files)
     tools.recover(evil, inner / "saved.mcap")
-    with pytest.raises((BadInput, LogUnreadable, replay.Unfit)), rerun.opened(evil, "../../evil", None):
+    with pytest.raises((BadInput, LogUnreadable, replays.Unfit)), replay_model.opened(evil, "../../evil", None):
         pass
     copy = tmp_path / "copy.fmu"
     copy.write_bytes(fmu_of(log).read_bytes())
-    with rerun.opened(evil, "../../evil", str(copy)) as again:  # the user trusts this one
+    with replay_model.opened(evil, "../../evil", str(copy)) as again:  # the user trusts this one
         again.answer(inner / "answer.mcap")
     allowed = {inner / "csv", *files, inner / "saved.mcap", inner / "answer.mcap", copy}
     assert set(tmp_path.rglob("*")) - before <= allowed
@@ -230,8 +233,8 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
 )
 def test_a_scene_or_system_that_cannot_be_is_refused_in_a_sentence(log, tmp_path, change, said):
     forged = altered(log, tmp_path / "forged.mcap", change)
-    refusal = (BadInput, LogUnreadable, replay.Unfit)
-    with pytest.raises(refusal) as caught, rerun.opened(Path(forged), "chain", None):
+    refusal = (BadInput, LogUnreadable, replays.Unfit)
+    with pytest.raises(refusal) as caught, replay_model.opened(Path(forged), "chain", None):
         pass
     assert said.replace("99999", str(10**400)[:5]) in str(caught.value)
     assert len(str(caught.value)) < 400

@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 from fmus.cache import cache_folder, keep, kept, own, reason
 from fmus.monolith.model import content
 from fmus.vehicle import BadInput
-from orchestrator import monolithic
 from orchestrator.cosim.narration import Narration
+from orchestrator.execution import monolithic
 from orchestrator.results.difference import Difference, differences_of_logs
 from orchestrator.scene import assembly
 from orchestrator.scene.scene import Scene, TrackScene

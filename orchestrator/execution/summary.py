@@ -67,8 +67,8 @@ def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
     }
 
 
-def doubt(energy: dict[str, Any] | None) -> str:
-    """A sentence when the ledger says that the run cannot be right, else nothing."""
+def energy_warning(energy: dict[str, Any] | None) -> str:
+    """Energy warning: a sentence when the ledger says that the run cannot be right, else nothing."""
     if energy is None or abs(energy["residual_relative"]) <= OPEN:
         return ""
     return (
