@@ -22,8 +22,7 @@ from vehicle_in_process import InProcess, Overrides
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.execution.simulate import load as components_of
-from orchestrator.execution.simulate import opened, paced
+from orchestrator.execution.simulate import load_components, opened, paced
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import TrackScene, from_table, load, tracked
@@ -228,7 +227,7 @@ def stepped(case: Case, scene: Any) -> dict[str, float]:
                 for part in assembly.parts
             ]
             graph = system(assembly._replace(parts=tuple(parts)))
-            components: Any = components_of(graph, scene.run.stop, stack)
+            components: Any = load_components(graph, scene.run.stop, stack)
         else:
             scene, graph, components = opened(scene, stack, None)
         run = scene.run.model_copy(update={"stop": case.duration})

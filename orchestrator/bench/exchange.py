@@ -13,7 +13,8 @@ from orchestrator.bench.timing import Floats, laps, per_step
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
-from orchestrator.execution.simulate import contents, opened, strides
+from orchestrator.execution.manifest import manifest, strides
+from orchestrator.execution.simulate import opened
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import TrackScene
 
@@ -43,7 +44,7 @@ def _run(scene: TrackScene, path: Path) -> tuple[Floats, Floats, float]:
     with ExitStack() as stack:
         placed, graph, components = opened(scene, stack, None)
         scheme = stack.enter_context(alone(wire(graph, components)))
-        described = contents(placed, graph, components)
+        described = manifest(placed, graph, components)
         recorder = stack.enter_context(Recorder(path, *described, every=strides(placed, components)))
         logging = Logging(recorder, list(components.values()), STATS_EVERY)
         packing = time.process_time() - time.thread_time()

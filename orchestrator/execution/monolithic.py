@@ -19,7 +19,7 @@ from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import Member, System, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
-from orchestrator.execution.simulate import STATS_PERIOD, contents, strides
+from orchestrator.execution.manifest import STATS_PERIOD, manifest, strides
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import TrackScene
@@ -141,7 +141,7 @@ def run(
     parts: Any = whole.parts
     clock = master.Clock(scene.run.step, scene.run.steps)
     step = clock.step / np.ceil(clock.step / monolith.step - 1e-9)
-    topics, attachments, metadata = contents(scene, graph, parts)
+    topics, attachments, metadata = manifest(scene, graph, parts)
     metadata["run"] |= {
         "coupling": "monolithic",
         "integrator": "runge_kutta",

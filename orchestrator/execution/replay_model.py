@@ -15,7 +15,7 @@ from fmus.vehicle import BadInput, shown
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
-from orchestrator.execution.simulate import as_json, describe, description, sha256
+from orchestrator.execution.manifest import as_json, describe, description, sha256
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, placed

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import platform
 import signal
 import threading
 import time
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +21,9 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, n
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.observers import STATS, Logging, ProgressBar
+from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.execution import estimate, summary
+from orchestrator.execution.manifest import STATS_PERIOD, manifest, strides
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.run_data import RunData
@@ -34,9 +31,7 @@ from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
-PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
 QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
-STATS_PERIOD = 0.1  # s of simulated time between records of cost
 
 Logger = Callable[[str, int, str], None]
 
@@ -93,7 +88,7 @@ def _simulate(
             done, reached = k, t
 
         try:
-            with Recorder(path, *contents(scene, graph, components), every=strides(scene, components)) as recorder:
+            with Recorder(path, *manifest(scene, graph, components), every=strides(scene, components)) as recorder:
                 stats_every = max(1, round(STATS_PERIOD / pace.step))
                 observers: list[master.Observer] = [
                     count,
@@ -196,7 +191,7 @@ def opened(scene: Scene, stack: ExitStack, logger: Logger | None) -> tuple[Scene
     if isinstance(scene, TrackScene):
         scene = placed(scene)
         graph = system(assemble(scene))
-        return scene, graph, load(graph, scene.run.stop, stack, logger)
+        return scene, graph, load_components(graph, scene.run.stop, stack, logger)
     from orchestrator.without_fmu.models import (  # the mechanics, only for scenes that need them here
         ModelComponent,
         model_of,
@@ -206,7 +201,7 @@ def opened(scene: Scene, stack: ExitStack, logger: Logger | None) -> tuple[Scene
     return scene, System((Instance(name, None, {}, 0),), ()), {name: ModelComponent(name, model_of(scene))}
 
 
-def load(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
+def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
     """Load and initialise every instance; they live as long as the stack."""
     components = {
         instance.name: stack.enter_context(Component(instance.fmu, instance.name, logger))
@@ -236,92 +231,6 @@ def warm_up(stages: Stages, h: float) -> None:
         component.wall_time = 0.0
 
 
-def contents(
-    scene: Scene, graph: System, components: Mapping[str, Recorded]
-) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
-    """What a log holds before step 0: topics, attachments, metadata."""
-    topics: dict[str, list[tuple[str, str]]] = {}
-    attachments = {
-        "scene.json": as_json(scene.resolved()),
-        "system.json": as_json(describe(graph)),
-    }
-    for name, component in components.items():
-        families = {"in": component.inputs, "out": component.outputs, "links": component.links}
-        for topic, names in families.items():
-            if names or topic == "in":
-                topics[f"/{name}/{topic}"] = [(variable, component.unit(variable)) for variable in names]
-        counters = [(counter, "1") for counter in component.integers]
-        topics[f"/stats/{name}"] = counters + [(figure, "s") for figure in STATS]
-    for instance in graph.instances:
-        if instance.fmu is not None:
-            attachments[f"{instance.name}.modelDescription.xml"] = description(instance.fmu)
-    metadata = {
-        "run": {
-            "scene": scene.name,
-            "title": scene.title,
-            "track": scene.variant or "none",
-            "coupling": str(scene.run.coupling),
-            "step": repr(scene.run.step),
-            "step_control": "fixed" if scene.run.variable is None else str(scene.run.variable),
-            "stop": repr(scene.run.stop),
-        },
-        "versions": {
-            "python": platform.python_version(),
-            **{package: _version(package) for package in PACKAGES},
-        },
-    }
-    return topics, attachments, metadata
-
-
-def describe(graph: System) -> dict[str, Any]:
-    """A system as plain data, with the hash of every FMU."""
-    return {
-        "instances": [
-            {
-                "name": instance.name,
-                **({} if instance.fmu is None else _file(instance.fmu)),
-                "parameters": dict(instance.parameters),
-                "stage": instance.stage,
-            }
-            for instance in graph.instances
-        ],
-        "connections": [connection._asdict() for connection in graph.connections],
-    }
-
-
-def _file(fmu: Path) -> dict[str, str]:
-    name = fmu.name.encode(errors="backslashreplace").decode()  # it may hold bytes that are no text
-    return {"fmu": name, "sha256": sha256(fmu)}
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:  # run from its sources
-        return "not installed"
-
-
-def description(fmu: Path) -> bytes:
-    """The modelDescription.xml of an FMU."""
-    with zipfile.ZipFile(fmu) as archive:
-        return archive.read("modelDescription.xml")
-
-
-def sha256(file: Path) -> str:
-    """Hash of a file's content."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
-    """Every how many steps a topic is recorded."""
-    result = {}
-    for name, component in components.items():
-        result[f"/{name}/out"] = scene.run.outputs
-        if component.links:
-            result[f"/{name}/links"] = scene.run.links
-    return result
-
-
 def cost(component: Recorded) -> dict[str, float | int]:
     """Wall time and counters of a component."""
     component.read_counters()
@@ -338,11 +247,6 @@ def warnings(components: Mapping[str, Recorded]) -> list[dict[str, Any]]:
     """What the components have warned of, the first one first."""
     told = [one for component in components.values() for one in component.warnings]
     return [asdict(one) for one in sorted(told, key=lambda one: one.time)]
-
-
-def as_json(data: Any) -> bytes:
-    """Data as the content of an attachment."""
-    return json.dumps(data, indent=1, sort_keys=True).encode()
 
 
 class _Interrupt:

@@ -49,7 +49,7 @@ class _System(_Table):
 
 
 def system_of(log: Log) -> dict[str, Any]:
-    """Instances and connections of a log, as ``simulate.describe`` wrote them; raises LogUnreadable, NoSuchSignal."""
+    """Instances and connections of a log, as ``execution.manifest`` wrote them; raises LogUnreadable, NoSuchSignal."""
     table = log.table("system.json")
     try:
         _System.model_validate(table)

@@ -13,7 +13,7 @@ from fmus.jit import source_hash
 from orchestrator.cli import main
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.execution.simulate import load as loaded
+from orchestrator.execution.simulate import load_components
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.products import build_to, of_gallery, of_scenes
@@ -95,7 +95,7 @@ def outputs(scene, parts, graph, change=lambda name, parameters: parameters):
     )
     h, rows = 1e-3, []
     with ExitStack() as stack:
-        components = loaded(graph._replace(instances=instances), scene.run.stop, stack)
+        components = load_components(graph._replace(instances=instances), scene.run.stop, stack)
         with TracksFirst(wire(graph, components)) as scheme:
             for k in range(20):
                 scheme.advance(k * h, h)

@@ -126,7 +126,7 @@ def test_sweeps_of_an_iteration_count_once(toy):
     wires = tuple(Connection(a, ("x",), b, ("force",)) for a, b in (("one", "two"), ("two", "one")))
     graph = System(instances, wires)
     with ExitStack() as stack:
-        components = simulate.load(graph, 1.0, stack)
+        components = simulate.load_components(graph, 1.0, stack)
         with Iterative(wire(graph, components), tolerance=1e-9) as scheme:
             for k in range(5):
                 scheme.advance(k * H, H)

@@ -1,0 +1,110 @@
+"""What a log holds before step 0: topics, the scene and the system with the hash of every FMU, metadata."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import zipfile
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from orchestrator.cosim.graph import Recorded, System
+from orchestrator.cosim.observers import STATS
+from orchestrator.scene.scene import Scene
+
+PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
+STATS_PERIOD = 0.1  # s of simulated time between records of cost
+
+
+def manifest(
+    scene: Scene, graph: System, components: Mapping[str, Recorded]
+) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
+    """What a log holds before step 0: topics, attachments, metadata."""
+    topics: dict[str, list[tuple[str, str]]] = {}
+    attachments = {
+        "scene.json": as_json(scene.resolved()),
+        "system.json": as_json(describe(graph)),
+    }
+    for name, component in components.items():
+        families = {"in": component.inputs, "out": component.outputs, "links": component.links}
+        for topic, names in families.items():
+            if names or topic == "in":
+                topics[f"/{name}/{topic}"] = [(variable, component.unit(variable)) for variable in names]
+        counters = [(counter, "1") for counter in component.integers]
+        topics[f"/stats/{name}"] = counters + [(figure, "s") for figure in STATS]
+    for instance in graph.instances:
+        if instance.fmu is not None:
+            attachments[f"{instance.name}.modelDescription.xml"] = description(instance.fmu)
+    metadata = {
+        "run": {
+            "scene": scene.name,
+            "title": scene.title,
+            "track": scene.variant or "none",
+            "coupling": str(scene.run.coupling),
+            "step": repr(scene.run.step),
+            "step_control": "fixed" if scene.run.variable is None else str(scene.run.variable),
+            "stop": repr(scene.run.stop),
+        },
+        "versions": {
+            "python": platform.python_version(),
+            **{package: _version(package) for package in PACKAGES},
+        },
+    }
+    return topics, attachments, metadata
+
+
+def describe(graph: System) -> dict[str, Any]:
+    """A system as plain data, with the hash of every FMU."""
+    return {
+        "instances": [
+            {
+                "name": instance.name,
+                **({} if instance.fmu is None else _file(instance.fmu)),
+                "parameters": dict(instance.parameters),
+                "stage": instance.stage,
+            }
+            for instance in graph.instances
+        ],
+        "connections": [connection._asdict() for connection in graph.connections],
+    }
+
+
+def strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
+    """Every how many steps a topic is recorded."""
+    result = {}
+    for name, component in components.items():
+        result[f"/{name}/out"] = scene.run.outputs
+        if component.links:
+            result[f"/{name}/links"] = scene.run.links
+    return result
+
+
+def description(fmu: Path) -> bytes:
+    """The modelDescription.xml of an FMU."""
+    with zipfile.ZipFile(fmu) as archive:
+        return archive.read("modelDescription.xml")
+
+
+def sha256(file: Path) -> str:
+    """Hash of a file's content."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def as_json(data: Any) -> bytes:
+    """Data as the content of an attachment."""
+    return json.dumps(data, indent=1, sort_keys=True).encode()
+
+
+def _file(fmu: Path) -> dict[str, str]:
+    name = fmu.name.encode(errors="backslashreplace").decode()  # it may hold bytes that are no text
+    return {"fmu": name, "sha256": sha256(fmu)}
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # run from its sources
+        return "not installed"
