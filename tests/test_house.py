@@ -184,9 +184,8 @@ def test_the_checks_see_forbidden_imports():
 
 
 def test_physics_and_libraries_do_not_print():
-    allowed = {ORCHESTRATOR / name for name in ("cli.py", "cli_log.py", "printed.py")}
     for file in [*sources(FMUS), *sources(ORCHESTRATOR)]:
-        if file in allowed:
+        if file.is_relative_to(ORCHESTRATOR / "cli"):
             continue
         calls = [n for n in ast.walk(ast.parse(file.read_text())) if isinstance(n, ast.Call)]
         assert not [c for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"], file

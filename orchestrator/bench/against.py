@@ -29,12 +29,14 @@ COLUMNS = (
     Column("best", "least over least", ".3f"),
 )
 
+COMMAND = ("cli/__init__.py", "cli.py")  # where a checkout has its command line, an older one in a single module
+
 Costs = dict[tuple[str, str], float]
 
 
 def checkout(folder: Path) -> Path:
     """The folder of another checkout that can measure itself; raises BadInput."""
-    if not (folder / "orchestrator" / "cli.py").is_file():
+    if not any((folder / "orchestrator" / name).is_file() for name in COMMAND):
         raise BadInput(f"--against {folder}: there is no checkout of cotrack")
     if not (folder / "orchestrator" / "bench").is_dir():
         raise BadInput(f"--against {folder}: that checkout has no command bench, so it cannot measure itself")

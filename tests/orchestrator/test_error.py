@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
-from orchestrator import printed
-from orchestrator.cli import main
+from orchestrator.cli import main, printed
 from orchestrator.execution import precision
 from orchestrator.execution.estimate import companions, estimate
 from orchestrator.execution.precision import Setting, cheapest, fraction, front

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
+from orchestrator.cli.inventory import lines, pairs
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
-from orchestrator.show import lines, pairs
 from orchestrator.studies import leaving_out
 from orchestrator.studies.leaving_out import MOTION, Row, Side, cases, difference, run
 

@@ -6,11 +6,11 @@ from scipy.spatial.transform import Rotation
 
 from fmus.start import start
 from fmus.vehicle import BadInput
+from orchestrator.cli.inventory import describe
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import Scene, from_table, load, of_one_scene, tracked
 from orchestrator.scene.settings import keys
-from orchestrator.show import describe
 
 BARE = """
 title = "a chain"

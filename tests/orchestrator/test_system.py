@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from fmus.ports import STATE, WRENCH
+from orchestrator.cli.inventory import describe
 from orchestrator.cosim.graph import Connection, Instance, Miswired, System, wire
 from orchestrator.scene.assembly import CHASSIS, DRIVE, TRACK, assemble
 from orchestrator.scene.products import of_gallery, of_scenes
 from orchestrator.scene.scene import load
-from orchestrator.show import describe
 
 
 def parts(name, *settings, track=None):

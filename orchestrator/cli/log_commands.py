@@ -8,16 +8,16 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from orchestrator.printed import plain
+from orchestrator.cli.common import LogPath
+from orchestrator.cli.printed import plain
 
 app = typer.Typer(help="Look into a log.", no_args_is_help=True, rich_markup_mode=None)
-LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
 
 
 @app.command("info")
 def info(log: LogPath) -> None:
     """What a log holds and how its run ended."""
-    from orchestrator import printed
+    from orchestrator.cli import printed
     from orchestrator.log import tools
 
     about = tools.info(log)

@@ -1,0 +1,80 @@
+"""The command ``cotrack``. Results go to stdout, messages and progress to stderr.
+
+Exit status: 0 done and every check made is ok, 1 failed, a check not ok or an energy ledger left open, 2 bad input.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from contextlib import suppress
+from typing import Annotated, Any
+
+import typer
+
+from orchestrator.cli import log_commands
+from orchestrator.cli.common import ended_by, narration, tell
+from orchestrator.cli.result_commands import compare, replay, view
+from orchestrator.cli.run_commands import run, truth
+from orchestrator.cli.scene_commands import build, scenes, show
+from orchestrator.cli.study_commands import bench, study
+
+app = typer.Typer(
+    name="cotrack",
+    help="Tracked vehicles with flexible or rigid link chains as FMI 2.0 co-simulation components.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.add_typer(log_commands.app, name="log")
+for command in (scenes, show, build, run, replay, compare, view, study, truth, bench):
+    app.command()(command)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"cotrack {version('cotrack')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="what is installed")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="show where an error was raised; before the command")] = False,
+) -> None:
+    logging.getLogger("cotrack").setLevel(logging.DEBUG if debug else logging.NOTSET)
+    context.with_resource(narration)
+    narration.begin(str(context.invoked_subcommand))
+
+
+def main() -> None:
+    """Run the command line; an error ends as one sentence, with exit status 2 where the user gave something wrong."""
+    logging.basicConfig(format="cotrack: %(message)s", level=logging.WARNING, stream=sys.stderr)
+    for stream in (sys.stdout, sys.stderr):  # names of files may hold bytes that are no text
+        with suppress(AttributeError):  # closed, or not the system's
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    status: Any = 0
+    try:
+        app()
+    except KeyboardInterrupt:
+        status = tell("interrupted", 1)
+    except SystemExit as ended:
+        status = tell("interrupted", 1) if ended.code == 130 else ended.code  # typer's word for Ctrl-C
+    except Exception as error:
+        status = tell(*ended_by(error))
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            if stream is not None:
+                stream.flush()
+        except OSError as error:
+            status = tell(*ended_by(error)) if stream is sys.stdout else status
+            with suppress(OSError, ValueError):  # what is still to be written must not complain again
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(status)

@@ -1,0 +1,109 @@
+"""What the commands share: their arguments, what they say while they work, how they end."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import sys
+import traceback
+from contextlib import suppress
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+from fmus.vehicle import BadInput
+from orchestrator.cli import printed
+from orchestrator.cosim.narration import Narration
+
+FMI_WARNING = 1
+LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # of a stream that takes no more
+
+
+class TrackModel(StrEnum):
+    """The two track models."""
+
+    flexible = "flexible"
+    rigid = "rigid"
+
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="a name of the gallery or a TOML file")]
+LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
+TrackOption = Annotated[TrackModel | None, typer.Option("--track", help="the track model, instead of the scene's")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="a dotted key of the resolved scene, repeatable"),
+]
+
+
+def narrate(line: str) -> None:
+    """A line of the narration, on stderr."""
+    with suppress(OSError, ValueError):  # nobody listens
+        print(f"... {printed.plain(line)}", file=sys.stderr, flush=True)
+
+
+narration = Narration(narrate)
+
+
+def ended_by(error: Exception) -> tuple[str, int]:
+    """What is said of an error, and the exit status."""
+    if logging.getLogger("cotrack").isEnabledFor(logging.DEBUG):
+        traceback.print_exception(error)
+    if isinstance(error, refusals()):
+        return str(error), 2
+    if isinstance(error, BrokenPipeError):  # who reads has read enough
+        return "", 1
+    if isinstance(error, OSError) and error.filename is None and error.errno in LOST:
+        return f"the output cannot be written: {os.strerror(error.errno).lower()}", 1
+    return f"internal error: {type(error).__name__}: {error}; run 'cotrack --debug ...' to see where", 1
+
+
+def refusals() -> tuple[type[Exception], ...]:
+    """What is raised about input before anything ran."""
+    from fmus.build import BuildFailed
+    from orchestrator.cosim.component import ComponentFailed
+    from orchestrator.cosim.coupling.scheme import CouplingFailed
+    from orchestrator.cosim.graph import Miswired
+    from orchestrator.execution.replays import Unfit
+    from orchestrator.log.reader import LogUnreadable, NoSuchSignal
+    from orchestrator.log.recorder import LogFailed
+    from orchestrator.results.run_data import Missing
+
+    return (
+        BadInput,
+        BuildFailed,
+        ComponentFailed,
+        CouplingFailed,
+        Miswired,
+        LogUnreadable,
+        LogFailed,
+        NoSuchSignal,
+        Unfit,
+        Missing,
+    )
+
+
+def tell(message: str, status: int) -> int:
+    """Say why a command ends, on stderr; the exit status."""
+    if message and sys.stderr is not None:
+        with suppress(OSError):  # nobody can be told
+            print(f"cotrack: {printed.plain(message)}", file=sys.stderr)
+    return status
+
+
+def leave(message: str, status: int) -> NoReturn:
+    """End the command with a message."""
+    sys.exit(tell(message, status))
+
+
+def model(track: TrackModel | None) -> str | None:
+    """The name of a track model, or none."""
+    return track.value if track else None
+
+
+def warn(instance: str, status: int, message: str) -> None:
+    """Warnings of components, each when it first comes; what is worse ends the run and is its message."""
+    if status == FMI_WARNING:
+        logging.getLogger("cotrack").warning("%s: %s", instance, message)

@@ -1,0 +1,86 @@
+"""Commands about recorded runs: replayed, compared, seen from the side."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from orchestrator.cli.common import LogPath, leave, warn
+
+
+def replay(
+    log: LogPath,
+    component: Annotated[str, typer.Option("--component", metavar="NAME", help="the component that is stepped again")],
+    other: Annotated[
+        str | None,
+        typer.Option("--with", metavar="rigid|flexible|FMU", help="another model under the recorded motion"),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model's answer")
+    ] = None,
+) -> None:
+    """Feed a component its recorded inputs: is it equal?
+
+    Bit by bit; or, with another model in its place, how does that one answer.
+    What is stepped is built from the scene in the log, or is the FMU that --with names: no file that the log names.
+    An FMU that is the one that ran, by its hash, is compared bit by bit unless -o asks for its log.
+    """
+    from orchestrator.execution import replay_model
+    from orchestrator.log.tools import file_name
+
+    with replay_model.opened(log, component, other, warn) as again:
+        if other is None or (again.model.ran and output is None):
+            verdict = again.verify()
+            print(verdict.sentence)
+            sys.exit(0 if verdict.equal else 1)
+        path = output or log.with_name(f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap")
+        lines = again.answer(path)
+        if not lines:
+            leave(f"{log} holds no step of '{component}': there is nothing to answer", 1)
+        for line in lines:
+            print(line)
+        print(f"log {path}")
+
+
+def compare(
+    run: Annotated[Path, typer.Argument(metavar="A", help="an MCAP log")],
+    reference: Annotated[Path, typer.Argument(metavar="B", help="the log that A is held against")],
+    different: Annotated[bool, typer.Option("--different", help="even if they are runs of different scenes")] = False,
+) -> None:
+    """How far two runs of a scene are apart, by observable.
+
+    They may differ in the track model, in what its links are, in steps, coupling, duration, checks and records; where
+    anything else of their scenes differs, vehicle included, they are refused (--different compares them all the same).
+    """
+    from orchestrator.log.reader import Log
+    from orchestrator.results.difference import differences
+    from orchestrator.results.run_data import RunData
+    from orchestrator.scene.scene import of_one_scene
+
+    with Log(run) as one, Log(reference) as other:
+        a, b = RunData(one), RunData(other)
+        if not different:
+            of_one_scene((f"{run}", a.scene), (f"{reference}", b.scene))
+        found = differences(a, b)
+    print(f"{'observable':18} {'RMS':>10}       {'relative':>9}")
+    for name, apart in found.items():
+        note = "" if apart.decisive else "  instant by instant: sensitive"
+        print(f"{name:18} {apart.absolute:10.3g} {apart.unit:5} {apart.relative:9.2g}{note}")
+
+
+def view(
+    log: LogPath,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="a picture, .png or .svg")],
+    times: Annotated[list[float] | None, typer.Option("--at", metavar="T", help="an instant, s; repeatable")] = None,
+) -> None:
+    """Side view, links coloured by their tension.
+
+    At three instants or those given.
+    """
+    from orchestrator.results import picture
+
+    picture.draw(log, output, times or None)
+    print(output)

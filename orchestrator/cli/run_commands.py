@@ -1,0 +1,125 @@
+"""Commands that run a scene: coupled, or as its converged monolith."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from orchestrator.cli import printed
+from orchestrator.cli.common import SceneName, Settings, TrackOption, ended_by, leave, model, narration, tell, warn
+
+
+def run(
+    scene: SceneName,
+    track: TrackOption = None,
+    settings: Settings = None,
+    stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
+    step: Annotated[
+        str | None, typer.Option("--step", metavar="H", help="communication step, '1 ms' or a number")
+    ] = None,
+    coupling: Annotated[
+        str | None,
+        typer.Option("--coupling", metavar="NAME", help="the coupling scheme, instead of the scene's"),
+    ] = None,
+    error: Annotated[
+        str | None, typer.Option("--error", metavar="E", help="'1%': the cheapest settings known to keep it")
+    ] = None,
+    estimate: Annotated[
+        bool, typer.Option(help="say how wrong the run is: two coarser runs beside it, about its cost again")
+    ] = True,
+    log: Annotated[Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+) -> None:
+    """Run a scene, log it, check what it expects, say how wrong it is."""
+    narration(f"{scene}: the scene is read")
+    from orchestrator.execution import summary
+    from orchestrator.scene.scene import load
+
+    result, status = summary.empty(scene, model(track)), 2
+    told = (("stop", stop), ("step", step), ("coupling", coupling))
+    changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in told if v is not None)]
+    try:
+        resolved = load(scene, model(track), changes)
+        if error is not None:
+            from orchestrator.execution.precision import cheapest, fraction
+
+            chosen = cheapest(resolved.name, resolved.variant or "none", fraction(error)).settings
+            print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
+            resolved = load(scene, model(track), [*chosen, *changes])
+        from orchestrator.execution.simulate import simulate
+
+        path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
+        result = simulate(resolved, path, warn, narration, estimated=estimate)
+        checked = all(check["ok"] for check in result["checks"].values())
+        status = 0 if result["status"] == "ok" and checked and not summary.energy_warning(result["energy"]) else 1
+    except KeyboardInterrupt:
+        result["message"], status = "interrupted", 1
+    except Exception as failure:
+        result["message"], status = ended_by(failure)
+    tell(result["message"], status)
+    if as_json:
+        print(json.dumps(printed.finite(result)))
+    elif status != 2:
+        printed.summary(result)
+    sys.exit(status)
+
+
+def truth(
+    scene: SceneName,
+    track: TrackOption = None,
+    settings: Settings = None,
+    stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
+    against: Annotated[
+        Path | None, typer.Option("--against", metavar="LOG", help="how far this run of the scene is off")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+) -> None:
+    """The scene without co-simulation, converged.
+
+    With its own error; built once, then found.
+    """
+    from orchestrator.execution import truth as module
+    from orchestrator.log.reader import Log
+    from orchestrator.results.difference import differences_of_logs
+    from orchestrator.results.run_data import RunData
+    from orchestrator.scene.assembly import placed
+    from orchestrator.scene.scene import TrackScene, load, of_one_scene
+
+    changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
+    resolved = load(scene, model(track), changes)
+    if against:
+        with Log(against) as log:
+            own = placed(resolved) if isinstance(resolved, TrackScene) else resolved
+            of_one_scene((f"{against}", RunData(log).scene), (f"the truth of {scene}", own.resolved()))
+    try:
+        found = module.truth(resolved, narration)
+    except module.TruthFailed as failure:
+        leave(str(failure), 1)
+    off = differences_of_logs(against, found.log) if against else {}
+    observables = {
+        name: {"unit": one.unit, "difference": one.absolute, "error": found.error(name)}
+        | ({"off": off[name].absolute, "off_relative": off[name].relative} if name in off else {})
+        for name, one in found.difference.items()
+    }
+    result = {
+        "scene": resolved.name,
+        "track": resolved.variant,
+        "log": str(found.log),
+        "coarse_log": str(found.coarse_log),
+        "built": found.built,
+        "internal_step": found.internal_step,
+        "wall_time": found.wall_time,
+        "observables": observables,
+    }
+    if as_json:
+        print(json.dumps(printed.finite(result)))
+        return
+    print(f"{'built' if found.built else 'found'} {found.log}")
+    print(f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; RMS errors:")
+    for name, each in observables.items():
+        line = f"  {name:18} {each['error']:9.2g} {each['unit']:4}"
+        print(line + (f" {against} is off by {each['off']:.3g}, {each['off_relative']:.2%}" if "off" in each else ""))

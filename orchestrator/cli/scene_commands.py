@@ -1,0 +1,62 @@
+"""Commands about scenes: the gallery, what is in one, its FMUs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fmus.vehicle import BadInput
+from orchestrator.cli.common import SceneName, Settings, TrackOption, model
+
+
+def scenes() -> None:
+    """The gallery, one line each."""
+    from orchestrator.scene import gallery
+
+    for name in gallery.names():
+        print(f"{name:16} {gallery.read(name)[1]['title']}")
+
+
+def show(scene: SceneName, track: TrackOption = None, settings: Settings = None) -> None:
+    """What is in, what is left out, sizes."""
+    from orchestrator.cli.inventory import lines
+    from orchestrator.scene.scene import load
+
+    for line in lines(load(scene, model(track), settings or ())):
+        print(line)
+
+
+def build(
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="the folder of the FMUs")],
+    scene: Annotated[str | None, typer.Argument(metavar="[SCENE]", help="only what this scene needs")] = None,
+    everything: Annotated[bool, typer.Option("--all", help="every distinct FMU of the gallery")] = False,
+    track: TrackOption = None,
+    settings: Settings = None,
+    vehicle: Annotated[
+        str | None, typer.Option("--vehicle", metavar="FILE", help="a vehicle, instead of the scene's")
+    ] = None,
+) -> None:
+    """FMUs to be kept, the scene's parameters their defaults.
+
+    The four standard ones, a scene's, or all.
+    """
+    from orchestrator.scene import products
+    from orchestrator.scene.assembly import TRACKS
+    from orchestrator.scene.scene import load
+
+    if scene is not None and everything:
+        raise BadInput("give a scene or --all, not both")
+    changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
+    models = [track.value] if track else list(TRACKS)
+    if everything:
+        wanted = products.of_gallery(models, changes)
+    elif scene is None:
+        wanted = products.of_scenes([load(products.STANDARD, model, changes) for model in models])
+    else:
+        wanted = products.of_scenes([load(scene, model(track), changes)])
+    if not wanted:
+        raise BadInput(f"scene '{scene}' needs no FMU")
+    for file in products.build_to(output, wanted):
+        print(file)
