@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,18 @@ from fmus.sprocket_drive import dynamics as spin
 
 RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
 JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
+
+
+CHAINS = ("TrackFlexible", "TrackRigid")  # the kinds of parts that are chains
+
+
+class Part(NamedTuple):
+    """A component of a scene, before it starts."""
+
+    name: str
+    kind: str  # of an FMU: TrackFlexible, TrackRigid, Chassis or SprocketDrive
+    config: Mapping[str, Any]  # what the build of the FMU packs beside the model
+    parameters: Mapping[str, float | int | str]  # set before it starts
 
 
 def content() -> str:
@@ -61,16 +73,16 @@ def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float
 class Monolith:
     """Chains, chassis and drives of a scene as x' = f(t, x), integrated by the classical Runge-Kutta method.
 
-    ``parts`` have a name, the kind of an FMU, its config and parameters; ``connections`` a source with its outputs and
-    a target with its inputs, by name. Raises InvalidParameter or StepFailed where a part cannot start.
-    ``models`` by name are what shows the state; ``step`` is the internal step, s: the largest that is stable, over
-    ``refine``. ``halved`` False computes both sides of a vehicle whatever they are.
+    ``connections`` have a source with its outputs and a target with its inputs, by name. Raises InvalidParameter or
+    StepFailed where a part cannot start. ``models`` by name are what shows the state; ``step`` is the internal step, s:
+    the largest that is stable, over ``refine``. ``halved`` False computes both sides of a vehicle whatever they are.
     """
 
     def __init__(
-        self, parts: Sequence[Any], connections: Sequence[Any], refine: float = 1.0, halved: bool = True
+        self, parts: Sequence[Part], connections: Sequence[Any], refine: float = 1.0, halved: bool = True
     ) -> None:
         self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
+        self._kinds = {part.name: part.kind for part in parts}
         self._mirrored = _alike(parts) if halved else {}
         for part in parts:
             if part.kind == "SprocketDrive":  # a jump has no slope to integrate
@@ -79,7 +91,7 @@ class Monolith:
                     ramp_end=max(drive.ramp_end, drive.ramp_start + JUMP), stop_time=max(drive.stop_time, JUMP)
                 )
         own = [part for part in parts if part.name not in self._mirrored]
-        self._chains = [p.name for p in own if p.kind.startswith("Track")]
+        self._chains = [p.name for p in own if p.kind in CHAINS]
         self._drives = [p.name for p in own if p.kind == "SprocketDrive"]
         self._chassis = next((p.name for p in own if p.kind == "Chassis"), None)
         if not self._chains:
@@ -102,7 +114,7 @@ class Monolith:
 
     # ---------------------------------------------------------------- layout
 
-    def _lay_out(self, own: Sequence[Any]) -> None:
+    def _lay_out(self, own: Sequence[Part]) -> None:
         """The state, and who gets what from whom."""
         models, chains, drives = self.models, self._chains, self._drives
         sizes = [self._kind.size(models[name]) for name in chains]
@@ -253,7 +265,7 @@ class Monolith:
         for model in self.models.values():
             model.counters[:2] += (count, len(RK4.b) * count)
         for name, of in self._mirrored.items():
-            if name.endswith("_track"):
+            if self._kinds[name] in CHAINS:
                 self._kind.mirror(self.models[of], self.models[name])
             else:
                 _mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
@@ -306,7 +318,7 @@ def _ramps(drive: spin.Drive) -> list[tuple[float, float]]:
     return [*ramps, (drive.stop_start, drive.stop_start + drive.stop_time)] if drive.stop_start >= 0.0 else ramps
 
 
-def _alike(parts: Sequence[Any]) -> dict[str, str]:
+def _alike(parts: Sequence[Part]) -> dict[str, str]:
     """Right parts that mirror their left ones, by name: all of them, or none where a side differs."""
     named = {part.name: part for part in parts}
     pairs = {name: name.replace("right", "left", 1) for name in named if name.startswith("right")}

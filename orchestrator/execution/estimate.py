@@ -19,6 +19,7 @@ from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.run_data import Missing, RunData
+from orchestrator.scene.assembly import TRACK, assemble
 from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Variable
 
@@ -63,7 +64,7 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
 
 def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> dict[str, Any]:
     """Relative errors of a recorded run as a whole and by observable; without companions, why not."""
-    steps, simulated = _steps(summary), summary["simulated_time"]
+    steps, simulated = _steps(scene, summary), summary["simulated_time"]
     if not isinstance(scene, TrackScene) or not steps or not all(steps) or simulated < 4.0 * scene.run.step:
         return unknown("the run is too short, or nothing in it has an internal step to double")
     count = summary["communication_steps"]
@@ -83,7 +84,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
             if told["status"] != "ok" or energy_warning(told["energy"]):
                 return unknown(f"the run at twice the step cannot be right: {told['message']}")
             if wanted.coupling is None and scene.run.variable is None:
-                coarser = max(_steps(told)) / told["simulated_time"]  # steps a second
+                coarser = max(_steps(companion, told)) / told["simulated_time"]  # steps a second
                 if coarser > 0.75 * max(steps) / simulated:
                     return unknown("there is no coarser run: internal steps are as long as stability allows")
             logs[name] = Path(told["log"])
@@ -117,9 +118,11 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
     }
 
 
-def _steps(summary: dict[str, Any]) -> list[int]:
+def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
     """Internal steps of the tracks."""
-    return [cost["steps"] for name, cost in summary["components"].items() if name.endswith(("track", "chain"))]
+    parts = assemble(scene).parts if isinstance(scene, TrackScene) else ()
+    tracks = {part.name for part in parts if part.stage == TRACK}
+    return [cost["steps"] for name, cost in summary["components"].items() if name in tracks]
 
 
 def unknown(reason: str) -> dict[str, Any]:

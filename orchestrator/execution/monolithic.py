@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.monolith.model import Monolith
+from fmus.monolith.model import Monolith, Part
 from fmus.ports import Port
 from orchestrator.cosim import master
 from orchestrator.cosim.component import LINK_FAMILIES, ComponentFailed
@@ -21,7 +21,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.execution.manifest import STATS_PERIOD, manifest, strides
 from orchestrator.log.recorder import Recorder
-from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.assembly import Assembly, assemble, placed, system
 from orchestrator.scene.scene import TrackScene
 
 Floats = NDArray[np.float64]
@@ -118,6 +118,11 @@ class Whole:
             done |= {member.component.name for member in stage}
 
 
+def parts_of(assembly: Assembly) -> list[Part]:
+    """The parts of an assembly as the monolith takes them."""
+    return [Part(part.name, part.kind, part.config, part.parameters) for part in assembly.parts]
+
+
 def run(
     scene: TrackScene,
     path: Path,
@@ -134,7 +139,7 @@ def run(
     assembly = assemble(scene)
     graph = system(assembly)
     try:
-        monolith = Monolith(assembly.parts, assembly.connections, refine)
+        monolith = Monolith(parts_of(assembly), assembly.connections, refine)
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None
     whole = Whole(monolith, graph)

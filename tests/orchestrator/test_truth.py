@@ -34,7 +34,7 @@ def test_monolith_is_of_order_four():
     assembly = assemble(load("hanging_chain", "flexible", SOFT))
     ends = []
     for refine in (6.4, 12.8, 25.6):  # 8, 16, 32 steps in a millisecond
-        whole = Monolith(assembly.parts, assembly.connections, refine)
+        whole = Monolith(monolithic.parts_of(assembly), assembly.connections, refine)
         for k in range(20):
             whole.advance(k * 1e-3, 1e-3)
         ends.append(whole.x.copy())
@@ -220,7 +220,7 @@ def test_both_sides_are_what_one_side_says(model):
     assembly = assemble(placed(load("straight", model, DRIVEN)))
     ends = []
     for halved in (True, False):
-        whole = Monolith(assembly.parts, assembly.connections, halved=halved)
+        whole = Monolith(monolithic.parts_of(assembly), assembly.connections, halved=halved)
         for k in range(10):
             whole.advance(k * 1e-3, 1e-3)
         ends.append(whole.models)
@@ -240,4 +240,4 @@ def test_beams_have_no_truth():
         module.truth(beam)
     assembly = assemble(beam)
     with pytest.raises(InvalidParameter, match=r"element = 'beam': the monolith knows chains of cables only$"):
-        Monolith(assembly.parts, assembly.connections)
+        Monolith(monolithic.parts_of(assembly), assembly.connections)
