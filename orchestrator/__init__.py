@@ -1,1 +1,26 @@
-"""Scenes, systems of FMUs, their run, their logs."""
+"""Scenes, systems of FMUs, their run, their logs: ``import orchestrator as cotrack`` offers the names of ``OFFERED``.
+
+A name is imported when it is asked for, so that this package costs nothing and its generic modules need nothing else.
+"""
+
+from importlib import import_module
+from typing import Any
+
+OFFERED = {  # name: module and what it is called there
+    "run": ("execution.simulate", "simulate"),
+    "scenes": ("scene.gallery", "names"),
+    "load": ("scene.scene", "load"),
+    "Log": ("log.reader", "Log"),
+    "compare": ("results.difference", "differences_of_logs"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in OFFERED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, thing = OFFERED[name]
+    return getattr(import_module(f"{__name__}.{module}"), thing)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *OFFERED})

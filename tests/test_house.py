@@ -12,6 +12,17 @@ FMUS = ROOT / "fmus"
 ORCHESTRATOR = ROOT / "orchestrator"
 COMPONENTS = ("track_flexible", "track_rigid", "chassis", "sprocket_drive")
 
+# The rooms of the orchestrator, storey by storey: each imports only from storeys below its own, wherever it does so.
+STOREYS = (
+    ("log",),
+    ("cosim", "results"),
+    ("scene",),
+    ("without_fmu",),
+    ("execution",),
+    ("studies",),
+    ("bench",),
+    ("cli",),
+)
 # Modules that run any FMI 2.0 co-simulation FMU: nothing of ours is behind them.
 GENERIC = (
     "cosim/cache.py",
@@ -134,6 +145,28 @@ def test_generic_modules_import_nothing_of_fmus(name):
     inner = {module.removeprefix("orchestrator.").replace(".", "/") for module in ours(found, "orchestrator")}
     files = {f"{module}.py" for module in inner if (ORCHESTRATOR / f"{module}.py").is_file()}  # others are folders
     assert files <= {*GENERIC, "log/schema.py"}, "a generic module leans on one that is not"
+
+
+def rooms(modules: set[str]) -> set[str]:
+    """The rooms of the orchestrator that these modules are in."""
+    return {name.split(".")[1] for name in modules if name.startswith("orchestrator.")} & {
+        r for s in STOREYS for r in s
+    }
+
+
+def test_rooms_import_from_storeys_below_alone():
+    for storey, names in enumerate(STOREYS):
+        below = {room for lower in STOREYS[:storey] for room in lower}
+        for room in names:
+            for file in sources(ORCHESTRATOR / room):
+                assert rooms(imports(file.read_text(encoding="utf-8"))) <= {room, *below}, file
+    assert not rooms(imports((ORCHESTRATOR / "__init__.py").read_text())), "the package itself imports when it is asked"
+    assert rooms(imports("from orchestrator import cli\nimport orchestrator.log.reader")) == {"cli", "log"}
+
+
+def test_every_module_of_the_orchestrator_is_in_a_room():
+    known = {room for storey in STOREYS for room in storey} | {"__init__.py", "__main__.py"}
+    assert {file.relative_to(ORCHESTRATOR).parts[0] for file in sources(ORCHESTRATOR)} == known
 
 
 def test_orchestrator_reaches_into_fmus_through_few_doors():

@@ -1,0 +1,56 @@
+"""What ``import orchestrator as cotrack`` offers, whatever else of the package has been imported."""
+
+import pkgutil
+import subprocess
+import sys
+from importlib import import_module
+from importlib.util import find_spec
+from inspect import signature
+
+import pytest
+
+import orchestrator as cotrack
+
+RESERVED = {*cotrack.OFFERED, "plot", "report"}  # the last two are to come
+PEERS = {"orchestrator.bench.peers.exudyn_loops": "exudyn", "orchestrator.bench.peers.mujoco_loops": "mujoco"}
+
+
+@pytest.fixture(scope="module")
+def submodules():
+    """Names of all modules of the package, each imported."""
+    found = [module.name for module in pkgutil.walk_packages(cotrack.__path__, "orchestrator.")]
+    found = [name for name in found if not name.endswith("__main__")]  # these are commands
+    found = [name for name in found if name not in PEERS or find_spec(PEERS[name])]
+    for name in found:
+        import_module(name)
+    return found
+
+
+def test_no_module_takes_a_name_that_is_offered(submodules):
+    assert {"orchestrator.scene.scene", "orchestrator.cli.run_commands", "orchestrator.studies.pool"} <= set(submodules)
+    assert not RESERVED & vars(cotrack).keys(), "an import has made a module of it"
+    rooms = {name.split(".")[1] for name in submodules}
+    assert not RESERVED & rooms
+    assert rooms < vars(cotrack).keys(), "the check sees what an import leaves behind"
+    assert dir(cotrack) == sorted({*vars(cotrack), *cotrack.OFFERED})
+
+
+def test_what_is_offered_can_be_called(submodules, tmp_path):
+    assert {"straight", "hanging_chain"} <= set(cotrack.scenes())
+    for name in cotrack.OFFERED:
+        assert signature(getattr(cotrack, name)).parameters or name == "scenes"
+    one, two = tmp_path / "one.mcap", tmp_path / "two.mcap"
+    for path, start in ((one, "rest"), (two, "displaced")):
+        result = cotrack.run(cotrack.load("hanging_chain", "rigid", ["run.stop=0.02", f"track.start={start}"]), path)
+        assert result["status"] == "ok"
+    with cotrack.Log(one) as log:
+        assert len(log.signal("chain.tension.max")[0]) == 21
+    assert cotrack.compare(one, one)["pins"].absolute == 0.0 < cotrack.compare(one, two)["pins"].absolute
+    with pytest.raises(AttributeError, match="has no attribute 'anything'"):
+        _ = cotrack.anything
+
+
+def test_the_package_alone_imports_nothing_else(environment):
+    code = "import sys, orchestrator; print({name.split('.')[0] for name in sys.modules} & {'fmus', 'numpy', 'fmpy'})"
+    told = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert told.stdout == "set()\n"
