@@ -9,9 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.physics.arrays import Floats
 from fmus.ports import Port
-
-Floats = NDArray[np.float64]
 
 
 class InvalidParameter(ValueError):

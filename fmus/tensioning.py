@@ -12,7 +12,7 @@ from typing import Any
 from scipy.optimize import brentq
 
 from fmus.model import InvalidParameter, StepFailed
-from fmus.track import T_MEAN
+from fmus.physics.chain.report import T_MEAN
 from fmus.track_flexible.model import Model
 from fmus.vehicle import BadInput
 
@@ -60,6 +60,6 @@ def tension_wheel(
         )
     x = round(float(brentq(excess, low, high, xtol=1e-8)), 8)
     try:
-        return x, round(float(settled(x).wrench[2 * at, 0]), 3)
+        return x, round(float(settled(x).s.mean[at, 0]), 3)
     except StepFailed as error:
         raise BadInput(f"vehicle.track.tension = {tension:.6g} N: {error}") from None

@@ -7,13 +7,18 @@ y = 0: whatever the heading, the joint axis is y and the numbers are small.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from fmus.defaults import configured
+from fmus.jit import entry
 from fmus.model import Floats, InvalidParameter, StepFailed, check_orientation, check_steps
-from fmus.physics.chain_layout import (
+from fmus.physics.chain import state
+from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
+from fmus.physics.chain.explicit import march, slopes
+from fmus.physics.chain.implicit import Method, advance
+from fmus.physics.chain.layout import (
     catenary,
     chain_of_angles,
     closed_polygon,
@@ -24,12 +29,14 @@ from fmus.physics.chain_layout import (
     regular_polygon,
     rescaled,
 )
+from fmus.physics.chain.outcome import APART, SINGULAR, STALLED, UNSTABLE
+from fmus.physics.chain.report import COUNTERS, GROUND, REJECTED, REPORT, STEPS
 from fmus.physics.wheels import WIDTH, read_states, to_world
-from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
+from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
 from fmus.start import start
 
-# Outputs of a chain after the wrenches, in the order of its report: name, unit, text.
-REPORT = (
+# Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
+OUTPUTS = (
     ("travel", "m", "length of chain that has passed a point of the vehicle, along its own index"),
     ("speed", "m/s", "speed of the chain along itself, seen from the vehicle, mean of its straight runs"),
     ("tension.min", "N", "smallest link tension"),
@@ -53,29 +60,16 @@ REPORT = (
     ),
     ("energy.covered", "J", "energy lost so far as spread contacts come to cover other parts of a link"),
 )
-(
-    TRAVEL,
-    SPEED,
-    T_MIN,
-    T_MEAN,
-    T_MAX,
-    STRESS,
-    KINETIC,
-    STRAIN,
-    GRAVITY,
-    CONTACT,
-    DISSIPATED,
-    WORK,
-    DEPTH,
-    GROUND,
-) = range(14)
-SLIP, COVERED = 16, 17
-STEPS, REJECTED = 0, 3  # of the counters
+INTEGRATORS = IMPLICIT, EXPLICIT = "generalized_alpha", "runge_kutta"
+FAILED = {
+    STALLED: "Newton's iteration of the chain did not converge",
+    SINGULAR: "the chain's matrix is singular",
+    UNSTABLE: "blew up",
+    APART: "opened its pins",
+}
 MANY = 5  # halvings in one communication step that are worth a word
 HALVED, TILTED = TOLD = range(2)  # what is warned of, once: flags at the end of the state
 
-# How the ends of a chain are held: LOOP has none, HELD lets the last pin go.
-LOOP, PINNED, PULLED, HELD = range(4)
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
 STARTS = {
     "rest": "static equilibrium, of a loop that spins relative to its turning",
@@ -86,23 +80,18 @@ STARTS = {
 }
 
 
-class Environment(NamedTuple):
-    """What acts on a chain besides what it touches."""
-
-    gravity: float  # m/s2
-    ends: int  # LOOP, PINNED, PULLED or HELD
-    pull: np.ndarray  # (2, 3) force on the first and on the last pin, N; (2, 2) of x and z of a planar chain
-    transverse: float  # damping of each pin across the chain, N s/m
-    mount: int  # the wheel that shows the carrier (``physics.carrier``), below 0 without wheels
-
-
 class TrackModel:
     """A chain of links behind the ports of a track; a subclass brings the mechanics of its links.
 
-    The subclass gives ``chain_size``, ``settle``, ``advance`` and ``links``.
+    The subclass gives ``shapes``, ``prepare``, ``settle``, ``move`` and ``links``; what it prepares is ``link``,
+    ``method``, ``work`` and ``stable``.
     """
 
-    integrators: tuple[str, ...] = ("generalized_alpha",)
+    State: Any  # of its links
+    link: Any
+    method: Method
+    work: Any
+    stable: float  # the longest step of the explicit integrator, s
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         """Take the resolved config (keys vehicle, track, link_outputs); allocates everything."""
@@ -120,18 +109,17 @@ class TrackModel:
         self.frame = np.zeros(5)
         self.ports = self._ports(config)
         self.link_ports = (2 * self.links_count + 6 * self.nodes) if config.get("link_outputs", True) else 0
-        self.counters = np.zeros(4, dtype=np.int64)
+        self.counters = np.zeros(COUNTERS, dtype=np.int64)
         self.allocate()
         self._warnings: list[str] = []
 
     def allocate(self) -> None:
         """The state, zeroed, and the views into it; again where a parameter decides on the size of a chain."""
-        wheels, size = len(self.wheel_list), self.chain_size()
-        self.state = np.zeros(size + WRENCH * wheels + len(REPORT) + len(TOLD))
-        self.chain = self.state[:size]
-        self.wrench = self.state[size : size + WRENCH * wheels].reshape(2 * wheels, 3)  # force, torque by turns
-        self.report = self.state[size + WRENCH * wheels : -len(TOLD)]
-        self.told = self.state[-len(TOLD) :]
+        shapes = self.shapes()
+        size = state.size(shapes)
+        self.state = np.zeros(size + REPORT + len(TOLD))
+        self.s = state.views(self.State, shapes, self.state[:size])
+        self.report, self.told = self.state[size : size + REPORT], self.state[size + REPORT :]
 
     def _ports(self, config: Mapping[str, Any]) -> tuple[Port, ...]:
         vehicle, ports = self.vehicle, []
@@ -144,7 +132,7 @@ class TrackModel:
             ports += wheel_state(wheel["name"], "input", pose.standing(x, lateral, z))
         for wheel in self.wheel_list:
             ports += wrench(wheel["name"], "output")
-        ports += [Port(name, "output", unit, text) for name, unit, text in REPORT]
+        ports += [Port(name, "output", unit, text) for name, unit, text in OUTPUTS]
         if config.get("link_outputs", True):
             for i in range(1, self.links_count + 1):
                 ports.append(Port(f"link[{i}].tension", "output", "N", f"tension of link {i}"))
@@ -180,8 +168,8 @@ class TrackModel:
                 "parameter",
                 "1",
                 "time integration of the chain",
-                self.integrators[0],
-                self.integrators,
+                INTEGRATORS[0],
+                INTEGRATORS,
             )
         )
         ports.append(Port("step", "parameter", "s", "largest internal step", 1e-3))
@@ -226,7 +214,9 @@ class TrackModel:
             row[12], row[14] = self.pose.pitched(1.0, 0.0)
         self.counters[:] = 0
         self.state[:] = 0.0
+        self._kernels: dict[str, Any] = {}
         self.prepare(p)
+        self.slopes = slopes(self.s)
         self._start(str(p["start"]), float(p.get("start.spin", 0.0)))
         oval = float(p.get("start.ovalling", 0.0))
         if oval:
@@ -345,8 +335,9 @@ class TrackModel:
 
     def outputs(self, y: Floats) -> None:
         """Wrenches on the wheels and the report, world axes."""
-        n = 3 * len(self.wrench)
-        to_world(self.wrench, self.frame, y[:n])
+        wrenches = self.s.mean[:-1].reshape(-1, 3)  # force, torque by turns
+        n = wrenches.size
+        to_world(wrenches, self.frame, y[:n])
         y[n:] = self.report
         to_world(self.report[GROUND : GROUND + 3].reshape(1, 3), self.frame, y[n + GROUND : n + GROUND + 3])
 
@@ -364,14 +355,42 @@ class TrackModel:
         said, self._warnings = self._warnings, []
         return said
 
-    def failed(self, t: float, what: str, link: int, residual: float) -> StepFailed:
-        """The sentence of a step that could not be done."""
-        return StepFailed(f"{what} at t = {t:.6g} s, link {link + 1}: residual {residual:.3g} N")
+    def system(self) -> tuple[Any, Any, Environment]:
+        """What the kernels of a chain take first: the links, what they touch, what acts on them besides."""
+        return self.link, self.contacts, self.environment
+
+    def advance(self, t: float, h: float) -> None:
+        """Integrate over the communication step with the wheels ``rows``; raises StepFailed."""
+        explicit = self.integrator == EXPLICIT
+        if explicit:
+            self.factor_mass(t)
+        longest = min(self.max_step, self.stable) if explicit else self.max_step
+        scheme = (self.slopes,) if explicit else (self.method,)
+        args = (*self.system(), *scheme, self.rows, h, longest, self.s, self.work, self.report, self.counters)
+        if self.integrator not in self._kernels:
+            self._kernels[self.integrator] = entry(march if explicit else advance, *args)
+        failure, done, link, residual = self._kernels[self.integrator](*args)
+        if failure:
+            where = f"at t = {t + done:.6g} s, link {link + 1}"
+            if explicit:
+                raise StepFailed(
+                    f"the explicit integration of the chain {FAILED[failure]} {where}: take a smaller step than"
+                    f" {longest:.3g} s"
+                )
+            raise StepFailed(f"{FAILED[failure]} {where}: residual {residual:.3g} N")
+        if explicit:
+            self.settle_forces()
+
+    def factor_mass(self, t: float) -> None:
+        """What explicit integration needs at ``t``; rigid links nothing."""
+
+    def settle_forces(self) -> None:
+        """Forces in the links after an explicit step; rigid links have them."""
 
     # What a subclass brings ------------------------------------------------------------------------------------
 
-    def chain_size(self) -> int:
-        """Length of the chain's part of the state."""
+    def shapes(self) -> state.Shapes:
+        """Of the views into the chain's state."""
         raise NotImplementedError
 
     def prepare(self, p: Mapping[str, Any]) -> None:
@@ -394,10 +413,6 @@ class TrackModel:
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3) in the track's frame."""
-        raise NotImplementedError
-
-    def advance(self, t: float, h: float) -> None:
-        """Integrate over the communication step with the wheels ``rows``; fill ``wrench``, ``report``, ``counters``."""
         raise NotImplementedError
 
     def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:

@@ -154,7 +154,7 @@ def spun(kind, **changes):
     chord = np.roll(places, -1, axis=0) - places
     length = np.linalg.norm(chord, axis=1)
     along = (chord / length[:, None])[:, [0, 2]]
-    slope = model.q[:, model.kit.PLANE[1 if kind == "beam" else 2]] if kind != "beam" else model.q[:, [12, 14]]
+    slope = model.s.q[:, model.kit.PLANE[1 if kind == "beam" else 2]] if kind != "beam" else model.s.q[:, [12, 14]]
     turned = (along[:, 0] * slope[:, 1] - along[:, 1] * slope[:, 0]) / np.linalg.norm(slope, axis=1)
     return float(length.mean() / 0.1524 - 1.0), float(abs(turned).mean())
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.chassis.dynamics import (
     BOOKS,
@@ -22,11 +21,10 @@ from fmus.chassis.dynamics import (
 from fmus.chassis.observe import observe
 from fmus.chassis.tree import tree
 from fmus.model import InvalidParameter, StepFailed, check_steps
+from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import Port, start_pose, wheel_state, wrench
 from fmus.start import start
-
-Floats = NDArray[np.float64]
 
 
 def stations(wheels: int) -> list[str]:

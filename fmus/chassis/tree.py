@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from fmus.physics.arrays import Floats
+
 Integers = NDArray[np.int64]
 
 

@@ -1,17 +1,27 @@
-"""The door from the monolith to its chains: the class of a chain says which model of links it has.
-
-Kernels call kernels by import; these stand-ins choose theirs when they are compiled, by type, so that a scene of rigid
-links loads no elements. The siblings behind the door are ``flexible`` and ``rigid``.
-"""
+"""A track's model as a part of the whole: what its equations are asked for, its state in and out, its mirror image."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-Floats = np.ndarray
+from fmus.model import Floats, InvalidParameter
+from fmus.physics.chain.flexible.state import State as Flexible
+from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.report import GROUND, SUMMED
+from fmus.physics.chain.rigid.state import State as Rigid
+from fmus.physics.chain.state import take as take_evaluated
+from fmus.track import TrackModel
+
+FORCE = np.array([1.0, -1, 1])  # what a mirror in the plane of the track makes of a force, ...
+WRENCH = np.array([1.0, -1, 1, -1, 1, -1])  # ... of a wrench or a velocity with the angular one, ...
+POSE = np.array([1.0, -1, 1, 1, -1, 1, -1])  # ... of a pose, ...
+PIN = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # ... and of the coordinates of a pin of cables
+MIRRORS = {
+    Flexible: {"q": PIN, "v": PIN, "residual": FORCE},
+    Rigid: {"q": POSE, "v": WRENCH, "lam": FORCE, "load": FORCE},
+}
 
 
 class Place(NamedTuple):
@@ -22,96 +32,58 @@ class Place(NamedTuple):
     seen: np.ndarray  # (m) which motion each wheel has
     wrench: int  # the first of its m + 1 wrenches, the last one being the ground's
     frame: np.ndarray  # (5) of the track, see fmus.physics.wheels
-    rows: np.ndarray  # (m, 15) its wheels now
     impulse: np.ndarray  # (m + 1, 6) of its wrenches over the step
-    books: np.ndarray  # (4) dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
+    books: np.ndarray  # dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
 
 
-class Flexible(NamedTuple):
-    """A chain of cable elements."""
+class Chain(NamedTuple):
+    """A chain of any kind of link: what ``physics.chain.kinds`` asks for."""
 
     place: Place
     links: Any
     contacts: Any  # None where there are none
     env: Any
-    q: Floats  # (nodes, 8) views of the stage's argument
-    v: Floats
-    still: Floats  # (nodes, 8) zeros
-    scratch: Floats  # (2, nodes, 8)
-    w: Any  # holds the factored mass
-
-
-class Rigid(NamedTuple):
-    """A chain of rigid links."""
-
-    place: Place
-    link: Any
-    ends: Any
-    contacts: Any  # None where there are none
-    env: Any
-    s: Any  # the state, q and v views of the stage's argument
+    s: Any  # q and v are views of the stage's argument
     w: Any
 
 
-def slopes(c, k) -> int:
-    """Derivatives of the chain's part of the state into ``k``; -1, or the link where that failed."""
-    return int(_kernels(type(c)).slopes(c, k))
+def size(model: TrackModel) -> int:
+    """Coordinates and rates; raises InvalidParameter for links that the monolith does not know."""
+    element = getattr(model, "element", "cable")
+    if element != "cable":
+        raise InvalidParameter(f"element = '{element}': the monolith knows chains of cables only")
+    return int(model.s.q.size + model.s.v.size)
 
 
-def wrenches(c) -> Floats:
-    """Wrenches (m + 1, 6) of the last evaluation, in the track's frame."""
-    return _kernels(type(c)).wrenches(c)
+def chain(model: TrackModel, place: Place, y: Floats) -> Chain:
+    """The chain of an initialised model, its state being the part ``y`` of the stage's argument."""
+    q, v = np.split(y, [model.s.q.size])
+    return Chain(
+        place, *model.system(), model.s._replace(q=q.reshape(model.s.q.shape), v=v.reshape(model.s.v.shape)), model.work
+    )
 
 
-def powers(c) -> tuple[float, float, float]:
-    """Dissipated power, power of the loads on the ends, power that covered parts lose, of the last evaluation, W."""
-    return _kernels(type(c)).powers(c)
+def give(model: TrackModel, x: Floats) -> None:
+    """The model's state into ``x``."""
+    x[:] = model.s.flat[: x.size]
 
 
-def speed(c) -> float:
-    """Speed of the chain along itself, m/s."""
-    return float(_kernels(type(c)).speed(c))
+def take(model: TrackModel, place: Place, x: Floats, h: float) -> None:
+    """The state after a step of ``h``, evaluated, into the model and its report."""
+    model.s.flat[: x.size] = x
+    model.s.mean[:] = place.impulse / h
+    take_evaluated(model.s, model.work)
+    model.settle_forces()
+    observe(model.link, model.environment, model.s, model.work, model.report)
+    model.report[[*SUMMED]] += place.books
 
 
-def close(c) -> bool:
-    """Take back what the equations of the pins drifted in a step. False: not possible."""
-    return bool(_kernels(type(c)).close(c))
-
-
-def _kernels(chain: type) -> Any:
-    """The module of a kind of chain."""
-    if chain is Rigid:
-        from fmus.monolith import rigid
-
-        return rigid
-    from fmus.monolith import flexible
-
-    return flexible
-
-
-OPTIONS = {"error_model": "numpy", "nogil": True, "_nrt": True}  # as ``fmus.jit.allocating``
-
-
-@overload(slopes, jit_options=OPTIONS)
-def _slopes(c, k) -> Any:
-    return _kernels(c.instance_class).slopes.py_func
-
-
-@overload(wrenches, jit_options=OPTIONS)
-def _wrenches(c) -> Any:
-    return _kernels(c.instance_class).wrenches.py_func
-
-
-@overload(powers, jit_options=OPTIONS)
-def _powers(c) -> Any:
-    return _kernels(c.instance_class).powers.py_func
-
-
-@overload(speed, jit_options=OPTIONS)
-def _speed(c) -> Any:
-    return _kernels(c.instance_class).speed.py_func
-
-
-@overload(close, jit_options=OPTIONS)
-def _close(c) -> Any:
-    return _kernels(c.instance_class).close.py_func
+def mirror(of: TrackModel, model: TrackModel) -> None:
+    """Make ``model`` the mirror image of ``of`` on the other side of the vehicle."""
+    s, theirs = model.s, of.s
+    for name, signs in MIRRORS[type(s)].items():
+        getattr(s, name)[..., : signs.size] = getattr(theirs, name)[..., : signs.size] * signs
+    s.wrench[:], s.mean[:], s.sums[:] = theirs.wrench * WRENCH, theirs.mean * WRENCH, theirs.sums
+    model.report[:] = of.report
+    model.report[GROUND + 1] *= -1.0
+    model.counters[:] = of.counters

@@ -14,7 +14,8 @@ from fmus.chassis.dynamics import FINE, fault
 from fmus.chassis.dynamics import rates as chassis_rates
 from fmus.chassis.observe import put_sides
 from fmus.jit import allocating
-from fmus.monolith.chains import close, powers, slopes, speed, wrenches
+from fmus.physics.chain.kinds import close, derivative, speed
+from fmus.physics.chain.sums import COVERING, END_POWER, POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise, quat_rotate
 from fmus.physics.vector import add, cross, dot, put, scale, vector
@@ -83,10 +84,10 @@ def rates(chains, drives, tree, plan, t, x, k):
         m = p.seen.size
         for j in range(m):
             u[13 * j : 13 * j + 13] = motion[13 * p.seen[j] : 13 * p.seen[j] + 13]
-        read_states(u, p.frame, p.rows)
-        where = slopes(c, k[p.start : p.end])
+        read_states(u, p.frame, c.w.moved)
+        where = derivative(c.links, c.contacts, c.env, c.s, c.w, k[p.start : p.end])
         failed = max(failed, where)
-        to_world(wrenches(c).reshape(2 * m + 2, 3), p.frame, wrench[6 * p.wrench :])
+        to_world(c.w.wrench.reshape(2 * m + 2, 3), p.frame, wrench[6 * p.wrench :])
     if drives is not None:
         for d in range(len(drives)):
             p, at, m, i = drives[d], plan.spin + SPIN * d, 13 * plan.mount[d], 6 * plan.chain[d]
@@ -130,11 +131,10 @@ def rates(chains, drives, tree, plan, t, x, k):
 def gather(chains, drives, plan, share):
     """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
     for c in chains:
-        dissipated, load, covering = powers(c)
-        c.place.impulse[:] += share * wrenches(c)
-        c.place.books[0] += share * dissipated
-        c.place.books[1] += share * load
-        c.place.books[2] += share * covering
+        c.place.impulse[:] += share * c.w.wrench
+        c.place.books[0] += share * c.w.sums[POWER]
+        c.place.books[1] += share * c.w.sums[END_POWER]
+        c.place.books[2] += share * c.w.sums[COVERING]
     if drives is not None:
         for d in range(len(drives)):
             i = 6 * plan.chain[d]
@@ -154,7 +154,7 @@ def march(chains, drives, tree, plan, t, h, steps, x, y, k):
     before = np.empty(len(chains))
     y[:] = x
     for n, c in enumerate(chains):
-        before[n] = speed(c)
+        before[n] = speed(c.links, c.env, c.s, c.w)
     for step in range(steps):
         for i in range(RK4.b.size):
             stage(RK4, i, dt, x, k, y)
@@ -165,9 +165,10 @@ def march(chains, drives, tree, plan, t, h, steps, x, y, k):
         finish(RK4, dt, x, k)
         y[:] = x
         for n, c in enumerate(chains):
-            if not close(c):
-                return CHAIN_FAILED, step, 0
-            now = speed(c)
+            failed = close(c.links, c.s, c.w)
+            if failed >= 0:
+                return CHAIN_FAILED, step, failed
+            now = speed(c.links, c.env, c.s, c.w)
             c.place.books[3] += 0.5 * dt * (before[n] + now)
             before[n] = now
         if tree is not None:

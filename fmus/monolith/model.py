@@ -16,6 +16,7 @@ import numpy as np
 from fmus.chassis.observe import put_sides
 from fmus.jit import reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.monolith import chains as chain_parts
 from fmus.monolith.chains import Place
 from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, SPIN, Plan, march
 from fmus.physics.integrate.runge_kutta import RK4
@@ -98,17 +99,11 @@ class Monolith:
             raise InvalidParameter("a monolith needs a chain")
         if any("ground" in part.config["chassis"] for part in own if part.kind == "Chassis"):
             raise InvalidParameter("a monolith has no contact of hull and bare wheels with the ground")
-        flexible = any(p.kind == "TrackFlexible" for p in own)
-        if flexible:
-            from fmus.monolith import flexible as kind
-        else:
-            from fmus.monolith import rigid as kind  # type: ignore[no-redef]
-        self._kind: Any = kind
         self._sources = {
             (c.target, i): (c.source, o) for c in connections for i, o in zip(c.inputs, c.outputs, strict=True)
         }
         self._lay_out(own)
-        limits = [self._kind.longest(self.models[name]) for name in self._chains]
+        limits = [self.models[name].stable for name in self._chains]
         limits += [1.0 / spin.substeps(self.models[name].drive, 1.0) for name in self._drives]
         self.step = min([*limits, 1e-3]) / refine
 
@@ -117,7 +112,7 @@ class Monolith:
     def _lay_out(self, own: Sequence[Part]) -> None:
         """The state, and who gets what from whom."""
         models, chains, drives = self.models, self._chains, self._drives
-        sizes = [self._kind.size(models[name]) for name in chains]
+        sizes = [chain_parts.size(models[name]) for name in chains]
         body, tree, sides = sum(sizes), None, 0
         stations: list[str] = []
         if self._chassis is not None:
@@ -161,7 +156,6 @@ class Monolith:
                     np.array(seen, dtype=np.int64),
                     block,
                     model.frame,
-                    self._kind.rows(model),
                     np.zeros((m + 1, WRENCH)),
                     np.zeros(4),
                 )
@@ -193,7 +187,7 @@ class Monolith:
         self._tree = tree
         self._system = (
             tuple(
-                self._kind.chain(models[name], place, self._y[place.start : place.end])
+                chain_parts.chain(models[name], place, self._y[place.start : place.end])
                 for name, place in zip(chains, places, strict=True)
             ),
             tuple(models[name].drive for name in drives) or None,
@@ -223,7 +217,7 @@ class Monolith:
     def _begin(self) -> None:
         """The models' start as x."""
         for name, place in zip(self._chains, self._places, strict=True):
-            self._kind.give(self.models[name], self.x[place.start : place.end])
+            chain_parts.give(self.models[name], self.x[place.start : place.end])
         if self._chassis is not None:
             self.x[self._body : self._spin] = self.models[self._chassis].state
         for d, name in enumerate(self._drives):
@@ -257,7 +251,7 @@ class Monolith:
             if failure != DONE:
                 raise self._failed(failure, where, begin + done * length / steps)
         for name, place in zip(self._chains, self._places, strict=True):
-            self._kind.take(self.models[name], place, self.x[place.start : place.end], h)
+            chain_parts.take(self.models[name], place, self.x[place.start : place.end], h)
         if self._chassis is not None:
             self._take_chassis()
         for d in range(len(self._drives)):
@@ -266,7 +260,7 @@ class Monolith:
             model.counters[:2] += (count, len(RK4.b) * count)
         for name, of in self._mirrored.items():
             if self._kinds[name] in CHAINS:
-                self._kind.mirror(self.models[of], self.models[name])
+                chain_parts.mirror(self.models[of], self.models[name])
             else:
                 _mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.defaults import configured
 from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation, finite
+from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sprocket_drive.dynamics import (
@@ -30,8 +30,6 @@ from fmus.sprocket_drive.dynamics import (
     substeps,
 )
 from fmus.start import start
-
-Floats = NDArray[np.float64]
 
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")

@@ -14,10 +14,11 @@ from typing import Any
 
 from fmus.jit import allocating, kernel
 from fmus.physics import block_cyclic
-from fmus.physics.integrate.generalized_alpha import coefficients, slopes
+from fmus.physics.chain.flexible.elements import evaluate
+from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.rigid.links import residual
+from fmus.physics.integrate.generalized_alpha import slopes
 from fmus.physics.rigid import augmented
-from fmus.track_flexible.assembly import evaluate
-from fmus.track_rigid.chain import residual
 from orchestrator.bench.timing import laps, reading
 
 CALLS = 200  # in a compiled loop
@@ -66,8 +67,8 @@ def _often(loop: Callable[[int], None], _: int) -> None:
 
 
 def _flexible(track: Any, h: float) -> dict[str, Callable[[int], None]]:
-    by, w, closed = slopes(coefficients(track.radius), h), track.work, track.closed
-    chain = track.link, track.contacts, track.environment, track.q, track.v, track.vdot, by.v, by.vdot, w
+    s, w, closed = track.s, track.work, track.closed
+    chain = *track.system(), Motion(s.q, s.v, s.vdot), slopes(track.method.alpha, h), w
     _evaluations(1, *chain, True)
     matrix, right = w.A.copy(), w.b.copy()
     return {
@@ -79,9 +80,9 @@ def _flexible(track: Any, h: float) -> dict[str, Callable[[int], None]]:
 
 
 @kernel
-def _evaluations(n, links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tangent):
+def _evaluations(n, links, contacts, env, x, by, w, tangent):
     for _ in range(n):
-        evaluate(links, contacts, env, q, v, vdot, by_rate, by_acceleration, w, tangent)
+        evaluate(links, contacts, env, x, by, w, tangent)
 
 
 @allocating
@@ -102,22 +103,22 @@ def _solutions(n, right, w, closed):
 
 
 def _rigid(track: Any, h: float) -> dict[str, Callable[[int], None]]:
-    chain = track.link, track.ends, track.environment, track.contacts, track.views, track.work
-    half, by, s = track.link.half, slopes(track.method, h), track.work.system
+    chain = *track.system(), track.s, track.work
+    half, ends, by, s = track.link.half, track.link.ends, slopes(track.method.alpha, h), track.work.system
     _residuals(1, *chain, by, True)
     matrix = s.K.copy()
     return {
         "matrix": lambda n: _residuals(n, *chain, by, True),
         "residual": lambda n: _residuals(n, *chain, by, False),
-        "factor": lambda n: _eliminations(n, matrix, half, track.ends, s),
-        "solve": lambda n: _increments(n, half, track.ends, s),
+        "factor": lambda n: _eliminations(n, matrix, half, ends, s),
+        "solve": lambda n: _increments(n, half, ends, s),
     }
 
 
 @kernel
-def _residuals(n, link, ends, env, contacts, s, w, by, tangent):
+def _residuals(n, links, contacts, env, s, w, by, tangent):
     for _ in range(n):
-        residual(link, ends, env, contacts, s, w, by, tangent)
+        residual(links, contacts, env, s, w, by, tangent)
 
 
 @allocating

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.physics.chain_layout import ovalling, regular_polygon
+from fmus.physics.chain.layout import ovalling, regular_polygon
 from orchestrator.bench import own
 from orchestrator.scene.assembly import Part
 from orchestrator.scene.scene import TrackScene

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from fmus.physics.ancf import beam, cable_small, dynamics, loads, statics
-from fmus.physics.chain_layout import regular_polygon
+from fmus.physics.chain.layout import regular_polygon
 from orchestrator.studies import Case
 from orchestrator.studies.orders import order_of, rate_of
-from orchestrator.studies.rods import MASS, G, Rods, of_angles
+from orchestrator.studies.rods import EXPLICIT, IMPLICIT, MASS, G, Rods, of_angles
 from orchestrator.studies.tables import Row, checked, of_order
 from orchestrator.without_fmu.meshes import PITCH, SHOE, STEEL, TRACK, angular_momentum, chain, spinning, velocity
 
@@ -105,7 +105,7 @@ def spinning_loop() -> list[Row]:
     loop = Rods(regular_polygon(PITCH, LINKS), closed=True, gravity=0.0)
     loop.turn(np.array([0.0, omega, 0.0]))
     loop.release()
-    rods = np.linalg.norm(loop.system.dl[:, :3], axis=1)
+    rods = np.linalg.norm(loop.s.lam[:, :3], axis=1)
     mesh, q = spinning(LINKS, omega)
     e = mesh.coordinates(q)
     residual = (mesh.internal(q) - omega**2 * (mesh.M_e @ e)).reshape(LINKS, 4, 3)
@@ -136,8 +136,8 @@ def folded_chain(links: int) -> list[Row]:
     scale, start = math.sqrt(2 * length / G), rods.energy()
     t, drop, drift = [0.0], [0.0], 0.0
     while t[-1] < 0.9 * scale and drop[-1] >= 0.98 * max(drop):
-        h = min(2e-3 * scale, 0.05 / max(float(np.abs(rods.v[:, 4]).max()), 1e-9))
-        rods.step(h)
+        h = min(2e-3 * scale, 0.05 / max(float(np.abs(rods.s.v[:, 4]).max()), 1e-9))
+        rods.run(h, h)
         t.append(t[-1] + h)
         drop.append(-float(rods.tip()[2]))
         drift = max(drift, abs(rods.energy() - start))
@@ -162,7 +162,6 @@ def folded_chain(links: int) -> list[Row]:
 
 ZIGZAG = 0.3 * np.cos(2.2 * np.arange(8))
 SPIN = np.array([0.2, 2.0, 0.3])  # rad/s, rigid
-EXPLICIT, IMPLICIT = "Runge-Kutta", "generalised alpha"
 ORDERS = {EXPLICIT: 4, IMPLICIT: 2}
 WEAK = 2e5  # Pa: links whose own modes an explicit method can follow
 

@@ -17,16 +17,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.physics.chain.sums import COVERING, POWER
+from fmus.physics.chain.environment import HELD, PINNED
+from fmus.physics.chain.flexible.elements import evaluate as evaluate_flexible
+from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.rigid.links import residual as evaluate_rigid
+from fmus.physics.chain.state import begin
+from fmus.physics.chain.sums import COVERING, END_POWER, POWER
 from fmus.physics.integrate.generalized_alpha import coefficients, slopes
 from fmus.physics.point import sharpen
 from fmus.physics.rigid import augmented
 from fmus.physics.wheels import read_states
 from fmus.ports import STATE, WRENCH
-from fmus.track import HELD, PINNED, PULLED
 from fmus.track_flexible import model as track_flexible
-from fmus.track_rigid import chain as rigid_chain
-from fmus.track_rigid import loads
 from fmus.track_rigid import model as track_rigid
 from orchestrator.studies.chain_states import Completed, Elastic
 
@@ -169,8 +172,10 @@ class Chain:
         u[:, 7:10], u[:, 10:13] = wheels[:, 7:10] @ turn.T, wheels[:, 10:13] @ turn.T
         read_states(u.ravel(), m.frame, m.rows)
 
-    def _shown(self, m: Any) -> tuple[Floats, Floats, tuple[Floats, ...]]:
-        """Wrenches, report, and what is shown of links, from the ports."""
+    def _shown(self, m: Any) -> tuple[Floats, Floats, Floats, tuple[Floats, ...]]:
+        """Wrenches, powers, report, and what is shown of links, of the state that was evaluated."""
+        begin(m.s, m.work)
+        observe(m.link, m.environment, m.s, m.work, m.report)
         count = WRENCH * len(m.wheel_list)
         y = np.zeros(count + len(self.outputs))
         m.outputs(y)
@@ -180,35 +185,30 @@ class Chain:
             m.link_outputs(links)
             parts = links[:n], links[n : 2 * n], links[2 * n : 2 * n + pins], links[2 * n + pins :]
         ground = [count + k for k, name in enumerate(self.outputs) if name.startswith("ground.force")]
-        return np.concatenate([y[:count], y[ground]]), y[count:], parts
+        powers = m.work.sums[[POWER, COVERING, END_POWER]]
+        return np.concatenate([y[:count], y[ground]]), powers, y[count:], parts
 
     # ------------------------------------------------------------ flexible links
 
     def _flexible(self, m: Any, state: Completed, by: Any, vector: Floats, sharp: bool) -> Found:
-        w, kit = m.work, m.kit
+        s, w, kit = m.s, m.work, m.kit
         w.moved[:] = m.rows
-        self._take(m.q, state.coordinates)
-        self._take(m.v, state.rates)
-        self._take(m.vdot, state.accelerations)
-        system = m.link, m.contacts, m.environment, m.q, m.v, m.vdot, by.v, by.vdot, w, True
+        self._take(s.q, state.coordinates)
+        self._take(s.v, state.rates)
+        self._take(s.vdot, state.accelerations)
+        system = *m.system(), Motion(s.q, s.v, s.vdot), by, w, True
         w.contact.sharp[0] = 0
         if sharp:
             sharpen(w.contact)
             axes = kit.AXES
-            m.v[:, : len(axes)] += state.jump[:, axes]
-            kit.evaluate(*system)
-            self._take(m.v, state.rates)
-        kit.evaluate(*system)
-        x = vector[: m.q.size].reshape(m.q.shape)
+            s.v[:, : len(axes)] += state.jump[:, axes]
+            evaluate_flexible(*system)
+            self._take(s.v, state.rates)
+        evaluate_flexible(*system)
+        x = vector[: s.q.size].reshape(s.q.shape)
         residual, product = _uncondensed(m, x)
-        m.force[:] = m.mean[:] = w.wrench
-        m.residual[:] = w.R
-        kit.measure(m.link, m.environment, m.q, m.v, w, m.report)
-        m.publish()
-        load = np.sum(m.environment.pull * m.v[[0, -1], : len(kit.AXES)]) if m.ends_kind == PULLED else 0.0
         none = np.zeros(0)
-        wrenches, report, links = self._shown(m)
-        powers = np.array([w.sums[POWER], w.sums[COVERING], load])
+        wrenches, powers, report, links = self._shown(m)
         return Found(self._flat(residual), self._flat(product), none, none, wrenches, powers, report, links)
 
     def _take(self, q: Floats, given: Elastic) -> None:
@@ -225,8 +225,8 @@ class Chain:
     # ------------------------------------------------------------ rigid links
 
     def _rigid(self, m: Any, state: Completed, by: Any, vector: Floats, sharp: bool) -> Found:
-        s, w, given = m.views, m.work, state.rigid
-        w.rows[:] = m.rows
+        s, w, given = m.s, m.work, state.rigid
+        w.moved[:] = m.rows
         s.q[:, :3], s.q[:, 3:] = given.centre, given.turn
         s.v[:], s.vdot[:], s.lam[:], w.x[:] = given.velocity, given.acceleration, given.pull, given.increment
         if not m.closed:
@@ -235,24 +235,21 @@ class Chain:
                 place = ends["first" if k == 0 else "last"] if m.ends_kind == PINNED or k == 0 else [0.0, 0.0]
                 w.ground[k, [0, 2]] = place if m.ends_kind in (PINNED, HELD) else [0.0, 0.0]
                 w.ground[k, 0] += side * m.link.half
-        system = m.link, m.ends, m.environment, m.contacts, s, w, by, True
+        system = *m.system(), s, w, by, True
         w.contact.sharp[0] = 0
         if sharp:
             sharpen(w.contact)
             n = m.links_count
             s.v[:, :3] += state.jump[:n]
-            rigid_chain.residual(*system)
+            evaluate_rigid(*system)
             s.v[:] = given.velocity
-        rigid_chain.residual(*system)
+        evaluate_rigid(*system)
         y = w.system
         residual, misfit = y.r.copy(), y.C.copy()
         x = vector[: s.v.size].reshape(s.v.shape)
         product = np.einsum("nab,nb->na", y.K, x)
-        augmented.rates(m.link.half, m.ends, y, x)
-        w.impulse[:] = s.F
-        m.publish(1.0)
-        wrenches, report, links = self._shown(m)
-        powers = s.tally[[loads.POWER, loads.COVERING, loads.LOAD_POWER]]
+        augmented.rates(m.link.half, m.link.ends, y, x)
+        wrenches, powers, report, links = self._shown(m)
         parts = residual.ravel(), product.ravel(), misfit.ravel(), y.C.ravel().copy()
         return Found(*parts, wrenches, powers, report, links)
 
@@ -299,8 +296,8 @@ def _uncondensed(m: Any, x: Floats) -> tuple[Floats, Floats]:
         np.add.at(whole, j, taken[:, shared:])
         for end, held in ((0, m.ends_kind in (PINNED, HELD)), (-1, m.ends_kind == PINNED)):
             if held:  # the ground's
-                whole[end, : m.kit.HELD] = of_pins[end, : m.kit.HELD]
-        g = np.zeros(m.q.shape)
+                whole[end, : m.kit.FIXED] = of_pins[end, : m.kit.FIXED]
+        g = np.zeros(m.s.q.shape)
         g[:, at.pin] = whole
         np.add.at(g, place, of_links)
         found.append(g)

@@ -7,12 +7,12 @@ import pytest
 import test_track_flexible
 import test_track_rigid
 
-from fmus.physics.chain.planar_nodes import flatten
+from fmus.physics.chain.flexible.planar_nodes import flatten
+from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rolling import roll
 from fmus.physics.chain.sums import CONTACT, COVERING, POWER
 from fmus.physics.rigid import body
 from fmus.physics.wheels import move
-from fmus.track_rigid import loads
 
 H = 1e-7  # s, of the difference
 
@@ -21,27 +21,27 @@ def flexible(element: str):
     """A function of time, 0 at the start: stored J, dissipated W, lost by covering W, absorbed W."""
     model, rng = test_track_flexible.carrier(element=element), np.random.default_rng(3)
     if element == "beam":
-        model.q[:, 1] += 0.02  # beyond the play of the guides
-    model.v[:] = 0.05 * rng.standard_normal(model.v.shape)
-    q, w = model.q.copy(), model.work
+        model.s.q[:, 1] += 0.02  # beyond the play of the guides
+    model.s.v[:] = 0.05 * rng.standard_normal(model.s.v.shape)
+    q, w = model.s.q.copy(), model.work
     rows = shoved(model.start_rows, element == "beam")
 
     def at(t: float):
         w.b[:], w.sums[:], w.wrench[:] = 0.0, 0.0, 0.0
         move(rows, t, w.moved)
-        model.q[:] = q + t * model.v
+        model.s.q[:] = q + t * model.s.v
         seen = w.moved
         if element == "planar":
             seen = w.flat
             flatten(w.moved, seen)
-        motion = model.q, model.v
-        roll(model.link, model.contacts, motion, w, seen, w.wrench, w.sums, w.contact, 0.0, False)
+        motion = Motion(model.s.q, model.s.v, model.s.v)
+        roll(model.link, model.contacts, motion, w, seen, 0.0, False)
         into = 0.0
         for i in np.flatnonzero(w.touched):
-            model.kit.gather(model.v, i, (i + 1) % model.nodes, w.v)
+            model.kit.gather(model.s.v, i, (i + 1) % model.nodes, w.v)
             into += np.sum(w.load[i] * w.v)
         pushed = 6 if element == "beam" else len(model.kit.AXES)  # of a pin by teeth, of a beam's with its axis
-        into += np.sum(w.b[:, :pushed] * model.v[:, :pushed])
+        into += np.sum(w.b[:, :pushed] * model.s.v[:, :pushed])
         return *w.sums[[CONTACT, POWER, COVERING]], into - np.sum(w.wrench[:-1] * rows[:, 3:9])
 
     return at
@@ -51,7 +51,7 @@ def rigid():
     """The same of rigid links, in a motion that keeps their pins: as one body."""
     model, turning = test_track_rigid.rolling(), np.array([0.03, 0.2, -0.05])
     model.initialise(test_track_rigid.parameters(model))
-    s, w = model.views, model.work
+    s, w = model.s, model.work
     s.q[:, 1] += 0.02
     for pose, v, A in zip(s.q, s.v, w.system.A, strict=True):
         body.rotation(pose, A)
@@ -60,15 +60,15 @@ def rigid():
     q, rows, turn = s.q.copy(), shoved(model.start_rows, True), np.zeros(6)
 
     def at(t: float):
-        w.system.r[:], s.F[:], s.tally[loads.NOW :] = 0.0, 0.0, 0.0
-        move(rows, t, w.rows)
+        w.system.r[:], w.wrench[:], w.sums[:] = 0.0, 0.0, 0.0
+        move(rows, t, w.moved)
         for i in range(len(q)):
             turn[:] = t * s.v[i]
             body.advance(q[i], turn, s.q[i])
             body.rotation(s.q[i], w.system.A[i])
-        roll(model.link, model.contacts, s, w, w.rows, s.F, s.tally[loads.NOW :], w.contact, 0.0, False)
-        into = np.sum(w.system.r * s.v) - np.sum(s.F[:-1] * rows[:, 3:9])
-        return *s.tally[[loads.CONTACT, loads.POWER, loads.COVERING]], into
+        roll(model.link, model.contacts, s, w, w.moved, 0.0, False)
+        into = np.sum(w.system.r * s.v) - np.sum(w.wrench[:-1] * rows[:, 3:9])
+        return *w.sums[[CONTACT, POWER, COVERING]], into
 
     return at
 

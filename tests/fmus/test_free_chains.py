@@ -7,9 +7,10 @@ import pytest
 from scipy.optimize import brentq
 
 from fmus.model import InvalidParameter, StepFailed
-from fmus.physics import chain_layout
-from fmus.physics.chain_layout import catenary, closed_polygon, folded, hanging_arc, regular_polygon
-from fmus.track import HELD, KINETIC, SPEED, STRAIN, T_MEAN
+from fmus.physics.chain import layout as chain_layout
+from fmus.physics.chain.environment import HELD
+from fmus.physics.chain.layout import catenary, closed_polygon, folded, hanging_arc, regular_polygon
+from fmus.physics.chain.report import KINETIC, SPEED, STRAIN, T_MEAN
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 from fmus.vehicle import read_table, vehicle

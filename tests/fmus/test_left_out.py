@@ -36,7 +36,7 @@ def loaded(kind: str, track: dict, **changes) -> set[str]:
 @pytest.mark.parametrize("kind", ["track_flexible", "track_rigid"])
 def test_a_hanging_chain_loads_no_contact_code(kind):
     names = loaded(kind, {})
-    assert f"fmus.{kind}.chain" in names
+    assert f"fmus.physics.chain.{kind[6:]}.newton" in names
     assert not [name for name in names if "contact" in name]
     assert not [name for name in names if "chassis" in name or "drive" in name or "vehicle" in name]
     assert bool([name for name in names if "ancf" in name]) == (kind == "track_flexible")
@@ -45,7 +45,7 @@ def test_a_hanging_chain_loads_no_contact_code(kind):
 
 def test_a_chain_over_the_ground_does():
     names = loaded("track_rigid", {"ground": True})
-    assert {"fmus.contacts", "fmus.physics.chain.rigid_faces"} <= names
+    assert {"fmus.contacts", "fmus.physics.chain.rigid.faces"} <= names
     assert not [name for name in names if "ancf" in name or "cable" in name or "beam" in name]
 
 
@@ -64,7 +64,7 @@ def test_a_chain_loads_its_own_elasticity_only(elasticity):
     assert own <= names
     for other in OTHERS.values():
         assert other == own or not other & names
-    shared = {"fmus.track_flexible.local_strain"} | {
+    shared = {"fmus.physics.chain.flexible.local_strain"} | {
         f"fmus.physics.ancf.{name}" for name in ("cable_local", "centreline", "gauss")
     }
     assert (shared <= names) if own else not shared & names
@@ -72,8 +72,12 @@ def test_a_chain_loads_its_own_elasticity_only(elasticity):
 
 def test_a_planar_chain_loads_no_lateral_code():
     names = loaded("track_flexible", {}, element="planar")
-    assert {"fmus.track_flexible.planar", "fmus.physics.ancf.cable_planar"} <= names
-    others = {"fmus.track_flexible.cables", "fmus.track_flexible.small", "fmus.track_flexible.beams"}
+    assert {"fmus.physics.chain.flexible.planar", "fmus.physics.ancf.cable_planar"} <= names
+    others = {
+        "fmus.physics.chain.flexible.cables",
+        "fmus.physics.chain.flexible.small_strain",
+        "fmus.physics.chain.flexible.beams",
+    }
     assert not names & others
     assert not [name for name in names if "contact" in name]
 
@@ -92,10 +96,14 @@ def test_contents_are_what_a_component_loads():
         found = contents([("TrackFlexible", config, parameters)])
         real = {name for name in loaded("track_flexible", track, **parameters) if name not in FOLDERS}
         assert real - {"fmus.build", "fmus.vehicle"} <= set(found.modules)
-        assert set(found.left_out) >= {"fmus.chassis.model", "fmus.track_rigid.chain", "fmus.physics.contact.guide"}
+        assert set(found.left_out) >= {
+            "fmus.chassis.model",
+            "fmus.physics.chain.rigid.dynamics",
+            "fmus.physics.contact.guide",
+        }
         assert not set(found.left_out) & set(found.modules)
         assert ("fmus.physics.contact.ground" in found.modules) == ("ground" in track)
-        assert ("fmus.track_flexible.taut" in found.modules) == ("start" in parameters)
+        assert ("fmus.physics.chain.flexible.consistent_start" in found.modules) == ("start" in parameters)
         assert (found.outputs, found.link_outputs) == ((18,), (2 * 8 + 6 * 9,))
 
 
@@ -107,18 +115,18 @@ def test_a_loop_that_spins_is_stretched(spin):
     track = {"links": 64, "closed": True, "wheels": [], "ground": False, "gravity": 0.0, "ends": None}
     config = {"vehicle": vehicle(*read_table("m113")).model_dump(), "track": track}
     found = contents([("TrackFlexible", config, {"start.spin": spin})])
-    assert ("fmus.track_flexible.ring" in found.modules) == (spin > 0.0)
+    assert ("fmus.physics.chain.flexible.spinning" in found.modules) == (spin > 0.0)
 
 
 FOLDERS = {
     "fmus", "fmus.physics", "fmus.physics.ancf", "fmus.physics.integrate", "fmus.physics.contact", "fmus.physics.chain",
-    "fmus.track_flexible",
+    "fmus.physics.chain.flexible", "fmus.track_flexible",
 }  # fmt: skip
 
 
 ELEMENT = {
-    "cable": {"fmus.track_flexible.cables", "fmus.track_flexible.small"},
-    "beam": {"fmus.track_flexible.beams", "fmus.physics.ancf.beam"},
+    "cable": {"fmus.physics.chain.flexible.cables", "fmus.physics.chain.flexible.small_strain"},
+    "beam": {"fmus.physics.chain.flexible.beams", "fmus.physics.ancf.beam"},
 }
 
 

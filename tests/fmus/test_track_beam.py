@@ -12,16 +12,20 @@ from fmus.model import InvalidParameter
 from fmus.physics.ancf import beam as library
 from fmus.physics.ancf import joints, loads, mesh, statics, torsion
 from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.chain.flexible.beams import correct, evaluate, gather, massive
+from fmus.physics.chain.flexible.explicit import NOTHING
+from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN
 from fmus.physics.chain.rolling import roll
 from fmus.physics.contact.ground import bumpy
-from fmus.track import DISSIPATED, GRAVITY, KINETIC, STRAIN
-from fmus.track_flexible.beams import correct, evaluate, gather, massive, measure
+from fmus.physics.integrate.generalized_alpha import Slopes
 from orchestrator.cosim.component import Component
 
 
 def rolled(model, q, v, by_rate: float, tangent: bool, contacts) -> None:
     w = model.work
-    roll(model.link, contacts, (q, v), w, w.moved, w.wrench, w.sums, w.contact, by_rate, tangent)
+    roll(model.link, contacts, Motion(q, v, v), w, w.moved, by_rate, tangent)
 
 
 SOFT = {"material.youngs_modulus": 2e7, "material.relaxation_time": 0.0}
@@ -30,7 +34,7 @@ Y = np.array([0.0, 1.0, 0.0])
 
 def coordinates(model, q=None) -> np.ndarray:
     """Of all links (n, 8, 3)."""
-    e, q = np.zeros((model.links_count, 8, 3)), model.q if q is None else q
+    e, q = np.zeros((model.links_count, 8, 3)), model.s.q if q is None else q
     for i in range(model.links_count):
         gather(q, i, (i + 1) % model.nodes, e[i])
     return e
@@ -38,7 +42,7 @@ def coordinates(model, q=None) -> np.ndarray:
 
 def scattered(model, R: np.ndarray) -> np.ndarray:
     """Residuals of links (n, 8, 3), summed up by coordinate of the pins (nodes, 18)."""
-    f = np.zeros_like(model.q)
+    f = np.zeros_like(model.s.q)
     for i in range(model.links_count):
         j = (i + 1) % model.nodes
         f[i].reshape(6, 3)[[0, 4, 1, 5]] += R[i, :4]
@@ -56,9 +60,9 @@ def spun(element: str, rate):
     model.settle_pins(radius * np.stack([np.cos(angle), -np.sin(angle)], axis=1))
     rate = np.asarray(rate, float)
     if element == "beam":
-        model.v[:] = np.cross(rate, model.q.reshape(-1, 6, 3)).reshape(model.q.shape)
+        model.s.v[:] = np.cross(rate, model.s.q.reshape(-1, 6, 3)).reshape(model.s.q.shape)
     else:  # its pins cannot turn: their slope along y keeps its value
-        q, v = model.q, model.v
+        q, v = model.s.q, model.s.v
         v[:, :3] = np.cross(rate, q[:, :3])
         for x in (3, 5):
             slope = np.stack([q[:, x], np.zeros(LINKS), q[:, x + 1]], axis=1)
@@ -68,24 +72,25 @@ def spun(element: str, rate):
 
 def newton(model, count: int, mass: float = 0.0) -> None:
     """So many of Newton's corrections towards static equilibrium; ``mass``, 1/s2, in the matrix alone."""
-    still, none, w = np.zeros_like(model.q), np.zeros_like(model.q), model.work
+    still, none, w = np.zeros_like(model.s.q), np.zeros_like(model.s.q), model.work
     for _ in range(count):
-        evaluate(model.link, None, model.environment, model.q, still, none, 0.0, mass, w, True)
+        x, by = Motion(model.s.q, still, none), Slopes(0.0, 0.0, mass)
+        evaluate(model.link, None, model.environment, x, by, w, True)
         assert factor(w.A, w.U, w.L, w.factors, model.closed) < 0
         solve(w.A, w.U, w.factors, model.closed, w.b)
-        correct(model.link, w, model.q, still, none, 0.0, 0.0, np.inf)
-    evaluate(model.link, None, model.environment, model.q, still, none, 0.0, 0.0, w, False)
+        correct(model.link, w, x, NOTHING, np.inf)
+    evaluate(model.link, None, model.environment, Motion(model.s.q, still, none), NOTHING, w, False)
 
 
 def test_coordinates_of_a_track():
     """64 x 24 less 64 pins of 6 equations; an open chain keeps the gradients of its two ends."""
-    assert carrier(element="beam").q.size == 1152
+    assert carrier(element="beam").s.q.size == 1152
     chain = hanging(element="beam")
-    assert chain.q.size - 2 * 6 == 1158
+    assert chain.s.q.size - 2 * 6 == 1158
     closed = make({"links": LINKS, "wheels": wheels()}, start="polygon", element="beam")
-    told = coordinates(closed, np.arange(1152.0).reshape(closed.q.shape))  # which coordinate is where
+    told = coordinates(closed, np.arange(1152.0).reshape(closed.s.q.shape))  # which coordinate is where
     assert len(np.unique(told)) == 1152 == 64 * 24 - 64 * 6  # none is idle
-    e = coordinates(closed, np.random.default_rng(1).standard_normal(closed.q.shape))
+    e = coordinates(closed, np.random.default_rng(1).standard_normal(closed.s.q.shape))
     pin = joints.pin_beam(Y)
     for before, after in zip(e, np.roll(e, -1, axis=0), strict=True):
         one, other = before[4:].ravel(), after[:4].ravel()
@@ -96,21 +101,23 @@ def test_coordinates_of_a_track():
 
 def test_force_is_the_gradient_of_the_reported_energy():
     model = hanging(links=3, element="beam", **SOFT)
-    model.vdot[:] = 0.0
-    model.q += 0.02 * np.random.default_rng(3).standard_normal(model.q.shape) * ([PITCH] * 3 + [1.0] * 15)
-    evaluate(model.link, None, model.environment, model.q, model.v, model.vdot, 0.0, 0.0, model.work, False)
-    f, gradient, h = scattered(model, model.work.R), np.zeros_like(model.q), 1e-5
+    model.s.vdot[:] = 0.0
+    model.s.q[:] += 0.02 * np.random.default_rng(3).standard_normal(model.s.q.shape) * ([PITCH] * 3 + [1.0] * 15)
+    evaluate(
+        model.link, None, model.environment, Motion(model.s.q, model.s.v, model.s.vdot), NOTHING, model.work, False
+    )
+    f, gradient, h = scattered(model, model.work.R), np.zeros_like(model.s.q), 1e-5
 
     def energy() -> float:
-        measure(model.link, model.environment, model.q, model.v, model.work, model.report)
+        observe(model.link, model.environment, model.s, model.work, model.report)
         return model.report[STRAIN] + model.report[GRAVITY]
 
-    for place in np.ndindex(model.q.shape):
-        was = model.q[place]
+    for place in np.ndindex(model.s.q.shape):
+        was = model.s.q[place]
         for shift, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
-            model.q[place] = was + shift * h
+            model.s.q[place] = was + shift * h
             gradient[place] += weight * energy() / (12 * h)
-        model.q[place] = was
+        model.s.q[place] = was
     np.testing.assert_allclose(f, gradient, atol=1e-8 * abs(f).max())
     assert abs(f - 1.001 * gradient).max() > 1e-4 * abs(f).max()
 
@@ -138,7 +145,7 @@ def test_a_hanging_chain_finds_the_equilibrium_of_the_library():
     """The same links as a mesh with the pins of joint (3), its own gravity and Newton's method."""
     n, model = 16, hanging(links=16, element="beam", **SOFT)
     newton(model, 3)  # the start is at rest to a thousandth of a newton
-    measure(model.link, model.environment, model.q, model.v, model.work, model.report)
+    observe(model.link, model.environment, model.s, model.work, model.report)
     steel = hanging(links=16, element="beam")
     assert abs(coordinates(steel) - coordinates(model)).max() > 1e-3
     part = mesh.Part(library, model.link.beam, coordinates(steel))
@@ -160,7 +167,7 @@ def test_sideways_a_chain_of_pins_is_one_beam():
     model = hanging(links=n, element="beam", start="polygon")
     model.settle_pins(np.column_stack([PITCH * np.arange(n + 1), np.zeros(n + 1)]))
     model.environment = model.environment._replace(gravity=0.0)
-    model.q[-1, 1] += aside
+    model.s.q[-1, 1] += aside
     newton(model, 12, mass=1.0)  # a little mass holds the straight chain, which is free to fold up and down
     force = model.work.R[-1, 4, 1]
     c, L, area = model.link.beam, n * PITCH, TABLE["section"]["area"]
@@ -182,10 +189,10 @@ def test_a_chain_twists_as_its_section_says():
         track = {"links": n, "closed": False, "ends": ends, "gravity": 0.0}
         model = make(track, TABLE | {"section": section | changes}, element="beam", start="polygon")
         model.settle_pins(np.column_stack([PITCH * np.arange(n + 1), np.zeros(n + 1)]))
-        model.q[-1, 4:6] = np.cos(angle), np.sin(angle)
+        model.s.q[-1, 4:6] = np.cos(angle), np.sin(angle)
         newton(model, 12, mass=1.0)
         assert abs(model.work.b).max() < 1e-3
-        return np.cross(model.q[-1, 3:6], model.work.R[-1, 6])[0]
+        return np.cross(model.s.q[-1, 3:6], model.work.R[-1, 6])[0]
 
     expected = TABLE["material"]["shear_modulus"] * section["torsion"] * angle / (n * PITCH)
     assert torque() == pytest.approx(expected, rel=2e-3)
@@ -198,17 +205,17 @@ def test_a_chain_twists_as_its_section_says():
 def test_contacts_give_the_chain_what_the_wheels_get(yaw):
     """Force and moment of rims, teeth and guides, askew, by the work of rigid motions; force of the ground."""
     model, rng = carrier(element="beam"), np.random.default_rng(4)
-    model.q[:, 1] += 0.02  # beyond the play of the guides
-    model.q += 1e-3 * rng.standard_normal(model.q.shape)
-    model.v[:] = 0.1 * rng.standard_normal(model.v.shape)
+    model.s.q[:, 1] += 0.02  # beyond the play of the guides
+    model.s.q[:] += 1e-3 * rng.standard_normal(model.s.q.shape)
+    model.s.v[:] = 0.1 * rng.standard_normal(model.s.v.shape)
     rows, w = model.start_rows.copy(), model.work
     rows[:, 9:12], rows[:, 12:15] = [-np.sin(yaw), np.cos(yaw), 0.0], [np.cos(yaw), np.sin(yaw), 0.0]
 
     def given(ground: int) -> tuple[np.ndarray, np.ndarray]:
         """On the chain: force, and moment about the origin, of all contacts; with them the wheels' in ``w.wrench``."""
-        rolled(model, model.q, model.v, 0.0, False, model.contacts._replace(ground=ground))
+        rolled(model, model.s.q, model.s.v, 0.0, False, model.contacts._replace(ground=ground))
         on_links = np.where(w.touched[:, None, None], -w.load, 0.0)
-        on_pins, pins = -w.b.reshape(LINKS, 2, 3), model.q.reshape(LINKS, 6, 3)[:, :2]
+        on_pins, pins = -w.b.reshape(LINKS, 2, 3), model.s.q.reshape(LINKS, 6, 3)[:, :2]
         force = on_links[:, [0, 4]].sum((0, 1)) + on_pins[:, 0].sum(0)
         moments = np.cross(coordinates(model), on_links), np.cross(pins, on_pins)
         assert abs(moments[0][:, [1, 2, 3, 5, 6, 7]]).max() > 1.0  # the section's share
@@ -233,14 +240,14 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
 def test_the_matrices_of_contacts_are_their_derivatives(rise):
     """Ground, level or with a bump, teeth and guides, whose points do not move as a rim rolls."""
     model, rng, by_rate = carrier(element="beam"), np.random.default_rng(6), 300.0
-    model.q[:, 1] += 0.02
-    model.q += 1e-3 * rng.standard_normal(model.q.shape)
-    model.q[:, 2] -= 2e-3
-    model.v[:] = 0.1 * rng.standard_normal(model.v.shape)
+    model.s.q[:, 1] += 0.02
+    model.s.q[:] += 1e-3 * rng.standard_normal(model.s.q.shape)
+    model.s.q[:, 2] -= 2e-3
+    model.s.v[:] = 0.1 * rng.standard_normal(model.s.v.shape)
     if rise:
         bump = bumpy(model.contacts.shape.height, -3.0, rise, 0.05, 0.5, 0.1)
         model.contacts = model.contacts._replace(shape=bump)
-    w, q, v = model.work, model.q.copy(), model.v.copy()
+    w, q, v = model.work, model.s.q.copy(), model.s.v.copy()
     w.moved[:] = model.start_rows
     w.moved[1:, 2] += 5.0  # road wheels and idler out of the way
 
@@ -270,12 +277,12 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
 
     def momentum(model, M) -> np.ndarray:
         if model.element == "beam":
-            e, v = coordinates(model), coordinates(model, model.v)
+            e, v = coordinates(model), coordinates(model, model.s.v)
         else:
             e, v = np.zeros((2, LINKS, 4, 3))
             for i in range(LINKS):
-                model.kit.gather(model.q, i, (i + 1) % LINKS, e[i])
-                model.kit.gather(model.v, i, (i + 1) % LINKS, v[i])
+                model.kit.gather(model.s.q, i, (i + 1) % LINKS, e[i])
+                model.kit.gather(model.s.v, i, (i + 1) % LINKS, v[i])
         return np.cross(e, np.einsum("ab,nbj->naj", M, v)).sum((0, 1))
 
     lost = {}
@@ -309,8 +316,8 @@ def turned_wheels(model, t: float, angle: float, time: float) -> np.ndarray:
 
 def yaw_moment(model) -> float:
     """Of the chain on its wheels about the middle of the track, N m."""
-    force, arm = model.wrench[0::2], model.rows[:, :2] - [-2.0, 0.0]
-    return float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum() + model.wrench[1::2, 2].sum())
+    force, arm = model.s.mean[:-1, :3], model.rows[:, :2] - [-2.0, 0.0]
+    return float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum() + model.s.mean[:-1, 5].sum())
 
 
 def suspended(element: str):
@@ -325,9 +332,9 @@ def test_a_quarter_turn():
         model.step(k * h, h, turned_wheels(model, k * h, np.pi / 2, 0.8))
     assert model.warnings() == []
     axis = np.array([-1.0, 0.0, 0.0])  # of the wheels now: y has become -x
-    along = model.q[:, 3:6] @ axis
+    along = model.s.q[:, 3:6] @ axis
     assert along == pytest.approx(np.ones(LINKS), abs=1e-3)
-    assert abs((model.q[:, :3] - [-2.0, 0.0, 0.0]) @ axis).max() < 0.015  # within the play of the guides
+    assert abs((model.s.q[:, :3] - [-2.0, 0.0, 0.0]) @ axis).max() < 0.015  # within the play of the guides
     e = coordinates(model)
     assert np.array_equal(e[:, [4, 6]], np.roll(e, -1, axis=0)[:, [0, 2]])  # position and axis of each pin
     assert model.report[3] == pytest.approx(before, rel=0.05)
@@ -350,15 +357,15 @@ def test_a_cable_resists_where_a_beam_follows():
 
 def test_the_start_is_at_rest_on_its_wheels():
     model, cable = carrier(element="beam"), carrier()
-    u, first = at_rest(model), model.q.copy()
+    u, first = at_rest(model), model.s.q.copy()
     for k in range(10):
         model.step(k * 1e-3, 1e-3, u)
-    assert abs(model.v).max() < 1e-5
-    assert abs(model.q - first).max() < 1e-8
-    assert abs(model.q[:, :3] - cable.q[:, :3]).max() < 5e-4
-    np.testing.assert_allclose(model.wrench[0::2, 2], cable.wrench[0::2, 2], atol=5e-3 * abs(cable.wrench).max())
+    assert abs(model.s.v).max() < 1e-5
+    assert abs(model.s.q - first).max() < 1e-8
+    assert abs(model.s.q[:, :3] - cable.s.q[:, :3]).max() < 5e-4
+    np.testing.assert_allclose(model.s.mean[:-1, 2], cable.s.mean[:-1, 2], atol=5e-3 * abs(cable.s.mean).max())
     model.step(0.01, 1e-3, at_rest(model, lift=1e-4))
-    assert abs(model.v[:, :3]).max() > 1e-4
+    assert abs(model.s.v[:, :3]).max() > 1e-4
 
 
 def swing(steps: int = 100, links: int = 4, **changes):
@@ -380,7 +387,7 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
     assert model.report[DISSIPATED] > 1e-4 * model.report[KINETIC]
     other, lacks = swing(step=5e-5, spectral_radius=0.9, **soft)
     assert abs(lacks).max() < 1e-4
-    assert abs(model.q[:, :3] - other.q[:, :3]).max() < 1e-5
+    assert abs(model.s.q[:, :3] - other.s.q[:, :3]).max() < 1e-5
     _, lacks = swing(links=8)  # steel, as a scene has it
     assert abs(lacks).max() < 5e-3
 

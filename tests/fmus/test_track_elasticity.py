@@ -13,11 +13,15 @@ from fmus.model import InvalidParameter
 from fmus.physics.ancf import cable_engineering, cable_general, cable_small, joints, loads, mesh, statics
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.cable_nodes import gather
-from fmus.track import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
-from fmus.track_flexible import element
-from fmus.track_flexible.cables import correct, evaluate, measure
-from fmus.track_flexible.element import ELASTICITIES
+from fmus.physics.chain.flexible import elasticity as element
+from fmus.physics.chain.flexible.cable_nodes import gather
+from fmus.physics.chain.flexible.cables import correct, evaluate
+from fmus.physics.chain.flexible.elasticity import ELASTICITIES
+from fmus.physics.chain.flexible.explicit import NOTHING
+from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
+from fmus.physics.integrate.generalized_alpha import Slopes
 
 LIBRARY = {"small_deformation": cable_small, "general": cable_general, "engineering": cable_engineering}
 SOFT = {"material.youngs_modulus": 2e6, "material.relaxation_time": 0.0}
@@ -34,22 +38,24 @@ def coordinates(model) -> np.ndarray:
     """Of all links (n, 4, 3)."""
     e = np.zeros((model.links_count, 4, 3))
     for i in range(model.links_count):
-        gather(model.q, i, (i + 1) % model.nodes, e[i])
+        gather(model.s.q, i, (i + 1) % model.nodes, e[i])
     return e
 
 
 def bent(elasticity: str, links: int = 4, **changes):
     """A soft chain out of every symmetry."""
     model = hanging(links=links, elasticity=elasticity, **{**SOFT, **changes})
-    model.vdot[:] = 0.0
-    model.q += 0.05 * np.random.default_rng(3).standard_normal(model.q.shape) * ([PITCH] * 3 + [1.0] * 5)
+    model.s.vdot[:] = 0.0
+    model.s.q[:] += 0.05 * np.random.default_rng(3).standard_normal(model.s.q.shape) * ([PITCH] * 3 + [1.0] * 5)
     return model
 
 
 def residual(model) -> np.ndarray:
     """Of the links, summed up by coordinate of the pins (nodes, 8)."""
-    evaluate(model.link, None, model.environment, model.q, model.v, model.vdot, 0.0, 0.0, model.work, False)
-    f, R = np.zeros_like(model.q), model.work.R
+    evaluate(
+        model.link, None, model.environment, Motion(model.s.q, model.s.v, model.s.vdot), NOTHING, model.work, False
+    )
+    f, R = np.zeros_like(model.s.q), model.work.R
     for i in range(model.links_count):
         j = (i + 1) % model.nodes
         f[i, :3] += R[i, 0]
@@ -62,18 +68,18 @@ def residual(model) -> np.ndarray:
 @each
 def test_force_is_the_gradient_of_the_reported_energy(elasticity):
     model = bent(elasticity)
-    f, gradient, h = residual(model), np.zeros_like(model.q), 1e-5
+    f, gradient, h = residual(model), np.zeros_like(model.s.q), 1e-5
 
     def energy() -> float:
-        measure(model.link, model.environment, model.q, model.v, model.work, model.report)
+        observe(model.link, model.environment, model.s, model.work, model.report)
         return model.report[STRAIN] + model.report[GRAVITY]
 
-    for place in np.ndindex(model.q.shape):
+    for place in np.ndindex(model.s.q.shape):
         for shift, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
-            was = model.q[place]
-            model.q[place] += shift * h
+            was = model.s.q[place]
+            model.s.q[place] += shift * h
             gradient[place] += weight * energy() / (12 * h)
-            model.q[place] = was
+            model.s.q[place] = was
     np.testing.assert_allclose(f, gradient, atol=1e-8 * abs(f).max())
     assert abs(f - 1.001 * gradient).max() > 1e-4 * abs(f).max()
 
@@ -122,12 +128,13 @@ def stored(elasticity: str, link: Cable, e: np.ndarray) -> float:
 
 def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
     """Newton's corrections of the pins on the way to static equilibrium; ``extra`` mass, 1/s2, spoils the matrix."""
-    w, sizes, still, none = model.work, [], np.zeros_like(model.q), np.zeros_like(model.q)
+    w, sizes, still, none = model.work, [], np.zeros_like(model.s.q), np.zeros_like(model.s.q)
     while len(sizes) < most and (not sizes or sizes[-1] > 1e-11):
-        evaluate(model.link, None, model.environment, model.q, still, none, 0.0, extra, w, True)
+        x = Motion(model.s.q, still, none)
+        evaluate(model.link, None, model.environment, x, Slopes(0.0, 0.0, extra), w, True)
         assert factor(w.A, w.U, w.L, w.factors, model.closed) < 0
         solve(w.A, w.U, w.factors, model.closed, w.b)
-        sizes.append(correct(model.link, w, model.q, still, none, 0.0, 0.0, np.inf))
+        sizes.append(correct(model.link, w, x, NOTHING, np.inf))
     return sizes
 
 
@@ -136,19 +143,19 @@ def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
 def test_newton_converges_quadratically(elasticity, young, move, near, factor_):
     """With one end moved: once ``near``, each correction, m, is below ``factor_`` times the square of the last."""
     model = hanging(links=16, elasticity=elasticity, **{**SOFT, "material.youngs_modulus": young})
-    model.q[-1, 0] -= move
-    spoilt = model.q.copy()
+    model.s.q[-1, 0] -= move
+    spoilt = model.s.q.copy()
     sizes = newton(model)
     assert sizes[-1] < 1e-11, sizes
     tail = [(a, b) for a, b in pairwise(sizes) if a < near]
     assert 1 <= len(tail) <= 3, sizes  # three corrections from there to 1e-11 m
     assert all(b < factor_ * a**2 + 1e-11 for a, b in tail), sizes
-    model.q[:] = spoilt
+    model.s.q[:] = spoilt
     assert len(newton(model, extra=30.0)) > len(sizes) + 2  # the twin
 
 
 def test_steel_hangs_the_same():
-    sags = [-hanging(elasticity=name).q[:, 2].min() for name in ELASTICITIES]
+    sags = [-hanging(elasticity=name).s.q[:, 2].min() for name in ELASTICITIES]
     assert np.ptp(sags) < 1e-5
     assert sags[0] == pytest.approx(2.589308, abs=2e-5)
 
@@ -173,7 +180,7 @@ def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
     for name in ELASTICITIES:
         model = hanging(elasticity=name, **SOFT)
         c = model.link.cable
-        sag[name] = -model.q[:, 2].min()
+        sag[name] = -model.s.q[:, 2].min()
         said[name] = elastic_catenary(LAW[name], c.EA, c.rhoA * 9.81, length, 0.8 * length)
         assert sag[name] == pytest.approx(said[name], rel=3e-4)
     lower = said["engineering"] - said["general"]
@@ -187,7 +194,7 @@ def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
     n, other = 16, "engineering" if elasticity != "engineering" else "general"
     model = hanging(links=n, elasticity=elasticity, **SOFT)
     start = hanging(links=n, elasticity=other, **SOFT)
-    assert abs(model.q[:, :3] - start.q[:, :3]).max() > 1e-3
+    assert abs(model.s.q[:, :3] - start.s.q[:, :3]).max() > 1e-3
     found = coordinates(model)
     part = mesh.Part(LIBRARY[elasticity], model.link.cable, coordinates(start))
     ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
@@ -207,13 +214,13 @@ def test_tension_and_stress_of_a_stretched_chain(elasticity):
     stretch = 1.2
     model = hanging(links=8, elasticity=elasticity, start="polygon", **SOFT)
     model.environment = model.environment._replace(gravity=0.0)
-    model.q[:] = 0.0
-    model.q[:, 0] = stretch * PITCH * np.arange(9)
-    model.q[:, [3, 5]] = stretch
+    model.s.q[:] = 0.0
+    model.s.q[:, 0] = stretch * PITCH * np.arange(9)
+    model.s.q[:, [3, 5]] = stretch
     c, f = model.link.cable, residual(model)
     carried = c.EA * LAW[elasticity](stretch)
     assert -f[0, 0] == pytest.approx(carried, rel=1e-12)
-    measure(model.link, model.environment, model.q, model.v, model.work, model.report)
+    observe(model.link, model.environment, model.s, model.work, model.report)
     told = carried / stretch if elasticity == "small_deformation" else carried
     assert model.report[[T_MIN, T_MEAN, T_MAX]] == pytest.approx([told] * 3, rel=1e-12)
     assert model.report[STRESS] == pytest.approx(told / model.link.area, rel=1e-12)
@@ -225,10 +232,10 @@ def test_stress_of_a_bent_link(elasticity):
     model = hanging(links=2, elasticity=elasticity, start="polygon")
     angle, radius = 0.01, PITCH / 0.01
     turns = angle * np.arange(3)
-    model.q[:, 0], model.q[:, 2] = radius * np.sin(turns), radius * (1 - np.cos(turns))
+    model.s.q[:, 0], model.s.q[:, 2] = radius * np.sin(turns), radius * (1 - np.cos(turns))
     for x in (3, 5):
-        model.q[:, x], model.q[:, x + 1] = np.cos(turns), np.sin(turns)
-    measure(model.link, model.environment, model.q, model.v, model.work, model.report)
+        model.s.q[:, x], model.s.q[:, x + 1] = np.cos(turns), np.sin(turns)
+    observe(model.link, model.environment, model.s, model.work, model.report)
     young = model.link.cable.EA / model.link.area
     assert model.report[STRESS] == pytest.approx(young * model.link.outer_fibre / radius, rel=1e-4)
 
@@ -239,11 +246,11 @@ def test_a_closed_track_settles_on_its_wheels():
     found = {}
     for name in ELASTICITIES:
         model = carrier(elasticity=name)
-        first, u = model.q.copy(), at_rest(model)
+        first, u = model.s.q.copy(), at_rest(model)
         for k in range(10):
             model.step(k * 1e-3, 1e-3, u)
-        assert abs(model.v).max() < 1e-6
-        assert abs(model.q - first).max() < 1e-8
+        assert abs(model.s.v).max() < 1e-6
+        assert abs(model.s.q - first).max() < 1e-8
         found[name] = np.zeros(2 * LINKS + 6 * LINKS)
         model.link_outputs(found[name])
     tensions = {name: y[:LINKS] for name, y in found.items()}
@@ -277,7 +284,7 @@ def test_energy_ledger_of_a_swing(elasticity):
     assert model.report[DISSIPATED] > 1e-3 * model.report[KINETIC]
     other, lacks = swing(elasticity, step=5e-5, spectral_radius=0.9, **soft)
     assert abs(lacks).max() < 1e-4
-    assert abs(model.q[:, :3] - other.q[:, :3]).max() < 1e-5  # explicit and implicit agree
+    assert abs(model.s.q[:, :3] - other.s.q[:, :3]).max() < 1e-5  # explicit and implicit agree
     _, lacks = swing(elasticity)  # steel, as a scene has it
     assert abs(lacks).max() < 5e-3
 

@@ -7,7 +7,10 @@ import pytest
 
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import cable, cable_planar
+from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.kinds import observe
 from fmus.physics.contact.ground import bumpy, level
+from fmus.physics.integrate.generalized_alpha import Slopes
 from tests.fmus.test_track_flexible import PITCH, at_rest, carrier, hanging, make
 
 XZ = [0, 2]
@@ -61,8 +64,8 @@ def lifted(model) -> tuple:
     """The cable model in the state of a planar one."""
     solid = carrier()
     for name in ("q", "v", "a", "vdot"):
-        getattr(solid, name)[:] = 0.0
-        getattr(solid, name)[:, LIFT] = getattr(model, name)
+        getattr(solid.s, name)[:] = 0.0
+        getattr(solid.s, name)[:, LIFT] = getattr(model.s, name)
     solid.rows[:] = model.rows
     solid.work.moved[:] = model.rows
     return solid
@@ -75,12 +78,12 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
     for k in range(len(model.wheel_list)):
         u[13 * k + 7 : 13 * k + 10], u[13 * k + 11] = (0.5, 0.0, -0.2), 3.0
     model.step(0.0, 1e-3, u)
-    model.v[:] += 0.05 * RANDOM.standard_normal(model.v.shape)
+    model.s.v[:] += 0.05 * RANDOM.standard_normal(model.s.v.shape)
     model.work.moved[:] = model.rows
     solid = lifted(model)
     for m in (model, solid):
-        m.kit.evaluate(m.link, m.contacts, m.environment, m.q, m.v, m.vdot, 2e3, 4e6, m.work, True)
-        m.kit.measure(m.link, m.environment, m.q, m.v, m.work, m.report)
+        m.kit.evaluate(*_arguments(m))
+        observe(m.link, m.environment, m.s, m.work, m.report)
     flat, full = model.work, solid.work
     assert flat.touched.sum() > 20
     assert same(flat.R, full.R[:, :, XZ], 1e-9)
@@ -93,18 +96,18 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
     assert same(flat.sums, full.sums, 1e-11)
     measured = [*range(1, 10), 12, 16]
     assert model.report[measured] == pytest.approx(solid.report[measured], rel=1e-7)
-    solid.q[5, 0] += 1e-9  # the twin: a nanometre
+    solid.s.q[5, 0] += 1e-9  # the twin: a nanometre
     solid.kit.evaluate(*_arguments(solid))
     assert not same(flat.b, full.b[:, XZ], 1e-5)
 
 
 def _arguments(m) -> tuple:
-    return m.link, m.contacts, m.environment, m.q, m.v, m.vdot, 2e3, 4e6, m.work, True
+    return *m.system(), Motion(m.s.q, m.s.v, m.s.vdot), Slopes(0.0, 2e3, 4e6), m.work, True
 
 
 def test_coordinates_and_time():
     """64 x 8 less 64 x 2; a chain let go falls as the cables do, and its outputs have their y back."""
-    assert carrier(element="planar").q.size == 384
+    assert carrier(element="planar").s.q.size == 384
     flat, solid = (hanging(start="displaced", element=element) for element in ("planar", "cable"))
     assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
     seen = []

@@ -7,12 +7,21 @@ import pytest
 from vehicle_in_process import InProcess
 
 from fmus.model import InvalidParameter, StepFailed
-from fmus.physics.chain_layout import close_exactly
+from fmus.physics.chain.environment import LOOP, Environment
+from fmus.physics.chain.explicit import march, slopes
+from fmus.physics.chain.implicit import Method, advance
+from fmus.physics.chain.layout import close_exactly
+from fmus.physics.chain.report import COUNTERS, REPORT
+from fmus.physics.chain.rigid.dynamics import pin_motion
+from fmus.physics.chain.rigid.explicit import accelerations
+from fmus.physics.chain.rigid.links import RigidLinks, pins, place
+from fmus.physics.chain.rigid.newton import FORCE
+from fmus.physics.chain.rigid.state import shapes, views
+from fmus.physics.chain.rigid.work import work
+from fmus.physics.chain.state import begin, size
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
-from fmus.track import LOOP, Environment
-from fmus.track_rigid import chain, explicit
-from fmus.track_rigid.chain import Link
+from fmus.track import INTEGRATORS
 from fmus.track_rigid.model import Model
 from fmus.vehicle import read_table, vehicle
 from orchestrator.scene.scene import load
@@ -27,37 +36,36 @@ class Chain:
 
     def __init__(self, pins, ends, gravity=0.0, inertia=TRACK["inertia"], pitch=P, mass=MASS, radius=0.8):
         n = len(pins) if ends.closed else len(pins) - 1
-        self.link = Link(0.5 * pitch, TRACK["face"], 0.25 * TRACK["width"], mass, np.array(inertia, float))
-        self.ends, self.method = ends, coefficients(radius)
-        pull = np.zeros((2, 3))
-        self.env = Environment(gravity, LOOP, pull, 0.0, -1)
-        flat = np.zeros(sum(int(np.prod(shape)) for shape in chain.shapes(n, ends.closed, 0)))
-        self.s, self.work = chain.views(flat, n, ends.closed, 0), chain.work(n, ends.closed, 0)
-        self.counters = np.zeros(4, np.int64)
+        inertia = np.array(inertia, float)
+        self.link = RigidLinks(0.5 * pitch, TRACK["face"], 0.25 * TRACK["width"], mass, inertia, ends)
+        self.method = Method(coefficients(radius), FORCE, True)
+        self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0, -1)
+        sizes = shapes(n, ends.closed, 0)
+        self.s, self.work = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0)
+        self.report, self.counters = np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
         self.rows = np.zeros((0, 15))
-        chain.place(self.link, np.asarray(pins, float), self.s, self.work)
+        place(self.link, np.asarray(pins, float), self.s, self.work)
 
     def parts(self):
-        return self.link, self.ends, self.env, None
+        return self.link, None, self.env
 
     def release(self):
-        assert chain.accelerations(*self.parts(), self.s, self.work) == -1
+        assert accelerations(*self.parts(), self.s, self.work) == -1
+        begin(self.s, self.work)
         return self
 
     def run(self, time, h):
-        failed = chain.advance(*self.parts(), self.method, self.rows, time, h, self.s, self.work, self.counters)
-        assert failed == -1
+        span = self.rows, time, h, self.s, self.work, self.report, self.counters
+        assert not advance(*self.parts(), self.method, *span).failure
         return self
 
     def march(self, time, h):
-        n = len(self.s.q)
-        flat, k = self.s.q.base[: 13 * n], explicit.slopes(n)
-        failed = explicit.march(*self.parts(), self.rows, time, h, self.s, self.work, flat, k, self.counters)
-        assert failed == -1
+        span = self.rows, time, h, self.s, self.work, self.report, self.counters
+        assert not march(*self.parts(), slopes(self.s), *span).failure
         return self
 
     def pins(self):
-        chain.pin_motion(self.link, self.s, self.work)
+        pin_motion(self.link, self.s, self.work)
         return self.work.pins[0]
 
     def energy(self):
@@ -68,7 +76,7 @@ class Chain:
     def momenta(self):
         """Linear and angular momentum about the origin."""
         s = self.s
-        chain.pin_motion(self.link, s, self.work)
+        pin_motion(self.link, s, self.work)
         spin = np.einsum("nij,nj->ni", self.work.system.A, self.link.inertia * s.v[:, 3:])
         linear = self.link.mass * s.v[:, :3]
         return linear.sum(0), (np.cross(s.q[:, :3], linear) + spin).sum(0)
@@ -120,12 +128,12 @@ def test_released_chain_explicitly():
     tips = []
     for h in (8e-3, 4e-3, 2e-3):
         rods = released(1e-3, time=1e-9)
-        chain.place(rods.link, np.stack([P * np.arange(65), np.zeros(65)], axis=1), rods.s, rods.work)
+        place(rods.link, np.stack([P * np.arange(65), np.zeros(65)], axis=1), rods.s, rods.work)
         rods.s.v[:] = 0.0
         tips.append(rods.march(0.5, h).pins()[-1, 0])
     assert tips[-1] == pytest.approx(9.413161, abs=1e-6)
     assert 3.5 < np.log2((tips[0] - tips[1]) / (tips[1] - tips[2])) < 5.5
-    chain.pins(rods.link, rods.ends, rods.s, rods.work)
+    pins(rods.link, rods.s, rods.work)
     assert np.abs(rods.work.system.C).max() < 1e-11
 
 
@@ -155,7 +163,7 @@ def tumbling(n=12):
     loop = Chain(pins, Ends(True, False, False))
     loop.s.q[:, :3] += [0.3, -0.2, 0.1]
     centre, rate = loop.s.q[:, :3].mean(0), np.array([1.0, 2.0, 1.5])
-    chain.pin_motion(loop.link, loop.s, loop.work)
+    pin_motion(loop.link, loop.s, loop.work)
     loop.s.v[:, :3] = np.cross(rate, loop.s.q[:, :3] - centre) + np.array([0.5, 0.1, -0.3])
     loop.s.v[:, 3:] = np.einsum("nji,j->ni", loop.work.system.A, rate)
     return loop.release()
@@ -329,12 +337,12 @@ def test_rigid_links_show_the_forces_that_cables_show_at_rest():
     assert shown["rigid"][1:] == pytest.approx(shown["cable"][1:], rel=3e-3)
 
 
-@pytest.mark.parametrize("integrator", Model.integrators)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_impulses_on_the_wheels_balance_the_momentum(track, integrator):
     model, state = track
     model.state[:] = state
     model.integrator = integrator
-    s, h = model.views, 1e-3
+    s, h = model.s, 1e-3
     for k in range(40):
         t = k * h
         before = MASS * s.v[:, :3].sum(0)
@@ -344,7 +352,7 @@ def test_impulses_on_the_wheels_balance_the_momentum(track, integrator):
         force = [y[f"ground.force.{a}"] - sum(y[f"{w['name']}.force.{a}"] for w in model.wheel_list) for a in "xyz"]
         force[2] -= LINKS * MASS * 9.81
         assert np.abs(gained - h * np.array(force)).max() < 1e-9
-    model.integrator = Model.integrators[0]
+    model.integrator = INTEGRATORS[0]
     assert np.abs(gained).max() > 0.1
 
 
@@ -368,7 +376,7 @@ def test_sprocket_drives_the_chain_over_wheels_and_ground(track):
 
 def test_integrators_agree():
     found = []
-    for integrator in Model.integrators:
+    for integrator in INTEGRATORS:
         model = rolling()
         model.initialise(parameters(model, integrator=integrator))
         for k in range(100):

@@ -12,16 +12,18 @@ from collections import Counter
 
 import numpy as np
 
-from fmus.track_flexible import chain as flexible
+from fmus.physics.chain.flexible import dynamics as flexible_dynamics
+from fmus.physics.chain.flexible import newton as flexible
+from fmus.physics.chain.rigid import dynamics as rigid_dynamics
+from fmus.physics.chain.rigid import newton as rigid
 from fmus.track_flexible.model import Model as Flexible
-from fmus.track_rigid import chain as rigid
 from fmus.track_rigid.model import Model as Rigid
 from fmus.vehicle import read_table, vehicle
 
 STEPS = (1e-3, 1e-3, 0.3, 1e-3)
-CALLS = {  # per kind: what is called once an evaluation, an iteration (for elements: a matrix), a step done, one begun
-    "rigid": {"residual": rigid, "solve": rigid.augmented, "_settle_rates": rigid, "newton": rigid},
-    "cable": {"evaluate": flexible, "factor": flexible, "measure": flexible, "move": flexible},
+CALLS = {  # per kind: what is called once an evaluation, an iteration, a step done, a step begun
+    "rigid": {"residual": rigid, "_update": rigid, "settle_rates": rigid, "newton": rigid_dynamics},
+    "cable": {"evaluate": flexible, "correct": flexible, "end_work": flexible_dynamics, "newton": flexible_dynamics},
 }
 calls: Counter[str] = Counter()
 
@@ -59,5 +61,5 @@ if __name__ == "__main__":
     for names in CALLS.values():
         for name, module in names.items():
             count(module, name)
-    rigid.ITERATIONS = 8  # rigid links converge in any step, given more
+    rigid.MOST = 8  # rigid links converge in any step, given more
     json.dump({kind: run(kind) for kind in CALLS}, sys.stdout)

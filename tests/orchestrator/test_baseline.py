@@ -92,16 +92,16 @@ def test_the_matrix_is_the_derivative_of_the_residual(kind):
     by = evaluations.slopes(evaluations.coefficients(evaluations.RADIUS), h)
     found = chain.evaluate(state, h, vector())
     model = chain._model
-    shape = model.q.shape
+    shape = model.s.q.shape
     d = Elastic(*(np.zeros_like(part) for part in state.coordinates))
-    flat, at = vector()[: model.q.size].reshape(shape), chain._layout
+    flat, at = vector()[: model.s.q.size].reshape(shape), chain._layout
     for field, place, axes in at:
         part = getattr(d, field)
         part[(..., axes) if axes else ...] = flat[place] if axes else flat[place][:, 0]
     if not run.closed:
         d.position[0] = d.axis[0] = 0.0  # the ground's
         flat = flat.copy()
-        flat[0, : model.kit.HELD] = 0.0
+        flat[0, : model.kit.FIXED] = 0.0
         found = chain.evaluate(state, h, np.concatenate([flat.ravel(), np.zeros(10)]))
 
     def residual(step: float) -> np.ndarray:

@@ -13,7 +13,7 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator import studies
 from orchestrator.cli import main
-from orchestrator.studies import Case, chain_cases, element_cases, mechanics, orders, pool, tables
+from orchestrator.studies import Case, element_cases, mechanics, orders, pool, tables
 from orchestrator.studies.store import Store
 from orchestrator.studies.tables import Row, checked, failed
 
@@ -216,15 +216,3 @@ def test_observed_orders():
     assert orders.order_of((0.4, 0.2, 0.1), values) == pytest.approx(3.0)
     assert orders.rate_of((8, 16), (1.0, 0.25)) == pytest.approx(2.0)
     assert math.isnan(orders.order_of((1, 2, 4), (1.0, 1.0, 1.0)))
-
-
-def test_rods_turn_as_one_body_and_stay_joined():
-    """The study's own driver: no force but that of the turning, pins closed to rounding."""
-    rods = chain_cases.Rods(chain_cases.of_angles(chain_cases.ZIGZAG), gravity=0.0)
-    rods.turn(chain_cases.SPIN)
-    still = rods.release()
-    assert abs(still).max() > 0.01
-    rods.run(0.2, 1e-2)
-    rods.release()
-    rods._gaps()
-    assert abs(rods.system.C).max() < 1e-12

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fmus.physics.carrier import carrier
-from fmus.physics.chain_layout import closed_polygon
-from fmus.physics.chain_speed import chain_speed
+from fmus.physics.chain.carrier import carrier
+from fmus.physics.chain.layout import closed_polygon
+from fmus.physics.chain.speed import chain_speed
 from fmus.physics.wheels import WIDTH
 
 PITCH, LINKS = 0.1524, 64

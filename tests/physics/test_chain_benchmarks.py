@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from chains import AREA, INTEGRATORS, SECOND, STEEL, Flexible, P, Rigid, line, of_angles, ring
 
+from fmus import track
 from fmus.physics.ancf import cable
-from fmus.physics.chain.cable_nodes import gather
-from fmus.track_flexible import cables
-from fmus.track_flexible.model import Model as FlexibleModel
-from fmus.track_rigid.model import Model as RigidModel
+from fmus.physics.chain.flexible.cable_nodes import gather
 
 G, LINKS = 9.81, 64
 
@@ -62,15 +60,14 @@ def steel_swings(n, cable=STEEL):
     depth = -P * np.concatenate([[0.0], np.cumsum(1.0 + stretch)])
     chain.place(np.stack([0.0 * depth, depth], axis=1))
     for _ in range(6):
-        still, other = np.zeros_like(chain.q), np.zeros_like(chain.q)
-        chain.evaluate(chain.q, chain.still, chain.still, tangent=True)
-        chain.solve(True)
-        size = cables.correct(chain.links, chain.w, chain.q, still, other, 0.0, 0.0, 0.1)
+        chain.evaluate()
+        chain.solve()
+        size = chain.correct(np.zeros_like(chain.s.q))
     assert size < 1e-14
     plane = np.arange(4 * (n + 1)).reshape(-1, 4)[1:, [0, 2]].ravel()
 
     def below(square):
-        chain.evaluate(chain.q, chain.still, chain.still, 0.0, -square, True)
+        chain.evaluate(by_acceleration=-square)
         D = chain.blocks()[np.ix_(plane, plane)]
         return int((np.linalg.eigvalsh(0.5 * (D + D.T)) < 0.0).sum())
 
@@ -108,15 +105,15 @@ def rigid_loop(mass=MASS):
 def steel_loop(mass=MASS):
     """Relative equilibrium: K(q) = omega^2 M q, its turning about the axis left to the smallest correction."""
     loop = Flexible(ring(LINKS), closed=True, gravity=0.0, cable=STEEL._replace(rhoA=mass / P))
-    loop.vdot[:] = -(RATE**2) * loop.q
-    loop.vdot[:, 7] = 0.0
+    loop.s.vdot[:] = -(RATE**2) * loop.s.q
+    loop.s.vdot[:, 7] = 0.0
     for _ in range(6):
-        loop.evaluate(loop.q, loop.still, loop.vdot, 0.0, -(RATE**2), True)
+        loop.evaluate(loop.s.vdot, -(RATE**2))
         step = np.linalg.lstsq(loop.blocks(), loop.w.b.ravel(), rcond=1e-12)[0]
         loop.w.b[:] = step.reshape(-1, 4)
-        size = cables.correct(loop.links, loop.w, loop.q, np.zeros_like(loop.q), loop.vdot, 0.0, -(RATE**2), 0.1)
+        size = loop.correct(loop.s.vdot, -(RATE**2))
     assert size < 1e-11
-    loop.evaluate(loop.q, loop.still, loop.vdot)
+    loop.evaluate(loop.s.vdot)
     return loop
 
 
@@ -142,14 +139,14 @@ def test_hoop_strain_of_the_steel_loop():
     tension = float(joint_forces(loop).mean())
     e, W, found = np.zeros((4, 3)), np.zeros((4, 3)), []
     for i in range(LINKS):
-        gather(loop.q, i, (i + 1) % LINKS, e)
+        gather(loop.s.q, i, (i + 1) % LINKS, e)
         found.append(cable.strain(loop.links.cable, e, W))
     assert np.ptp(found) < 1e-13
     assert np.mean(found) == pytest.approx(tension / STEEL.EA, rel=5e-4)
     mean = MASS * RATE**2 * P / 4 * (1 / np.tan(np.pi / LINKS) ** 2 + 1 / 3)
     assert np.mean(found) == pytest.approx(mean / STEEL.EA, rel=1e-6)
     assert np.mean(found) != pytest.approx(mean / (1.03 * STEEL.EA), rel=1e-2)
-    grown = np.linalg.norm(loop.q[:, :3], axis=1) / np.linalg.norm(ring(LINKS), axis=1) - 1.0
+    grown = np.linalg.norm(loop.s.q[:, :3], axis=1) / np.linalg.norm(ring(LINKS), axis=1) - 1.0
     np.testing.assert_allclose(grown, tension / STEEL.EA, rtol=5e-4)
 
 
@@ -172,13 +169,13 @@ def fall(kind, links, turn, gravity=G, integrator="runge_kutta"):
         if kind is Rigid:
             rate = np.abs(chain.s.v[:, 4]).max()
         else:
-            rate = max(np.abs(chain.v[:-1, 5:7]).max(), np.abs(chain.v[1:, 3:5]).max())
+            rate = max(np.abs(chain.s.v[:-1, 5:7]).max(), np.abs(chain.s.v[1:, 3:5]).max())
         h = min(2e-3 * scale, turn / max(rate, 1e-9))
         chain.run(h, h, integrator)
         t.append(t[-1] + h)
         drop.append(-chain.pins()[-1, 2])
         drift = max(drift, abs(chain.energy() - start))
-    mass = chain.link.mass if kind is Rigid else STEEL.rhoA * P
+    mass = chain.links.mass if kind is Rigid else STEEL.rhoA * P
     return np.array(t) / scale, np.array(drop) / length, drift / (mass * links * G * length)
 
 
@@ -219,7 +216,7 @@ def test_the_landmarks_of_the_fall_can_be_missed():
 
 def test_folded_steel_chain_falls_alike():
     rods = landmarks(*fall(Rigid, 17, 0.05)[:2])
-    t, drop, _ = fall(Flexible, 17, 0.02)
+    t, drop, _ = fall(Flexible, 17, 0.02, integrator="generalized_alpha")
     np.testing.assert_allclose(check_fall(t, drop), rods, rtol=1e-3)
 
 
@@ -229,7 +226,7 @@ def test_folded_chain_with_smaller_steps(links):
     coarse, fine = (landmarks(*fall(Rigid, links, turn)[:2]) for turn in (0.05, 0.0125))
     np.testing.assert_allclose(coarse, fine, rtol=1e-3)
     if links <= 65:
-        t, drop, _ = fall(Flexible, links, 0.005)
+        t, drop, _ = fall(Flexible, links, 0.005, integrator="generalized_alpha")
         np.testing.assert_allclose(check_fall(t, drop), fine, rtol=5e-3)
 
 
@@ -249,7 +246,7 @@ def free(kind, cable=STEEL, lateral=0.0):
     else:
         chain = Flexible(pins, gravity=0.0, cable=cable)
         chain.turn(2.0)
-        chain.v[:, 1] = lateral * chain.q[:, 0]
+        chain.s.v[:, 1] = lateral * chain.s.q[:, 0]
     return chain.release()
 
 
@@ -265,7 +262,7 @@ def drift(chain, h, integrator, time=10.0):
 
 
 def test_every_integrator_is_here():
-    assert set(INTEGRATORS) == set(RigidModel.integrators) == set(FlexibleModel.integrators)
+    assert set(INTEGRATORS) == set(track.INTEGRATORS)
 
 
 @pytest.mark.parametrize(

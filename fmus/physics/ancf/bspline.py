@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-Floats = NDArray[np.float64]
+from fmus.physics.arrays import Floats
+
 DEGREE = 3
 SPACE = 3  # components of a position
 

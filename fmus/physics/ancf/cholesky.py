@@ -7,14 +7,11 @@ systems, Nonlinear Dyn. 20, 1999. L is computed once: joints are gone and the ma
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import cholesky, solve_triangular
 
 from fmus.physics.ancf.mesh import Mesh
-
-Floats = NDArray[np.float64]
+from fmus.physics.arrays import Floats
 
 
 class CholeskyMesh:

@@ -14,12 +14,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from fmus.physics.ancf.mesh import End, Mesh
-
-Floats = NDArray[np.float64]
+from fmus.physics.arrays import Floats
 
 
 class Block(NamedTuple):

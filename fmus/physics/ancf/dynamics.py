@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from fmus.physics.arrays import Floats
 from fmus.physics.integrate import generalized_alpha as ga
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 
-Floats = NDArray[np.float64]
 Moment = tuple[float, Floats, Floats]
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import sparse
 
 from fmus.physics.ancf.mesh import End, Mesh
-
-Floats = NDArray[np.float64]
+from fmus.physics.arrays import Floats
 
 
 class Dead(NamedTuple):

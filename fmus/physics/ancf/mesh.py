@@ -11,13 +11,13 @@ from copy import copy
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from fmus.physics.ancf.joints import Joint, smooth
+from fmus.physics.arrays import Floats
 
-Floats = NDArray[np.float64]
 End = tuple[int, int]  # element, counted through all parts; 0 its first node, 1 its second
 
 

@@ -24,11 +24,10 @@ beside it. Coordinates of the pair are (2, 8, 3): before, behind; each as in anc
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.physics.ancf import beam
+from fmus.physics.arrays import Floats
 
-Floats = NDArray[np.float64]
 JOINT = ((0, 4), (1, 0))  # (element, row) where the joint's node begins in the pair's coordinates
 ROTATION = "rotation"
 DEFORMATIONS = ("stretch", "section", "shear", "lean", "twist")  # of an element's own gradients at the joint

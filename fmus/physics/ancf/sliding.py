@@ -32,8 +32,8 @@ from numpy.typing import NDArray
 
 from fmus.physics.ancf import bspline, cable
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.arrays import Floats
 
-Floats = NDArray[np.float64]
 # powers of the fraction xi in the shape functions of a cable of unit length: rows 1, xi, xi^2, xi^3
 POWERS = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
 FALLING = np.array([[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]])  # derivative of order k of xi^p: factor

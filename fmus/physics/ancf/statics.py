@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from fmus.physics.ancf.mesh import Mesh
-
-Floats = NDArray[np.float64]
+from fmus.physics.arrays import Floats
 
 
 class NotFound(ArithmeticError):

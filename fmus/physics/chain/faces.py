@@ -1,7 +1,7 @@
 """The door from rolling contact to the kinds of links: where the points of their faces are, what a force there does.
 
-The class of the links says which module is behind it: ``cable_faces``, ``planar_faces``, ``beam_faces``,
-``rigid_faces``. A chain's motion ``x`` and its arrays ``w`` are what that module makes of them. Vectors are tuples.
+The class of the links says which module is behind it: ``flexible.cable_faces``, ``planar_faces``, ``beam_faces`` or
+``rigid.faces``. A chain's motion ``x`` and its arrays ``w`` are what that module makes of them. Vectors are tuples.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from fmus.jit import door
 
 def _of(links: type) -> Any:
     """The module of a class of links."""
-    if links.__name__ == "Link":
-        from fmus.physics.chain import rigid_faces
+    if links.__name__ == "RigidLinks":
+        from fmus.physics.chain.rigid import faces
 
-        return rigid_faces
+        return faces
     if links.__name__ == "Beams":
-        from fmus.physics.chain import beam_faces
+        from fmus.physics.chain.flexible import beam_faces
 
         return beam_faces
-    if links.__name__ == "Planar":
-        from fmus.physics.chain import planar_faces
+    if links.__name__ == "PlanarCables":
+        from fmus.physics.chain.flexible import planar_faces
 
         return planar_faces
-    from fmus.physics.chain import cable_faces
+    from fmus.physics.chain.flexible import cable_faces
 
     return cable_faces
 
 
 def _guided(links: type) -> Any:
     """The module of the guides of a class of links."""
-    if links.__name__ in ("Link", "Beams"):
+    if links.__name__ in ("RigidLinks", "Beams"):
         from fmus.physics.chain import guides
 
         return guides
@@ -42,7 +42,7 @@ def _guided(links: type) -> Any:
 
 
 @door(_guided)
-def guide(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent):
+def guide(links, contacts, x, w, rows, by_rate, tangent):
     """Guide horns against the discs of the wheels; see ``rolling.roll``."""
 
 

@@ -15,14 +15,14 @@ from fmus.physics.vector import dot, vector
 
 
 @kernel
-def guide(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent):
+def guide(links, contacts, x, w, rows, by_rate, tangent):
     """Guide horns on the middle of the inner faces against the discs of all wheels."""
     for k in range(rows.shape[0]):
-        _discs(links, contacts, x, w, k, rows[k], wrench[k], sums, memory, by_rate, tangent)
+        _discs(links, contacts, x, w, k, rows[k], by_rate, tangent)
 
 
 @kernel
-def _discs(links, contacts, x, w, k, row, wrench, sums, memory, by_rate, tangent):
+def _discs(links, contacts, x, w, k, row, by_rate, tangent):
     """Those of wheel ``k``."""
     (n, nodes), law, play = count(links, x), contacts.wheel, contacts.clearance
     disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
@@ -48,9 +48,9 @@ def _discs(links, contacts, x, w, k, row, wrench, sums, memory, by_rate, tangent
             if depth <= 0.0:
                 continue
             point = POINTS * (k * nodes + i) + GUIDES + g
-            f = touch(law, share, depth, face, by_rate, tangent, memory, point)
-            note(sums, depth, f.energy, f.power)
+            f = touch(law, share, depth, face, by_rate, tangent, w.contact, point)
+            note(w.sums, depth, f.energy, f.power)
             slope = -dot(face.n, along(links, x, w, i))
-            sums[COVERING] += covered(law, share, depth, slope, part, ends, half)
-            collect(row, p, f.f, wrench)
+            w.sums[COVERING] += covered(law, share, depth, slope, part, ends, half)
+            collect(row, p, f.f, w.wrench[k])
             push(links, w, i, f, tangent)

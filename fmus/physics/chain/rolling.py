@@ -36,25 +36,24 @@ from fmus.physics.vector import add, dot, scale
 
 
 @kernel
-def roll(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent):
+def roll(links, contacts, x, w, rows, by_rate, tangent):
     """All contacts of a chain in the motion ``x`` with the wheels ``rows`` (m, 15) and the ground.
 
-    Residuals and, with ``tangent``, iteration matrices go to the arrays ``w``, reactions to ``wrench`` (m + 1, 6; the
-    ground's is the last), energies and powers to ``sums``. ``memory``: see ``fmus.physics.point``.
+    Residuals, with ``tangent`` iteration matrices, reactions, energies and powers go to the arrays ``w``.
     """
     begin(links, x, w)
     for k in range(rows.shape[0]):
         if contacts.teeth[k] == 0:
-            _rim(links, contacts, x, w, k, rows[k], wrench[k], sums, memory, by_rate, tangent)
+            _rim(links, contacts, x, w, k, rows[k], by_rate, tangent)
         if contacts.teeth[k] != 0:
-            _teeth(links, contacts, x, w, k, rows[k], wrench[k], sums, memory, by_rate, tangent)
-    guide(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent)
+            _teeth(links, contacts, x, w, k, rows[k], by_rate, tangent)
+    guide(links, contacts, x, w, rows, by_rate, tangent)
     if contacts.ground != 0:
-        _soil(links, contacts, x, w, wrench[rows.shape[0]], sums, memory, by_rate, tangent)
+        _soil(links, contacts, x, w, by_rate, tangent)
 
 
 @kernel
-def _rim(links, contacts, x, w, k, row, wrench, sums, memory, by_rate, tangent):
+def _rim(links, contacts, x, w, k, row, by_rate, tangent):
     """The rim of wheel ``k`` on the inner faces."""
     (n, nodes), (places, side_by), law, radius = count(links, x), across(links), contacts.wheel, contacts.radius[k]
     far = reached(links, radius)
@@ -80,21 +79,21 @@ def _rim(links, contacts, x, w, k, row, wrench, sums, memory, by_rate, tangent):
                 if depth <= 0.0:
                     continue
                 point = POINTS * (k * nodes + i) + places * g + m
-                f = press(law, share, depth, rate, 0.0, face, by_rate, tangent, memory, point)
-                note(sums, depth, f.energy, f.power)
+                f = press(law, share, depth, rate, 0.0, face, by_rate, tangent, w.contact, point)
+                note(w.sums, depth, f.energy, f.power)
                 slope = -dot(face.n, along(links, x, w, i))
-                sums[COVERING] += covered(law, share, depth, slope, part, ends, half)
-                collect(row, p, f.f, wrench)
+                w.sums[COVERING] += covered(law, share, depth, slope, part, ends, half)
+                collect(row, p, f.f, w.wrench[k])
                 push(links, w, i, f, tangent)
                 if tangent:
                     resist(links, w, i, f, by_rate, foot, side)
         stored, power = bulge(law, radius, length(links), low, high, ends)
-        sums[CONTACT] += stored
-        sums[COVERING] += power
+        w.sums[CONTACT] += stored
+        w.sums[COVERING] += power
 
 
 @kernel
-def _teeth(links, contacts, x, w, k, row, wrench, sums, memory, by_rate, tangent):
+def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
     """The teeth of sprocket ``k`` on the pins."""
     nodes, (places, side_by) = count(links, x)[1], across(links)
     for i in range(nodes):
@@ -105,14 +104,14 @@ def _teeth(links, contacts, x, w, k, row, wrench, sums, memory, by_rate, tangent
             if depth <= 0.0:
                 continue
             point = POINTS * (k * nodes + i) + PINS + m
-            f = touch(contacts.sprocket, 1.0 / places, depth, face, by_rate, tangent, memory, point)
-            note(sums, depth, f.energy, f.power)
-            collect(row, p, f.f, wrench)
+            f = touch(contacts.sprocket, 1.0 / places, depth, face, by_rate, tangent, w.contact, point)
+            note(w.sums, depth, f.energy, f.power)
+            collect(row, p, f.f, w.wrench[k])
             push_pin(links, x, w, i, y, f, tangent)
 
 
 @kernel
-def _soil(links, contacts, x, w, wrench, sums, memory, by_rate, tangent):
+def _soil(links, contacts, x, w, by_rate, tangent):
     """The ground on the outer faces."""
     (n, nodes), (places, side_by), law = count(links, x), across(links), contacts.soil
     summit, first = contacts.shape.height + contacts.shape.rise, POINTS * len(contacts.teeth) * nodes
@@ -129,11 +128,11 @@ def _soil(links, contacts, x, w, wrench, sums, memory, by_rate, tangent):
                 if depth <= 0.0:
                     continue
                 point = first + POINTS * i + places * g + m
-                f = touch(law, 0.5 / places, depth, face, by_rate, tangent, memory, point)
-                note(sums, depth, f.energy, f.power)
-                sums[LOAD] += f.normal
-                sums[SLIP] -= f.normal * v[0]
-                sums[SIDESLIP] -= f.normal * v[1]
+                f = touch(law, 0.5 / places, depth, face, by_rate, tangent, w.contact, point)
+                note(w.sums, depth, f.energy, f.power)
+                w.sums[LOAD] += f.normal
+                w.sums[SLIP] -= f.normal * v[0]
+                w.sums[SIDESLIP] -= f.normal * v[1]
                 for j in range(3):
-                    wrench[j] -= f.f[j]
+                    w.wrench[-1, j] -= f.f[j]
                 push(links, w, i, f, tangent)

@@ -1,12 +1,13 @@
-"""What an evaluation of a chain sums up over its contacts."""
+"""What an evaluation of a chain sums up."""
 
 from __future__ import annotations
 
 from fmus.jit import kernel
 
-# J stored, W dissipated, W lost as covered parts move, m, N on the ground, N m/s slipping along -x and -y
-CONTACT, POWER, COVERING, DEPTH, LOAD, SLIP, SIDESLIP = range(7)
-SUMS = 7
+# J stored in contacts, W dissipated, W lost as covered parts move, m, N on the ground, N m/s slipping along -x and -y,
+# W of the loads on the ends
+CONTACT, POWER, COVERING, DEPTH, LOAD, SLIP, SIDESLIP, END_POWER = range(8)
+SUMS = 8
 
 
 @kernel

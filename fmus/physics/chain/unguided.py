@@ -6,5 +6,5 @@ from fmus.jit import kernel
 
 
 @kernel
-def guide(links, contacts, x, w, rows, wrench, sums, memory, by_rate, tangent):
+def guide(links, contacts, x, w, rows, by_rate, tangent):
     """Nothing to guide."""

@@ -40,6 +40,9 @@ class Slopes(NamedTuple):
     vdot: float  # 1/s2, of the true acceleration
 
 
+BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # backward Euler: of order 1, for the way to equilibrium
+
+
 @kernel
 def coefficients(radius):
     """The second-order method with spectral ``radius`` at infinite frequency, 0 (damps hard) to 1 (never)."""

@@ -1,0 +1,1 @@
+"""Chains of flexible links: cables, planar cables and beams."""

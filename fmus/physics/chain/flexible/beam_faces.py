@@ -1,0 +1,131 @@
+"""Faces of beams; see ``faces``. Motion: q, v (nodes, 18), see ``beam_nodes``.
+
+A material point of a beam is linear in its coordinates, x = S(xi, y, z) e, so a contact force f acts as S^T f and its
+derivatives as S^T g S: no moment is left out, whichever way the link is turned. The points are those of rigid links.
+"""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.ancf.beam import shape
+from fmus.physics.chain.flexible.beam_nodes import gather
+from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
+    begin,
+    count,
+    last,
+    open_link,
+    pin_rates,
+    pins,
+)
+from fmus.physics.vector import add, scale, vector
+
+
+@kernel
+def across(links):
+    """See ``faces``."""
+    return 2, links.lateral
+
+
+@kernel
+def length(links):
+    """See ``faces``."""
+    return links.beam.l
+
+
+@kernel
+def lift(links, x, i):
+    """A pin's ends hang by the rise of its axis."""
+    lean = links.lateral * max(abs(x.q[i, 5]), abs(x.q[last(x, i), 5]))
+    return lean + 1.1 * links.face + 0.1 * links.beam.l
+
+
+@kernel
+def enter(links, x, w, i):
+    """Coordinates and rates of the link into ``w.e``, ``w.v``; its loads are zeroed at its first contact."""
+    j = last(x, i)
+    gather(x.q, i, j, w.e)
+    gather(x.v, i, j, w.v)
+    open_link(w, i)
+
+
+@kernel
+def locate(links, x, w, i, xi, y, z):
+    """Leaves shape functions in ``w.S``."""
+    S, e, de = w.S, w.e, w.v
+    shape(links.beam, xi, y, z, S)
+    p0 = p1 = p2 = v0 = v1 = v2 = 0.0
+    for a in range(8):
+        p0 += S[a] * e[a, 0]
+        p1 += S[a] * e[a, 1]
+        p2 += S[a] * e[a, 2]
+        v0 += S[a] * de[a, 0]
+        v1 += S[a] * de[a, 1]
+        v2 += S[a] * de[a, 2]
+    return (p0, p1, p2), (v0, v1, v2)
+
+
+@kernel
+def along(links, x, w, i):
+    """Of the pins, of the link's bending nothing."""
+    first, last = pins(links, x, w, i)
+    return add(last, scale(-1.0, first))
+
+
+@kernel
+def push(links, w, i, push, tangent):
+    """Force on residual and matrix of the link: R -= S^T f, K -= S^T g S."""
+    S, R, K, f, g = w.S, w.load[i], w.stiffening[i], push.f, push.g
+    for a in range(8):
+        R[a, 0] -= S[a] * f[0]
+        R[a, 1] -= S[a] * f[1]
+        R[a, 2] -= S[a] * f[2]
+    if not tangent:
+        return
+    for a in range(8):
+        for b in range(8):
+            s = S[a] * S[b]
+            K[3 * a, 3 * b] -= s * g[0]
+            K[3 * a, 3 * b + 1] -= s * g[1]
+            K[3 * a, 3 * b + 2] -= s * g[2]
+            K[3 * a + 1, 3 * b] -= s * g[3]
+            K[3 * a + 1, 3 * b + 1] -= s * g[4]
+            K[3 * a + 1, 3 * b + 2] -= s * g[5]
+            K[3 * a + 2, 3 * b] -= s * g[6]
+            K[3 * a + 2, 3 * b + 1] -= s * g[7]
+            K[3 * a + 2, 3 * b + 2] -= s * g[8]
+
+
+@kernel
+def resist(links, w, i, push, by_rate, foot, side):
+    """K -= S^T r (d rate / d pins) with r = df / d rate; the rate falls as the face moves along its normal."""
+    S, K, r = w.S, w.stiffening[i], push.by_rate
+    for a in range(8):
+        for k in range(3):
+            g = by_rate * S[a] * r[k]
+            for j in range(3):
+                K[3 * a + k, j] += g * (1.0 - foot) * side[j]
+                K[3 * a + k, 12 + j] += g * foot * side[j]
+
+
+@kernel
+def locate_pin(links, x, w, i, y):
+    """See ``faces``."""
+    q, v = x.q[i], x.v[i]
+    return add(vector(q, 0), scale(y, vector(q, 3))), add(vector(v, 0), scale(y, vector(v, 3)))
+
+
+@kernel
+def push_pin(links, x, w, i, y, push, tangent):
+    """Residual into ``w.b``, matrix into ``w.A``."""
+    f, g = push.f, push.g
+    for a in range(3):
+        w.b[i, a] -= f[a]
+        w.b[i, 3 + a] -= y * f[a]
+    if tangent:
+        for a in range(3):
+            for b in range(3):
+                k = g[3 * a + b]
+                w.A[i, a, b] -= k
+                w.A[i, a, 3 + b] -= y * k
+                w.A[i, 3 + a, b] -= y * k
+                w.A[i, 3 + a, 3 + b] -= y * y * k

@@ -1,0 +1,179 @@
+"""A link's own coordinates are eliminated link by link, whatever its element: Schur complement, scatter, back again.
+
+Of an element's coordinates those of its own, x, meet no other link; those shared, y, are m of each of its two pins:
+
+    K_xx x + K_xy y = r_x,   K_yx x + K_yy y = r_y   =>   (K_yy - K_yx K_xx^-1 K_xy) y = r_y - K_yx K_xx^-1 r_x
+
+The chain of pins is left, cyclic and block tridiagonal with blocks of m x m. What tells ``cables``, ``planar`` and
+``beams`` apart is their ``Layout``; its sizes travel as lengths of tuples, as in ``block_cyclic``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.block_cyclic import invert
+from fmus.physics.chain.environment import HELD, PINNED
+
+
+class Layout(NamedTuple):
+    """Where an element's coordinates lie, in its own order and in its pins'; there are m shared ones a pin, n own."""
+
+    outer: np.ndarray  # (2 m) of an element's: those shared, first pin, second pin
+    inner: np.ndarray  # (n) those of its own, likewise
+    pin: np.ndarray  # (m) of a pin's: those shared
+    slope: np.ndarray  # (n) of a pin's: those of one link; first pin, second pin
+    shared: tuple[int, ...]  # of length m
+    own: tuple[int, ...]  # of length n
+
+
+def layout(begin: list[int], end: list[int], outer: list[int]) -> Layout:
+    """The layout of an element whose first half lies in its first pin at ``begin``, the second in the other at ``end``.
+
+    What is not ``outer`` is its own.
+    """
+    places = [*begin, *end]
+    inner = [k for k in range(len(places)) if k not in outer]
+    m = len(outer) // 2
+    parts = outer, inner, [places[k] for k in outer[:m]], [places[k] for k in inner]
+    # unsigned where nothing is folded away: an index that may be negative costs a tenth of ``correct``
+    kinds = np.intp, np.intp, np.uintp, np.uintp
+    arrays = (np.array(part, kind) for part, kind in zip(parts, kinds, strict=True))
+    return Layout(*arrays, (0,) * m, (0,) * len(inner))
+
+
+@kernel
+def clear(w, tangent):
+    """Zero what an evaluation sums up."""
+    w.b[:] = 0.0
+    w.sums[:] = 0.0
+    w.wrench[:] = 0.0
+    if tangent:
+        w.A[:] = 0.0
+        w.U[:] = 0.0
+        w.L[:] = 0.0
+
+
+@kernel
+def condense(at, K, A, U, L, inner, right, left, swap, i, j):
+    """Eliminate a link's own coordinates from its matrix ``K``, scatter the rest to its pins ``i`` and ``j``.
+
+    Leaves the inverse of its own part in ``inner``, that times the coupling in ``right``, the coupling in ``left``;
+    ``swap`` is scratch.
+    """
+    m, n = len(at.shared), len(at.own)
+    for a in range(n):
+        for b in range(n):
+            inner[a, b] = K[at.inner[a], at.inner[b]]
+        for b in range(2 * m):
+            left[b, a] = K[at.outer[b], at.inner[a]]
+    invert(inner, swap, at.own)
+    for a in range(n):
+        for b in range(2 * m):
+            s = 0.0
+            for k in range(n):
+                s += inner[a, k] * K[at.inner[k], at.outer[b]]
+            right[a, b] = s
+    for a in range(m):
+        for b in range(m):
+            one, two = at.outer[a], at.outer[m + a]
+            s, o, p, r = K[one, at.outer[b]], K[one, at.outer[m + b]], K[two, at.outer[b]], K[two, at.outer[m + b]]
+            for k in range(n):
+                s -= left[a, k] * right[k, b]
+                o -= left[a, k] * right[k, m + b]
+                p -= left[m + a, k] * right[k, b]
+                r -= left[m + a, k] * right[k, m + b]
+            A[i, a, b] += s
+            U[i, a, b] += o
+            L[j, a, b] += p
+            A[j, a, b] += r
+
+
+@kernel
+def spread(at, R, inner, own, b, x):
+    """Residuals of all links ``R`` (links, rows, axes) on their pins ``b``; what is their own, solved, into ``own``.
+
+    Returns the largest entry of the latter, N, and the link it belongs to; ``x`` is scratch.
+    """
+    links, nodes, m, n = R.shape[0], b.shape[0], len(at.shared), len(at.own)
+    flat = R.reshape(links, R.shape[1] * R.shape[2])
+    worst, where = 0.0, 0
+    for i in range(links):
+        j = i + 1 if i + 1 < nodes else 0
+        r = flat[i]
+        for k in range(n):
+            x[k] = r[at.inner[k]]
+            worst, where = (abs(x[k]), i) if abs(x[k]) > worst else (worst, where)
+        for k in range(n):
+            s = 0.0
+            for a in range(n):
+                s += inner[i, k, a] * x[a]
+            own[i, k] = s
+        for k in range(m):
+            b[i, k] += r[at.outer[k]]
+            b[j, k] += r[at.outer[m + k]]
+    return worst, where
+
+
+@kernel
+def reduce(at, env, held, left, own, b, worst, where):
+    """Condense the residual ``b`` of the pins; what is ``held`` of pinned ends has none.
+
+    Returns the largest entry, N, before that and of ``worst``, and the link it belongs to.
+    """
+    links, nodes, m, n = left.shape[0], b.shape[0], len(at.shared), len(at.own)
+    for i in range(nodes):
+        for k in range(m):
+            if abs(b[i, k]) > worst:
+                worst, where = abs(b[i, k]), min(i, links - 1)
+    for i in range(links):
+        j = i + 1 if i + 1 < nodes else 0
+        for k in range(m):
+            first, second = b[i, k], b[j, k]
+            for a in range(n):
+                first -= left[i, k, a] * own[i, a]
+                second -= left[i, m + k, a] * own[i, a]
+            b[i, k], b[j, k] = first, second
+    if env.ends == PINNED or env.ends == HELD:
+        b[0, :held] = 0.0
+    if env.ends == PINNED:
+        b[nodes - 1, :held] = 0.0
+    return worst, where
+
+
+@kernel
+def correct(at, lever, right, own, b, x, by, longest):
+    """Take the Newton step from the solution ``b``, at most ``longest`` m; returns the largest change of a pin, m.
+
+    A change of a shared coordinate counts by its ``lever`` (m).
+    """
+    links, nodes, m, n = own.shape[0], b.shape[0], len(at.shared), len(at.own)
+    q, v, vdot, size = x.q, x.v, x.vdot, 0.0
+    for i in range(nodes):
+        for k in range(m):
+            change = abs(b[i, k]) * lever[k]
+            if not change < np.inf:
+                return np.inf
+            size = max(size, change)
+    scale = -1.0 if size <= longest else -longest / size
+    for i in range(links):
+        j = i + 1 if i + 1 < nodes else 0
+        for k in range(n):
+            s = own[i, k]
+            for a in range(m):
+                s -= right[i, k, a] * b[i, a] + right[i, k, m + a] * b[j, a]
+            node, place = (i if 2 * k < n else j), at.slope[k]
+            q[node, place] += scale * s
+            v[node, place] += scale * by.v * s
+            vdot[node, place] += scale * by.vdot * s
+    for i in range(nodes):
+        for k in range(m):
+            s = scale * b[i, k]
+            place = at.pin[k]
+            q[i, place] += s
+            v[i, place] += by.v * s
+            vdot[i, place] += by.vdot * s
+    return size

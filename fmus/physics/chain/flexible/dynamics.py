@@ -1,0 +1,46 @@
+"""Flexible links behind the door ``kinds``; sibling: ``rigid.dynamics``."""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.chain.carrier import carrier
+from fmus.physics.chain.environment import PULLED
+from fmus.physics.chain.flexible.elements import axes, measure
+from fmus.physics.chain.flexible.explicit import close, derivative  # noqa: F401 - behind the door
+from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
+from fmus.physics.chain.report import SPEED, write
+from fmus.physics.chain.speed import chain_speed
+
+
+@kernel
+def end_work(links, env, h, s, w):
+    """See ``kinds``; by the paths of the ends."""
+    work, q, q0 = 0.0, s.q, w.before.q
+    if env.ends == PULLED:
+        for k in range(env.pull.shape[1]):
+            work += env.pull[0, k] * (q[0, k] - q0[0, k]) + env.pull[1, k] * (q[-1, k] - q0[-1, k])
+    return work
+
+
+@kernel
+def speed(links, env, s, w):
+    """See ``kinds``."""
+    n = axes(links)
+    return chain_speed(s.q[:, :n], s.v[:, :n], links.closed == 1, carrier(w.moved, env.mount))
+
+
+@kernel
+def first_speed(links, env, s, w, report):
+    """See ``kinds``; as reported, so over the carrier as it was extrapolated to now."""
+    return report[SPEED]
+
+
+@kernel
+def observe(links, env, s, w, report):
+    """See ``kinds``; and the residuals of the links."""
+    for i in range(s.residual.shape[0]):
+        for a in range(s.residual.shape[1]):
+            for k in range(s.residual.shape[2]):
+                s.residual[i, a, k] = w.R[i, a, k]
+    tension, energy = measure(links, env, s.q, s.v, w)
+    write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], tension, energy)

@@ -1,0 +1,56 @@
+"""Static equilibrium of a chain of flexible links on wheels that stand still."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import allocating
+from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.chain.flexible.elements import correct, evaluate
+from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.outcome import DONE, STALLED, Outcome
+from fmus.physics.chain.state import copy
+from fmus.physics.integrate.generalized_alpha import Slopes
+from fmus.physics.wheels import move
+
+
+@allocating
+def settle(links, contacts, env, rows, tolerance, longest, s, w):
+    """Bring ``s.q`` to static equilibrium on the wheels ``rows`` (m, 15), by pseudo-time steps that grow.
+
+    Friction and damping are left out. It ends with a residual below ``tolerance``, N, after a step of ``longest`` s,
+    where one is possible: what resists little has come to rest then too. Returns an Outcome.
+    """
+    x = Motion(s.q, w.still, w.change[0])
+    move(rows, 0.0, w.moved)
+    pseudo, worst, where, rest = 2e-3, 0.0, 0, np.inf
+    for _ in range(400):
+        copy(s.flat, w.before.flat)
+        x.vdot[:] = 0.0
+        by = Slopes(0.0, 0.0, 1.0 / pseudo**2)
+        converged, size = False, np.inf
+        for _ in range(12):
+            worst, where = evaluate(links, contacts, env, x, by, w, True)
+            if factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
+                break
+            solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+            last, size = size, correct(links, w, x, by, 2e-2)
+            if not size < 0.5:
+                break
+            if size < 1e-10 or (worst < tolerance and size > 0.5 * last):  # or rounding corrects it to and fro
+                converged = True
+                break
+        if not converged:
+            copy(w.before.flat, s.flat)
+            if rest < tolerance:
+                return Outcome(DONE, 0.0, where, rest)
+            pseudo *= 0.25
+            if pseudo < 1e-7:
+                return Outcome(STALLED, 0.0, where, worst)
+            continue
+        x.vdot[:] = 0.0
+        rest, where = evaluate(links, contacts, env, x, by, w, False)
+        if rest < tolerance and pseudo >= longest:
+            return Outcome(DONE, 0.0, where, rest)
+        pseudo = min(2.0 * pseudo, 1e3)
+    return Outcome(STALLED, 0.0, where, rest)

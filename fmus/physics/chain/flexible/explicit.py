@@ -1,0 +1,58 @@
+"""Accelerations of a chain of flexible links: the constant mass matrix is factored once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.chain.environment import Environment
+from fmus.physics.chain.flexible.elements import correct, evaluate, kit
+from fmus.physics.chain.flexible.state import Motion, State
+from fmus.physics.integrate.generalized_alpha import Slopes
+
+# step times highest frequency, within the stability region of the method for lightly damped modes
+LIMIT = 2.4
+NOTHING = Slopes(0.0, 0.0, 0.0)  # no matrix is asked for
+
+
+def factor_mass(links: Any, contacts: Any, env: Environment, s: State, w: Any) -> int:
+    """Factor the chain's mass into ``w``: the iteration matrix of links without stiffness.
+
+    Returns -1, or the link where it is singular. No wheel and no ground is touched: ``w.moved`` is spoilt.
+    """
+    w.moved[:] = 1e9
+    partners = contacts and contacts._replace(ground=0)
+    x, by = Motion(s.q, w.still, w.still), Slopes(0.0, 0.0, 1.0)
+    evaluate(kit(type(links)).massive(links), partners, env._replace(transverse=0.0), x, by, w, True)
+    return int(factor(w.A, w.U, w.L, w.factors, links.closed == 1))
+
+
+@kernel
+def accelerations(links, contacts, env, s, w):
+    """Accelerations (nodes, width) of the chain into ``w.change[0]``; ``w`` holds the factored mass and the wheels."""
+    change = w.change[0]
+    evaluate(links, contacts, env, Motion(s.q, s.v, w.still), NOTHING, w, False)
+    solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+    change[:] = 0.0
+    correct(links, w, Motion(change, w.change[1], w.change[1]), NOTHING, np.inf)
+
+
+@kernel
+def derivative(links, contacts, env, s, w, k):
+    """See ``kinds``."""
+    accelerations(links, contacts, env, s, w)
+    n, width = s.q.size, s.q.shape[1]
+    for i in range(s.q.shape[0]):
+        for j in range(width):
+            k[i * width + j] = s.v[i, j]
+            k[n + i * width + j] = w.change[0, i, j]
+    return -1
+
+
+@kernel
+def close(links, s, w):
+    """The pins are eliminated: NOTHING drifts."""
+    return -1

@@ -1,0 +1,53 @@
+"""One implicit step of a chain of flexible links: Newton's iteration on the condensed equations of the pins."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import allocating
+from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.chain.flexible.elements import correct, evaluate, length
+from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
+from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
+from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
+from fmus.physics.point import sharpen
+
+CHORD = 1e-5  # m: below such a correction the iteration matrix is kept
+FASTEST = 10.0  # m: a correction beyond is no correction
+SLOW = 0.5  # a correction larger than this part of the last one: friction is sharp
+MOST = 20  # iterations before a step is given up
+
+
+@allocating
+def newton(links, contacts, env, method, h, s, w, counters):
+    """See ``kinds``."""
+    c, by, before, x = method.alpha, slopes(method.alpha, h), w.before, Motion(s.q, s.v, s.vdot)
+    for i in range(s.q.shape[0]):
+        for k in range(s.q.shape[1]):
+            a0 = before.a[i, k]
+            a1 = auxiliary(c, a0, before.vdot[i, k], before.vdot[i, k])
+            s.q[i, k] += h * before.v[i, k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
+            s.v[i, k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
+    size, worst, where = np.inf, 0.0, 0
+    sharp = w.contact.sharp
+    sharp[0] = 0
+    for _ in range(MOST):
+        fresh = size > CHORD or sharp[0] == 1  # close to the solution the last matrix serves once more
+        worst, where = evaluate(links, contacts, env, x, by, w, fresh)
+        counters[EVALUATIONS] += 1
+        if fresh and factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
+            return SINGULAR, where, worst
+        solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+        counters[ITERATIONS] += 1
+        last, size = size, correct(links, w, x, by, 0.5 * length(links))
+        if not size < FASTEST:
+            break
+        if size < method.tolerance:
+            for i in range(s.q.shape[0]):
+                for k in range(s.q.shape[1]):
+                    s.a[i, k] = auxiliary(c, before.a[i, k], before.vdot[i, k], s.vdot[i, k])
+            return DONE, where, worst
+        if size > SLOW * last and not sharp[0]:
+            sharpen(w.contact)
+    return STALLED, where, worst

@@ -1,0 +1,56 @@
+"""What acts on the pins of a chain from outside: damping across it, forces on its ends, ends that are held."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.chain.environment import HELD, PINNED, PULLED
+from fmus.physics.chain.sums import END_POWER, POWER
+
+
+@kernel
+def pin_loads(closed, env, held, x, w, by_rate, tangent):
+    """Transverse damping and end loads on the pins; the residual goes into ``w.b``, the matrix into ``w.A``.
+
+    Pinned ends keep the first ``held`` coordinates of their pins. A pin whose position is held by two of them moves in
+    the plane x, z, else in space.
+    """
+    q, v, nodes = x.q, x.v, x.q.shape[0]
+    z = 1 if held == 2 else 2
+    if env.transverse > 0.0:
+        for i in range(nodes):
+            before, after = max(i - 1, 0), min(i + 1, nodes - 1)
+            if closed:
+                before, after = (i - 1) % nodes, (i + 1) % nodes
+            t0, t2 = q[after, 0] - q[before, 0], q[after, z] - q[before, z]
+            size = np.sqrt(t0 * t0 + t2 * t2)
+            n0, n2 = -t2 / size, t0 / size
+            across = n0 * v[i, 0] + n2 * v[i, z]
+            w.sums[POWER] += env.transverse * across * across
+            w.b[i, 0] += env.transverse * across * n0
+            w.b[i, z] += env.transverse * across * n2
+            if tangent:
+                d = by_rate * env.transverse
+                w.A[i, 0, 0] += d * n0 * n0
+                w.A[i, 0, z] += d * n0 * n2
+                w.A[i, z, 0] += d * n0 * n2
+                w.A[i, z, z] += d * n2 * n2
+            if z == 2:
+                w.sums[POWER] += env.transverse * v[i, 1] * v[i, 1]
+                w.b[i, 1] += env.transverse * v[i, 1]
+                if tangent:
+                    w.A[i, 1, 1] += by_rate * env.transverse
+    if env.ends == PULLED:
+        for a in range(env.pull.shape[1]):
+            w.sums[END_POWER] += env.pull[0, a] * v[0, a] + env.pull[1, a] * v[nodes - 1, a]
+            w.b[0, a] -= env.pull[0, a]
+            w.b[nodes - 1, a] -= env.pull[1, a]
+    for i in (0, nodes - 1):
+        if env.ends == PINNED or (env.ends == HELD and i == 0):
+            for a in range(held):
+                w.b[i, a] = 0.0
+                if tangent:
+                    for b in range(w.b.shape[1]):
+                        w.A[i, a, b] = w.U[i, a, b] = w.L[i, a, b] = 0.0
+                    w.A[i, a, a] = 1.0

@@ -1,0 +1,31 @@
+"""The links of a chain seen at once: where their coordinates lie among those of the pins; vectors in their plane."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.physics.arrays import Floats
+
+
+def places(kit: Any, q: Floats, rows: int, links: int) -> NDArray[np.int64]:
+    """Where in the flat ``q`` (nodes, width) the coordinates of the links lie (links, rows, axes): ``gather`` of all.
+
+    ``kit`` is the module of the links, ``rows`` the number of their vectors.
+    """
+    numbers, e = np.arange(q.size, dtype=float).reshape(q.shape), np.empty((links, rows, len(kit.AXES)))
+    for i in range(links):
+        kit.gather(numbers, i, (i + 1) % len(q), e[i])
+    return e.astype(np.int64)
+
+
+def across(vectors: Floats) -> Floats:
+    """Vectors (..., 2) of x and z, turned by a quarter from x towards z."""
+    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+
+
+def in_plane(vectors: Floats) -> Floats:
+    """The components along x and z of vectors (..., axes)."""
+    return vectors[..., [0, -1]]

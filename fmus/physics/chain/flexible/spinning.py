@@ -1,0 +1,66 @@
+"""A free loop that spins: the deformation that its links share, in equilibrium relative to the spin.
+
+A regular polygon stays one, its links all alike, so a few unknowns are all: the radius, the coordinates that are one
+link's own, and those that links share besides the positions. Shapes that nothing resists are not among them: rounding
+would let a long or slow loop wander along them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fmus.physics.arrays import Floats
+from fmus.physics.chain.flexible.places import across, in_plane, places
+
+PROBE = 1e-7  # change of an unknown by which the response is found
+LONGEST = 0.05  # largest change in a step of Newton's iteration, of the radius relative to it
+ROUNDS = 60
+
+Residuals = Callable[[Floats], Floats]  # of the loop (links, rows, axes), by its accelerations (nodes, width)
+
+
+def stretch(kit: Any, q: Floats, rows: int, spin: float, residuals: Residuals, tolerance: float) -> bool:
+    """Deform a regular polygon of straight links ``q`` (nodes, width) about the origin until Q = spin^2 M q.
+
+    To ``tolerance``, N; ``kit`` is the module of the links, ``rows`` the number of their vectors. False: not found.
+    """
+    at, flat, plane = places(kit, q, rows, len(q)), q.reshape(-1), kit.PLANE.ravel()
+    axes, m, second = len(kit.AXES), len(kit.LAYOUT.shared), rows // 2
+    turn = -2.0 * np.pi * np.arange(len(q))[:, None, None] / len(q)
+    own, shared, beside = kit.LAYOUT.inner, kit.LAYOUT.outer[axes:m], kit.LAYOUT.outer[m + axes :]
+
+    def deformed(link: Floats, change: Floats) -> Floats:
+        """The first link (rows, axes) after a change of its own coordinates, the shared ones and the radius."""
+        link = link.copy()
+        e = link.reshape(-1)
+        e[own] += change[: own.size]
+        e[shared] += change[own.size : -1]
+        e[beside] = e[shared]
+        link[[0, second]] *= 1.0 + change[-1]
+        return link
+
+    def lacks(link: Floats) -> Floats:
+        """What the first pin and the first link lack of equilibrium when all links are as this one."""
+        flat[at] = link
+        flat[at[..., [0, -1]]] = np.cos(turn) * in_plane(link) + np.sin(turn) * across(in_plane(link))
+        a = np.zeros_like(q)
+        a[:, plane] = -(spin**2) * q[:, plane]
+        R = residuals(a)
+        outwards = in_plane(link[0]) / np.linalg.norm(in_plane(link[0]))
+        pull = outwards @ in_plane(R[0, 0] + R[-1, second])
+        first, last = R[0].reshape(-1), R[-1].reshape(-1)
+        return np.concatenate([first[own], first[shared] + last[beside], [pull]])
+
+    link, size = flat[at[0]], own.size + shared.size + 1
+    for _ in range(ROUNDS):
+        now = lacks(link)
+        answers = [(lacks(deformed(link, probe)) - now) / PROBE for probe in PROBE * np.eye(size)]
+        change = np.linalg.solve(np.stack(answers, axis=1), -now)
+        link = deformed(link, change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST)))
+        if np.abs(now).max() < tolerance:  # the step above was the last: pins of a long loop turn by little
+            lacks(link)
+            return True
+    return False

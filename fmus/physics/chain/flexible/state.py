@@ -1,0 +1,49 @@
+"""State of a chain of flexible links; what all States have: ``chain.state``."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.physics.arrays import Floats
+from fmus.physics.chain import state
+from fmus.physics.chain.sums import SUMS
+
+
+class State(NamedTuple):
+    """Views into the flat state: pins with ``width`` coordinates, links of ``rows`` vectors along ``axes``."""
+
+    flat: np.ndarray
+    q: np.ndarray  # (nodes, width) coordinates
+    v: np.ndarray  # (nodes, width) rates
+    a: np.ndarray  # (nodes, width) auxiliary accelerations
+    vdot: np.ndarray  # (nodes, width) accelerations
+    wrench: np.ndarray  # (m + 1, 6) on each wheel now, and on the ground
+    aux: np.ndarray  # (m + 1, 6) auxiliary wrenches
+    mean: np.ndarray  # (m + 1, 6) over the communication step
+    sums: np.ndarray  # (SUMS) of the last evaluation
+    residual: np.ndarray  # (links, rows, axes) of each link: inertia + internal - external
+
+
+class Motion(NamedTuple):
+    """What an evaluation looks at, each (nodes, width)."""
+
+    q: np.ndarray  # coordinates
+    v: np.ndarray  # rates
+    vdot: np.ndarray  # accelerations
+
+
+def shapes(width: int, element: tuple[int, int], links: int, nodes: int, wheels: int) -> state.Shapes:
+    """Of the views; ``width``: coordinates of a pin, ``element``: vectors of a link and their components."""
+    pins, on = (nodes, width), (wheels + 1, 6)
+    return {
+        "q": pins, "v": pins, "a": pins, "vdot": pins, "wrench": on, "aux": on, "mean": on, "sums": (SUMS,),
+        "residual": (links, *element),
+    }  # fmt: skip
+
+
+def views(flat: Floats, sizes: state.Shapes) -> State:
+    """A State that looks into the flat array; ``sizes`` from ``shapes``."""
+    found: State = state.views(State, sizes, flat)
+    return found

@@ -1,0 +1,70 @@
+"""Arrays that the mechanics of a flexible chain works in, made once; what all have: ``chain.state``."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.physics.block_cyclic import Factors, workspace
+from fmus.physics.chain.flexible.state import State, shapes, views
+from fmus.physics.chain.state import size
+from fmus.physics.chain.sums import SUMS
+from fmus.physics.point import Memory, memory, points
+
+
+class Work(NamedTuple):
+    """For elements of ``rows`` vectors along ``axes`` axes; m shared coordinates a pin, n own ones a link."""
+
+    before: State  # at the beginning of a step
+    A: np.ndarray  # (nodes, m, m) diagonal blocks
+    U: np.ndarray  # (nodes, m, m) to the next pin
+    L: np.ndarray  # (nodes, m, m) to the previous pin
+    factors: Factors
+    b: np.ndarray  # (nodes, m)
+    K: np.ndarray  # (rows axes, rows axes) iteration matrix of one link
+    R: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external
+    inner: np.ndarray  # (links, n, n) inverse of its own part
+    right: np.ndarray  # (links, n, 2 m) inner^-1 times the coupling to the pins
+    left: np.ndarray  # (links, 2 m, n) coupling of the pins to its own part
+    own: np.ndarray  # (links, n) inner^-1 times its own residual
+    swap: np.ndarray  # (n)
+    e: np.ndarray  # (rows, axes)
+    v: np.ndarray  # (rows, axes)
+    dv: np.ndarray  # (rows, axes)
+    W: np.ndarray  # (rows, axes)
+    V: np.ndarray  # (rows, axes)
+    M: np.ndarray  # (rows, rows)
+    S: np.ndarray  # (rows) shape functions
+    C: np.ndarray  # (rows) their slopes
+    t: np.ndarray  # (3) tangent at a contact point
+    moved: np.ndarray  # (wheels, 15) wheels at the time of evaluation
+    flat: np.ndarray  # (wheels, 15) as a planar chain sees them
+    touched: np.ndarray  # (links) whether a link touches a wheel or the ground
+    load: np.ndarray  # (links, rows, axes) residual of its contacts, where touched
+    stiffening: np.ndarray  # (links, rows axes, rows axes) and their iteration matrix
+    wrench: np.ndarray  # (wheels + 1, 6) on the wheels, and on the ground
+    sums: np.ndarray  # (SUMS)
+    contact: Memory
+    still: np.ndarray  # (nodes, width) zeros
+    change: np.ndarray  # (2, nodes, width) accelerations that are looked for; what comes with them and is not
+
+
+def work(kit: Any, links: int, nodes: int, wheels: int) -> Work:
+    """Zeroed; ``kit`` is the module of the links."""
+    rows, axes = kit.ELEMENT
+    m, n, whole = len(kit.LAYOUT.shared), len(kit.LAYOUT.own), rows * axes
+    sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels)
+    block, vectors, z = (nodes, m, m), (rows, axes), np.zeros
+    return Work(
+        before=views(z(size(sizes)), sizes),
+        A=z(block), U=z(block), L=z(block), factors=workspace(nodes, m), b=z((nodes, m)),
+        K=z((whole, whole)), R=z((links, *vectors)),
+        inner=z((links, n, n)), right=z((links, n, 2 * m)), left=z((links, 2 * m, n)), own=z((links, n)), swap=z(n),
+        e=z(vectors), v=z(vectors), dv=z(vectors), W=z(vectors), V=z(vectors), M=z((rows, rows)),
+        S=z(rows), C=z(rows), t=z(3),
+        moved=z((wheels, 15)), flat=z((wheels, 15)),
+        touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
+        wrench=z((wheels + 1, 6)), sums=z(SUMS), contact=memory(points(wheels, nodes)),
+        still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
+    )  # fmt: skip

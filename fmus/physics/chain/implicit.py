@@ -1,0 +1,69 @@
+"""A chain over a communication step, implicitly: the generalised-alpha method of order 2, whatever its links are."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import allocating
+from fmus.physics.chain.kinds import end_work, first_speed, newton, observe, speed
+from fmus.physics.chain.outcome import DONE, Outcome
+from fmus.physics.chain.report import COVERED, DISSIPATED, REJECTED, STEPS, TRAVEL, WORK
+from fmus.physics.chain.state import copy, take
+from fmus.physics.chain.sums import COVERING, POWER
+from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
+from fmus.physics.wheels import move
+
+LEAST = 1e-4  # part of a step below which it is halved no more
+
+
+class Method(NamedTuple):
+    """How the steps are done."""
+
+    alpha: GeneralizedAlpha
+    tolerance: float  # of Newton's iteration: flexible links m, of a correction; rigid ones relative, of the residual
+    moves: bool  # friction may be sharp; it is not on the way to equilibrium
+
+
+@allocating
+def advance(links, contacts, env, method, rows, h, longest, s, w, report, counters):
+    """Integrate over ``h`` s with the wheels ``rows`` (m, 15) of its beginning, in steps of ``longest`` s at most.
+
+    A step that Newton cannot do is halved. ``s.mean`` receives the mean wrenches, by the same recursion as the
+    momentum of the chain. Returns an Outcome; after a failure ``s`` is what was reached.
+    """
+    c = method.alpha
+    s.mean[:] = 0.0
+    move(rows, 0.0, w.moved)
+    along = first_speed(links, env, s, w, report)
+    done, failure, link, residual = 0.0, DONE, 0, 0.0
+    dt = h / max(np.ceil(h / longest - 1e-9), 1.0)
+    while done < h * (1.0 - 1e-12):
+        if done + dt > h * (1.0 - 1e-9):
+            dt = h - done
+        copy(s.flat, w.before.flat)
+        move(rows, done + dt, w.moved)
+        failure, link, residual = newton(links, contacts, env, method, dt, s, w, counters)
+        if failure:
+            copy(w.before.flat, s.flat)
+            counters[REJECTED] += 1
+            dt *= 0.5
+            if dt < LEAST * min(h, longest):
+                break
+            continue
+        done += dt
+        counters[STEPS] += 1
+        for k in range(s.aux.shape[0]):
+            for i in range(6):
+                old = s.aux[k, i]
+                s.aux[k, i] = auxiliary(c, old, s.wrench[k, i], w.wrench[k, i])
+                s.mean[k, i] += dt / h * ((1.0 - c.gamma) * old + c.gamma * s.aux[k, i])
+        report[DISSIPATED] += 0.5 * dt * (s.sums[POWER] + w.sums[POWER])
+        report[COVERED] += 0.5 * dt * (s.sums[COVERING] + w.sums[COVERING])
+        report[WORK] += end_work(links, env, dt, s, w)
+        take(s, w)
+        before, along = along, speed(links, env, s, w)
+        report[TRAVEL] += 0.5 * dt * (before + along)
+    observe(links, env, s, w, report)
+    return Outcome(failure, done, link, residual)

@@ -1,0 +1,56 @@
+"""The door from the integrators to the kinds of links: flexible ones and rigid ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fmus.jit import door
+
+
+def _of(links: type) -> Any:
+    """The module of a class of links."""
+    if links.__name__ == "RigidLinks":
+        from fmus.physics.chain.rigid import dynamics as rigid
+
+        return rigid
+    from fmus.physics.chain.flexible import dynamics as flexible
+
+    return flexible
+
+
+@door(_of, shared=True)
+def newton(links, contacts, env, method, h, s, w, counters):
+    """One step of ``h`` s by the implicit ``method`` to the wheels in ``w.moved``, from ``s`` = ``w.before``.
+
+    Returns DONE or what failed, the link and its residual; ``s`` is then spoilt.
+    """
+
+
+@door(_of, shared=True)
+def derivative(links, contacts, env, s, w, k):
+    """Of coordinates and rates, into ``k``, with the wheels in ``w.moved``. Returns -1, or the link where it failed."""
+
+
+@door(_of, shared=True)
+def close(links, s, w):
+    """Take back what an explicit step did to the equations of the pins. Returns -1, or the pin that stays open."""
+
+
+@door(_of, shared=True)
+def end_work(links, env, h, s, w):
+    """Work that the loads on the ends did in an implicit step of ``h`` s from ``w.before``, J."""
+
+
+@door(_of, shared=True)
+def speed(links, env, s, w):
+    """Of the chain along itself over what carries the wheels ``w.moved``, m/s."""
+
+
+@door(_of, shared=True)
+def first_speed(links, env, s, w, report):
+    """``speed`` at the beginning of a communication step, with the wheels in ``w.moved`` as they are then, m/s."""
+
+
+@door(_of, shared=True)
+def observe(links, env, s, w, report):
+    """Fill the report from the state and its last evaluation, but for what is summed up."""

@@ -1,0 +1,200 @@
+"""Where the pins of a chain lie at the start: an exactly closed polygon round wheels, or an open one between ends.
+
+All in the plane of the track, (x, z), z up. Round the wheels the index grows rearwards (towards -x) on the lower run,
+so that tangent x lateral axis is the outward normal and a vehicle driving forward moves its chain along the index.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, root
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import spsolve
+from scipy.spatial import ConvexHull
+
+from fmus.jit import allocating
+from fmus.physics.arrays import Floats
+
+SAMPLES = 360  # points on each circle of the belt
+
+
+def _belt(centres: Floats, radii: Floats) -> Floats:
+    """The convex belt round circles as a polyline, starting foremost, over the bottom first (k, 2)."""
+    angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+    rim = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+    points = (centres[:, None, :] + radii[:, None, None] * rim[None]).reshape(-1, 2)
+    hull = points[ConvexHull(points).vertices][::-1]  # scipy turns from x to z, we turn from x to -z
+    return np.roll(hull, -int(np.argmax(hull[:, 0])), axis=0)
+
+
+@allocating
+def _walk(path, pitch, links):
+    """Pins (links, 2) at chords of one pitch along a closed polyline (k, 2), and the gap to a full turn then, m."""
+    k = path.shape[0]
+    start = np.zeros(k + 1)
+    for i in range(k):
+        j = (i + 1) % k
+        start[i + 1] = start[i] + np.hypot(path[j, 0] - path[i, 0], path[j, 1] - path[i, 1])
+    pins = np.empty((links + 1, 2))
+    pins[0] = path[0]
+    i, travelled = 0, 0.0  # the pin lies on segment i
+    for n in range(1, links + 1):
+        x, z = pins[n - 1, 0], pins[n - 1, 1]
+        while np.hypot(path[(i + 1) % k, 0] - x, path[(i + 1) % k, 1] - z) < pitch:
+            i += 1
+            if i > 3 * k:
+                return pins[:links], np.inf
+        here, next_ = i % k, (i + 1) % k
+        a0, a1 = path[here, 0] - x, path[here, 1] - z
+        b0, b1 = path[next_, 0] - path[here, 0], path[next_, 1] - path[here, 1]
+        p, q, r = b0 * b0 + b1 * b1, 2.0 * (a0 * b0 + a1 * b1), a0 * a0 + a1 * a1 - pitch * pitch
+        s = (-q + np.sqrt(max(q * q - 4.0 * p * r, 0.0))) / (2.0 * p)
+        pins[n, 0], pins[n, 1] = path[here, 0] + s * b0, path[here, 1] + s * b1
+        travelled = start[here] + (i // k) * start[k] + s * np.sqrt(p)
+    return pins[:links], travelled - start[k]
+
+
+def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int) -> Floats:
+    """Pins (links, 2) of a closed polygon of equal chords round circles ``centres`` (m, 2), ``radii`` (m).
+
+    The first pin is the foremost point of the belt; the circles that ``grows`` marks (rims, not teeth) take the
+    difference between the belt and the links by being passed at a small distance.
+    Raises ValueError when that distance is beyond a third of a pitch: the track cannot wrap its wheels.
+    """
+
+    def gap(distance: float) -> float:
+        return _walk(_belt(centres, radii + distance * grows), pitch, links)[1]
+
+    limit = pitch / 3.0
+    low, high = gap(-limit), gap(limit)
+    if not low > 0.0 > high:
+        belt = _belt(centres, radii)
+        length = np.linalg.norm(np.diff(np.vstack([belt, belt[:1]]), axis=0), axis=1).sum()
+        raise ValueError(
+            f"{links} links of {pitch} m make {links * pitch:.4f} m, the belt round the wheels {length:.4f} m"
+        )
+    distance = brentq(gap, -limit, limit, xtol=1e-13)
+    pins = _walk(_belt(centres, radii + distance * grows), pitch, links)[0]
+    return close_exactly(pins, pitch, closed=True)
+
+
+def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
+    """The nearest polygon with all chords equal to the pitch to rounding; an open one keeps its two ends."""
+    pins = pins.copy()
+    n = len(pins)
+    last = n if closed else n - 1
+    free = np.ones(n, dtype=bool) if closed else np.r_[False, np.ones(n - 2, dtype=bool), False]
+    rounding = max(1e-16, np.finfo(float).eps * pitch * abs(pins).max())  # of a chord far from the origin
+    for _ in range(50):
+        chord = np.roll(pins, -1, axis=0)[:last] - pins[:last]
+        misfit = (np.einsum("ij,ij->i", chord, chord) - pitch * pitch) / 2.0
+        if abs(misfit).max() < rounding:
+            break
+        # the shortest change dp with J dp = -misfit is J^T x, J J^T x = -misfit
+        one, other = np.arange(last), (np.arange(last) + 1) % n
+        entries = np.concatenate([-chord * free[one, None], chord * free[other, None]])
+        pairs = np.tile(one, 2), np.concatenate([one, other])
+        jacobian = [coo_array((part, pairs), shape=(last, n)).tocsr() for part in entries.T]
+        x = spsolve(sum(J @ J.T for J in jacobian).tocsc(), -misfit)
+        pins += np.stack([J.T @ x for J in jacobian], axis=1)
+    return pins
+
+
+def hanging_arc(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
+    """Pins (links + 1, 2) of an open chain hanging between two points as an arc of equal chords.
+
+    Raises ValueError when the chain is too short for them.
+    """
+    span = np.asarray(last, float) - np.asarray(first, float)
+    distance = np.hypot(*span)
+    if distance >= links * pitch:
+        raise ValueError(f"{links} links of {pitch} m cannot reach over {distance:.4f} m")
+    fraction = (links - 1 - 2.0 * np.arange(links)) / links  # of the first link's angle
+    steep = brentq(lambda a: pitch * np.cos(a * fraction).sum() - distance, 0.0, np.pi, xtol=1e-15)
+    return chain_of_angles(np.asarray(first, float), -steep * fraction + np.arctan2(span[1], span[0]), pitch)
+
+
+def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
+    """Pins (links + 1, 2) of rigid links that hang between two points; their weight turns each a little further.
+
+    In units of a link's weight, with the horizontal pull H and V where the middle of the chain is: tan(angle) of link i
+    is (V + i - (links - 1)/2) / H. Raises ValueError as ``hanging_arc``, whose arc it is where no such pull exists.
+    """
+    arc, span = hanging_arc(first, last, pitch, links), np.asarray(last, float) - np.asarray(first, float)
+    length, number = links * pitch, np.arange(links) - 0.5 * (links - 1)
+    if abs(span[0]) < 1e-3 * length:
+        return arc
+
+    def missing(x: Floats) -> Floats:
+        angles = np.arctan((x[1] + number) / np.exp(x[0]))
+        return np.array([np.cos(angles).sum(), np.sin(angles).sum()]) - [abs(span[0]) / pitch, span[1] / pitch]
+
+    # the continuum's: (S^2 - dz^2)^1/2 = 2 a sinh(dx / 2 a), slope in the middle dz / (S^2 - dz^2)^1/2
+    level = np.sqrt(length**2 - span[1] ** 2)
+    ratio = brentq(lambda u: np.sinh(u) / u - level / abs(span[0]), 1e-9, 20.0)
+    pull = abs(span[0]) / (2.0 * ratio * pitch)
+    found = root(missing, [np.log(pull), pull * span[1] / level], tol=1e-15)
+    if np.abs(missing(found.x)).max() > 1e-9 * links:
+        return arc
+    angles = np.arctan((found.x[1] + number) / np.exp(found.x[0]))
+    return chain_of_angles(np.asarray(first, float), angles if span[0] > 0.0 else np.pi - angles, pitch)
+
+
+def chain_of_angles(first: Floats, angles: Floats, pitch: float) -> Floats:
+    """Pins (links + 1, 2) of links with the given angles over the x axis, rad."""
+    steps = pitch * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.vstack([first, first + np.cumsum(steps, axis=0)])
+
+
+def regular_polygon(pitch: float, links: int) -> Floats:
+    """Pins (links, 2) of a loop round the origin, turning from x to -z."""
+    angle = -2.0 * np.pi * np.arange(links) / links
+    return pitch / (2.0 * np.sin(np.pi / links)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def ovalling(pins: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Turning about y of the links (n), rad/s, and velocities (n, 2) of the pins of a loop that becomes oval.
+
+    ``pins`` (n, 2) are a regular polygon, n >= 4. A link at the angle phi turns by rate cos(2 phi), to which the loop
+    stays closed, without momentum; no link changes its length.
+    """
+    chord = np.roll(pins, -1, axis=0) - pins
+    turning = rate * np.cos(2.0 * np.arctan2(chord[:, 1], chord[:, 0]))
+    along = np.cumsum(turning[:, None] * np.stack([chord[:, 1], -chord[:, 0]], axis=1), axis=0)
+    velocity = np.roll(along, 1, axis=0)
+    return turning, velocity - velocity.mean(axis=0)
+
+
+def folded(first: Floats, pitch: float, links: int) -> Floats:
+    """Pins (links + 1, 2) of a chain that goes down, one link across, and up again to the height of ``first``.
+
+    Raises ValueError for an even number of links.
+    """
+    if links % 2 == 0:
+        raise ValueError(f"a fold with one link across needs an odd number of links, not {links}")
+    down = np.full(links // 2, -np.pi / 2.0)
+    return chain_of_angles(np.asarray(first, float), np.concatenate([down, [0.0], -down]), pitch)
+
+
+def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
+    """The open polygon with all link angles scaled by one factor so that it ends at ``last`` (same height as first)."""
+    chord = np.diff(pins, axis=0)
+    angles = np.arctan2(chord[:, 1], chord[:, 0])
+    distance = np.hypot(*(np.asarray(last, float) - pins[0]))
+    factor = brentq(lambda s: pitch * np.cos(s * angles).sum() - distance, 1e-3, 1.5, xtol=1e-15)
+    return close_exactly(np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False)
+
+
+def over_sprocket(centre: Floats, pitch: float, teeth: int, links: int) -> Floats:
+    """Pins (links + 1, 2) of an open chain over half of a sprocket: in along x above, a seat foremost, out below."""
+    radius = pitch / (2.0 * np.sin(np.pi / teeth))
+    foremost = (5 * links) // 8
+    step = 2.0 * np.pi / teeth
+    bend = np.zeros(links)  # angle of each link below the x axis
+    for i in range(links):
+        turn = (i - foremost + 0.5) * step + np.pi / 2.0
+        bend[i] = min(max(turn, 0.0), np.pi)
+    angles = -bend
+    pins = chain_of_angles(np.zeros(2), angles, pitch)
+    return pins - pins[foremost] + np.asarray(centre, float) + np.array([radius, 0.0])

@@ -1,0 +1,21 @@
+"""How a kernel says whether it could do what it was asked.
+
+A kernel that solves or looks for one thing returns -1, or the index of the link, pin or wheel where it failed. One
+that integrates returns an ``Outcome``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+# Newton did not converge; the iteration matrix is singular; the motion is no longer finite; the pins came apart
+DONE, STALLED, SINGULAR, UNSTABLE, APART = range(5)
+
+
+class Outcome(NamedTuple):
+    """Of an integration; the link and its residual are those of the failure."""
+
+    failure: int  # DONE, 0, or what failed
+    time: float  # done, s
+    link: int  # from 0
+    residual: float  # the largest, N

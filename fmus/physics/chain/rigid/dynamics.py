@@ -1,0 +1,105 @@
+"""Rigid links behind the door ``kinds``; sibling: ``flexible.dynamics``. And what is shown of each link."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.chain.carrier import carrier
+from fmus.physics.chain.report import write
+from fmus.physics.chain.rigid.explicit import close, derivative  # noqa: F401 - behind the door
+from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - behind the door
+from fmus.physics.chain.speed import chain_speed
+from fmus.physics.chain.sums import END_POWER
+from fmus.physics.rigid import body
+
+
+@kernel
+def end_work(links, env, h, s, w):
+    """See ``kinds``; by the powers at the beginning and at the end of the step."""
+    return 0.5 * h * (s.sums[END_POWER] + w.sums[END_POWER])
+
+
+@kernel
+def speed(links, env, s, w):
+    """See ``kinds``."""
+    pin_motion(links, s, w)
+    return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.moved, env.mount))
+
+
+@kernel
+def first_speed(links, env, s, w, report):
+    """See ``kinds``."""
+    return speed(links, env, s, w)
+
+
+@kernel
+def observe(links, env, s, w, report):
+    """See ``kinds``."""
+    n = s.q.shape[0]
+    low, high, mean, kinetic, height = np.inf, -np.inf, 0.0, 0.0, 0.0
+    for i in range(n):
+        pull = tension(links, env, s, w, i)
+        low, high, mean = min(low, pull), max(high, pull), mean + pull / n
+        kinetic += body.kinetic(links.mass, links.inertia, s.v[i])
+        height += s.q[i, 2]
+    energy = kinetic, 0.0, links.mass * env.gravity * height
+    write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], (low, mean, high, 0.0), energy)
+
+
+@kernel
+def tension(links, env, s, w, i):
+    """Of link ``i``, N."""
+    pull = 0.0
+    for k in range(3):
+        before, after = stretching(links, env, s, i, k)
+        pull += 0.5 * (before + after) * w.system.A[i, k, 0]
+    return pull
+
+
+@kernel
+def tensions(links, env, s, w, tension_of):
+    """Of all links into ``tension_of`` (n)."""
+    for i in range(s.q.shape[0]):
+        body.rotation(s.q[i], w.system.A[i])
+        tension_of[i] = tension(links, env, s, w, i)
+
+
+@kernel
+def stretching(links, env, s, i, k):
+    """Along the axis ``k`` the forces that stretch link ``i``, N: of its first pin, reversed, and of its last one.
+
+    A pin passes on what teeth and damping do to it: half to either link, all of it at an end.
+    """
+    n, j = s.q.shape[0], (i + 1) % s.lam.shape[0]
+    first, last = i == 0 and not links.ends.closed, i == n - 1 and not links.ends.closed
+    before = -env.pull[0, k] if first and not links.ends.first else s.lam[i, k]
+    after = env.pull[1, k] if last and not links.ends.last else s.lam[j, k]
+    return before - (1.0 if first else 0.5) * s.load[i, k], after + (1.0 if last else 0.5) * s.load[j, k]
+
+
+@kernel
+def pin_forces(links, env, s, force):
+    """Force of each pin on the link that begins there into ``force`` (nodes, 3); of a last pin, on what holds it."""
+    n = s.q.shape[0]
+    for i in range(n):
+        for k in range(3):
+            before, after = stretching(links, env, s, i, k)
+            force[i, k] = -before
+            if i == n - 1 and not links.ends.closed:
+                force[n, k] = -after
+
+
+@kernel
+def pin_motion(links, s, w):
+    """Positions and velocities of the pins, seen from the links that begin there, into ``w.pins`` (2, nodes, 3)."""
+    n, nodes = s.q.shape[0], w.pins.shape[1]
+    for j in range(nodes):
+        i = min(j, n - 1)
+        A = w.system.A[i]
+        body.rotation(s.q[i], A)
+        end = -links.half if j < n else links.half
+        o1, o2 = s.v[i, 4], s.v[i, 5]
+        for k in range(3):
+            w.pins[0, j, k] = s.q[i, k] + end * A[k, 0]
+            w.pins[1, j, k] = s.v[i, k] + end * (A[k, 1] * o2 - A[k, 2] * o1)

@@ -1,0 +1,54 @@
+"""Static equilibrium of a chain of rigid links on wheels that stand still."""
+
+from __future__ import annotations
+
+from fmus.jit import allocating
+from fmus.physics.chain.outcome import DONE, STALLED, Outcome
+from fmus.physics.chain.rigid.links import residual
+from fmus.physics.chain.rigid.newton import newton, settle_rates
+from fmus.physics.chain.state import copy
+from fmus.physics.integrate.generalized_alpha import slopes
+
+LONG = 50.0  # longest pseudo step towards equilibrium, s
+STILL = 1e-11  # largest movement over it at equilibrium, m and rad
+
+
+@allocating
+def settle(links, contacts, env, method, rows, s, w, counters):
+    """Bring ``s`` to static equilibrium on the wheels ``rows`` (m, 15): implicit steps from rest, ever longer.
+
+    Long steps of a ``method`` that is backward Euler are Newton's method on the static equations; the inertia over the
+    step squared keeps what has no stiffness (an unloaded link's roll, a loop that could slide) in place. Friction is
+    viscous at rest and fades. Returns an Outcome.
+    """
+    w.moved[:] = rows
+    w.moved[:, 3:9] = 0.0
+    h, failure, link, worst = 1e-3, DONE, 0, 0.0
+    for _ in range(400):
+        s.v[:] = 0.0
+        s.a[:] = 0.0
+        s.vdot[:] = 0.0
+        copy(s.flat, w.before.flat)
+        failure, link, worst = newton(links, contacts, env, method, h, s, w, counters)
+        if failure:
+            copy(w.before.flat, s.flat)
+            h *= 0.25
+            if h < 1e-7:
+                return Outcome(STALLED, 0.0, link, worst)
+            continue
+        moved = 0.0
+        for i in range(s.q.shape[0]):
+            for k in range(6):
+                moved = max(moved, abs(w.x[i, k]))
+        if h >= LONG and moved < STILL:
+            break
+        h = min(2.0 * h, LONG)
+    s.v[:] = 0.0
+    s.a[:] = 0.0
+    s.vdot[:] = 0.0
+    by = slopes(method.alpha, h)
+    residual(links, contacts, env, s, w, by, False)
+    settle_rates(links, s, w, by)
+    s.v[:] = 0.0
+    s.a[:] = s.vdot
+    return Outcome(DONE, 0.0, 0, 0.0)

@@ -1,0 +1,125 @@
+"""Faces of rigid links; see ``faces``. Motion: a ``State``, rotations in ``w.system.A``."""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.chain.rigid.arms import act, axis, lever, rate
+from fmus.physics.vector import add, scale, vector
+
+
+@kernel
+def count(links, x):
+    """See ``faces``."""
+    return x.q.shape[0], x.lam.shape[0]
+
+
+@kernel
+def across(links):
+    """See ``faces``."""
+    return 2, links.lateral
+
+
+@kernel
+def length(links):
+    """See ``faces``."""
+    return 2.0 * links.half
+
+
+@kernel
+def lift(links, x, i):
+    """See ``faces``."""
+    return links.face + 2.0 * links.half
+
+
+@kernel
+def pins(links, x, w, i):
+    """See ``faces``."""
+    r, l = vector(x.q[i], 0), scale(links.half, axis(w.system.A[i], 0))
+    return add(r, scale(-1.0, l)), add(r, l)
+
+
+@kernel
+def pin_rates(links, x, w, i):
+    """See ``faces``."""
+    A, v = w.system.A[i], x.v[i]
+    return rate(A, v, -links.half, 0.0, 0.0), rate(A, v, links.half, 0.0, 0.0)
+
+
+@kernel
+def begin(links, x, w):
+    """See ``faces``."""
+
+
+@kernel
+def enter(links, x, w, i):
+    """See ``faces``."""
+
+
+@kernel
+def locate(links, x, w, i, xi, y, z):
+    """Leaves the lever in ``w.lever``."""
+    A, lx = w.system.A[i], (2.0 * xi - 1.0) * links.half
+    l = lever(A, lx, y, z)
+    w.lever[0], w.lever[1], w.lever[2] = l
+    return add(vector(x.q[i], 0), l), rate(A, x.v[i], lx, y, z)
+
+
+@kernel
+def along(links, x, w, i):
+    """See ``faces``."""
+    return scale(2.0 * links.half, axis(w.system.A[i], 0))
+
+
+@kernel
+def push(links, w, i, push, tangent):
+    """Force on residual and matrix of the link."""
+    y = w.system
+    act(y.A[i], vector(w.lever, 0), 1.0, push.f, push.g, tangent, w.N, y.r[i], y.K[i])
+
+
+@kernel
+def resist(links, w, i, push, by_rate, foot, side):
+    """K -= (r, N^T r) (d rate / d link) with r = df / d rate and N of the point that was pushed."""
+    A, K, N, r = w.system.A[i], w.system.K[i], w.N, push.by_rate
+    at = (2.0 * foot - 1.0) * links.half
+    for j in range(6):
+        # d rate / d velocity = -side . (1, axis cross lever), the lever along the link's x axis
+        if j < 3:
+            by = -side[j]
+        elif j == 3:
+            by = 0.0
+        else:
+            other, sign = (2, -1.0) if j == 4 else (1, 1.0)
+            by = -sign * at * (side[0] * A[0, other] + side[1] * A[1, other] + side[2] * A[2, other])
+        for k in range(3):
+            K[k, j] -= by_rate * by * r[k]
+            K[3 + k, j] -= by_rate * by * (N[0, k] * r[0] + N[1, k] * r[1] + N[2, k] * r[2])
+
+
+@kernel
+def _joined(x, i):
+    """The links that pin ``i`` joins, -1 where there is none."""
+    n, nodes = x.q.shape[0], x.lam.shape[0]
+    return (i - 1 if i > 0 or nodes > n else n - 1), (i if i < n else -1)
+
+
+@kernel
+def locate_pin(links, x, w, i, y):
+    """Of the link that begins there, of the last pin of the one that ends there."""
+    before, after = _joined(x, i)
+    k, end = (after, -links.half) if after >= 0 else (before, links.half)
+    A = w.system.A[k]
+    return add(vector(x.q[k], 0), lever(A, end, y, 0.0)), rate(A, x.v[k], end, y, 0.0)
+
+
+@kernel
+def push_pin(links, x, w, i, y, push, tangent):
+    """Half of the force on each of the pin's links."""
+    before, after = _joined(x, i)
+    share = 1.0 if before < 0 or after < 0 else 0.5
+    for a in range(3):
+        x.load[i, a] += push.f[a]
+    for k, end in ((after, -links.half), (before, links.half)):
+        if k >= 0:
+            A, r, K = w.system.A[k], w.system.r[k], w.system.K[k]
+            act(A, lever(A, end, y, 0.0), share, push.f, push.g, tangent, w.N, r, K)

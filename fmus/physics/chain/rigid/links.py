@@ -1,0 +1,167 @@
+"""Chains of rigid links: residuals of the equations of motion and of the pins, of all links at once.
+
+    M vdot + w cross J w - f(t, q, v) - B(q)^T lambda = 0,    C(q) + D lambda = 0
+
+All in the track's frame.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.arrays import Floats
+from fmus.physics.chain.rigid.arms import act, lever, rate
+from fmus.physics.chain.rigid.state import State
+from fmus.physics.chain.rigid.work import Work
+from fmus.physics.chain.sums import END_POWER, POWER
+from fmus.physics.chain.touch import roll
+from fmus.physics.rigid import augmented, body, pin
+from fmus.physics.rigid.augmented import Ends
+from fmus.physics.vector import add, dot, scale, vector
+
+NONE = (0.0,) * 9  # the matrix of a constant force
+
+
+class RigidLinks(NamedTuple):
+    """The links of a chain, all alike."""
+
+    half: float  # half the pitch, m
+    face: float  # from the pin line to the inner and to the outer face, m
+    lateral: float  # of the contact points from the middle, m
+    mass: float  # kg
+    inertia: np.ndarray  # (3) about a link's own axes, kg m2
+    ends: Ends  # what the chain is joined to
+
+
+def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:
+    """Put the links between ``pins`` (nodes, 2; x and z) at rest, and the ground's pins where the chain ends."""
+    n = len(s.q)
+    chord = (np.roll(pins, -1, axis=0) - pins)[:n]
+    angle = np.arctan2(chord[:, 1], chord[:, 0])  # from x towards z, that is about -y
+    s.q[:] = 0.0
+    s.q[:, [0, 2]] = pins[:n] + 0.5 * chord
+    s.q[:, 3], s.q[:, 5] = np.cos(0.5 * angle), -np.sin(0.5 * angle)
+    w.ground[0, [0, 2]] = pins[0] - [links.half, 0.0]
+    w.ground[1, [0, 2]] = pins[-1] + [links.half, 0.0]
+
+
+@kernel
+def _across(links, damping, s, w, by_v, tangent):
+    """Damping of the pins' velocity across the chain, half on each of a pin's links."""
+    A, r, K, n = w.system.A, w.system.r, w.system.K, s.q.shape[0]
+    for j in range(s.lam.shape[0]):
+        before, after = (j - 1 if j > 0 or not links.ends.closed else n - 1), (j if j < n else -1)
+        share = 1.0 if before < 0 or after < 0 else 0.5
+        t = (0.0, 0.0, 0.0)
+        for i in (before, after):
+            if i >= 0:
+                t = add(t, (A[i, 0, 0], A[i, 1, 0], A[i, 2, 0]))
+        t = scale(1.0 / np.sqrt(dot(t, t)), t)
+        for i, end in ((before, links.half), (after, -links.half)):
+            if i < 0:
+                continue
+            u = rate(A[i], s.v[i], end, 0.0, 0.0)
+            f = scale(-damping, add(u, scale(-dot(u, t), t)))
+            c = by_v * damping
+            g = (
+                c * (t[0] * t[0] - 1.0), c * t[0] * t[1], c * t[0] * t[2],
+                c * t[1] * t[0], c * (t[1] * t[1] - 1.0), c * t[1] * t[2],
+                c * t[2] * t[0], c * t[2] * t[1], c * (t[2] * t[2] - 1.0),
+            )  # fmt: skip
+            for a in range(3):
+                s.load[j, a] += share * f[a]
+            w.sums[POWER] -= share * dot(f, u)
+            act(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.N, r[i], K[i])
+
+
+@kernel
+def _pull(links, env, s, w):
+    """Constant forces on the free ends of an open chain."""
+    n = s.q.shape[0]
+    for end in range(2):
+        if links.ends.first if end == 0 else links.ends.last:
+            continue
+        i, at, f = end * (n - 1), (2.0 * end - 1.0) * links.half, vector(env.pull[end], 0)
+        A = w.system.A[i]
+        w.sums[END_POWER] += dot(f, rate(A, s.v[i], at, 0.0, 0.0))
+        act(A, lever(A, at, 0.0, 0.0), 1.0, f, NONE, False, w.N, w.system.r[i], w.system.K[i])
+
+
+@kernel
+def pins(links, s, w):
+    """Rotation matrices of the links, equations and axis rows of the pins."""
+    y, n, p = w.system, s.q.shape[0], s.lam.shape[0]
+    for i in range(n):
+        body.rotation(s.q[i], y.A[i])
+    for j in range(p):
+        if links.ends.closed or 0 < j < n:
+            b = j - 1 if j > 0 else n - 1
+            pin.equations(links.half, s.q[b], y.A[b], s.q[j], y.A[j], y.C[j])
+            pin.axis_rows(y.A[b], y.A[j], y.WP[j], y.WQ[j])
+        elif j == 0 and links.ends.first:
+            pin.equations(links.half, w.ground[0], w.still, s.q[0], y.A[0], y.C[0])
+            pin.axis_rows(w.still, y.A[0], y.WP[0], y.WQ[0])
+        elif j == n and links.ends.last:
+            pin.equations(links.half, s.q[n - 1], y.A[n - 1], w.ground[1], w.still, y.C[n])
+            pin.axis_rows(y.A[n - 1], w.still, y.WP[n], y.WQ[n])
+
+
+@kernel
+def _inertia(links, gravity, s, w, by, tangent):
+    """Inertia less weight less pins into the residual of the links, and their tangent."""
+    J, m, p = links.inertia, links.mass, s.lam.shape[0]
+    A, R, KK, WP, WQ = w.system.A, w.system.r, w.system.K, w.system.WP, w.system.WQ
+    vdot, v, lam, xx = s.vdot, s.v, s.lam, w.x
+    g0, g1, g2 = (J[2] - J[1]), (J[0] - J[2]), (J[1] - J[0])
+    h = 0.5 * by.vdot
+    for i in range(s.q.shape[0]):
+        r, j = R[i], (i + 1) % p
+        o0, o1, o2 = v[i, 3], v[i, 4], v[i, 5]
+        for a in range(6):
+            r[a] = 0.0
+        pin.reaction(links.half, A[i], lam[i], lam[j], WQ[i], WP[j], r)
+        for a in range(3):
+            r[a] = m * vdot[i, a] - r[a]
+            r[3 + a] = J[a] * vdot[i, 3 + a] - r[3 + a]
+        r[2] += m * gravity
+        r[3] += g0 * o1 * o2
+        r[4] += g1 * o2 * o0
+        r[5] += g2 * o0 * o1
+        if not tangent:
+            continue
+        K = KK[i]
+        x0, x1, x2 = xx[i, 3], xx[i, 4], xx[i, 5]
+        for a in range(6):
+            for b in range(6):
+                K[a, b] = 0.0
+        for a in range(3):
+            K[a, a] = m * by.vdot
+            K[3 + a, 3 + a] = J[a] * by.vdot
+        # gyroscopic part, then J T^-1(x) to first order: the increment turns the end of the step
+        K[3, 4] = g0 * o2 * by.v - h * J[0] * x2
+        K[3, 5] = g0 * o1 * by.v + h * J[0] * x1
+        K[4, 3] = g1 * o2 * by.v + h * J[1] * x2
+        K[4, 5] = g1 * o0 * by.v - h * J[1] * x0
+        K[5, 3] = g2 * o1 * by.v - h * J[2] * x1
+        K[5, 4] = g2 * o0 * by.v + h * J[2] * x0
+        pin.stiffness(links.half, A[i], lam[i], lam[j], K[3:, 3:])
+
+
+@kernel
+def residual(links, contacts, env, s, w, by, tangent):
+    """Residuals of links and pins into the system, with ``tangent`` also its K; wrenches and sums."""
+    w.sums[:] = 0.0
+    w.wrench[:] = 0.0
+    s.load[:] = 0.0
+    pins(links, s, w)
+    augmented.compliance(links.ends, w.system, s.lam)
+    _inertia(links, env.gravity, s, w, by, tangent)
+    if contacts is not None:
+        roll(links, contacts, s, w, w.moved, by.v, tangent)
+    if env.transverse > 0.0:
+        _across(links, env.transverse, s, w, by.v, tangent)
+    if not links.ends.closed:
+        _pull(links, env, s, w)

@@ -1,0 +1,53 @@
+"""Arrays that the mechanics of a rigid chain works in, made once; what all have: ``chain.state``."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.physics.chain.rigid.state import State, shapes, views
+from fmus.physics.chain.state import size
+from fmus.physics.chain.sums import SUMS
+from fmus.physics.point import Memory, memory, points
+from fmus.physics.rigid import augmented
+from fmus.physics.rigid.augmented import System
+from fmus.physics.wheels import WIDTH
+
+
+class Work(NamedTuple):
+    """For n links, p pins, m wheels."""
+
+    before: State  # at the beginning of a step
+    system: System
+    contact: Memory
+    x: np.ndarray  # (n, 6) increments over the step
+    moved: np.ndarray  # (m, 15) wheels at the time of evaluation
+    wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
+    sums: np.ndarray  # (SUMS)
+    pins: np.ndarray  # (2, p, 3) their positions and velocities
+    lever: np.ndarray  # (3) of a contact point
+    N: np.ndarray  # (3, 3) its derivative by the link's turning
+    ground: np.ndarray  # (2, 7) poses of the bodies that hold the first and the last pin
+    still: np.ndarray  # (3, 3) their rotation matrix, ones
+
+
+def work(links: int, closed: bool, wheels: int) -> Work:
+    """Zeroed."""
+    z, pins = np.zeros, links if closed else links + 1
+    sizes, ground = shapes(links, closed, wheels), z((2, 7))
+    ground[:, 3] = 1.0
+    return Work(
+        before=views(z(size(sizes)), sizes),
+        system=augmented.system(links, closed),
+        contact=memory(points(wheels, pins)),
+        x=z((links, 6)),
+        moved=z((wheels, WIDTH)),
+        wrench=z((wheels + 1, 6)),
+        sums=z(SUMS),
+        pins=z((2, pins, 3)),
+        lever=z(3),
+        N=z((3, 3)),
+        ground=ground,
+        still=np.eye(3),
+    )

@@ -1,0 +1,59 @@
+"""The state of a chain is one flat array; a ``State`` holds it and named views into it.
+
+Every kind of link has its own State and Work (arrays made once). Both have, for n links and m wheels:
+
+    State   flat; q, v: coordinates and rates, first in ``flat``; a, vdot: auxiliary and true accelerations;
+            wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground: now, auxiliary, mean over the
+            communication step; sums: of the last evaluation (``sums``)
+    Work    before: the State at the beginning of a step; moved (m, 15): the wheels at the time of evaluation;
+            wrench, sums: of the evaluation; contact: a ``Memory``
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fmus.jit import kernel
+
+Shapes = dict[str, tuple[int, ...]]  # of the views, in order
+
+
+def size(shapes: Shapes) -> int:
+    """Length of the flat array."""
+    return sum(int(np.prod(shape)) for shape in shapes.values())
+
+
+def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
+    """A State of the class ``kind`` that looks into the flat array."""
+    parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes.values()])[:-1])
+    return kind(
+        flat=flat, **{name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
+    )
+
+
+@kernel
+def copy(source, target):
+    """Flat arrays of one length."""
+    for i in range(target.size):
+        target[i] = source[i]
+
+
+@kernel
+def take(s, w):
+    """Wrenches and sums of the last evaluation are those of the state."""
+    for k in range(s.wrench.shape[0]):
+        for i in range(6):
+            s.wrench[k, i] = w.wrench[k, i]
+    for i in range(s.sums.shape[0]):
+        s.sums[i] = w.sums[i]
+
+
+@kernel
+def begin(s, w):
+    """``take``, of a state that begins: the mean wrenches are those of now."""
+    take(s, w)
+    for k in range(s.wrench.shape[0]):
+        for i in range(6):
+            s.aux[k, i] = s.mean[k, i] = w.wrench[k, i]
