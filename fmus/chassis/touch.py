@@ -7,18 +7,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import overload
+from fmus.jit import door
 
 
-def touch(contacts, tree, x, A, v, w) -> None:
-    """See ``contacts.touch``."""
+def _kernels(contacts: type) -> Any:
     from fmus.chassis import contacts as kernels
 
-    kernels.touch(contacts, tree, x, A, v, w)
+    return kernels
 
 
-@overload(touch)
-def _touch(contacts, tree, x, A, v, w) -> Any:
-    from fmus.chassis.contacts import touch as compiled
-
-    return lambda contacts, tree, x, A, v, w: compiled(contacts, tree, x, A, v, w)
+@door(_kernels, shared=True)
+def touch(contacts, tree, x, A, v, w):
+    """See ``contacts.touch``."""

@@ -10,11 +10,12 @@ import numpy as np
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
+from fmus.physics.chain.flexible.assembly import axials, evaluate
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.dynamics import observe
 from fmus.physics.chain.flexible.elasticity import ELASTICITIES
-from fmus.physics.chain.flexible.elements import axials, evaluate, kit
+from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.equilibrium import settle
 from fmus.physics.chain.flexible.explicit import LIMIT, NOTHING, accelerations, factor_mass
 from fmus.physics.chain.flexible.newton import CHORD, newton

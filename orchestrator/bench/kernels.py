@@ -14,7 +14,7 @@ from typing import Any
 
 from fmus.jit import allocating, kernel
 from fmus.physics import block_cyclic
-from fmus.physics.chain.flexible.elements import evaluate
+from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rigid.links import residual
 from fmus.physics.integrate.generalized_alpha import slopes

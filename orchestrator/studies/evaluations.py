@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.physics.chain.environment import HELD, PINNED
-from fmus.physics.chain.flexible.elements import evaluate as evaluate_flexible
+from fmus.physics.chain.flexible.assembly import evaluate as evaluate_flexible
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.rigid.links import residual as evaluate_rigid

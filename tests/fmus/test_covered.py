@@ -38,7 +38,7 @@ def flexible(element: str):
         roll(model.link, model.contacts, motion, w, seen, 0.0, False)
         into = 0.0
         for i in np.flatnonzero(w.touched):
-            model.kit.gather(model.s.v, i, (i + 1) % model.nodes, w.v)
+            model.kit.coordinates(model.s.v, i, (i + 1) % model.nodes, w.v)
             into += np.sum(w.load[i] * w.v)
         pushed = 6 if element == "beam" else len(model.kit.AXES)  # of a pin by teeth, of a beam's with its axis
         into += np.sum(w.b[:, :pushed] * model.s.v[:, :pushed])

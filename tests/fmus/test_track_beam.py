@@ -12,7 +12,9 @@ from fmus.model import InvalidParameter
 from fmus.physics.ancf import beam as library
 from fmus.physics.ancf import joints, loads, mesh, statics, torsion
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.flexible.beams import correct, evaluate, gather, massive
+from fmus.physics.chain.flexible.assembly import evaluate
+from fmus.physics.chain.flexible.beam_nodes import gather
+from fmus.physics.chain.flexible.beams import correct, massive
 from fmus.physics.chain.flexible.explicit import NOTHING
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
@@ -54,7 +56,7 @@ def spun(element: str, rate):
     """A free loop, let go as a regular polygon that turns at ``rate`` (3) about its middle."""
     model = make({"wheels": wheels(), "gravity": 0.0}, start="polygon", element=element)
     model.contacts, model.environment = None, model.environment._replace(mount=-1)
-    model.rows, model.work = np.zeros((0, 15)), model.work._replace(moved=np.zeros((0, 15)))
+    model.rows, model.work = np.zeros((0, 15)), model.work._replace(moved=np.zeros((0, 15)), flat=np.zeros((0, 15)))
     angle = 2 * np.pi * np.arange(LINKS) / LINKS
     radius = PITCH / (2 * np.sin(np.pi / LINKS))
     model.settle_pins(radius * np.stack([np.cos(angle), -np.sin(angle)], axis=1))
@@ -281,8 +283,8 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
         else:
             e, v = np.zeros((2, LINKS, 4, 3))
             for i in range(LINKS):
-                model.kit.gather(model.s.q, i, (i + 1) % LINKS, e[i])
-                model.kit.gather(model.s.v, i, (i + 1) % LINKS, v[i])
+                model.kit.coordinates(model.s.q, i, (i + 1) % LINKS, e[i])
+                model.kit.coordinates(model.s.v, i, (i + 1) % LINKS, v[i])
         return np.cross(e, np.einsum("ab,nbj->naj", M, v)).sum((0, 1))
 
     lost = {}

@@ -14,8 +14,9 @@ from fmus.physics.ancf import cable_engineering, cable_general, cable_small, joi
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible import elasticity as element
+from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.cable_nodes import gather
-from fmus.physics.chain.flexible.cables import correct, evaluate
+from fmus.physics.chain.flexible.cables import correct
 from fmus.physics.chain.flexible.elasticity import ELASTICITIES
 from fmus.physics.chain.flexible.explicit import NOTHING
 from fmus.physics.chain.flexible.state import Motion

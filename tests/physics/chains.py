@@ -9,6 +9,7 @@ from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import march, slopes
 from fmus.physics.chain.flexible import cables
+from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.cable_nodes import gather
 from fmus.physics.chain.flexible.explicit import accelerations, factor_mass
 from fmus.physics.chain.flexible.state import Motion
@@ -69,7 +70,7 @@ class Flexible:
     def evaluate(self, vdot=None, by_acceleration=0.0):
         """At rest, with the matrix."""
         x = Motion(self.s.q, self.w.still, self.w.still if vdot is None else vdot)
-        cables.evaluate(self.links, None, self.env, x, Slopes(0.0, 0.0, by_acceleration), self.w, True)
+        evaluate(self.links, None, self.env, x, Slopes(0.0, 0.0, by_acceleration), self.w, True)
 
     def solve(self):
         w = self.w
@@ -104,14 +105,14 @@ class Flexible:
         return self.s.q[:, :3].copy()
 
     def energy(self):
-        cables.mass(self.links.cable, self.w.M)
+        cables.mass(self.links, self.w.M)
         observe(self.links, self.env, self.s, self.w, self.report)
         return self.report[KINETIC : GRAVITY + 1].sum()
 
     def angular_momentum(self):
         """About the origin (3)."""
         total, e, v = np.zeros(3), np.zeros((4, 3)), np.zeros((4, 3))
-        cables.mass(self.links.cable, self.w.M)
+        cables.mass(self.links, self.w.M)
         for i in range(self.links.count):
             j = (i + 1) % len(self.s.q)
             gather(self.s.q, i, j, e)

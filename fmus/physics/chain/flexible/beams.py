@@ -15,16 +15,14 @@ import numpy as np
 from scipy.linalg import eigh
 
 from fmus.jit import allocating, kernel
-from fmus.physics.ancf.beam import GAUSS, Beam, basis, energy, mass, react, seen, stiffen
+from fmus.physics.ancf import beam
+from fmus.physics.ancf.beam import GAUSS, Beam, basis, seen
 from fmus.physics.ancf.gauss import WEIGHTS
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE, gather
-from fmus.physics.chain.flexible.condensation import clear, condense, layout, reduce, spread
+from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
+from fmus.physics.chain.flexible.beam_nodes import gather as coordinates
+from fmus.physics.chain.flexible.condensation import condense, layout, reduce
 from fmus.physics.chain.flexible.condensation import correct as solved
-from fmus.physics.chain.flexible.inertia import add_kinetic, height, weigh
-from fmus.physics.chain.flexible.pins import pin_loads
-from fmus.physics.chain.sums import POWER
-from fmus.physics.chain.touch import roll
 
 LAYOUT = layout(
     begin=[BEGIN[a] + k for a in range(4) for k in range(3)],
@@ -51,74 +49,69 @@ class Beams(NamedTuple):
 
 
 @kernel
-def evaluate(links, contacts, env, x, by, w, tangent):
+def gather(links, q, i, j, e):
     """See ``elements``."""
-    n, nodes, c = links.count, x.q.shape[0], links.beam
-    R, own, inner, left, b, M, K = w.R, w.own, w.inner, w.left, w.b, w.M, w.K
-    e, de, dde, sums = w.e, w.v, w.dv, w.sums
-    clear(w, tangent)
-    mass(c, M)
-    weight = c.rho * c.width * c.height * c.l * env.gravity
-    if contacts is not None:
-        roll(links, contacts, x, w, w.moved, by.v, tangent)
-    for i in range(n):
-        j = i + 1 if i + 1 < nodes else 0
-        gather(x.q, i, j, e)
-        gather(x.v, i, j, de)
-        gather(x.vdot, i, j, dde)
-        r = R[i]
-        for a in range(8):
+    coordinates(q, i, j, e)
+
+
+@kernel
+def length(links):
+    """See ``elements``."""
+    return links.beam.l
+
+
+@kernel
+def vectors(links):
+    """See ``elements``."""
+    return 8
+
+
+@kernel
+def axes(links):
+    """See ``elements``."""
+    return 3
+
+
+@kernel
+def matter(links):
+    """See ``elements``."""
+    c = links.beam
+    return c.rho * c.width * c.height * c.l
+
+
+@kernel
+def mass(links, M):
+    """See ``elements``."""
+    beam.mass(links.beam, M)
+
+
+@kernel
+def force(links, w, r):
+    """See ``elements``."""
+    return beam.react(links.beam, w.e, w.v, 1.0, links.beam.tau, r)
+
+
+@kernel
+def stiffness(links, w, by):
+    """See ``elements``."""
+    K, M = w.K, w.M
+    K[:] = 0.0
+    for a in range(8):
+        for m in range(8):
             for k in range(3):
-                r[a, k] = 0.0
-                for m in range(8):
-                    r[a, k] += M[a, m] * dde[m, k]
-        weigh(weight, c.l, 4, 2, r)
-        if tangent:
-            K[:] = 0.0
-            for a in range(8):
-                for m in range(8):
-                    for k in range(3):
-                        K[3 * a + k, 3 * m + k] = by.vdot * M[a, m]
-            stiffen(c, e, de, c.tau, by.v, K)
-        sums[POWER] += react(c, e, de, 1.0, c.tau, r)
-        if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
-            if w.touched[i]:
-                r += w.load[i]
-                if tangent:
-                    K += w.stiffening[i]
-        if tangent:
-            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
-    worst, where = spread(LAYOUT, R, inner, own, b, w.swap)
-    pin_loads(links.closed, env, FIXED, x, w, by.v, tangent)
-    return reduce(LAYOUT, env, FIXED, left, own, b, worst, where)
+                K[3 * a + k, 3 * m + k] = by.vdot * M[a, m]
+    beam.stiffen(links.beam, w.e, w.v, links.beam.tau, by.v, K)
 
 
 @kernel
-def correct(links, w, x, by, longest):
+def energy(links, w):
     """See ``elements``."""
-    half = 0.5 * links.beam.width
-    lever = (1.0, 1.0, 1.0, half, half, half)
-    return solved(LAYOUT, lever, w.right, w.own, w.b, x, by, longest)
+    return beam.energy(links.beam, w.e)
 
 
 @kernel
-def measure(links, env, q, v, w):
-    """See ``elements``."""
-    n, nodes, c = links.count, q.shape[0], links.beam
-    kinetic = strain_energy = gravity = 0.0
-    low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
-    weight = c.rho * c.width * c.height * c.l * env.gravity
-    for i in range(n):
-        j = (i + 1) % nodes
-        gather(q, i, j, w.e)
-        gather(v, i, j, w.v)
-        kinetic = add_kinetic(kinetic, w.M, w.v)
-        strain_energy += energy(c, w.e)
-        gravity += weight * height(c.l, 4, 2, w.e)
-        pull, fibre = axial(links, w)
-        low, high, mean = min(low, pull), max(high, pull), mean + pull / n
-        stress = max(stress, fibre)
-    return (low, mean, high, stress), (kinetic, strain_energy, gravity)
+def flatten(links, w):
+    """See ``elements``: as they are."""
 
 
 @allocating
@@ -145,23 +138,23 @@ def axial(links, w):
 
 
 @kernel
-def axes(links):
+def condensed(links, w, i, j):
     """See ``elements``."""
-    return 3
+    condense(LAYOUT, w, i, j)
 
 
 @kernel
-def axials(links, q, w, tension, stress):
+def reduced(links, env, x, w, by_rate, tangent):
     """See ``elements``."""
-    for i in range(links.count):
-        gather(q, i, i + 1 if i + 1 < q.shape[0] else 0, w.e)
-        tension[i], stress[i] = axial(links, w)
+    return reduce(LAYOUT, FIXED, links.closed, env, x, w, by_rate, tangent)
 
 
 @kernel
-def length(links):
+def correct(links, w, x, by, longest):
     """See ``elements``."""
-    return links.beam.l
+    half = 0.5 * links.beam.width
+    lever = (1.0, 1.0, 1.0, half, half, half)
+    return solved(LAYOUT, lever, w, x, by, longest)
 
 
 def massive(links: Beams) -> Beams:
@@ -174,8 +167,8 @@ def highest_frequency(links: Beams) -> float:
     c = links.beam
     e = np.vstack([np.zeros(3), np.eye(3), [c.l, 0.0, 0.0], np.eye(3)])
     K, M = np.zeros((24, 24)), np.zeros((8, 8))
-    stiffen(c, e, e, 0.0, 0.0, K)
-    mass(c, M)
+    beam.stiffen(c, e, e, 0.0, 0.0, K)
+    beam.mass(c, M)
     return float(np.sqrt(eigh(K, np.kron(M, np.eye(3)), eigvals_only=True)[-1]))
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.block_cyclic import invert
 from fmus.physics.chain.environment import HELD, PINNED
+from fmus.physics.chain.flexible.pins import pin_loads
 
 
 class Layout(NamedTuple):
@@ -58,13 +59,14 @@ def clear(w, tangent):
 
 
 @kernel
-def condense(at, K, A, U, L, inner, right, left, swap, i, j):
-    """Eliminate a link's own coordinates from its matrix ``K``, scatter the rest to its pins ``i`` and ``j``.
+def condense(at, w, i, j):
+    """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``, scatter the rest to its pins ``i``, ``j``.
 
-    Leaves the inverse of its own part in ``inner``, that times the coupling in ``right``, the coupling in ``left``;
-    ``swap`` is scratch.
+    Leaves the inverse of its own part in ``w.inner``, that times the coupling in ``w.right``, and the coupling in
+    ``w.left``.
     """
     m, n = len(at.shared), len(at.own)
+    K, A, U, L, inner, right, left, swap = w.K, w.A, w.U, w.L, w.inner[i], w.right[i], w.left[i], w.swap
     for a in range(n):
         for b in range(n):
             inner[a, b] = K[at.inner[a], at.inner[b]]
@@ -93,7 +95,7 @@ def condense(at, K, A, U, L, inner, right, left, swap, i, j):
 
 
 @kernel
-def spread(at, R, inner, own, b, x):
+def _spread(at, R, inner, own, b, x):
     """Residuals of all links ``R`` (links, rows, axes) on their pins ``b``; what is their own, solved, into ``own``.
 
     Returns the largest entry of the latter, N, and the link it belongs to; ``x`` is scratch.
@@ -119,7 +121,7 @@ def spread(at, R, inner, own, b, x):
 
 
 @kernel
-def reduce(at, env, held, left, own, b, worst, where):
+def _reduce(at, env, held, left, own, b, worst, where):
     """Condense the residual ``b`` of the pins; what is ``held`` of pinned ends has none.
 
     Returns the largest entry, N, before that and of ``worst``, and the link it belongs to.
@@ -145,11 +147,23 @@ def reduce(at, env, held, left, own, b, worst, where):
 
 
 @kernel
-def correct(at, lever, right, own, b, x, by, longest):
-    """Take the Newton step from the solution ``b``, at most ``longest`` m; returns the largest change of a pin, m.
+def reduce(at, fixed, closed, env, x, w, by_rate, tangent):
+    """Residuals of all links and what acts on the pins, condensed; ends that are held keep ``fixed`` coordinates.
+
+    Returns the largest entry, N, and the link it belongs to.
+    """
+    worst, where = _spread(at, w.R, w.inner, w.own, w.b, w.swap)
+    pin_loads(closed, env, fixed, x, w, by_rate, tangent)
+    return _reduce(at, env, fixed, w.left, w.own, w.b, worst, where)
+
+
+@kernel
+def correct(at, lever, w, x, by, longest):
+    """Take the Newton step from the solution ``w.b``, at most ``longest`` m; returns the largest change of a pin, m.
 
     A change of a shared coordinate counts by its ``lever`` (m).
     """
+    right, own, b = w.right, w.own, w.b
     links, nodes, m, n = own.shape[0], b.shape[0], len(at.shared), len(at.own)
     q, v, vdot, size = x.q, x.v, x.vdot, 0.0
     for i in range(nodes):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from fmus.jit import kernel
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
-from fmus.physics.chain.flexible.elements import axes, measure
+from fmus.physics.chain.flexible.assembly import measure
+from fmus.physics.chain.flexible.elements import axes
 from fmus.physics.chain.flexible.explicit import close, derivative  # noqa: F401 - behind the door
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.report import SPEED, write

@@ -25,32 +25,9 @@ def kit(links: type) -> Any:
     return cables
 
 
-@door(kit, shared=True)
-def evaluate(links, contacts, env, x, by, w, tangent):
-    """Residual M vdot + Q - Q_ext of the whole chain in the motion ``x``, condensed to the pins, into ``w.b``; with
-    ``tangent`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``, the derivatives of rates and
-    accelerations being ``by``. Contact sums and wrenches on the wheels at ``w.moved``.
-
-    Returns the largest entry of the residual, N, and the link it belongs to.
-    """
-
-
 @door(kit)
-def correct(links, w, x, by, longest):
-    """Take the Newton step from the solution in ``w.b``, at most ``longest`` m; returns the largest change of a pin.
-
-    A pin of beams changes by its middle, or by its ends as they turn and stretch.
-    """
-
-
-@door(kit)
-def measure(links, env, q, v, w):
-    """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
-
-
-@door(kit)
-def axials(links, q, w, tension, stress):
-    """Tension, N, and largest axial stress, Pa, of all links into ``tension`` and ``stress`` (n)."""
+def gather(links, q, i, j, e):
+    """Coordinates ``e`` (rows, axes) of the link from pin ``i`` to pin ``j``."""
 
 
 @door(kit)
@@ -59,5 +36,63 @@ def length(links):
 
 
 @door(kit)
+def matter(links):
+    """Mass of a link, kg."""
+
+
+@door(kit)
+def vectors(links):
+    """How many vectors a link has."""
+
+
+@door(kit)
 def axes(links):
     """How many components a vector of the chain has."""
+
+
+@door(kit)
+def mass(links, M):
+    """Mass matrix of a link into ``M`` (rows, rows)."""
+
+
+@door(kit)
+def force(links, w, r):
+    """Elastic and damping force of the link in ``w.e``, ``w.v`` added to ``r`` (rows, axes); its power, W."""
+
+
+@door(kit)
+def stiffness(links, w, by):
+    """Iteration matrix of the link in ``w.e``, ``w.v`` with its mass, written to ``w.K``."""
+
+
+@door(kit)
+def energy(links, w):
+    """Strain energy of the link in ``w.e``, J."""
+
+
+@door(kit, shared=True)
+def axial(links, w):
+    """Tension, N, and largest axial stress, Pa, of the link in ``w.e``."""
+
+
+@door(kit)
+def flatten(links, w):
+    """The wheels ``w.moved`` as the chain sees them, into ``w.flat``."""
+
+
+@door(kit)
+def condensed(links, w, i, j):
+    """The matrix ``w.K`` of link ``i`` between the pins ``i`` and ``j`` onto them."""
+
+
+@door(kit)
+def reduced(links, env, x, w, by_rate, tangent):
+    """All residuals ``w.R`` onto the pins, with what acts there; the largest, N, and its link."""
+
+
+@door(kit)
+def correct(links, w, x, by, longest):
+    """Take the Newton step from the solution in ``w.b``, at most ``longest`` m; returns the largest change of a pin.
+
+    A pin of beams changes by its middle, or by its ends as they turn and stretch.
+    """

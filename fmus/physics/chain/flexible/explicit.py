@@ -9,7 +9,8 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.environment import Environment
-from fmus.physics.chain.flexible.elements import correct, evaluate, kit
+from fmus.physics.chain.flexible.assembly import evaluate
+from fmus.physics.chain.flexible.elements import correct, kit
 from fmus.physics.chain.flexible.state import Motion, State
 from fmus.physics.integrate.generalized_alpha import Slopes
 

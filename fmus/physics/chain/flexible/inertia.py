@@ -1,8 +1,18 @@
-"""Weight and kinetic energy of a link, whatever its element: the centreline is cubic, the mass matrix constant."""
+"""Inertia, weight, energies of a link, whatever its element: the centreline is cubic, the mass matrix constant."""
 
 from __future__ import annotations
 
 from fmus.jit import kernel
+
+
+@kernel
+def inertia(rows, axes, M, a, r):
+    """Inertia forces of a link with mass ``M`` (rows, rows) at accelerations ``a`` (rows, axes), written to ``r``."""
+    for i in range(rows):
+        for k in range(axes):
+            r[i, k] = 0.0
+            for j in range(rows):
+                r[i, k] += M[i, j] * a[j, k]
 
 
 @kernel

@@ -6,7 +6,8 @@ import numpy as np
 
 from fmus.jit import allocating
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.flexible.elements import correct, evaluate, length
+from fmus.physics.chain.flexible.assembly import evaluate
+from fmus.physics.chain.flexible.elements import correct, length
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS

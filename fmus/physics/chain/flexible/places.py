@@ -17,7 +17,7 @@ def places(kit: Any, q: Floats, rows: int, links: int) -> NDArray[np.int64]:
     """
     numbers, e = np.arange(q.size, dtype=float).reshape(q.shape), np.empty((links, rows, len(kit.AXES)))
     for i in range(links):
-        kit.gather(numbers, i, (i + 1) % len(q), e[i])
+        kit.coordinates(numbers, i, (i + 1) % len(q), e[i])
     return e.astype(np.int64)
 
 

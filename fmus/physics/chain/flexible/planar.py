@@ -13,16 +13,15 @@ import numpy as np
 from scipy.linalg import eigh
 
 from fmus.jit import kernel
-from fmus.physics.ancf.cable import Cable, end_moments, mass
-from fmus.physics.ancf.cable_planar import energy, force, stiffness, strain
+from fmus.physics.ancf import cable, cable_planar
+from fmus.physics.ancf.cable import Cable, end_moments
+from fmus.physics.ancf.cable_planar import strain
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible.condensation import clear, condense, layout, reduce, spread
+from fmus.physics.chain.flexible import planar_nodes
+from fmus.physics.chain.flexible.condensation import condense, layout, reduce
 from fmus.physics.chain.flexible.condensation import correct as solved
-from fmus.physics.chain.flexible.inertia import add_kinetic, height, weigh
-from fmus.physics.chain.flexible.pins import pin_loads
-from fmus.physics.chain.flexible.planar_nodes import NODE, flatten, gather  # noqa: F401 - of the kit
-from fmus.physics.chain.sums import POWER
-from fmus.physics.chain.touch import roll
+from fmus.physics.chain.flexible.planar_nodes import NODE  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.planar_nodes import gather as coordinates
 
 LAYOUT = layout(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5])
 LEVER = (1.0, 1.0)  # a correction is as large as it moves the pins
@@ -45,80 +44,21 @@ class PlanarCables(NamedTuple):
 
 
 @kernel
-def evaluate(links, contacts, env, x, by, w, tangent):
+def gather(links, q, i, j, e):
     """See ``elements``."""
-    n, nodes, c = links.count, x.q.shape[0], links.cable
-    own, inner, left, b, M, K = w.own, w.inner, w.left, w.b, w.M, w.K
-    e, de, dde = w.e, w.v, w.dv
-    clear(w, tangent)
-    mass(c, M)
-    weight = c.rhoA * c.l * env.gravity
-    if contacts is not None:
-        flatten(w.moved, w.flat)
-        roll(links, contacts, x, w, w.flat, by.v, tangent)
-    for i in range(n):
-        j = i + 1 if i + 1 < nodes else 0
-        gather(x.q, i, j, e)
-        gather(x.v, i, j, de)
-        gather(x.vdot, i, j, dde)
-        r = w.R[i]
-        for a in range(4):
-            for k in range(2):
-                r[a, k] = M[a, 0] * dde[0, k] + M[a, 1] * dde[1, k] + M[a, 2] * dde[2, k] + M[a, 3] * dde[3, k]
-        weigh(weight, c.l, 2, 1, r)
-        w.sums[POWER] += force(c, e, de, r, w.W)
-        touched = contacts is not None and w.touched[i]
-        if touched:
-            for a in range(4):
-                for k in range(2):
-                    r[a, k] += w.load[i, a, k]
-        if tangent:
-            stiffness(c, e, de, by.v, by.vdot, K, w.W)
-            if touched:
-                for a in range(8):
-                    for k in range(8):
-                        K[a, k] += w.stiffening[i, a, k]
-            condense(LAYOUT, K, w.A, w.U, w.L, inner[i], w.right[i], left[i], w.swap, i, j)
-    worst, where = spread(LAYOUT, w.R, inner, own, b, w.swap)
-    pin_loads(links.closed, env, FIXED, x, w, by.v, tangent)
-    return reduce(LAYOUT, env, FIXED, left, own, b, worst, where)
+    coordinates(q, i, j, e)
 
 
 @kernel
-def correct(links, w, x, by, longest):
+def length(links):
     """See ``elements``."""
-    return solved(LAYOUT, LEVER, w.right, w.own, w.b, x, by, longest)
+    return links.cable.l
 
 
 @kernel
-def measure(links, env, q, v, w):
+def vectors(links):
     """See ``elements``."""
-    n, nodes, c, e, de = links.count, q.shape[0], links.cable, w.e, w.v
-    kinetic = strain_energy = gravity = 0.0
-    low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
-    weight = c.rhoA * c.l * env.gravity
-    for i in range(n):
-        j = i + 1 if i + 1 < nodes else 0
-        gather(q, i, j, e)
-        gather(v, i, j, de)
-        kinetic = add_kinetic(kinetic, w.M, de)
-        strain_energy += energy(c, e, w.W)
-        gravity += weight * height(c.l, 2, 1, e)
-        pull, fibre = axial(links, w)
-        low, high, mean = min(low, pull), max(high, pull), mean + pull / n
-        stress = max(stress, fibre)
-    return (low, mean, high, stress), (kinetic, strain_energy, gravity)
-
-
-@kernel
-def axial(links, w):
-    """Tension EA eps of (12), N, and largest axial stress, Pa, of the link in ``w.e``."""
-    c = links.cable
-    pull = c.EA * strain(c, w.e, w.W)
-    first, second = end_moments(c, w.e)
-    bending = max(first, second) * links.outer_fibre / links.second_moment
-    at = pull / links.area
-    return pull, max(abs(at + bending), abs(at - bending))
+    return 4
 
 
 @kernel
@@ -128,17 +68,68 @@ def axes(links):
 
 
 @kernel
-def axials(links, q, w, tension, stress):
+def matter(links):
     """See ``elements``."""
-    for i in range(links.count):
-        gather(q, i, i + 1 if i + 1 < q.shape[0] else 0, w.e)
-        tension[i], stress[i] = axial(links, w)
+    return links.cable.rhoA * links.cable.l
 
 
 @kernel
-def length(links):
+def mass(links, M):
     """See ``elements``."""
-    return links.cable.l
+    cable.mass(links.cable, M)
+
+
+@kernel
+def force(links, w, r):
+    """See ``elements``."""
+    return cable_planar.force(links.cable, w.e, w.v, r, w.W)
+
+
+@kernel
+def stiffness(links, w, by):
+    """See ``elements``."""
+    cable_planar.stiffness(links.cable, w.e, w.v, by.v, by.vdot, w.K, w.W)
+
+
+@kernel
+def energy(links, w):
+    """See ``elements``."""
+    return cable_planar.energy(links.cable, w.e, w.W)
+
+
+@kernel
+def flatten(links, w):
+    """See ``elements``."""
+    planar_nodes.flatten(w.moved, w.flat)
+
+
+@kernel
+def axial(links, w):
+    """See ``elements``."""
+    c = links.cable
+    pull = c.EA * strain(c, w.e, w.W)
+    first, second = end_moments(c, w.e)
+    bending = max(first, second) * links.outer_fibre / links.second_moment
+    at = pull / links.area
+    return pull, max(abs(at + bending), abs(at - bending))
+
+
+@kernel
+def condensed(links, w, i, j):
+    """See ``elements``."""
+    condense(LAYOUT, w, i, j)
+
+
+@kernel
+def reduced(links, env, x, w, by_rate, tangent):
+    """See ``elements``."""
+    return reduce(LAYOUT, FIXED, links.closed, env, x, w, by_rate, tangent)
+
+
+@kernel
+def correct(links, w, x, by, longest):
+    """See ``elements``."""
+    return solved(LAYOUT, LEVER, w, x, by, longest)
 
 
 def massive(links: PlanarCables) -> PlanarCables:
@@ -148,11 +139,11 @@ def massive(links: PlanarCables) -> PlanarCables:
 
 def highest_frequency(links: PlanarCables) -> float:
     """Of one straight free link, rad/s; by Rayleigh's bound no mode of the chain is higher (contacts apart)."""
-    cable = links.cable
-    e = np.array([[0.0, 0.0], [1.0, 0.0], [cable.l, 0.0], [1.0, 0.0]])
+    c = links.cable
+    e = np.array([[0.0, 0.0], [1.0, 0.0], [c.l, 0.0], [1.0, 0.0]])
     K, M = np.zeros((8, 8)), np.zeros((4, 4))
-    stiffness(cable, e, np.zeros((4, 2)), 0.0, 0.0, K, np.zeros((4, 2)))
-    mass(cable, M)
+    cable_planar.stiffness(c, e, np.zeros((4, 2)), 0.0, 0.0, K, np.zeros((4, 2)))
+    cable.mass(c, M)
     return float(np.sqrt(eigh(K, np.kron(M, np.eye(2)), eigvals_only=True)[-1]))
 
 

@@ -39,7 +39,7 @@ class Work(NamedTuple):
     C: np.ndarray  # (rows) their slopes
     t: np.ndarray  # (3) tangent at a contact point
     moved: np.ndarray  # (wheels, 15) wheels at the time of evaluation
-    flat: np.ndarray  # (wheels, 15) as a planar chain sees them
+    flat: np.ndarray  # (wheels, 15) as the chain sees them: a planar one in its plane
     touched: np.ndarray  # (links) whether a link touches a wheel or the ground
     load: np.ndarray  # (links, rows, axes) residual of its contacts, where touched
     stiffening: np.ndarray  # (links, rows axes, rows axes) and their iteration matrix
@@ -56,6 +56,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int) -> Work:
     m, n, whole = len(kit.LAYOUT.shared), len(kit.LAYOUT.own), rows * axes
     sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels)
     block, vectors, z = (nodes, m, m), (rows, axes), np.zeros
+    moved = z((wheels, 15))
     return Work(
         before=views(z(size(sizes)), sizes),
         A=z(block), U=z(block), L=z(block), factors=workspace(nodes, m), b=z((nodes, m)),
@@ -63,7 +64,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int) -> Work:
         inner=z((links, n, n)), right=z((links, n, 2 * m)), left=z((links, 2 * m, n)), own=z((links, n)), swap=z(n),
         e=z(vectors), v=z(vectors), dv=z(vectors), W=z(vectors), V=z(vectors), M=z((rows, rows)),
         S=z(rows), C=z(rows), t=z(3),
-        moved=z((wheels, 15)), flat=z((wheels, 15)),
+        moved=moved, flat=moved if axes == 3 else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), sums=z(SUMS), contact=memory(points(wheels, nodes)),
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
