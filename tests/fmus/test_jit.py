@@ -271,3 +271,87 @@ def test_kernels_that_make_arrays_say_so():
                         found[ast.unparse(decorator)].append(f"{file.name}: {node.name}")
     assert not found["kernel"]
     assert len(found["allocating"]) > 20
+
+
+def behind_doors() -> list[tuple[str, str]]:
+    """Modules of doors, and each module that one of them opens to."""
+    found = []
+    for path in jit.sources():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        if not any(
+            "door(" in ast.unparse(mark) for part in ast.walk(tree) for mark in getattr(part, "decorator_list", ())
+        ):
+            continue
+        module = ".".join(("fmus", *path.relative_to(jit.ROOT).with_suffix("").parts))
+        found += [
+            (module, f"{line.module}.{line.names[0].name}")
+            for opener in tree.body
+            if isinstance(opener, ast.FunctionDef)
+            for line in ast.walk(opener)
+            if isinstance(line, ast.ImportFrom)
+        ]
+    return found
+
+
+def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
+    """Of everything that has the door among its imports, so above all of the integrators."""
+    tree = tmp_path / "fmus"
+    shutil.copytree(jit.ROOT, tree, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
+
+    def fingerprint(module: str) -> str:
+        jit.reachable_hash.cache_clear()
+        jit._imports.cache_clear()
+        return jit.reachable_hash(module, tmp_path.joinpath(*module.split(".")).with_suffix(".py"))
+
+    openings = behind_doors()
+    assert len(openings) >= 15
+    for door, opened in openings:
+        callers = [door] + ["fmus.physics.chain.implicit"] * ("chassis" not in door)
+        path, before = tmp_path.joinpath(*opened.split(".")).with_suffix(".py"), [fingerprint(name) for name in callers]
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text + "# edited\n", encoding="utf-8")
+        assert all(fingerprint(name) != was for name, was in zip(callers, before, strict=True)), opened
+        path.write_text(text, encoding="utf-8")
+    jit.reachable_hash.cache_clear()
+    jit._imports.cache_clear()
+
+
+DOOR = """
+from fmus.jit import allocating, door
+
+def one(kind):
+    from parts import {0}
+    return {0}
+
+@door(one, shared={1})
+def value(x):
+    pass
+
+@allocating
+def doubled(x):
+    return 2.0 * value(x)
+"""
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_an_edit_behind_a_door_compiles_its_caller_again(environment, tmp_path, shared):
+    package = tmp_path / "parts"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "doors.py").write_text(DOOR.format("room", shared))
+    path = f"{tmp_path}:{jit.ROOT.parent}"
+    program = "import logging; logging.basicConfig(level=logging.INFO); from typing import NamedTuple\n"
+    program += "from parts.doors import doubled; print(doubled(NamedTuple('Kind', [('x', float)])(1.5)))"
+
+    def told(factor: float) -> tuple[str, bool]:
+        (package / "room.py").write_text(
+            f"from fmus.jit import kernel\n\n@kernel\ndef value(x):\n    return {factor} * x.x\n"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env={**environment, "COTRACK_CACHE": str(tmp_path / "cache"), "PYTHONPATH": path},
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        return done.stdout.strip(), "doubled" in done.stderr
+
+    assert [told(1.0), told(1.0), told(3.0)] == [("3.0", True), ("3.0", False), ("9.0", True)]
