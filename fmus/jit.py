@@ -252,6 +252,9 @@ def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     if compiled is not function:
         compiled._cache = _Cache(function)  # what numba's cache=True does, with our cache
         compiled._cache.counting = options["_nrt"]
+        # a constant argument would have a type of its own and be compiled for
+        resolve = compiled.get_call_template
+        compiled.get_call_template = lambda args, kws: resolve(tuple(map(numba.types.unliteral, args)), kws)
     return compiled
 
 
