@@ -143,7 +143,7 @@ class Recorder:
         return self._file.size
 
     def together(self, topics: Sequence[str]) -> str:
-        """Let topics that are recorded at the same steps be written by one ``write``, under the name that is returned."""
+        """Let topics recorded at the same steps be written by one ``write``, under the name that is returned."""
         channels = [self._channels[topic] for topic in topics]
         if len({channel.every for channel in channels}) > 1:
             raise ValueError(f"{', '.join(topics)} are not recorded at the same steps")
