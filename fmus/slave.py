@@ -183,6 +183,7 @@ class Slave(Fmi2Slave):
         self._integer_values = np.array([int(p.start) for p in self._integer_parameters], dtype=np.int64)
         self._string_values = [str(p.start) for p in self._string_ports]
         self._accesses: dict[tuple[int, ...], _Access] = {}
+        self._recent: dict[int, tuple[list[int], _Access]] = {}  # the last one of each length
 
     @property
     def variables(self) -> tuple[Port, ...]:
@@ -190,6 +191,9 @@ class Slave(Fmi2Slave):
         return (*self._reals, *self._integers, *self._string_ports)
 
     def _access(self, references: list[int]) -> _Access:
+        recent = self._recent.get(len(references))  # a master's groups: comparing costs less than hashing them
+        if recent is not None and recent[0] == references:
+            return recent[1]
         key = tuple(references)
         access = self._accesses.get(key)
         if access is None:
@@ -208,6 +212,7 @@ class Slave(Fmi2Slave):
             if len(self._accesses) > 100:  # an importer that asks one by one, in ever new groups
                 self._accesses.clear()
             self._accesses[key] = access
+        self._recent[len(key)] = list(key), access
         return access
 
     @_guarded
@@ -316,18 +321,19 @@ class Slave(Fmi2Slave):
         self._model.initialise(self._used)
         self._failure, self._status = "", OK
         self._pass_on()
-        self._refresh("at the start")
+        self._refresh()
         self._stale = False
 
-    @staticmethod
-    def _check(values: NDArray[np.float64], ports: tuple[Port, ...], when: str) -> None:
-        if not finite(values):
-            first = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise StepFailed(f"{ports[first].causality} '{ports[first].name}' is {values[first]} {when}")
+    def _not_finite(self, values: NDArray[np.float64], place: slice, when: str) -> StepFailed:
+        first = int(np.flatnonzero(~np.isfinite(values))[0])
+        port = self._reals[place.start + first]
+        return StepFailed(f"{port.causality} '{port.name}' is {values[first]} {when}")
 
-    def _refresh(self, when: str) -> None:
+    def _refresh(self, t: float | None = None) -> None:
+        """Show the outputs at t (None: the start)."""
         self._model.outputs(self._y_new)
-        self._check(self._y_new, self._reals[self._outputs], when)
+        if not finite(self._y_new):
+            raise self._not_finite(self._y_new, self._outputs, "at the start" if t is None else f"at t = {t}")
         self._y[:] = self._y_new
         self._links_stale = self._links_new.size > 0
         self._warn()
@@ -339,7 +345,8 @@ class Slave(Fmi2Slave):
 
     def _refresh_links(self) -> None:
         self._model.link_outputs(self._links_new)
-        self._check(self._links_new, self._reals[self._links], "after the last step")
+        if not finite(self._links_new):
+            raise self._not_finite(self._links_new, self._links, "after the last step")
         self._values[self._links] = self._links_new
         self._links_stale = False
 
@@ -359,13 +366,14 @@ class Slave(Fmi2Slave):
             raise Refused("a step was asked for before the end of initialisation")
         if not (math.isfinite(t) and math.isfinite(h) and h > 0.0):
             raise Refused(f"a step needs a finite time and a positive length, not t = {t}, h = {h}")
-        self._check(self._u, self._reals[self._inputs], f"at t = {t}")
+        if not finite(self._u):
+            raise self._not_finite(self._u, self._inputs, f"at t = {t}")
         model = self._model
         state, counters = model.state.copy(), model.counters.copy()
         self._status = OK
         try:
             model.step(t, h, self._u)
-            self._refresh(f"at t = {t + h}")
+            self._refresh(t + h)
         except BaseException:
             self._warn()  # of what may have led there
             model.state[:], model.counters[:] = state, counters

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from fmus.build import build_shell
+from orchestrator.log.reader import Messages
 
 # how long an example takes says something of the machine, not of the code
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -59,3 +60,21 @@ def clean_imports():
     sys.path[:] = path
     for name in set(sys.modules) - modules:
         del sys.modules[name]
+
+
+@pytest.fixture
+def scaled(monkeypatch):
+    """``scaled(log, topic, name, factor)``: logs are read as if a variable were so many times as large."""
+
+    def change(log, topic, name, factor):
+        column, decode = log.topics[topic].names.index(name), Messages.decode
+
+        def changed(messages):
+            t, h, values = decode(messages)
+            if messages.topic == topic:
+                values[:, column] *= factor
+            return t, h, values
+
+        monkeypatch.setattr(Messages, "decode", changed)
+
+    return change

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.chassis.touch import touch
+from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise, quat_to_matrix
@@ -205,8 +206,9 @@ def fault(tree, x):
 
 
 @allocating
-def advance(tree, contacts, x, u, h, steps):
+def advance(packed, contacts, x, u, h, steps):
     """Integrate x in place over ``steps`` steps of h under constant u; steps done, fault of the last."""
+    tree = unpacked(packed)
     k, y = np.empty((len(RK4.b), len(x))), np.empty(len(x))
     for done in range(steps):
         for i in range(len(RK4.b)):

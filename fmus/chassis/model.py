@@ -19,7 +19,7 @@ from fmus.chassis.dynamics import (
     energies,
 )
 from fmus.chassis.observe import observe
-from fmus.chassis.tree import tree
+from fmus.chassis.tree import packed, tree
 from fmus.model import InvalidParameter, StepFailed, check_steps
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
@@ -127,6 +127,7 @@ class Model:
         self._step = values["step"]
         preload = np.where(self.tree.turns == 1, values["suspension.preload"], values["tensioner.preload"])
         self.tree = self.tree._replace(preload=preload)
+        self._packed = packed(self.tree)
         pose = start(values)
         self._start[:] = *pose.place(*self._centre), pose.heading
         if self._ground:
@@ -144,7 +145,7 @@ class Model:
         check_steps(t, h, self._step)
         steps = max(1, int(np.ceil(h / self._step - 1e-9)))
         state = self.state.copy()
-        done, code = advance(self.tree, self._contacts, state, u, h / steps, steps)
+        done, code = advance(self._packed, self._contacts, state, u, h / steps, steps)
         if code != FINE:
             raise StepFailed(f"at t = {t + done * h / steps:.6g} s {self.complaint(code, state, u)}")
         self.state[:] = state
@@ -152,7 +153,7 @@ class Model:
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs, in port order."""
-        observe(self.tree, self._contacts, self.state, self._start, self.gravity, len(self._sides), y)
+        observe(self._packed, self._contacts, self.state, self._start, self.gravity, len(self._sides), y)
 
     def link_outputs(self, y: Floats) -> None:
         """None here."""

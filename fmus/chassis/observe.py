@@ -10,6 +10,7 @@ import numpy as np
 
 from fmus.chassis.dynamics import ROOT, compression, energies, wheel_offset
 from fmus.chassis.touch import touch
+from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
 from fmus.physics.rotation import quat_multiply, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
@@ -73,8 +74,9 @@ def put_springs(tree, x, sides, y, i):
 
 
 @allocating
-def observe(tree, contacts, x, start, gravity, sides, y):
+def observe(packed, contacts, x, start, gravity, sides, y):
     """Write all outputs of the state x into y; ``gravity`` is the gravity energy at the start, J."""
+    tree = unpacked(packed)
     i = put_sides(tree, x, sides, y, 0)
     i = put_chassis(x, start, y, i)
     i = put_springs(tree, x, sides, y, i)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.jit import allocating
 from fmus.physics.arrays import Floats
 
 Integers = NDArray[np.int64]
@@ -110,4 +111,55 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
         sprocket=mounts,
         source=np.where(right & (sides == 1), sources - count - 1, sources),
         mirror=np.where(right & (sides == 1), -1.0, 1.0),
+    )
+
+
+class Packed(NamedTuple):
+    """A tree as three arrays, which a kernel is handed in a third of the time of a tree's own fields."""
+
+    body: Floats  # (n + 23,) what is of no leaf; mirror
+    leaves: Floats  # (n, 20)
+    whole: Integers  # (2, n + 2) turns, filled up with 0; source
+
+
+def packed(tree: Tree) -> Packed:
+    """Of a tree, for ``unpacked``."""
+    t = tree
+    body = [t.gravity, t.mass, t.total_mass, *t.centre, *t.inertia.ravel(), *t.sprocket.ravel(), *t.mirror]
+    pairs = t.hinge, t.arm, t.on_arm, t.on_chassis
+    numbers = t.fraction, t.leaf_mass, t.across, t.along, t.transverse, t.spin_inertia
+    springs = t.drawn_length, t.stiffness, t.damping, t.preload, t.reach
+    whole = np.array([[*t.turns, 0, 0], t.source])
+    return Packed(np.array(body), np.column_stack([*pairs, *numbers, *springs]), whole)
+
+
+@allocating
+def unpacked(packed):
+    """The tree again, its arrays on the same memory."""
+    b, x, whole = packed.body, packed.leaves, packed.whole
+    return Tree(
+        gravity=b[0],
+        mass=b[1],
+        total_mass=b[2],
+        centre=b[3:6],
+        inertia=b[6:15].reshape(3, 3),
+        turns=whole[0, : len(x)],
+        hinge=x[:, 0:3],
+        arm=x[:, 3:5],
+        fraction=x[:, 9],
+        leaf_mass=x[:, 10],
+        across=x[:, 11],
+        along=x[:, 12],
+        transverse=x[:, 13],
+        spin_inertia=x[:, 14],
+        on_arm=x[:, 5:7],
+        on_chassis=x[:, 7:9],
+        drawn_length=x[:, 15],
+        stiffness=x[:, 16],
+        damping=x[:, 17],
+        preload=x[:, 18],
+        reach=x[:, 19],
+        sprocket=b[15:21].reshape(2, 3),
+        source=whole[1],
+        mirror=b[21:],
     )

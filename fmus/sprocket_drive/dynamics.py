@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import allocating, kernel
+from fmus.model import MOST_STEPS
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
@@ -29,6 +30,8 @@ STEP, VELOCITY = (
     32,
 )  # of the last step: length (0 before the first), the mount's velocities at its start (6)
 WIDTH = 38
+
+NO_ROTATION = -1  # instead of a number of steps: the mount's quaternion is none
 
 
 class Drive(NamedTuple):
@@ -159,7 +162,15 @@ def place(x, position, q, velocity, omega):
 
 @allocating
 def advance(p, x, t, h, u):
-    """One step of x in place; u: mount (13) at t, chain's mean wrench (6). Returns the internal steps."""
+    """One step of x in place; u: mount (13) at t, chain's mean wrench (6). Returns the internal steps.
+
+    x stays as it was when these are more than MOST_STEPS, or NO_ROTATION.
+    """
+    length, steps = np.sqrt(u[3] ** 2 + u[4] ** 2 + u[5] ** 2 + u[6] ** 2), substeps(p, h)
+    if length <= 0.9 or 1.1 <= length < np.inf:
+        return NO_ROTATION
+    if steps > MOST_STEPS:
+        return steps
     # the mount at t, its mean rates over the step, and where they take it (7)
     q, first = quat_normalise(u[3:7]), x[STEP] == 0.0
     v, w = vector(u, 7), vector(u, 10)
@@ -181,7 +192,7 @@ def advance(p, x, t, h, u):
         if p.mode == SPEED:
             x[RATE] = profile(p, t)[0] + dot(a, w)
         put(x, MOMENTUM, scale(p.inertia * x[RATE], vector(a, 0)))
-    angle, steps = x[ANGLE], substeps(p, h)
+    angle = x[ANGLE]
     if p.mode == SPEED:
         prescribe(p, x, t, h, chain, dot(a_end, w_end))
     else:
@@ -200,3 +211,15 @@ def advance(p, x, t, h, u):
     put(x, VELOCITY, v)
     put(x, VELOCITY + 3, w)
     return steps
+
+
+@kernel
+def observe(inertia, x, y):
+    """Write all Real outputs (26) of the state x into y, in port order."""
+    for i in range(13):
+        y[i] = x[SPROCKET + i]
+    for i in range(6):
+        y[13 + i] = x[MOUNT + i]
+    y[19], y[20], y[21] = x[SPEED_NOW], x[ANGLE], x[TORQUE_NOW]
+    y[22], y[23], y[24] = 0.5 * inertia * (x[RATE] * x[RATE]), x[WORK], x[BRAKED]
+    y[25] = x[PORT_WORK]

@@ -14,20 +14,14 @@ from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sprocket_drive.dynamics import (
     ANGLE,
-    BRAKED,
-    MOUNT,
-    PORT_WORK,
+    NO_ROTATION,
     RATE,
-    SPEED_NOW,
-    SPROCKET,
-    TORQUE_NOW,
     WIDTH,
-    WORK,
     Drive,
     advance,
+    observe,
     place,
     profile,
-    substeps,
 )
 from fmus.start import start
 
@@ -118,15 +112,14 @@ class Model:
         self._u[:] = u
         if u[0] == self._unconnected[0] and np.array_equal(u[:STATE], self._unconnected):
             self._u[:STATE] = self.standing
-        if finite(self._u):
+        state = self.state.copy()
+        steps = advance(self.drive, state, t, h, self._u)
+        if steps == NO_ROTATION and finite(self._u):
             check_orientation(t, "mount", self._u[3:7])
-        steps = substeps(self.drive, h)
         if steps > MOST_STEPS:
             cause = "brake.speed is too small, or the controller's gains too large"
             raise StepFailed(f"at t = {t:.6g} s {cause}: {steps} internal steps in one of {h:.3g} s")
-        state = self.state.copy()
-        advance(self.drive, state, t, h, self._u)
-        if not finite(state):
+        if steps == NO_ROTATION or not finite(state):
             bad = [port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value)]
             what = f"input {bad[0]}" if bad else "sprocket's spin"
             raise StepFailed(f"at t = {t:.6g} s the {what} is not finite")
@@ -135,12 +128,7 @@ class Model:
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs, in port order."""
-        x = self.state
-        y[:13] = x[SPROCKET : SPROCKET + 13]
-        y[13:19] = x[MOUNT : MOUNT + 6]
-        y[19], y[20], y[21] = x[SPEED_NOW], x[ANGLE], x[TORQUE_NOW]
-        y[22], y[23], y[24] = 0.5 * self._inertia * (x[RATE] * x[RATE]), x[WORK], x[BRAKED]
-        y[25] = x[PORT_WORK]
+        observe(self._inertia, self.state, y)
 
     def link_outputs(self, y: Floats) -> None:
         """None here."""

@@ -26,24 +26,27 @@ class Logging:
         self.recorder = recorder
         self.components = components
         self.stats_every = stats_every
+        self._inputs = recorder.together([f"/{component.name}/in" for component in components])
+        self._outputs = recorder.together([f"/{component.name}/out" for component in components])
+        self._links = [(component, f"/{component.name}/links") for component in components if component.links]
         self._began = 0.0  # where the next step begins, s
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Record step k - 1's inputs and the outputs that belong to time t."""
-        recorder, began = self.recorder, self._began
+        recorder, components = self.recorder, self.components
+        if k:
+            recorder.write(self._inputs, k - 1, self._began, h, *[component.u for component in components])
         self._began = t
-        for component in self.components:
-            name = component.name
-            if k:
-                recorder.write(f"/{name}/in", k - 1, began, h, component.u)
-            if recorder.due(f"/{name}/out", k):
-                recorder.write(f"/{name}/out", k, t, h, component.y)
-            if len(component.y_links) and recorder.due(f"/{name}/links", k):
+        recorder.write(self._outputs, k, t, h, *[component.y for component in components])
+        for component, topic in self._links:
+            if recorder.due(topic, k):
                 component.read_links()
-                recorder.write(f"/{name}/links", k, t, h, component.y_links)
-            if k % self.stats_every == 0:
+                recorder.write(topic, k, t, h, component.y_links)
+        if k % self.stats_every == 0:
+            for component in components:
                 component.read_counters()
-                recorder.stats(name, k, t, h, np.append(component.counters.astype(float), component.wall_time))
+                cost = np.append(component.counters.astype(float), component.wall_time)
+                recorder.stats(component.name, k, t, h, cost)
 
 
 class ProgressBar:

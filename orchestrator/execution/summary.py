@@ -124,13 +124,13 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
         return {}
     track = run.tracks[0]
     wanted: dict[str, Callable[[], float]] = {
-        "tension_max": lambda: max(run.signal(f"{track}.tension.max")[1].max() for track in run.tracks),
+        "tension_max": lambda: run.largest([f"{track}.tension.max" for track in run.tracks]),
         "tension_mean": lambda: float(np.mean([run.mean(f"{each}.tension.mean", last) for each in run.tracks])),
     }
     if isinstance(scene, VehicleScene):
         vehicle = scene
         wanted |= {
-            "distance": lambda: run.signal("chassis.distance")[1][-1],
+            "distance": lambda: run.ends("chassis.distance")[1],
             "speed": lambda: run.mean("chassis.speed", last),
             "settlement": lambda: run.mean("chassis.settlement", last),
             "ground_force": lambda: measures.ground_force(run, "", last),

@@ -2,7 +2,8 @@
 
 A log is walked from its beginning, record by record, so one that a killed run left without its end reads as
 far as it goes; ``complete`` and ``faults`` say what is missing. Contents are checked against their CRCs as
-they are read. Messages of a topic have a fixed size and are decoded by the thousand.
+they are read. Messages of a topic have a fixed size and are decoded by the thousand. ``read`` keeps what it has read;
+``select``, ``ends`` and ``blocks`` go through the file and keep nothing, so that a long log needs no more memory.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import mmap
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -49,6 +50,9 @@ HEAD = struct.Struct("<BQ")  # opcode and length before every record
 KEEP = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
 _MESSAGE = struct.Struct("<BQH")
+AROUND = 16 * mmap.PAGESIZE  # bytes that a system may map when one of them is touched
+_SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
+EVER = (-np.inf, np.inf)
 _DAMAGE = (
     McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError, OverflowError,
     RecursionError,
@@ -82,11 +86,25 @@ class Series(NamedTuple):
     names: tuple[str, ...]
     values: Floats  # (m, variables)
 
-    def gap(self) -> tuple[float, float] | None:
-        """Beginning and end, s, of the first steps that are missing; of inputs, recorded at every step from 0 on."""
-        expected = np.append(0.0, self.t + self.h)[:-1]
+    def rows(self, which: slice) -> Series:
+        """Some of the messages."""
+        return Series(self.t[which], self.h[which], self.names, self.values[which])
+
+    def gap(self, start: float = 0.0) -> tuple[float, float] | None:
+        """Beginning and end, s, of the first steps that are missing; of inputs, recorded from ``start`` on."""
+        expected = np.append(start, self.t + self.h)[:-1]
         missing = np.flatnonzero(~(np.abs(self.t - expected) <= 1e-9))
         return (float(expected[missing[0]]), float(self.t[missing[0]])) if len(missing) else None
+
+
+def _nothing(names: Sequence[str]) -> Series:
+    return Series(np.empty(0), np.empty(0), tuple(names), np.empty((0, len(names))))
+
+
+def joined(parts: Sequence[Series]) -> Series:
+    """One after the other."""
+    t, h, values = (np.concatenate([part[column] for part in parts]) for column in (0, 1, 3))
+    return Series(t, h, parts[0].names, values)
 
 
 class Messages(NamedTuple):
@@ -143,11 +161,13 @@ class Log:
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self._chunks: list[int] = []  # offsets of chunk records
+        self._spans: dict[int, tuple[float, float]] = {}  # offset of a chunk -> first and last time in it, s
         self._attachments: dict[str, int] = {}
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, tuple[str, schema.Layout]] = {}
         self._series: dict[str, Series] = {}
         self._unpacked: dict[int, list[Messages]] = {}  # offset of a chunk -> its messages
+        self._inside: dict[int, list[tuple[int, Sequence[int]]]] = {}  # offset of a chunk -> where messages are in it
         self._room = KEEP
         self._data_end: int | None = None  # offset of the record that ends the data
         self._ended = False
@@ -216,6 +236,57 @@ class Log:
                 t, h, values = np.empty(0), np.empty(0), np.empty((0, len(names)))
             self._series[topic] = Series(t, h, names, values)
         return self._series[topic]
+
+    def select(self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER) -> dict[str, Series]:
+        """Some columns of topics in a closed interval of time, s; raises NoSuchSignal, LogUnreadable."""
+        found = {}
+        for topic, columns in wanted.items():
+            names = self.topics[self.known_topic(topic)].names
+            found[topic] = [_nothing([names[column] for column in columns])]
+        for messages in self._passing(wanted, self._chunks, window):
+            columns, parts = wanted[messages.topic], found[messages.topic]
+            t, h, values = messages.decode()
+            inside = (t >= window[0] - 1e-9) & (t <= window[1] + 1e-9)
+            parts.append(Series(t[inside], h[inside], parts[0].names, values[:, columns][inside]))
+        return {topic: joined(parts) for topic, parts in found.items()}
+
+    def ends(self, topic: str) -> Series:
+        """The first and the last message of a topic; none where there is none. Raises NoSuchSignal, LogUnreadable."""
+        names = self.topics[self.known_topic(topic)].names
+        first, last = (
+            next((messages.decode() for messages in self._passing([topic], chunks)), None)
+            for chunks in (self._chunks, reversed(self._chunks))
+        )
+        if first is None or last is None:
+            return _nothing(names)
+        t, h, values = (np.stack([a[0], b[-1]]) for a, b in zip(first, last, strict=True))
+        return Series(t, h, names, values)
+
+    def blocks(self, topics: Sequence[str], size: int, more: int = 0) -> Iterator[dict[str, Series]]:
+        """Topics side by side, ``size`` messages of each at a time and some ``more``, with which the next block begins.
+
+        The last block holds what is left: fewer, or, of topics that do not end together, more of some. However a log
+        lies in its file, its blocks are the same. Raises NoSuchSignal, LogUnreadable.
+        """
+        held = {topic: [_nothing(self.topics[self.known_topic(topic)].names)] for topic in topics}
+        for offset in self._chunks:
+            for messages in self._read(offset, keep=False):
+                if messages.topic in held:
+                    t, h, values = messages.decode()
+                    held[messages.topic].append(Series(t, h, held[messages.topic][0].names, values))
+            while min(sum(len(part.t) for part in parts) for parts in held.values()) >= size + max(more, 1):
+                whole = {topic: joined(parts) for topic, parts in held.items()}
+                yield {topic: series.rows(slice(size + more)) for topic, series in whole.items()}
+                held = {topic: [series.rows(slice(size, None))] for topic, series in whole.items()}
+        yield {topic: joined(parts) for topic, parts in held.items()}
+
+    def lengths(self) -> dict[str, int]:
+        """Number of messages by topic; raises LogUnreadable."""
+        found = dict.fromkeys(self.topics, 0)
+        for offset in self._chunks:
+            for messages in self._read(offset, keep=False):
+                found[messages.topic] += len(messages.rows)
+        return found
 
     def sequence(self, topic: str) -> NDArray[np.uint32]:
         """Number of the step of every message of a topic (m,); raises LogUnreadable."""
@@ -340,6 +411,8 @@ class Log:
             return None
         if opcode == Opcode.CHUNK:
             self._chunks.append(offset)
+            self._spans[offset] = self._span(offset)
+            self._let_go(offset)
         elif opcode == Opcode.DATA_END and length == 4:
             self._data_end = offset
         elif opcode == Opcode.FOOTER and length == 20:
@@ -412,31 +485,63 @@ class Log:
     def _of(self, topic: str) -> Iterator[Messages]:
         return (messages for piece in self.chunks() for messages in piece if messages.topic == topic)
 
-    def _read(self, offset: int) -> list[Messages]:
+    def _passing(
+        self, topics: Collection[str], chunks: Iterable[int], window: tuple[float, float] = EVER
+    ) -> Iterator[Messages]:
+        """The messages of topics in the chunks at these offsets that have any of a time in the window, s; not kept."""
+        for offset in chunks:
+            first, last = self._spans[offset]
+            if first <= window[1] + 1e-6 and last >= window[0] - 1e-6:
+                yield from (messages for messages in self._read(offset, keep=False) if messages.topic in topics)
+
+    def _read(self, offset: int, keep: bool = True) -> list[Messages]:
         """The message records of a chunk by channel; raises LogUnreadable."""
         if offset in self._unpacked:
             return self._unpacked[offset]
         try:
             content = _content(_parse(Chunk, self._body(offset)))
-            found = _message_offsets(content)
-            piece = [self._messages(content, *at) for at in found.items() if at[0] in self._channels]
+            if offset not in self._inside:
+                found = _message_offsets(content)
+                self._inside[offset] = [self._together(content, *at) for at in found.items() if at[0] in self._channels]
+            piece = [self._messages(content, *at) for at in self._inside[offset]]
         except _DAMAGE as damage:
             raise LogUnreadable(
                 f"{self.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
             ) from None
-        if len(content) <= self._room:  # a log is read topic by topic, a chunk unpacked once
+        if not keep:
+            self._let_go(offset)
+        elif len(content) <= self._room:  # a log is read topic by topic, a chunk unpacked once
             self._room -= len(content)
             self._unpacked[offset] = piece
         return piece
 
-    def _messages(self, content: bytes, number: int, offsets: list[int]) -> Messages:
+    def _span(self, offset: int) -> tuple[float, float]:
+        """First and last time in a chunk, s, as it says itself."""
+        begins = self._data[offset + HEAD.size : offset + HEAD.size + _SPAN.size]
+        first, last = _SPAN.unpack(begins.ljust(_SPAN.size, b"\0"))
+        return 1e-9 * first, 1e-9 * last
+
+    def _let_go(self, offset: int) -> None:
+        """Of the file's pages that hold the record at ``offset``: what is mapped counts as memory."""
+        if hasattr(mmap, "MADV_DONTNEED"):
+            start = max(0, offset - offset % AROUND - AROUND)  # what was touched since the chunk before it, too
+            _, length = HEAD.unpack_from(self._data, offset)
+            self._data.madvise(mmap.MADV_DONTNEED, start, offset + HEAD.size + length - start)
+
+    def _together(self, content: bytes, number: int, offsets: list[int]) -> tuple[int, Sequence[int]]:
+        """A channel and where its messages are; where they stand together, in no more room than a range takes."""
         topic, layout = self._channels[number]
         size = PREFIX + len(layout.template)
         if any(HEAD.unpack_from(content, offset)[1] != size - HEAD.size for offset in offsets):
             raise ValueError(f"a message of {topic} does not have {size} bytes")
-        first, last = offsets[0], offsets[-1]
-        if last - first == size * (len(offsets) - 1):  # they stand together
-            rows = np.frombuffer(content, np.uint8, size * len(offsets), first)
+        together = offsets[-1] - offsets[0] == size * (len(offsets) - 1)
+        return number, range(offsets[0], offsets[-1] + 1, size) if together else offsets
+
+    def _messages(self, content: bytes, number: int, offsets: Sequence[int]) -> Messages:
+        topic, layout = self._channels[number]
+        size = PREFIX + len(layout.template)
+        if isinstance(offsets, range):
+            rows = np.frombuffer(content, np.uint8, size * len(offsets), offsets[0])
         else:
             rows = np.frombuffer(b"".join(content[offset : offset + size] for offset in offsets), np.uint8)
         return Messages(topic, layout, rows.reshape(-1, size))

@@ -99,9 +99,10 @@ class Recorder:
         self.path = Path(path)
         strides = {topic: 1 for topic in topics} | dict(every or {})
         self._channels = {
-            topic: _Channel(number, variables, strides[topic])
+            topic: _Channel(number, topic, variables, strides[topic])
             for number, (topic, variables) in enumerate(topics.items(), 1)
         }
+        self._pages = {topic: _Page([channel]) for topic, channel in self._channels.items()}
         self._turn = threading.Condition()
         self._backlog: deque[list[_Filled]] = deque()
         self._bytes = 0  # of messages in the blocks
@@ -141,20 +142,32 @@ class Recorder:
         """Bytes in the file so far."""
         return self._file.size
 
+    def together(self, topics: Sequence[str]) -> str:
+        """Let topics recorded at the same steps be written by one ``write``, under the name that is returned."""
+        channels = [self._channels[topic] for topic in topics]
+        if len({channel.every for channel in channels}) > 1:
+            raise ValueError(f"{', '.join(topics)} are not recorded at the same steps")
+        name = " ".join(topics)
+        self._pages = {topic: page for topic, page in self._pages.items() if topic not in topics}
+        self._pages[name] = _Page(channels)
+        return name
+
     def due(self, topic: str, sequence: int) -> bool:
         """Whether ``write`` would record this step: what is not due need not be fetched."""
-        return sequence % self._channels[topic].every == 0
+        return sequence % self._pages[topic].every == 0
 
-    def write(self, topic: str, sequence: int, t: float, h: float, values: NDArray[np.float64]) -> None:
+    def write(self, topic: str, sequence: int, t: float, h: float, *values: NDArray[np.float64]) -> None:
         """Record a topic's values at time t (s, 0 to LONGEST) of step ``sequence``, h (s) being the step's length.
 
-        ``values`` is copied. A step that is not due is left out. Waits only when the disk is far behind.
+        Of topics that are written ``together`` the values of each, in their order. ``values`` are copied. A step that
+        is not due is left out. Waits only when the disk is far behind.
         """
-        channel = self._channels[topic]
-        if sequence % channel.every:
+        page = self._pages[topic]
+        if sequence % page.every:
             return
-        if len(values) != channel.width:
-            raise ValueError(f"{topic} has {channel.width} variables, not {len(values)}")
+        for channel, part in zip(page.channels, values, strict=True):
+            if len(part) != channel.width:
+                raise ValueError(f"{channel.topic} has {channel.width} variables, not {len(part)}")
         if not 0.0 <= t < LONGEST:
             raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {LONGEST:g}")
         with self._turn:
@@ -162,16 +175,16 @@ class Recorder:
                 raise self._failure
             if self._closing:
                 raise ValueError(f"the log {self.path} is closed")
-            block = channel.block
+            block = page.block
             row = block.count
             block.sequence[row] = sequence
             block.t[row] = t
             block.h[row] = h
-            block.values[row] = values
+            np.concatenate(values, out=block.values[row])
             block.count = row + 1
             self._last = sequence
-            self._bytes += channel.size
-            if self._bytes >= CHUNK or block.count == channel.capacity:
+            self._bytes += page.size
+            if self._bytes >= CHUNK or block.count == page.capacity:
                 self._hand_over()
                 while len(self._backlog) > BACKLOG and self._failure is None:
                     self._turn.wait()
@@ -255,13 +268,12 @@ class Recorder:
 
     def _hand_over(self) -> None:
         """Queue the filled blocks as one chunk and go on with empty ones; the caller holds the lock."""
-        filled = []
-        for channel in self._channels.values():
-            if channel.block.count:
-                filled.append(_Filled(channel, channel.block))
-                channel.block = _Block(channel.capacity, channel.width)
+        filled: list[_Filled] = []
+        for page in self._pages.values():
+            if page.block.count:
+                filled += page.turn()
         if filled:
-            self._backlog.append(filled)
+            self._backlog.append(sorted(filled, key=lambda each: each.channel.number))
         self._bytes = 0
         self._turn.notify_all()
 
@@ -289,17 +301,17 @@ class Recorder:
                 self._turn.notify_all()
 
     def _write_chunk(self, filled: Sequence[_Filled]) -> None:
-        packed = [channel.pack(block) for channel, block in filled]
+        packed = [each.channel.pack(each.block, each.columns) for each in filled]
         self._file.chunk(
-            [(channel.number, rows, times) for (channel, _), (rows, times) in zip(filled, packed, strict=True)]
+            [(each.channel.number, rows, times) for each, (rows, times) in zip(filled, packed, strict=True)]
         )
-        for (channel, _), (rows, _) in zip(filled, packed, strict=True):  # only what is in the file counts
-            channel.hash.update(np.ascontiguousarray(rows[:, IDENTITY:]).data)
-            channel.messages += len(rows)
+        for each, (rows, _) in zip(filled, packed, strict=True):  # only what is in the file counts
+            each.channel.hash.update(np.ascontiguousarray(rows[:, IDENTITY:]).data)
+            each.channel.messages += len(rows)
 
 
 class _Block:
-    """The messages of one topic that wait for the thread."""
+    """The messages of one topic, or of topics written together, that wait for the thread."""
 
     def __init__(self, capacity: int, width: int) -> None:
         self.sequence = np.empty(capacity, "<u4")
@@ -310,24 +322,23 @@ class _Block:
 
 
 class _Channel:
-    """One topic: its layout, its block, its hash."""
+    """One topic: its layout and its hash."""
 
-    def __init__(self, number: int, variables: Sequence[tuple[str, str]], every: int) -> None:
+    def __init__(self, number: int, topic: str, variables: Sequence[tuple[str, str]], every: int) -> None:
         if every < 1:
             raise ValueError(f"a topic is recorded every n >= 1 steps, not every {every}")
         self.number = number
+        self.topic = topic
         self.every = every
         self.width = len(variables)
         self.layout = schema.layout(schema.places([name for name, _ in variables]))
         self.size = PREFIX + len(self.layout.template)  # bytes of a message record
-        self.capacity = CHUNK // self.size + 1
-        self.block = _Block(self.capacity, self.width)
         self.hash = hashlib.sha256()
         self.messages = 0
         self._prefix = struct.pack("<BQHIQQ", Opcode.MESSAGE, self.size - 9, number, 0, 0, 0)
 
-    def pack(self, block: _Block) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
-        """Message records (m, size), and their times in ns."""
+    def pack(self, block: _Block, columns: slice) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
+        """Message records (m, size), and their times in ns, of the topic's columns of a block."""
         m = block.count
         t = block.t[:m]
         times = np.rint(t * 1e9).astype("<u8")
@@ -335,15 +346,39 @@ class _Channel:
         rows[:, :PREFIX] = np.frombuffer(self._prefix, np.uint8)
         rows[:, 11:15] = block.sequence[:m].view(np.uint8).reshape(m, 4)
         rows[:, 15:23] = rows[:, 23:31] = times.view(np.uint8).reshape(m, 8)
-        self.layout.pack(rows, PREFIX, t, block.h[:m], block.values[:m])
+        self.layout.pack(rows, PREFIX, t, block.h[:m], block.values[:m, columns])
         return rows, times
 
 
 class _Filled(NamedTuple):
-    """A block that is full enough to be written."""
+    """A topic's part of a block that is full enough to be written."""
 
     channel: _Channel
     block: _Block
+    columns: slice
+
+
+class _Page:
+    """Topics that are written together: a row of its block holds the values of all."""
+
+    def __init__(self, channels: Sequence[_Channel]) -> None:
+        self.channels = tuple(channels)
+        self.every = channels[0].every
+        self.size = sum(channel.size for channel in channels)  # bytes of a row's message records
+        self.capacity = CHUNK // self.size + 1
+        self._ends = np.cumsum([channel.width for channel in channels]).tolist()
+        self.block = self._blank()
+
+    def _blank(self) -> _Block:
+        return _Block(self.capacity, self._ends[-1])
+
+    def turn(self) -> list[_Filled]:
+        """The filled block by topic; a blank one takes its place."""
+        filled, self.block = self.block, self._blank()
+        return [
+            _Filled(channel, filled, slice(end - channel.width, end))
+            for channel, end in zip(self.channels, self._ends, strict=True)
+        ]
 
 
 class _File:

@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.reader import Log
-from orchestrator.results.run_data import Missing, RunData, since
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
 
 Floats = NDArray[np.float64]
 
 WINDOW = 1.0  # s
 POINTWISE = 4.0  # s: no longer do sensitive observables compare instant by instant
+EARLY = Window(-np.inf, POINTWISE)
 
 
 class Signal(NamedTuple):
@@ -140,16 +141,16 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     if "chassis" not in run.instances:
         names = [f"{track}.speed" for track in run.tracks]
         yield "chain_speed", Observable("m/s", 0.01, lambda run: _signals(run, names))
-    yield "tension_mean", Observable("N", 100.0, lambda run: _windowed(_tension(run), _mean))
-    yield "tension_rms", Observable("N", 100.0, lambda run: _windowed(_tension(run), _root_mean_square))
-    yield "joint_force_mean", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), _mean))
-    yield "joint_force_rms", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), _root_mean_square))
-    yield "tension", Observable("N", 100.0, lambda run: _early(_tension(run)), decisive=False)
-    yield "joint_force", Observable("N", 100.0, lambda run: _early(_joint_force(run)), decisive=False)
+    yield "tension_mean", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[0])
+    yield "tension_rms", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[1])
+    yield "joint_force_mean", Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[0])
+    yield "joint_force_rms", Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[1])
+    yield "tension", Observable("N", 100.0, lambda run: _tension(run, EARLY), decisive=False)
+    yield "joint_force", Observable("N", 100.0, lambda run: _joint_force(run, EARLY), decisive=False)
 
 
 def _signals(run: RunData, names: list[str], mean: bool = False) -> Signal:
-    return _together([(t, values[:, None]) for t, values in (run.signal(name) for name in names)], mean)
+    return _together([(t, values[:, None]) for t, values in (run.signal(name, EVER) for name in names)], mean)
 
 
 def _together(parts: list[tuple[Floats, Floats]], mean: bool = False) -> Signal:
@@ -166,70 +167,92 @@ def _together(parts: list[tuple[Floats, Floats]], mean: bool = False) -> Signal:
 
 
 def _position(run: RunData) -> Signal:
-    t, position, _ = _together([run.vectors("chassis", "out", "chassis.position")])
+    t, position, _ = _together([run.vectors("chassis", "out", "chassis.position", window=EVER)])
     return Signal(t, position - position[0])
 
 
 def _velocity(run: RunData) -> Signal:
-    return _together([run.vectors("chassis", "out", "chassis.velocity")])
+    return _together([run.vectors("chassis", "out", "chassis.velocity", window=EVER)])
 
 
-def _links(run: RunData, start: str, end: str) -> Signal:
-    """Outputs per link of all tracks."""
-    parts = []
+def _links(run: RunData, window: Window, start: str, *ends: str) -> list[Signal]:
+    """Outputs per link of all tracks whose names start and end so, by ending."""
+    wanted = {}
     for track in run.tracks:
         topic = f"/{track}/links"
         if topic not in run.log.topics:
             raise Missing(f"the log has no outputs per link of '{track}'")
-        series = run.log.read(topic)
-        chosen = [i for i, n in enumerate(series.names) if n.startswith(start) and n.endswith(end)]
-        parts.append((series.t, series.values[:, chosen]))
-    return _together(parts)
+        names = run.log.topics[topic].names
+        wanted[topic] = [[i for i, n in enumerate(names) if n.startswith(start) and n.endswith(end)] for end in ends]
+    found = run.log.select(
+        {topic: [i for columns in groups for i in columns] for topic, groups in wanted.items()}, window
+    )
+    signals = []
+    for number in range(len(ends)):
+        parts = []
+        for topic, groups in wanted.items():
+            first = sum(len(columns) for columns in groups[:number])
+            parts.append((found[topic].t, found[topic].values[:, first : first + len(groups[number])]))
+        signals.append(_together(parts))
+    return signals
 
 
-def _axes(run: RunData, what: str) -> list[Signal]:
+def _axes(run: RunData, what: str, window: Window) -> list[Signal]:
     """``joint[i].what`` along x, y and z."""
-    parts = [_links(run, "joint[", f"].{what}.{axis}") for axis in "xyz"]
+    parts = _links(run, window, "joint[", *(f"].{what}.{axis}" for axis in "xyz"))
     if len({part.values.shape for part in parts}) > 1:
         raise Missing(f"the log does not have three of 'joint[i].{what}' each")
     return parts
 
 
 def _pins(run: RunData) -> Signal:
-    parts = _axes(run, "position")
+    parts = _axes(run, "position", EVER)
     return Signal(parts[0].t, np.hstack([part.values - part.values[:1] for part in parts]))
 
 
-def _tension(run: RunData) -> Signal:
-    return _links(run, "link[", "].tension")
+def _tension(run: RunData, window: Window = EVER) -> Signal:
+    return _links(run, window, "link[", "].tension")[0]
 
 
-def _joint_force(run: RunData) -> Signal:
-    parts = _axes(run, "force")
+def _joint_force(run: RunData, window: Window) -> Signal:
+    parts = _axes(run, "force", window)
     return Signal(parts[0].t, np.sqrt(sum(part.values**2 for part in parts)))
 
 
-def _early(signal: Signal) -> Signal:
-    early = signal.t <= POINTWISE + 1e-9
-    return Signal(signal.t[early], signal.values[early])
+def _tensions(run: RunData) -> tuple[Signal, Signal]:
+    return _windowed(run, _tension)
+
+
+def _joint_forces(run: RunData) -> tuple[Signal, Signal]:
+    return _windowed(run, _joint_force)
+
+
+def _windowed(run: RunData, read: Callable[[RunData, Window], Signal]) -> tuple[Signal, Signal]:
+    """Mean and RMS over all links and the samples of a window, from the start on; less than half a one is left out.
+
+    One window is in memory at a time.
+    """
+    t = run.once("times of links", _times)
+    if len(t) < 2:
+        raise Missing("the log holds no step")
+    count = max(1, round((t[-1] - t[0]) / WINDOW))
+    edges = t[0] + WINDOW * np.arange(count + 1.0)
+    lengths, means, squares = since(t), [], []
+    for low, high in pairwise(edges):
+        inside = np.flatnonzero((t > low + 1e-9) & (t <= high + 1e-9))
+        if not len(inside):
+            raise Missing(f"nothing was recorded between {low:g} and {high:g} s")
+        values = read(run, Window(float(t[inside[0] - 1]), float(t[inside[-1]]))).values[1:]
+        means.append(_mean(values, lengths[inside]))
+        squares.append(_mean(values**2, lengths[inside]))
+    return Signal(edges[1:], np.array(means)[:, None]), Signal(edges[1:], np.sqrt(squares)[:, None])
+
+
+def _times(run: RunData) -> Floats:
+    """When all tracks have outputs per link (m,)."""
+    found = run.log.select({f"/{track}/links": [] for track in run.tracks})
+    return min((series.t for series in found.values()), key=len)
 
 
 def _mean(values: Floats, lengths: Floats) -> float:
     return float(np.average(values.mean(axis=1), weights=lengths))
-
-
-def _root_mean_square(values: Floats, lengths: Floats) -> float:
-    return float(np.sqrt(_mean(values**2, lengths)))
-
-
-def _windowed(signal: Signal, reduce: Callable[[Floats, Floats], float]) -> Signal:
-    """One number a window over all links and samples, from the start on; less than half a window is left out."""
-    count = max(1, round((signal.t[-1] - signal.t[0]) / WINDOW))
-    edges = signal.t[0] + WINDOW * np.arange(count + 1.0)
-    lengths, rows = since(signal.t), []
-    for low, high in pairwise(edges):
-        inside = (signal.t > low + 1e-9) & (signal.t <= high + 1e-9)
-        if not inside.any():
-            raise Missing(f"nothing was recorded between {low:g} and {high:g} s")
-        rows.append(reduce(signal.values[inside], lengths[inside]))
-    return Signal(edges[1:], np.array(rows)[:, None])

@@ -12,14 +12,17 @@ What is covered is what contacts spread along a link lose (or gain) as they come
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.log.reader import Series
+from orchestrator.results.run_data import BLOCK, Missing, RunData, Window, vectors
 
 Floats = NDArray[np.float64]
+Block = Mapping[str, Series]  # of each topic the messages of the same steps
 LEAST = 1.0  # J: below it all is rest
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
 
@@ -52,20 +55,16 @@ class Ledger(NamedTuple):
 
 def ledger(run: RunData) -> Ledger:
     """The ledger of a log; raises Missing where the log holds no energies, or not every step of them."""
+    return run.once("ledger", _ledger)
+
+
+def _ledger(run: RunData) -> Ledger:
     books = {name: _book(run, name) for name in run.instances}
     if not any(books.values()):
         raise Missing("the log holds no energies")
-    inputs = {name: run.log.read(f"/{name}/in") for name in run.instances}
-    for name, series in inputs.items():
-        if gap := series.gap():
-            raise Missing(f"the log lacks the inputs of '{name}' from t = {gap[0]:.6g} to {gap[1]:.6g} s")
-    if len({len(series.t) for series in inputs.values()}) > 1:
-        raise Missing("the log holds different steps of its components: 'cotrack log recover' leaves those of all")
-    end = min(float(run.log.read(f"/{name}/out").t[-1]) for name in run.instances)
     received = dict.fromkeys(run.instances, 0.0)
     lost = 0.0
-    for port in ports(run):
-        given, taken = _works(run, port, end)
+    for port, (given, taken) in _works(run).items():
         received[port.giver] -= given
         received[port.taker] += run.copies(port.giver) / run.copies(port.taker) * taken
         lost += run.copies(port.giver) * (given - taken)
@@ -110,7 +109,7 @@ def drift(run: RunData, window: Window) -> float:
 def _liveliest(run: RunData) -> float:
     """Largest kinetic energy of a component, J: of what falls or spins freely it says how much went back and forth."""
     names = [f"{name}.energy.kinetic" for name in run.instances if run.has(f"{name}.energy.kinetic")]
-    return max((float(run.signal(name)[1].max()) for name in names), default=0.0)
+    return run.largest(names) if names else 0.0
 
 
 def ports(run: RunData) -> list[Port]:
@@ -133,7 +132,7 @@ def ports(run: RunData) -> list[Port]:
 def _book(run: RunData, instance: str) -> dict[str, float]:
     """Change of each ``energy.*`` output of an instance over the run; raises Missing."""
     topic = f"/{instance}/out"
-    if topic not in run.log.topics or not len((series := run.log.read(topic)).t):
+    if topic not in run.log.topics or not len((series := run.log.ends(topic)).t):
         raise Missing(f"the log holds no outputs of '{instance}'")
     return {
         name.removeprefix("energy."): float(series.values[-1, i] - series.values[0, i])
@@ -142,45 +141,82 @@ def _book(run: RunData, instance: str) -> dict[str, float]:
     }
 
 
-def _works(run: RunData, port: Port, end: float) -> tuple[float, float]:
-    """Work of the port's wrench, J: the giver's on the motion that it saw, the taker's on what it made."""
-    t, taken = _wrench(run, port.taker, "in", port.taken)
-    _, given = _wrench(run, port.giver, "out", port.connector)
-    given = given[1:] if len(given) == len(taken) + 1 else taken  # as taken where not every step is recorded
-    seen, made = _motions(run, port.giver, port.connector)
+def _works(run: RunData) -> dict[Port, tuple[float, float]]:
+    """Work of every port's wrench, J: the giver's on the motion that it saw, the taker's on what it made.
+
+    Block after block of steps, so that a sum of more than BLOCK steps is one of sums; raises Missing.
+    """
+    inputs = {name: f"/{name}/in" for name in run.instances}
+    outputs = {name: f"/{name}/out" for name in run.instances}
+    end = min(float(run.log.ends(topic).t[-1]) for topic in outputs.values())
+    found = ports(run)
+    lengths = run.log.lengths()
+    # as taken where not every step is recorded
+    whole = {port for port in found if lengths[outputs[port.giver]] == lengths[inputs[port.taker]] + 1}
+    works = dict.fromkeys(found, (0.0, 0.0))
+    gaps: dict[str, tuple[float, float]] = {}
+    topics = [*inputs.values(), *sorted({outputs[port.giver] for port in whole})]
+    for number, block in enumerate(run.log.blocks(topics, BLOCK, 2)):
+        for name, topic in inputs.items():
+            series = block[topic]
+            if name not in gaps and (gap := series.gap(float(series.t[0]) if number else 0.0)):
+                gaps[name] = gap
+        if gaps or len({len(block[topic].t) for topic in inputs.values()}) > 1:
+            continue
+        for port in found:
+            more = _work_in(block, port, found, port in whole, end)
+            works[port] = works[port][0] + more[0], works[port][1] + more[1]
+    for name in run.instances:
+        if name in gaps:
+            raise Missing(f"the log lacks the inputs of '{name}' from t = {gaps[name][0]:.6g} to {gaps[name][1]:.6g} s")
+    if len({lengths[topic] for topic in inputs.values()}) > 1:
+        raise Missing("the log holds different steps of its components: 'cotrack log recover' leaves those of all")
+    return works
+
+
+def _work_in(block: Block, port: Port, others: list[Port], whole: bool, end: float) -> tuple[float, float]:
+    """Of a port in a block; ``whole``: what is given is recorded at every step."""
+    t = block[f"/{port.taker}/in"].t
+    taken = _wrench(block, port.taker, "in", port.taken)
+    given = _wrench(block, port.giver, "out", port.connector)[1:] if whole else taken
+    seen, made = _motions(block, port)
     own = np.zeros_like(made)  # how far the taker jumps itself: it moves with a mount that it extrapolates
-    for upstream in ports(run):
+    for upstream in others:
         if upstream.giver == port.taker:
-            carried = _motions(run, upstream.giver, upstream.connector)
+            carried = _motions(block, upstream)
             own += carried[1] - carried[0]
-    steps = min(int(np.count_nonzero(t < end - 1e-9)), len(made))
-    return _work(given[:steps], seen[:steps], (made - seen)[:steps]), _work(
-        taken[:steps], (made - own)[:steps], own[:steps]
+    done = int(np.count_nonzero(t < end - 1e-9))
+    steps = min(done, BLOCK if len(t) == BLOCK + 2 else len(made))
+    return (
+        _work(given[:done], seen[:steps], (made - seen)[:steps]),
+        _work(taken[:done], (made - own)[:steps], own[:steps]),
     )
 
 
 def _work(wrench: Floats, motion: Floats, jump: Floats) -> float:
-    """Of mean wrenches (m, 6) on the motion in each step and on the jump after it."""
-    between = 0.5 * (wrench + np.vstack([wrench[1:], wrench[-1:]]))
-    return float(np.sum(wrench * motion) + np.sum(between * jump))
+    """Of mean wrenches (m, 6) on the motion in each step and on the jump after it, m or fewer steps."""
+    steps = len(motion)
+    between = 0.5 * (wrench + np.vstack([wrench[1:], wrench[-1:]]))[:steps]
+    return float(np.sum(wrench[:steps] * motion) + np.sum(between * jump))
 
 
-def _wrench(run: RunData, instance: str, topic: str, connector: str) -> tuple[Floats, Floats]:
-    """Times, and force and torque (m, 6)."""
-    parts = [run.vectors(instance, topic, f"{connector}.{part}") for part in ("force", "torque")]
-    return parts[0][0], np.hstack([values for _, values in parts])
+def _wrench(block: Block, instance: str, topic: str, connector: str) -> Floats:
+    """Force and torque (m, 6)."""
+    series = block[f"/{instance}/{topic}"]
+    return np.hstack([vectors(series, instance, f"{connector}.{part}") for part in ("force", "torque")])
 
 
-def _motions(run: RunData, instance: str, connector: str) -> tuple[Floats, Floats]:
-    """Of every step (m, 6): shift and turn as extrapolated, and as made.
+def _motions(block: Block, port: Port) -> tuple[Floats, Floats]:
+    """Of a giver's connector in every step (m, 6): shift and turn as extrapolated, and as made.
 
     The last step has no successor in the inputs: its motion is taken as extrapolated.
     """
-    h = run.log.read(f"/{instance}/in").h[:, None]
-    position = run.vectors(instance, "in", f"{connector}.position")[1]
-    q = run.vectors(instance, "in", f"{connector}.orientation", "wxyz")[1]
-    rates = [run.vectors(instance, "in", f"{connector}.{rate}")[1] for rate in ("velocity", "angular_velocity")]
-    seen = h * np.hstack(rates)
+    giver, connector = port.giver, port.connector
+    series = block[f"/{giver}/in"]
+    position = vectors(series, giver, f"{connector}.position")
+    q = vectors(series, giver, f"{connector}.orientation", "wxyz")
+    rates = [vectors(series, giver, f"{connector}.{rate}") for rate in ("velocity", "angular_velocity")]
+    seen = series.h[:, None] * np.hstack(rates)
     made = seen.copy()
     made[:-1] = np.hstack([np.diff(position, axis=0), turns(q)])
     return seen, made

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.results.run_data import mean, within
+from orchestrator.results.run_data import BLOCK, EVER, mean, vectors
 
 if TYPE_CHECKING:
     from orchestrator.results.run_data import Links, RunData, Window
@@ -49,7 +49,7 @@ def reduce(t: Floats, values: Floats, how: str) -> float:
 
 def sag(run: RunData, of: str, window: Window) -> float:
     """Depth of the lowest pin below the highest, m."""
-    links = _inside(run.links(of or run.tracks[0]), window)
+    links = run.links(of or run.tracks[0], window)
     return float(np.mean(links.up.max(axis=1) - links.up.min(axis=1)))
 
 
@@ -74,7 +74,7 @@ def joint_force_spread(run: RunData, of: str, window: Window) -> float:
 
 def hoop_strain(run: RunData, of: str, window: Window) -> float:
     """Mean stretch of the chords between the pins of a loop."""
-    links = _inside(run.links(of or run.tracks[0]), window)
+    links = run.links(of or run.tracks[0], window)
     chords = np.hypot(*(np.roll(x, -1, axis=1) - x for x in (links.forward, links.up)))
     return float((chords / run.scene["vehicle"]["track"]["pitch"] - 1.0).mean())
 
@@ -109,7 +109,7 @@ def behind_free_fall(run: RunData, of: str, window: Window) -> float:
 
 def pins_passed(run: RunData, of: str, window: Window) -> float:
     """Pins that pass the front of the sprocket, forward positive, counted with the fraction of a pitch."""
-    links = _inside(run.links(_track(run, of)), window)
+    links = run.links(_track(run, of), window)
     angle = np.arctan2(links.up, links.forward)
     radius = np.hypot(links.up, links.forward)
     near = (links.forward > 0) & (radius < 1.5 * _pitch_radius(run))
@@ -126,8 +126,8 @@ def pins_passed(run: RunData, of: str, window: Window) -> float:
 
 def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
     """Pins passed over revolutions of the sprocket against its mount."""
-    t = _inside(run.links(_track(run, of)), window).t
-    times, angle = run.signal(f"{_drive(run, of)}.angle")
+    t = run.links(_track(run, of), window).t
+    times, angle = run.signal(f"{_drive(run, of)}.angle", EVER)
     turned = np.interp(t[[0, -1]], times, angle)
     return pins_passed(run, of, window) / float((turned[1] - turned[0]) / (2 * np.pi))
 
@@ -135,7 +135,7 @@ def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
 def chain_speed_ratio(run: RunData, of: str, window: Window) -> float:
     """Mean chain speed over pins passed times pitch over time."""
     track = _track(run, of)
-    t = _inside(run.links(track), window).t
+    t = run.links(track, window).t
     by_pins = pins_passed(run, of, window) * run.scene["vehicle"]["track"]["pitch"] / (t[-1] - t[0])
     return run.mean(f"{track}.speed", window) / float(by_pins)
 
@@ -150,7 +150,7 @@ def polygon_ripple(run: RunData, of: str, window: Window) -> float:
     w = run.scene["vehicle"]["sprocket"]["teeth"] * run.mean(f"{_drive(run, '')}.speed", window)
     period = 2 * np.pi / abs(w)
     whole = np.floor((window.end - window.start) / period + 1e-9)
-    links = _inside(run.links(track), window)
+    links = run.links(track, window)
     inside = links.t < links.t[0] + whole * period - 1e-9
     t, ends = links.t[inside], links.up[0, [0, -1]]
     end = [0, -1][int(ends.argmin() if of == "lower" else ends.argmax())]
@@ -163,7 +163,7 @@ def polygon_ripple(run: RunData, of: str, window: Window) -> float:
 
 def span_tension(run: RunData, of: str, window: Window) -> float:
     """Mean tension of the "upper" or "lower" span between sprocket and idler of a rig, N."""
-    links = _inside(run.links(run.tracks[0]), window)
+    links = run.links(run.tracks[0], window)
     distance = run.scene["rig"]["axle_distance"]
     forward, up = _middles(links)
     free = (forward < -SPAN_MARGIN * distance) & (forward > -(1 - SPAN_MARGIN) * distance)
@@ -215,10 +215,11 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
         for side in run.sides
         for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
     ]
-    t, hull = run.signal("chassis.chassis.position.z")
-    inside = within(t, window)
-    rise = np.mean([run.signal(wheel)[1] - hull for wheel in wheels], axis=0)
-    return float(rise[inside].mean() - rise[0])
+    hull = "chassis.chassis.position.z"
+    _, height = run.signal(hull, window)
+    rise = np.mean([run.signal(wheel, window)[1] - height for wheel in wheels], axis=0)
+    first = np.mean([run.ends(wheel)[0] - run.ends(hull)[0] for wheel in wheels])
+    return float(rise.mean() - first)
 
 
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
@@ -247,18 +248,25 @@ def third_law(run: RunData, of: str, window: Window) -> float:
     The sprockets' share goes through the drives, which pass the whole force on.
     """
     given, received, size = np.zeros(3), np.zeros(3), 0.0
+    sent, taken = [], []  # (instance, connector) of forces
     for connection in run.system["connections"]:
-        forces = [name.removesuffix(".x") for name in connection["inputs"] if name.endswith(".force.x")]
-        for prefix in forces:
-            if connection["source"] in run.tracks:
-                source = connection["outputs"][connection["inputs"].index(f"{prefix}.x")].removesuffix(".x")
-                t, force = run.vectors(connection["source"], "out", source)
-                force = force[(t > window.start + 1e-9) & (t <= window.end + 1e-9)]
-                given += force.sum(axis=0)
-                size += float(np.abs(force).sum())
-            if connection["target"] == "chassis":
-                t, force = run.vectors("chassis", "in", prefix)
-                received += force[(t >= window.start - 1e-9) & (t < window.end - 1e-9)].sum(axis=0)
+        for source, target in zip(connection["outputs"], connection["inputs"], strict=True):
+            if target.endswith(".force.x") and connection["source"] in run.tracks:
+                sent.append((connection["source"], source.removesuffix(".x")))
+            if target.endswith(".force.x") and connection["target"] == "chassis":
+                taken.append(("chassis", target.removesuffix(".x")))
+    topics = sorted({f"/{name}/out" for name, _ in sent} | {f"/{name}/in" for name, _ in taken})
+    for block in run.log.blocks(topics, BLOCK):
+        for name, connector in sent:
+            series = block[f"/{name}/out"]
+            inside = (series.t > window.start + 1e-9) & (series.t <= window.end + 1e-9)
+            force = vectors(series, name, connector)[inside]
+            given += force.sum(axis=0)
+            size += float(np.abs(force).sum())
+        for name, connector in taken:
+            series = block[f"/{name}/in"]
+            inside = (series.t >= window.start - 1e-9) & (series.t < window.end - 1e-9)
+            received += vectors(series, name, connector)[inside].sum(axis=0)
     return float(np.linalg.norm(given - received) / size)
 
 
@@ -300,7 +308,7 @@ def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
     }[where]
     means = []
     for track in (_track(run, of),) if of else run.tracks:
-        links = _inside(run.links(track), window)
+        links = run.links(track, window)
         forward, up = _middles(links)
         split = vehicle["road_wheel"]["z"] if where == "top" else -0.1
         there = (np.abs(forward - middle) < reach) & ((up > split) if where == "top" else (up < split))
@@ -319,22 +327,19 @@ def _middles(links: Links) -> tuple[Floats, Floats]:
     )
 
 
-def _inside(links: Links, window: Window) -> Links:
-    inside = within(links.t, window)
-    return type(links)(*(column[inside] for column in links))
-
-
 def _joint_forces(run: RunData, of: str, window: Window) -> Floats:
     """Force in every pin (m, pins), N."""
-    series = run.log.read(f"/{of or run.tracks[0]}/links")
-    inside = (series.t >= window.start - 1e-9) & (series.t <= window.end + 1e-9)
-    forces = [series.values[inside][:, [name.endswith(f"].force.{axis}") for name in series.names]] for axis in "xyz"]
+    topic = run.log.known_topic(f"/{of or run.tracks[0]}/links")
+    names = run.log.topics[topic].names
+    columns = [[i for i, name in enumerate(names) if name.endswith(f"].force.{axis}")] for axis in "xyz"]
+    series = run.log.select({topic: [*columns[0], *columns[1], *columns[2]]}, window)[topic]
+    forces = np.split(series.values, 3, axis=1)
     return np.asarray(np.sqrt(sum(force**2 for force in forces)))
 
 
 def _fall(run: RunData, of: str, window: Window) -> tuple[Floats, Floats, float, float]:
     """Times, drop of the last pin, length of the chain, m, and gravity."""
-    links = _inside(run.links(of or run.tracks[0]), window)
+    links = run.links(of or run.tracks[0], window)
     vehicle = run.scene["vehicle"]
     length = links.tension.shape[1] * vehicle["track"]["pitch"]
     return links.t, links.up[0, -1] - links.up[:, -1], length, vehicle["gravity"]

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.described import system_of
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Series
 
 Floats = NDArray[np.float64]
+Made = TypeVar("Made")
+BLOCK = 1000  # steps that are in memory at once
+KEPT = 4  # records of links that are kept: measures of a scene ask for the same ones
+BEFORE = 1.0  # s: a step that ends in a window seldom began earlier
 
 
 class Missing(LookupError):
@@ -25,6 +30,9 @@ class Window(NamedTuple):
     end: float
 
 
+EVER = Window(-np.inf, np.inf)
+
+
 class Links(NamedTuple):
     """Per-link records in the plane of a track: times, pins from the sprocket axle, tensions."""
 
@@ -35,7 +43,9 @@ class Links(NamedTuple):
 
 
 class RunData:
-    """A log with its scene; arrays are read once. Raises LogUnreadable and NoSuchSignal.
+    """A log with its scene. Raises LogUnreadable and NoSuchSignal.
+
+    With a window, be it EVER, only what is asked for is read, and nothing is kept; without one topics are read once.
 
     ``scene`` is as the log has it, unchecked (``scene.from_table``), and empty where an FMU of unknown scene answered.
     """
@@ -44,7 +54,8 @@ class RunData:
         self.log = log
         self.scene: dict[str, Any] = log.table("scene.json") if "scene.json" in log.attachments else {}
         self.system: dict[str, Any] = system_of(log)
-        self._links: dict[str, Links] = {}
+        self._made: dict[str, Any] = {}
+        self._links: dict[tuple[str, Window | None], Links] = {}
 
     @cached_property
     def instances(self) -> tuple[str, ...]:
@@ -55,6 +66,12 @@ class RunData:
     def sides(self) -> tuple[str, ...]:
         """Sides of a vehicle that ran; one of them is the whole of a symmetric vehicle."""
         return tuple(side for side in ("left", "right") if f"{side}_drive" in self.instances)
+
+    def once(self, name: str, make: Callable[[RunData], Made]) -> Made:
+        """What ``make`` makes of this run; asked again by that name, the same."""
+        if name not in self._made:
+            self._made[name] = make(self)
+        return self._made[name]
 
     def copies(self, instance: str) -> int:
         """How many of an instance the vehicle has: 2 where the other side mirrors this one."""
@@ -74,41 +91,71 @@ class RunData:
     def signal(self, name: str, window: Window | None = None) -> tuple[Floats, Floats]:
         """Times and values of ``instance.variable``, within the window; raises Missing."""
         try:
-            t, values = self.log.signal(name)
+            if window is None:
+                return self.log.signal(name)
+            topic, column = self.log.find(name)
         except LookupError:
             raise Missing(f"the log has no signal '{name}'") from None
-        if window is None:
-            return t, values
-        inside = within(t, window)
-        if not inside.any():
+        series = self.log.select({topic: [column]}, window)[topic]
+        if not len(series.t) and window != EVER:
             raise Missing(f"'{name}' was not recorded between {window.start:g} and {window.end:g} s")
-        return t[inside], values[inside]
+        return series.t, series.values[:, 0]
+
+    def largest(self, names: Sequence[str]) -> float:
+        """The largest value of some outputs over the run; raises Missing, and ValueError where there is none."""
+        wanted: dict[str, list[int]] = {}
+        for name in names:
+            if not self.has(name):
+                raise Missing(f"the log has no signal '{name}'")
+            topic, column = self.log.find(name)
+            wanted.setdefault(topic, []).append(column)
+        return max(
+            float(block[topic].values[:, columns].max())
+            for block in self.log.blocks([*wanted], BLOCK)
+            for topic, columns in wanted.items()
+        )
+
+    def ends(self, name: str) -> tuple[float, float]:
+        """First and last value of ``instance.variable``; raises Missing."""
+        try:
+            topic, column = self.log.find(name)
+        except LookupError:
+            raise Missing(f"the log has no signal '{name}'") from None
+        values = self.log.ends(topic).values[:, column]
+        if not len(values):
+            raise Missing(f"the log holds no value of '{name}'")
+        return float(values[0]), float(values[-1])
 
     def mean(self, name: str, window: Window) -> float:
         """Mean over the window's samples, as ``mean`` makes it."""
         return mean(*self.signal(name, window))
 
-    def vectors(self, instance: str, topic: str, prefix: str, parts: str = "xyz") -> tuple[Floats, Floats]:
+    def vectors(
+        self, instance: str, topic: str, prefix: str, parts: str = "xyz", window: Window | None = None
+    ) -> tuple[Floats, Floats]:
         """Times and ``prefix.{parts}`` of a topic as (m, len(parts))."""
-        series = self.log.read(f"/{instance}/{topic}")
-        names = list(series.names)
-        try:
-            columns = [names.index(f"{prefix}.{part}") for part in parts]
-        except ValueError:
-            raise Missing(f"the log has no '{instance}.{prefix}'") from None
+        where = self.log.known_topic(f"/{instance}/{topic}")
+        columns = _columns(self.log.topics[where].names, instance, prefix, parts)
+        if window is not None:
+            series = self.log.select({where: columns}, window)[where]
+            return series.t, series.values
+        series = self.log.read(where)
         return series.t, series.values[:, columns]
 
-    def links(self, track: str) -> Links:
+    def links(self, track: str, window: Window | None = None) -> Links:
         """Per-link records of a track, seen from its sprocket axle (or the start position without one)."""
-        if track not in self._links:
-            self._links[track] = self._read_links(track)
-        return self._links[track]
+        if (track, window) not in self._links:
+            if len(self._links) == KEPT:
+                self._links.clear()
+            self._links[track, window] = self._read_links(track, window)
+        return self._links[track, window]
 
-    def _read_links(self, track: str) -> Links:
+    def _read_links(self, track: str, window: Window | None) -> Links:
         topic = f"/{track}/links"
         if topic not in self.log.topics:
             raise Missing(f"the log has no outputs per link of '{track}'")
-        series = self.log.read(topic)
+        columns = range(len(self.log.topics[topic].names))
+        series = self.log.read(topic) if window is None else self.log.select({topic: columns}, window)[topic]
         names = {name: column for column, name in enumerate(series.names)}
         pins = sum(name.startswith("joint[") and name.endswith("].position.x") for name in names)
         links = sum(name.endswith("].tension") for name in names)
@@ -123,7 +170,7 @@ class RunData:
             tension = series.values[:, [names[f"link[{i}].tension"] for i in range(1, links + 1)]]
         except KeyError as absent:
             raise Missing(f"the log has no '{track}.{absent.args[0]}'") from None
-        origin, ahead = self._axle(track, series.t)
+        origin, ahead = self._axle(track, series.t, window)
         offset = position - origin[:, None, :]
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
 
@@ -134,11 +181,14 @@ class RunData:
         offset = position[max(int(np.searchsorted(times, t + 1e-9)) - 1, 0)] - origin[0]
         return float(offset @ ahead[0]), float(offset[2])
 
-    def _axle(self, track: str, t: Floats) -> tuple[Floats, Floats]:
+    def _axle(self, track: str, t: Floats, window: Window | None = None) -> tuple[Floats, Floats]:
         """Position of the sprocket axle and the horizontal unit vector ahead of it, (m, 3) each."""
+        before = window and window._replace(start=window.start - BEFORE)
         try:
-            times, position = self.vectors(track, "in", "sprocket.position")
-            _, q = self.vectors(track, "in", "sprocket.orientation", "wxyz")
+            times, position = self.vectors(track, "in", "sprocket.position", window=before)
+            if before and window != EVER and len(t) and not (len(times) and times[0] <= t[0] + 1e-9):
+                return self._axle(track, t, EVER)
+            _, q = self.vectors(track, "in", "sprocket.orientation", "wxyz", before)
         except LookupError:
             start = self.scene["start"]
             ahead = np.array([np.cos(start["heading"]), np.sin(start["heading"]), 0.0])
@@ -166,3 +216,15 @@ def since(t: Floats) -> Floats:
 def mean(t: Floats, values: Floats) -> float:
     """Of samples (m,), each weighed by the time since the one before it: steps may vary."""
     return float(np.average(values, weights=since(t)))
+
+
+def vectors(series: Series, instance: str, prefix: str, parts: str = "xyz") -> Floats:
+    """``prefix.{parts}`` of an instance's messages as (m, len(parts)); raises Missing."""
+    return series.values[:, _columns(series.names, instance, prefix, parts)]
+
+
+def _columns(names: Sequence[str], instance: str, prefix: str, parts: str) -> list[int]:
+    try:
+        return [names.index(f"{prefix}.{part}") for part in parts]
+    except ValueError:
+        raise Missing(f"the log has no '{instance}.{prefix}'") from None

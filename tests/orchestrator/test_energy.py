@@ -68,15 +68,11 @@ def test_work_at_the_ports_is_what_the_components_received(driven):
         assert abs(books.port) < 0.02 * scale
 
 
-def test_a_lost_force_shows_in_the_books(driven):
+def test_a_lost_force_shows_in_the_books(driven, scaled):
     with Log(driven) as log:
-        run = RunData(log)
-        whole = ledger(run)
-        series = log.read("/chassis/in")
-        values = series.values.copy()
-        values[:, series.names.index("left.road_wheel[3].force.z")] *= 0.95
-        log._series["/chassis/in"] = series._replace(values=values)
-        broken = ledger(run)
+        whole = ledger(RunData(log))
+        scaled(log, "/chassis/in", "left.road_wheel[3].force.z", 0.95)
+        broken = ledger(RunData(log))
     assert abs(broken.integration["chassis"] - whole.integration["chassis"]) > 1.0
 
 

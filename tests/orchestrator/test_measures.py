@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orchestrator.results import measures
-from orchestrator.results.run_data import Links, Window
+from orchestrator.results.run_data import Links, Window, within
 
 TEETH, PITCH = 10, 0.1524
 RADIUS = PITCH / (2 * np.sin(np.pi / TEETH))
@@ -20,8 +20,8 @@ class Record:
         self.instances, self.sides = ("track", "drive"), ()
         self._links, self._signals = links, signals or {}
 
-    def links(self, track):
-        return self._links
+    def links(self, track, window):
+        return Links(*(column[within(self._links.t, window)] for column in self._links))
 
     def signal(self, name, window=None):
         t, values = self._signals[name]

@@ -165,3 +165,35 @@ def test_who_knows_mcap_and_protobuf():
             if re.search(rf"^\s*(from|import) {re.escape(package)}\b", path.read_text(), re.MULTILINE):
                 found.add(path.name)
     assert users == {"mcap": {"recorder.py", "reader.py"}, "google.protobuf": {"schema.py"}}
+
+
+def test_what_is_selected_is_what_is_read_and_is_not_kept(chunked):
+    with Log(chunked) as log, Log(chunked) as whole:
+        for topic, about in log.topics.items():
+            series, columns = whole.read(topic), [len(about.names) - 1, 0]
+            for window in ((-np.inf, np.inf), (0.7, 0.9), (0.0, 0.0), (5.0, 6.0)):
+                inside = (series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)
+                found = log.select({topic: columns}, window)[topic]
+                assert np.array_equal(found.t, series.t[inside])
+                assert np.array_equal(found.values, series.values[inside][:, columns])
+                assert found.names == (about.names[-1], about.names[0])
+            ends = log.ends(topic)
+            assert np.array_equal(ends.t, series.t[[0, -1]])
+            assert np.array_equal(ends.values, series.values[[0, -1]])
+            assert log.lengths()[topic] == len(series.t)
+        assert not log._unpacked
+        with pytest.raises(NoSuchSignal, match="no topic '/left/out'"):
+            log.select({"/left/out": [0]})
+
+
+@pytest.mark.parametrize(("size", "more"), [(100, 0), (1499, 2), (1500, 0), (1, 1), (2000, 2)])
+def test_blocks_are_topics_side_by_side(chunked, size, more):
+    topics = ["/left_track/in", "/chassis/out"]
+    with Log(chunked) as log:
+        blocks = list(log.blocks(topics, size, more))
+        for topic in topics:
+            parts = [block[topic].values for block in blocks]
+            assert [len(part) for part in parts[:-1]] == [size + more] * (len(parts) - 1)
+            assert 0 < len(parts[-1]) < size + max(more, 1)
+            again = np.concatenate([*(part[:size] for part in parts[:-1]), parts[-1]])
+            assert np.array_equal(again, log.read(topic).values)

@@ -20,6 +20,7 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 from recorded import STEP, TOPICS, record, values, write_steps
 
+from orchestrator.log import recorder as module
 from orchestrator.log import schema
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import LogFailed, Recorder
@@ -353,3 +354,37 @@ def test_cost_of_a_message(tmp_path, width):
         recorder.close("ok", "", steps)
     print(f"{width} doubles: {spent / steps * 1e6:.2f} us a message on the caller's thread")
     assert spent / steps < 50e-6
+
+
+def test_topics_written_together_are_those_written_one_by_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "CHUNK", 5_000)
+    topics = {"/b/out": [("y", "m"), ("z", "m")], "/stats/b": [("wall_time", "s")], "/a/out": [("x", "m")]}
+    for name in ("apart", "together"):
+        with Recorder(tmp_path / name, topics, {}, {}, every={"/a/out": 2, "/b/out": 2}, flush=60) as recorder:
+            both = recorder.together(["/a/out", "/b/out"]) if name == "together" else ""
+            for k in range(301):
+                a, b = np.array([k]), np.array([-k, 0.5 * k])
+                if both:
+                    assert recorder.due(both, k) == (k % 2 == 0)
+                    recorder.write(both, k, k * STEP, STEP, a, b)
+                else:
+                    recorder.write("/b/out", k, k * STEP, STEP, b)
+                    recorder.write("/a/out", k, k * STEP, STEP, a)
+                recorder.stats("b", k, k * STEP, STEP, a)
+            with pytest.raises(ValueError, match="/b/out has 2 variables, not 1"):
+                recorder.write(both or "/b/out", 302, 0.302, STEP, *([a, a] if both else [a]))
+            recorder.close("ok", "", 300)
+    with Log(tmp_path / "apart") as apart, Log(tmp_path / "together") as together:
+        assert together.hashes() == apart.hashes()
+        assert together.lengths() == {"/b/out": 151, "/stats/b": 301, "/a/out": 151}
+        order = [[messages.topic for messages in piece] for piece in together.chunks()]
+        assert order[0] == list(topics)
+
+
+def test_only_topics_of_the_same_steps_are_written_together(tmp_path):
+    with Recorder(
+        tmp_path / "log", {"/a/out": [("x", "m")], "/b/out": [("x", "m")]}, {}, {}, every={"/a/out": 2}
+    ) as log:
+        with pytest.raises(ValueError, match="/a/out, /b/out are not recorded at the same steps"):
+            log.together(["/a/out", "/b/out"])
+        log.close("ok", "", 0)

@@ -12,7 +12,9 @@ from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 
-LONG = 6e-5  # s: a step that is shorter is over before another thread would have begun
+# s: a shorter step is done no sooner by another thread. That one wakes after 60 us, its end is noticed after 20, and
+# Python runs in one of them at a time.
+LONG = 2e-4
 Given = Callable[[Feed], Floats]  # what a feed hands over
 
 

@@ -1,0 +1,29 @@
+"""The memory of a run does not grow with what it simulates."""
+
+import pytest
+
+from orchestrator.bench.process import isolated
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.difference import differences
+from orchestrator.results.run_data import RunData
+from orchestrator.scene.scene import load
+
+HALF = ["symmetric=true", "planar=true", "run.step=2 ms"]  # the quick form of a vehicle
+
+
+def test_a_long_run_needs_no_more_memory_than_a_short_one():
+    """Read whole, a log of 21 s more takes 100 MB more."""
+    options = {"scene": "straight", "track": "flexible", "settings": HALF}
+    short, long = (isolated("memory_run", stop=stop, **options) for stop in (3.0, 24.0))
+    assert long < short + 30.0
+
+
+def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path):
+    path = tmp_path / "log.mcap"
+    assert simulate(load("straight", "rigid", ["run.stop=0.1 s", "run.links=1", "expect={}"]), path)["status"] == "ok"
+    with Log(path) as log, Log(path) as other:
+        found = differences(RunData(log), RunData(other))
+        assert max(one.relative for one in found.values()) == pytest.approx(0.0, abs=1e-12)
+        assert not log._unpacked
+        assert not log._series
