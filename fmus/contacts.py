@@ -9,7 +9,7 @@ import numpy as np
 
 from fmus.model import InvalidParameter
 from fmus.physics.contact.ground import Ground, bumpy
-from fmus.physics.contact.law import Law
+from fmus.physics.contact.laws import LAWS
 from fmus.physics.contact.teeth import Teeth, teeth
 
 
@@ -22,9 +22,9 @@ class Contacts(NamedTuple):
     clearance: float  # lateral play of the guides on each side, m
     ground: int  # 1 where there is a ground
     shape: Ground  # of the ground in the track's frame
-    sprocket: Law
-    wheel: Law
-    soil: Law
+    sprocket: Any  # a law of ``physics.contact.laws``
+    wheel: Any
+    soil: Any
 
 
 def contacts(
@@ -80,7 +80,7 @@ def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, f
         raise InvalidParameter(f"ground.bump: {error}") from None
 
 
-def law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, float]) -> Law:
+def law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, Any]) -> Any:
     """A law from its parameters, or from the table where the track has no such partner."""
     values = []
     for key in ("stiffness", "damping", "friction", "friction_velocity"):
@@ -90,7 +90,11 @@ def law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, float]) ->
             allowed = "greater than 0" if key == "friction_velocity" else "0 or more"
             raise InvalidParameter(f"{name} = {value}: must be {allowed}")
         values.append(value)
-    return Law(*values)
+    name = f"contact.{pair}.law"
+    kind = str(parameters.get(name, table["law"]))
+    if kind not in LAWS:
+        raise InvalidParameter(f"{name} = '{kind}': must be one of {', '.join(LAWS)}")
+    return LAWS[kind](*values)
 
 
 def smooth(partners: Contacts) -> Contacts:

@@ -176,7 +176,10 @@ class TrackModel:
         kinds = {wheel["kind"] for wheel in self.wheel_list}
         there = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": bool(self.config["ground"])}
         for pair in (pair for pair, exists in there.items() if exists):
-            law = vehicle["contact"][pair]
+            from fmus.physics.contact.laws import LAWS  # of chains that touch something
+
+            law, text = vehicle["contact"][pair], f"normal law of {pair} contact"
+            ports.append(Port(f"contact.{pair}.law", "parameter", "1", text, law["law"], tuple(LAWS)))
             for key, unit, text in (
                 ("stiffness", "N/m", "normal stiffness"),
                 ("damping", "N.s/m", "normal damping"),

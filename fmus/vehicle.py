@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from annotated_types import GroupedMetadata
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -174,8 +174,9 @@ class Material(Part):  # noqa: D101
 
 
 class Law(Part):
-    """Constants of one contact: normal spring and damper, regularised Coulomb friction."""
+    """One contact: its normal law with spring and damper, regularised Coulomb friction."""
 
+    law: Literal["linear"] = "linear"
     stiffness: Stiffness
     damping: Damping
     friction: Annotated[float, Field(ge=0, allow_inf_nan=False)]

@@ -16,7 +16,6 @@ from fmus.contacts import ground_shape, law
 from fmus.jit import kernel
 from fmus.physics.contact.face import touch as press
 from fmus.physics.contact.ground import Ground, ground_face, level
-from fmus.physics.contact.law import Law
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.start import Start
@@ -28,7 +27,7 @@ class Contacts(NamedTuple):
     """Partners, constant through a run, and scratch; n leaves."""
 
     ground: Ground  # in the frame of the start
-    law: Law
+    law: Any  # a law of ``physics.contact.laws``
     frame: np.ndarray  # (5) origin of that frame in the world, cosine and sine of its heading
     points: np.ndarray  # (m, 3) of the hull, frame B, m
     radius: np.ndarray  # (n) of wheels without a track, 0 for others, m

@@ -7,15 +7,15 @@ import pytest
 from pressed import Pressed, guide, rim, soil, tooth
 
 from fmus.physics.contact.ground import Ground, bumpy, level
-from fmus.physics.contact.law import Law
-from fmus.physics.contact.normal import normal
+from fmus.physics.contact.laws import LAWS, normal
+from fmus.physics.contact.linear import Linear
 from fmus.physics.contact.partner import collect, slide
 from fmus.physics.contact.teeth import teeth
 from fmus.physics.contact.wheel import closing, creeping, reach
 from fmus.physics.point import sharpen
 from fmus.physics.wheels import WIDTH, move
 
-LAW = Law(2e6, 5e3, 0.3, 0.05)
+LAW = Linear(2e6, 5e3, 0.3, 0.05)
 PITCH = 0.1524
 TEETH = teeth(10, PITCH, 0.015, 0.26, 0.004, np.radians(25.0), 0.01)
 
@@ -171,6 +171,39 @@ def test_normal_force_pushes_and_never_pulls():
     assert normal(LAW, 1.0, 1e-9, 5.0)[0] < 1.0  # no jump at first touch
 
 
+@pytest.mark.parametrize("kind", LAWS)
+def test_every_law_pushes_never_pulls_and_knows_its_derivatives(kind):
+    law, h = LAWS[kind](2e6, 5e3, 0.3, 0.05), 1e-7
+    for depth, rate in ((2e-4, 0.1), (8e-4, -0.05), (5e-3, 0.3), (5e-3, -0.3), (2e-2, 1.0)):
+        for share in (1.0, 0.3):
+            force, by_depth, by_rate, energy = normal(law, share, depth, rate)
+            assert force > 0.0
+            assert energy == pytest.approx(0.5 * share * 2e6 * depth**2, rel=1e-14)
+            ahead, behind = (
+                [normal(law, share, depth + a, rate)[0], normal(law, share, depth, rate + a)[0]] for a in (h, -h)
+            )
+            numeric = [(one - other) / (2.0 * h) for one, other in zip(ahead, behind, strict=True)]
+            assert [by_depth, by_rate] == pytest.approx(numeric, rel=1e-5, abs=1e-5 * 2e6)
+            assert [1.03 * by_depth, by_rate] != pytest.approx(numeric, rel=1e-5, abs=1e-5 * 2e6)
+    assert normal(law, 1.0, 5e-3, -1e4)[:3] == (0.0, 0.0, 0.0)
+    assert normal(law, 1.0, 1e-9, 5.0)[0] < 1.0  # no jump at first touch
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_a_bounce_loses_what_its_law_says(kind):
+    """A mass that strikes at 1 m/s: what it has lost when it leaves is the work of the force beyond the spring's."""
+    law, mass, h = LAWS[kind](2e6, 5e3, 0.3, 0.05), 18.0, 1e-7
+    depth, rate, lost = 1e-12, 1.0, 0.0
+    while depth > 0.0:
+        force, _, _, _ = normal(law, 1.0, depth, rate)
+        lost += h * (force - law.k * depth) * rate
+        rate -= h * force / mass
+        depth += h * rate
+    assert 0.5 * mass * (1.0 - rate**2) == pytest.approx(lost, rel=2e-3)
+    assert 0.5 * mass * (1.0 - rate**2) != pytest.approx(1.03 * lost, rel=2e-3)
+    assert -0.9 < rate < -0.1
+
+
 def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
     """Its rate of sinking in is its centre's velocity towards the face; and the force follows that rate."""
     row, s = wheel_row(), Pressed()
@@ -220,7 +253,7 @@ def test_shares_of_a_contact_add_up():
     a, b = np.array([0.22, 0.02, -0.430]), np.array([0.22 + PITCH, 0.02, -0.426])
     a, b = b, a  # rearwards: outward is down
     s, v, offset, radius = Pressed(), np.zeros(3), 0.029, 0.305
-    law = Law(2e6, 0.0, 0.0, 0.05)
+    law = Linear(2e6, 0.0, 0.0, 0.05)
     (low, high, foot), side = reach(row, radius, a, b, offset)
     t = (b - a) / np.linalg.norm(b - a)
     n = np.cross(t, row[9:12])

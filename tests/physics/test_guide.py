@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pressed import Pressed, guide
 
-from fmus.physics.contact.law import Law
+from fmus.physics.contact.linear import Linear
 
-LAW = Law(2e6, 5e3, 0.1, 0.05)
+LAW = Linear(2e6, 5e3, 0.1, 0.05)
 PLAY = 0.01
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.contact.dual import followed
-from fmus.physics.contact.normal import normal
+from fmus.physics.contact.laws import normal
 from fmus.physics.vector import add, cross, dot, scale
 
 Vector = tuple[float, float, float]

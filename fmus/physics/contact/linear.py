@@ -1,4 +1,4 @@
-"""Linear dissipative normal force: a spring and a damper that push and never pull.
+"""Linear normal contact: a spring and a damper that push and never pull.
 
 Source: Table 2 of the paper and its references (Choi et al. 1998). Deviation: the damper fades in over the first
 ``ramp`` of penetration, so that the force is continuous when two faces meet at speed.
@@ -6,15 +6,24 @@ Source: Table 2 of the paper and its references (Choi et al. 1998). Deviation: t
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from fmus.jit import kernel
+
+
+class Linear(NamedTuple):
+    """Constants of one contact pair; friction is regularised Coulomb friction (``face``)."""
+
+    k: float  # normal stiffness of a whole link or pin, N/m
+    c: float  # normal damping of a whole link or pin, N s/m
+    mu: float  # coefficient of friction
+    v_reg: float  # slip velocity at which friction has grown to 1/sqrt(2) of mu N, m/s
+    ramp: float = 1e-3  # penetration over which the damper takes hold, m: without it the force jumps at first touch
 
 
 @kernel
 def normal(law, share, depth, rate):
-    """Force of a point that carries ``share`` of the contact, at penetration ``depth`` > 0 growing at ``rate``.
-
-    Returns the force N, its derivatives by depth and by rate, and the stored energy J.
-    """
+    """See ``laws``."""
     k = share * law.k
     if depth < law.ramp:
         s = depth / law.ramp
