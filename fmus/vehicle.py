@@ -176,7 +176,7 @@ class Material(Part):  # noqa: D101
 class Law(Part):
     """One contact: its normal law with spring and damper, regularised Coulomb friction."""
 
-    law: Literal["linear"] = "linear"
+    law: Literal["linear", "hunt_crossley"] = "linear"
     stiffness: Stiffness
     damping: Damping
     friction: Annotated[float, Field(ge=0, allow_inf_nan=False)]

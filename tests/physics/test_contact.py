@@ -204,6 +204,22 @@ def test_a_bounce_loses_what_its_law_says(kind):
     assert -0.9 < rate < -0.1
 
 
+def test_hunt_and_crossley_send_a_mass_back_as_they_say():
+    """m v dv = -k x (1 + a v) dx, integrated from touch to parting, gives g(v) = v/a - ln(1 + a v)/a^2 at both ends."""
+    law, mass, h, fast = LAWS["hunt_crossley"](2e6, 5e3, 0.3, 0.05), 18.0, 1e-7, 1.0
+    depth, rate = 1e-12, fast
+    while depth > 0.0:
+        rate -= h * normal(law, 1.0, depth, rate)[0] / mass
+        depth += h * rate
+    a = law.c / (law.deep * law.k)
+
+    def g(v: float) -> float:
+        return v / a - np.log1p(a * v) / a**2
+
+    assert g(rate) == pytest.approx(g(fast), rel=1e-4)
+    assert g(1.01 * rate) != pytest.approx(g(fast), rel=1e-4)
+
+
 def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
     """Its rate of sinking in is its centre's velocity towards the face; and the force follows that rate."""
     row, s = wheel_row(), Pressed()

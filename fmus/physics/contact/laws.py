@@ -11,9 +11,9 @@ import sys
 from typing import Any
 
 from fmus.jit import door
-from fmus.physics.contact import linear
+from fmus.physics.contact import hunt_crossley, linear
 
-LAWS: dict[str, Any] = {"linear": linear.Linear}
+LAWS: dict[str, Any] = {"linear": linear.Linear, "hunt_crossley": hunt_crossley.HuntCrossley}
 
 
 def _of(law: type) -> Any:
