@@ -35,10 +35,10 @@ from pythonfmu.enums import Fmi2Status
 from fmus.cache import cache_folder, check, spared, unheard
 from fmus.defaults import check_names, checked, configured
 from fmus.description import document
-from fmus.elsewhere import Elsewhere
 from fmus.jit import compiled_before, source_hash
 from fmus.model import InvalidParameter, Model, StepFailed, finite
 from fmus.ports import Port
+from fmus.same_build import SameBuild
 from fmus.saved import Saved, from_bytes, to_bytes
 
 BUILD = source_hash()  # of the fmus tree that is running
@@ -62,7 +62,7 @@ def _of_another_build(packed: str, name: str = "this FMU") -> Refused:
     )
 
 
-sys.meta_path.append(Elsewhere("fmus", BUILD, _of_another_build))
+sys.meta_path.append(SameBuild("fmus", BUILD, _of_another_build))
 
 
 class _Access(NamedTuple):

@@ -15,7 +15,7 @@ from fmus.chassis.dynamics import rates as chassis_rates
 from fmus.chassis.observe import put_sides
 from fmus.jit import allocating
 from fmus.physics.chain.kinds import close, derivative, speed
-from fmus.physics.chain.sums import COVERING, END_POWER, POWER
+from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise, quat_rotate
 from fmus.physics.vector import add, cross, dot, put, scale, vector
@@ -134,7 +134,7 @@ def gather(chains, drives, plan, share):
         c.place.impulse[:] += share * c.w.wrench
         c.place.books[0] += share * c.w.sums[POWER]
         c.place.books[1] += share * c.w.sums[END_POWER]
-        c.place.books[2] += share * c.w.sums[COVERING]
+        c.place.books[2] += share * c.w.sums[PATCH_POWER]
     if drives is not None:
         for d in range(len(drives)):
             i = 6 * plan.chain[d]

@@ -23,7 +23,7 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.rigid.links import residual as evaluate_rigid
 from fmus.physics.chain.state import begin
-from fmus.physics.chain.sums import COVERING, END_POWER, POWER
+from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
 from fmus.physics.integrate.generalized_alpha import coefficients, slopes
 from fmus.physics.point import sharpen
 from fmus.physics.rigid import augmented
@@ -185,7 +185,7 @@ class Chain:
             m.link_outputs(links)
             parts = links[:n], links[n : 2 * n], links[2 * n : 2 * n + pins], links[2 * n + pins :]
         ground = [count + k for k, name in enumerate(self.outputs) if name.startswith("ground.force")]
-        powers = m.work.sums[[POWER, COVERING, END_POWER]]
+        powers = m.work.sums[[POWER, PATCH_POWER, END_POWER]]
         return np.concatenate([y[:count], y[ground]]), powers, y[count:], parts
 
     # ------------------------------------------------------------ flexible links

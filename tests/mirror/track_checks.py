@@ -287,7 +287,7 @@ def ledger(view: View, names: Sequence[str]) -> Floats:
     return found[:, None]
 
 
-def covered(view: View, names: Sequence[str]) -> Floats:
+def patch_defect(view: View, names: Sequence[str]) -> Floats:
     """What contacts take in less what they lose and what is stored more a moment later."""
     c, w = view.chain, view.wheels
     after, before = (touch(c.moved(tau), w.moved(tau), covering=True) for tau in (MOMENT, -MOMENT))
@@ -389,7 +389,7 @@ CHECKS = (
     Check(r"energy\.dissipated", "laws of friction and damping", lost, 2e-3, 1e-3, applies=implicit_on_wheels),
     Check(r"energy\.dissipated", "ledger", ledger, 0.03, 2.0, balance=True, applies=on_wheels),
     Check(r"energy\.dissipated", "ledger", ledger, 0.02, 1e-4, balance=True, applies=in_free_air),
-    Check(r"energy\.covered", "taken in, not stored, not lost", covered, 0.03, 1e-3, applies=implicit_on_wheels),
+    Check(r"energy\.covered", "taken in, not stored, not lost", patch_defect, 0.03, 1e-3, applies=implicit_on_wheels),
     Check(r"energy\.work", "end loads times their way", pulled, 1e-4, 1e-6),
     Check(r"penetration\.max", "places", deepest, 1e-5, 1e-8),
     Check(r"solver\.steps", "steps of the given length", steps, 0.0, applies=implicit),

@@ -9,9 +9,9 @@ from pressed import Pressed, guide, rim, soil, tooth
 from fmus.physics.contact.ground import Ground, bumpy, level
 from fmus.physics.contact.laws import LAWS, normal
 from fmus.physics.contact.linear import Linear
-from fmus.physics.contact.partner import collect, slide
 from fmus.physics.contact.teeth import teeth
 from fmus.physics.contact.wheel import closing, creeping, reach
+from fmus.physics.contact.wheel_kinematics import collect, slide
 from fmus.physics.point import sharpen
 from fmus.physics.wheels import WIDTH, move
 

@@ -12,9 +12,9 @@ from fmus.jit import allocating
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.kinds import close, derivative, first_speed, observe, speed
 from fmus.physics.chain.outcome import APART, DONE, SINGULAR, UNSTABLE, Outcome
-from fmus.physics.chain.report import COVERED, DISSIPATED, EVALUATIONS, STEPS, TRAVEL, WORK
+from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, PATCH_DEFECT, STEPS, TRAVEL, WORK
 from fmus.physics.chain.state import take
-from fmus.physics.chain.sums import COVERING, END_POWER, POWER
+from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 
@@ -51,7 +51,7 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
             share = dt * RK4.b[i]
             s.mean[:] += share / h * w.wrench
             report[DISSIPATED] += share * w.sums[POWER]
-            report[COVERED] += share * w.sums[COVERING]
+            report[PATCH_DEFECT] += share * w.sums[PATCH_POWER]
             report[WORK] += share * w.sums[END_POWER]
         finish(RK4, dt, x0, k)
         x[:] = x0

@@ -5,11 +5,11 @@ from __future__ import annotations
 from fmus.jit import kernel
 from fmus.physics.chain.faces import along, count, enter, locate, pin_rates, pins, push
 from fmus.physics.chain.near import middle, reached
-from fmus.physics.chain.sums import COVERING, note
+from fmus.physics.chain.sums import PATCH_POWER, note
 from fmus.physics.contact.face import touch
 from fmus.physics.contact.guide import HORN, guide_face
-from fmus.physics.contact.partner import collect
-from fmus.physics.contact.wheel import GAUSS, covered, creeping, reach
+from fmus.physics.contact.wheel import GAUSS, creeping, patch_defect, reach
+from fmus.physics.contact.wheel_kinematics import collect
 from fmus.physics.point import GUIDES, POINTS
 from fmus.physics.vector import dot, vector
 
@@ -51,6 +51,6 @@ def _discs(links, contacts, x, w, k, row, by_rate, tangent):
             f = touch(law, share, depth, face, by_rate, tangent, w.contact, point)
             note(w.sums, depth, f.energy, f.power)
             slope = -dot(face.n, along(links, x, w, i))
-            w.sums[COVERING] += covered(law, share, depth, slope, part, ends, half)
+            w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
             collect(row, p, f.f, w.wrench[k])
             push(links, w, i, f, tangent)

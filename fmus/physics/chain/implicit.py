@@ -9,9 +9,9 @@ import numpy as np
 from fmus.jit import allocating
 from fmus.physics.chain.kinds import end_work, first_speed, newton, observe, speed
 from fmus.physics.chain.outcome import DONE, Outcome
-from fmus.physics.chain.report import COVERED, DISSIPATED, REJECTED, STEPS, TRAVEL, WORK
+from fmus.physics.chain.report import DISSIPATED, PATCH_DEFECT, REJECTED, STEPS, TRAVEL, WORK
 from fmus.physics.chain.state import copy, take
-from fmus.physics.chain.sums import COVERING, POWER
+from fmus.physics.chain.sums import PATCH_POWER, POWER
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
@@ -60,7 +60,7 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
                 s.aux[k, i] = auxiliary(c, old, s.wrench[k, i], w.wrench[k, i])
                 s.mean[k, i] += dt / h * ((1.0 - c.gamma) * old + c.gamma * s.aux[k, i])
         report[DISSIPATED] += 0.5 * dt * (s.sums[POWER] + w.sums[POWER])
-        report[COVERED] += 0.5 * dt * (s.sums[COVERING] + w.sums[COVERING])
+        report[PATCH_DEFECT] += 0.5 * dt * (s.sums[PATCH_POWER] + w.sums[PATCH_POWER])
         report[WORK] += end_work(links, env, dt, s, w)
         take(s, w)
         before, along = along, speed(links, env, s, w)

@@ -1,7 +1,7 @@
 """What a chain shows of itself, and how much work that was: where the numbers stand.
 
-The report is one array (REPORT). ``TRAVEL``, ``DISSIPATED``, ``WORK`` and ``COVERED`` are summed up over the run, the
-rest says what the state is now. The counters (COUNTERS) mean the same for every kind of link.
+The report is one array (REPORT): what is SUMMED up over the run, and what the state is now. The output of
+``PATCH_DEFECT`` is called energy.covered. The counters (COUNTERS) mean the same for every kind of link.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ T_MIN, T_MEAN, T_MAX, STRESS = 2, 3, 4, 5  # N, N, N, Pa
 KINETIC, STRAIN, GRAVITY, CONTACT, DISSIPATED, WORK = 6, 7, 8, 9, 10, 11  # J
 DEPTH = 12  # m
 GROUND = 13  # to 15: force of the ground, N
-SLIP, COVERED = 16, 17  # m/s, J
+SLIP, PATCH_DEFECT = 16, 17  # m/s, J
 REPORT = 18
-SUMMED = (DISSIPATED, WORK, COVERED, TRAVEL)
+SUMMED = (DISSIPATED, WORK, PATCH_DEFECT, TRAVEL)
 
 # steps done, evaluations of the residual, corrections of Newton's iteration, steps given up
 STEPS, EVALUATIONS, ITERATIONS, REJECTED = range(4)
@@ -44,4 +44,4 @@ def write(report, w, mean, speed, heading, tension, energy):
 def book(report, share, sums_now):
     """``share`` seconds of the powers of an evaluation."""
     report[DISSIPATED] += share * sums_now[sums.POWER]
-    report[COVERED] += share * sums_now[sums.COVERING]
+    report[PATCH_DEFECT] += share * sums_now[sums.PATCH_POWER]

@@ -25,12 +25,12 @@ from fmus.physics.chain.faces import (
     resist,
 )
 from fmus.physics.chain.near import middle, reached
-from fmus.physics.chain.sums import CONTACT, COVERING, LOAD, SIDESLIP, SLIP, note
+from fmus.physics.chain.sums import CONTACT, LOAD, PATCH_POWER, SIDESLIP, SLIP, note
 from fmus.physics.contact.face import press, touch
 from fmus.physics.contact.ground import ground_face
-from fmus.physics.contact.partner import collect
 from fmus.physics.contact.teeth import tooth_face
-from fmus.physics.contact.wheel import GAUSS, bulge, closing, covered, creeping, reach, rim_face
+from fmus.physics.contact.wheel import GAUSS, bulge, closing, creeping, patch_defect, reach, rim_face
+from fmus.physics.contact.wheel_kinematics import collect
 from fmus.physics.point import PINS, POINTS
 from fmus.physics.vector import add, dot, scale
 
@@ -82,14 +82,14 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
                 f = press(law, share, depth, rate, 0.0, face, by_rate, tangent, w.contact, point)
                 note(w.sums, depth, f.energy, f.power)
                 slope = -dot(face.n, along(links, x, w, i))
-                w.sums[COVERING] += covered(law, share, depth, slope, part, ends, half)
+                w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
                 collect(row, p, f.f, w.wrench[k])
                 push(links, w, i, f, tangent)
                 if tangent:
                     resist(links, w, i, f, by_rate, foot, side)
         stored, power = bulge(law, radius, length(links), low, high, ends)
         w.sums[CONTACT] += stored
-        w.sums[COVERING] += power
+        w.sums[PATCH_POWER] += power
 
 
 @kernel

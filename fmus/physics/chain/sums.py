@@ -6,7 +6,7 @@ from fmus.jit import kernel
 
 # J stored in contacts, W dissipated, W lost as covered parts move, m, N on the ground, N m/s slipping along -x and -y,
 # W of the loads on the ends
-CONTACT, POWER, COVERING, DEPTH, LOAD, SLIP, SIDESLIP, END_POWER = range(8)
+CONTACT, POWER, PATCH_POWER, DEPTH, LOAD, SLIP, SIDESLIP, END_POWER = range(8)
 SUMS = 8
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.contact.face import NOTHING, Face
-from fmus.physics.contact.partner import slide
+from fmus.physics.contact.wheel_kinematics import slide
 from fmus.physics.vector import add, dot, scale, vector
 
 HORN = 0.05  # how far a guide horn reaches into a wheel from the inner face, m

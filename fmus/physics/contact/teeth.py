@@ -16,7 +16,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.contact.face import NOTHING, Face
-from fmus.physics.contact.partner import slide
+from fmus.physics.contact.wheel_kinematics import slide
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 

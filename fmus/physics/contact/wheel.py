@@ -13,7 +13,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.contact.face import Face
-from fmus.physics.contact.partner import slide
+from fmus.physics.contact.wheel_kinematics import slide
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 GAUSS = 0.5 / np.sqrt(3.0)  # two-point abscissae 1/2 -+ GAUSS on the unit interval
@@ -111,7 +111,7 @@ def creeping(row, a, b, va, vb, offset, side, part):
 
 
 @kernel
-def covered(law, share, depth, slope, part, rates, side):
+def patch_defect(law, share, depth, slope, part, rates, side):
     """Power W that a Gauss point loses, on the ``side`` -1 or 1 of its part, as the ends of the part move at ``rates``.
 
     The point then has another share and another place on the link, where the depth changes by ``slope``: its energy

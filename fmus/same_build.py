@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 
 
-class Elsewhere:
+class SameBuild:
     """A finder for ``sys.meta_path``, asked after all others."""
 
     def __init__(self, package: str, build: str, other: Callable[[str], Exception]) -> None:
