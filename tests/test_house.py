@@ -51,6 +51,7 @@ DOORS = {
 # scenes without an FMU, studies of the mechanics and the motion that other codes are given need the mechanics
 TO_PHYSICS = {"without_fmu", "studies", "bench"}
 KERNELS = ORCHESTRATOR / "bench" / "kernels.py"  # times the parts of a step by the signatures of the kernels
+LOOPS = ORCHESTRATOR / "without_fmu" / "ancf" / "many.py"  # kernels of its own, over many elements
 TO_TRACKS = ORCHESTRATOR / "studies" / "evaluations.py"  # knows the tracks' kernels; other studies see their numbers
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 
@@ -130,6 +131,21 @@ def test_physics_knows_arrays_and_kernels_only():
             assert inside or name == "fmus" or name.split(".")[0] in allowed, (file, name)
 
 
+def test_fmus_carry_no_physics_that_nothing_in_them_uses():
+    """All of ``fmus/`` is packed into every FMU: what only tests and studies use stands in ``without_fmu/ancf``."""
+    used: set[str] = set()
+    for file in sources(FMUS):
+        if not file.is_relative_to(FMUS / "physics"):
+            reachable(name_of(file), used)
+    left = {name_of(file) for file in sources(FMUS / "physics") if file.name != "__init__.py"} - used
+    assert not left
+    assert "fmus.physics.ancf.cable" in used
+
+
+def name_of(file: Path) -> str:
+    return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
 @pytest.mark.parametrize("folder", COMPONENTS)
 def test_an_fmu_needs_few_packages_at_run_time(folder):
     packages = reachable(f"fmus.{folder}.{folder}_fmu")
@@ -177,6 +193,9 @@ def test_orchestrator_reaches_into_fmus_through_few_doors():
             continue
         if file.relative_to(ORCHESTRATOR).parts[0] in TO_PHYSICS:
             found = {module for module in found if not f"{module}.".startswith("fmus.physics.")}
+        if file == LOOPS:
+            assert "fmus.jit" in found, "the loops stand elsewhere"
+            found.remove("fmus.jit")
         if file == TO_TRACKS:
             found = {module for module in found if not module.startswith("fmus.track")}
         assert not found, (file, found)

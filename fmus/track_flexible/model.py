@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.assembly import axials, evaluate
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.dynamics import observe
-from fmus.physics.chain.flexible.elasticity import ELASTICITIES
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.equilibrium import settle
 from fmus.physics.chain.flexible.explicit import LIMIT, NOTHING, accelerations, factor_mass
@@ -126,10 +126,11 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.planar import PlanarCables
 
             kind: Any = PlanarCables
+            axes: tuple[int, ...] = (0, 2)
         else:
             from fmus.physics.chain.flexible.cables import Cables
 
-            kind = Cables
+            kind, axes = Cables, (0, 1, 2)
         s, v = self.vehicle["section"], self.vehicle
         area, second = s["area"], s["bending"]
         cable = ELASTICITIES[elasticity](
@@ -139,6 +140,7 @@ class Model(TrackModel):
             young * second,
             tau * young * area,
             tau * young * second,
+            axes,
         )
         face, outer = v["track"]["face"], s["outer_fibre"]
         return kind(self.links_count, int(self.closed), cable, face, outer, area, second)

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from fmus.physics.ancf import beam, cable_small, dynamics, loads, statics
+from fmus.physics.ancf import beam, cable
 from fmus.physics.chain.layout import regular_polygon
 from orchestrator.studies import Case
 from orchestrator.studies.orders import order_of, rate_of
 from orchestrator.studies.rods import EXPLICIT, IMPLICIT, MASS, G, Rods, of_angles
 from orchestrator.studies.tables import Row, checked, of_order
+from orchestrator.without_fmu.ancf import dynamics, loads, statics
 from orchestrator.without_fmu.meshes import PITCH, SHOE, STEEL, TRACK, angular_momentum, chain, spinning, velocity
 
 Floats = NDArray[np.float64]
@@ -35,7 +36,7 @@ def released_rods() -> list[Row]:
 
 def released_steel(hs: tuple[float, ...]) -> list[Row]:
     """Steel cables by generalised alpha."""
-    mesh = chain(cable_small, STEEL, np.zeros(LINKS), held=True)
+    mesh = chain(cable, STEEL, np.zeros(LINKS), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
     tips = []
     for h in hs:
@@ -77,8 +78,7 @@ def swings_of_rods() -> list[Row]:
 
 def swings_of_steel() -> list[Row]:
     """Linearised about the loaded equilibrium, in the plane."""
-    cable = TRACK
-    mesh = chain(cable_small, cable, np.full(LINKS, -np.pi / 2), held=True)
+    mesh = chain(cable, TRACK, np.full(LINKS, -np.pi / 2), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
     q = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-13).q
     plane = np.flatnonzero(abs(mesh.B[1::3]).sum(axis=0) == 0.0)
@@ -200,12 +200,12 @@ def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[R
 
 def drift_of_mesh(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
     """Cables about the pin axis alone; beams about all axes."""
-    cable = STEEL if what == "steel cables" else STEEL._replace(EA=WEAK * 0.01516, EI=WEAK * 2.03e-6)
+    link = STEEL if what == "steel cables" else STEEL._replace(EA=WEAK * 0.01516, EI=WEAK * 2.03e-6)
     if what == "soft beams":
         mesh = chain(beam, SHOE._replace(E=WEAK), ZIGZAG[:3])
         spin, axes = SPIN, slice(0, 3)
     else:
-        mesh = chain(cable_small, cable, ZIGZAG)
+        mesh = chain(cable, link, ZIGZAG)
         spin, axes = np.array([0.0, 2.0, 0.0]), slice(1, 2)
     method = dynamics.runge_kutta if integrator == EXPLICIT else dynamics.generalized_alpha
     options: dict[str, Any] = {} if integrator == EXPLICIT else {"tolerance": 1e-12, "radius": 0.8}

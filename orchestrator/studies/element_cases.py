@@ -9,20 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from fmus.physics.ancf import (
-    beam,
-    bspline,
-    cable_engineering,
-    cable_general,
-    cable_small,
-    dynamics,
-    joints,
-    sliding,
-)
-from fmus.physics.ancf.mesh import Mesh, Part, Tie, nodes
+from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from orchestrator.studies import Case
 from orchestrator.studies.orders import order_of, rate_of
 from orchestrator.studies.tables import Row, checked, of_order
+from orchestrator.without_fmu.ancf import bspline, dynamics, joints, sliding
+from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Tie, nodes
 from orchestrator.without_fmu.meshes import (
     MODULUS,
     PITCH,
@@ -47,7 +39,7 @@ from orchestrator.without_fmu.meshes import (
 
 Floats = NDArray[np.float64]
 CABLES: dict[str, Any] = {
-    "small deformation (11)-(15)": cable_small,
+    "small deformation (11)-(15)": cable,
     "general (8)-(10)": cable_general,
     "engineering": cable_engineering,
 }
@@ -216,7 +208,7 @@ def pin_counts() -> list[Row]:
     """Ranks of what a pin eliminates, and degrees of freedom of whole tracks."""
     rows = []
     kinds: tuple[tuple[str, Any, Any, Any, int], ...] = (
-        ("cable", cable_small, TRACK, joints.pin_cable(Y), 4),
+        ("cable", cable, TRACK, joints.pin_cable(Y), 4),
         ("beam", beam, SHOE, joints.pin_beam(Y), 6),
     )
     for name, kind, c, pin, rank in kinds:
@@ -234,7 +226,7 @@ def pin_counts() -> list[Row]:
 
 def pin_turns(name: str) -> list[Row]:
     """Two links, the second turned about the pin through 360 degrees: largest strain energy over EA l."""
-    kind, c = (beam, SHOE) if name == "beam" else (cable_small, TRACK)
+    kind, c = (beam, SHOE) if name == "beam" else (cable, TRACK)
     mesh = chain(kind, c, np.zeros(2))
     e, half = mesh.e0.reshape(2, kind.ROWS, 3), kind.ROWS // 2
     middle = e[1, 0].copy()
@@ -262,7 +254,7 @@ def sections() -> list[Row]:
     rows = []
     kinds: tuple[tuple[str, Any, Any, tuple[Any, ...]], ...] = (
         ("beams", beam, SHOE, ([0, 1, 0], [1, 2, 3], [1, 0, 0])),
-        ("cables in their plane", cable_small, TRACK, (Y,)),
+        ("cables in their plane", cable, TRACK, (Y,)),
     )
     for name, kind, c, axes in kinds:
         for shape in SECTIONS:

@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh, expm
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from fmus.physics.ancf import cable
+from fmus.physics.ancf.cable import Cable
+from fmus.physics.chain.flexible.cables import Cables, highest_frequency
 from orchestrator.execution import summary
 from orchestrator.scene.scene import TrackScene, VehicleScene
 
@@ -119,12 +120,8 @@ def link_frequency(scene: TrackScene) -> float:
     """Highest frequency of one free straight link, rad/s: no mode of its chain is higher."""
     v = scene.vehicle
     E, A, I, line = v.material.youngs_modulus, v.section.area, v.section.bending, v.track.mass / v.track.pitch
-    one = cable.Cable(v.track.pitch, line, E * A, E * I, 0.0, 0.0)
-    e = np.array([[0.0, 0, 0], [1, 0, 0], [one.l, 0, 0], [1, 0, 0]])
-    K, M, none = np.zeros((12, 12)), np.zeros((4, 4)), np.zeros((4, 3))
-    cable.stiffness(one, e, none, 0.0, 0.0, K, np.zeros((4, 3)), np.zeros((4, 3)))
-    cable.mass(one, M)
-    return float(np.sqrt(eigh(K, np.kron(M, np.eye(3)), eigvals_only=True)[-1]))
+    one = Cable(v.track.pitch, line, E * A, E * I, 0.0, 0.0)
+    return highest_frequency(Cables(1, 0, one, 0.0, 0.0, A, I))
 
 
 def predicted(scene: TrackScene) -> tuple[float, str]:

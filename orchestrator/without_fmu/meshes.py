@@ -7,26 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import splu
+from scipy.spatial.transform import Rotation
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
-from fmus.physics.ancf import (
-    beam,
-    cable_engineering,
-    cable_general,
-    cable_small,
-    corner,
-    joints,
-    loads,
-    sliding,
-    statics,
-    torsion,
-)
+from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.ancf.cable import Cable
-from fmus.physics.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
+from orchestrator.without_fmu.ancf import corner, joints, loads, sliding, statics, torsion
+from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
 
 Floats = NDArray[np.float64]
 ELASTICITIES: dict[str, Any] = {
-    "small_deformation": cable_small,
+    "small_deformation": cable,
     "general": cable_general,
     "engineering": cable_engineering,
 }
@@ -130,9 +121,8 @@ SHOE = beam.Beam(PITCH, 0.378, 0.0401, 7800.0, MODULUS, 0.3, 5 / 6, torsion.fact
 
 def rotation(axis: ArrayLike, angle: float) -> Floats:
     """The matrix of a rotation."""
-    a = np.asarray(axis, float) / np.linalg.norm(np.asarray(axis, float))
-    K = np.cross(np.eye(3), a)  # K x = a x x
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K)
+    a = np.asarray(axis, float)
+    return np.asarray(Rotation.from_rotvec(angle / np.linalg.norm(a) * a).as_matrix())
 
 
 def turned(e: Floats, R: Floats) -> Floats:
@@ -164,7 +154,7 @@ def polygon(n: int) -> Floats:
 
 def spinning(n: int, omega: float) -> tuple[Mesh, Floats]:
     """Relative equilibrium of a free steel loop that spins about y: elastic force = omega^2 M q about its centre."""
-    mesh = chain(cable_small, TRACK, polygon(n), closed=True)
+    mesh = chain(cable, TRACK, polygon(n), closed=True)
     e = mesh.e0.reshape(n, 2, -1, 3)
     q = mesh.fit(e)
     turn = mesh.fit(np.cross(Y, e)) - mesh.fit(np.zeros_like(e))

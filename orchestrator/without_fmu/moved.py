@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.physics.ancf import dynamics, sliding
 from fmus.physics.ancf.cable import Cable
 from orchestrator.scene import tables
 from orchestrator.without_fmu import meshes
+from orchestrator.without_fmu.ancf import dynamics, sliding
 
 Floats = NDArray[np.float64]
 STAGES = 4  # of Runge-Kutta

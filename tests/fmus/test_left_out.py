@@ -64,21 +64,14 @@ def test_a_chain_loads_its_own_elasticity_only(elasticity):
     assert own <= names
     for other in OTHERS.values():
         assert other == own or not other & names
-    shared = {"fmus.physics.chain.flexible.local_strain"} | {
-        f"fmus.physics.ancf.{name}" for name in ("cable_local", "centreline", "gauss")
-    }
+    shared = {f"fmus.physics.ancf.{name}" for name in ("cable_local", "centreline", "gauss")}
     assert (shared <= names) if own else not shared & names
 
 
 def test_a_planar_chain_loads_no_lateral_code():
     names = loaded("track_flexible", {}, element="planar")
-    assert {"fmus.physics.chain.flexible.planar", "fmus.physics.ancf.cable_planar"} <= names
-    others = {
-        "fmus.physics.chain.flexible.cables",
-        "fmus.physics.chain.flexible.small_strain",
-        "fmus.physics.chain.flexible.beams",
-    }
-    assert not names & others
+    assert {"fmus.physics.chain.flexible.planar", "fmus.physics.ancf.cable"} <= names
+    assert not names & {"fmus.physics.chain.flexible.cables", "fmus.physics.chain.flexible.beams"}
     assert not [name for name in names if "contact" in name]
 
 
@@ -125,7 +118,7 @@ FOLDERS = {
 
 
 ELEMENT = {
-    "cable": {"fmus.physics.chain.flexible.cables", "fmus.physics.chain.flexible.small_strain"},
+    "cable": {"fmus.physics.chain.flexible.cables"},
     "beam": {"fmus.physics.chain.flexible.beams", "fmus.physics.ancf.beam"},
 }
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.model import InvalidParameter
-from fmus.physics.ancf import cable, cable_planar
+from fmus.physics.ancf import cable
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
@@ -38,14 +38,13 @@ def bent() -> tuple[np.ndarray, np.ndarray]:
 
 def forces(c: cable.Cable, e: np.ndarray, v: np.ndarray) -> tuple:
     """Force, matrix, power, energy and end moments of the cable, and of the planar one at the same motion."""
-    Q, K, W, V = np.zeros((4, 3)), np.zeros((12, 12)), np.zeros((4, 3)), np.zeros((4, 3))
-    cable.stiffness(c, e, v, 2e3, 4e6, K, W, V)
-    solid = (Q, K, cable.force(c, e, v, Q, W, V), cable.energy(c, e, W, V), cable.end_moments(c, e))
-    p, u = np.ascontiguousarray(e[:, XZ]), np.ascontiguousarray(v[:, XZ])
-    q, k, w = np.zeros((4, 2)), np.zeros((8, 8)), np.zeros((4, 2))
-    cable_planar.stiffness(c, p, u, 2e3, 4e6, k, w)
-    flat = (q, k, cable_planar.force(c, p, u, q, w), cable_planar.energy(c, p, w), cable.end_moments(c, p))
-    return solid, flat
+    found = []
+    for axes in ([0, 1, 2], XZ):
+        n, one = len(axes), c._replace(axes=tuple(axes))
+        p, u, Q, K = e[:, axes].copy(), v[:, axes].copy(), np.zeros((4, n)), np.zeros((4 * n, 4 * n))
+        cable.tangent(one, p, u, 2e3, K)
+        found.append((Q, K, cable.force(one, p, u, Q), cable.energy(one, p), cable.end_moments(one, p)))
+    return tuple(found)
 
 
 def test_the_element_is_the_cable_in_its_plane():

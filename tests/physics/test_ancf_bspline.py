@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from fmus.physics.ancf import bspline, cable, joints
+from fmus.physics.ancf import cable
+from orchestrator.without_fmu.ancf import bspline, joints
 
 rng = np.random.default_rng(11)
 INNER = ([], [1], [2, 1, 1], [3, 1, 2], [4, 2, 3, 1], [1, 1, 1, 1, 1, 1])

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from fmus.physics.ancf import beam, cable_general, cable_small, joints, loads, statics, torsion
-from fmus.physics.ancf import corner as corners
+from fmus.physics.ancf import beam, cable, cable_general
 from fmus.physics.ancf.cable import Cable
-from fmus.physics.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
+from orchestrator.without_fmu.ancf import corner as corners
+from orchestrator.without_fmu.ancf import joints, loads, statics, torsion
+from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
 
 PITCH = 0.1524
 LINK = Cable(PITCH, 18.0 / PITCH, 2e11 * 0.01516, 2e11 * 2.03e-6, 0.0, 0.0)
@@ -46,8 +47,8 @@ def chain(kind, c, n, closed):
 @pytest.mark.parametrize(
     ("kind", "c", "closed", "dofs"),
     [
-        (cable_small, LINK, True, 512),
-        (cable_small, LINK, False, 516),
+        (cable, LINK, True, 512),
+        (cable, LINK, False, 516),
         (beam, SHOE, True, 64 * 24 - 64 * 6),
         (beam, SHOE, False, 64 * 24 - 63 * 6),
     ],
@@ -61,7 +62,7 @@ def test_degrees_of_freedom_of_a_track(kind, c, closed, dofs):
 
 
 def test_both_tracks_open_have_126_pins():
-    ties = chain(cable_small, LINK, 64, False)[1]
+    ties = chain(cable, LINK, 64, False)[1]
     assert 2 * len(ties) == 126
     assert 5 * 2 * len(ties) == 630  # of rigid bodies; here 504 that are linear, and gone
 
@@ -72,11 +73,11 @@ A30 = [0.5, np.sqrt(0.75), 0.0]
 @pytest.mark.parametrize(
     ("kind", "joint", "rank"),
     [
-        (cable_small, joints.spherical(2, 2), 3),
-        (cable_small, joints.pin_cable(Y), 4),
-        (cable_small, joints.pin_cable([1, 2, 3]), 4),
-        (cable_small, joints.rigid_cable(rotation(Y, 1.0)), 6),
-        (cable_small, joints.smooth(2), 6),
+        (cable, joints.spherical(2, 2), 3),
+        (cable, joints.pin_cable(Y), 4),
+        (cable, joints.pin_cable([1, 2, 3]), 4),
+        (cable, joints.rigid_cable(rotation(Y, 1.0)), 6),
+        (cable, joints.smooth(2), 6),
         (beam, joints.spherical(4, 4), 3),
         (beam, joints.pin_beam(Y), 6),
         (beam, joints.pin_beam(A30, np.eye(3), rotation([1, 1, 0], 0.7)), 6),
@@ -98,7 +99,7 @@ def test_rank_of_what_a_joint_eliminates(kind, joint, rank):
 @pytest.mark.parametrize(
     ("kind", "axis"),
     [
-        (cable_small, Y),
+        (cable, Y),
         (cable_general, Y),
         (beam, Y),
         (beam, [0, 0, 1]),
@@ -148,14 +149,14 @@ def test_elimination_gives_the_accelerations_of_multipliers():
 
 
 def test_an_end_follows_once():
-    e = nodes(cable_small, [0, 0, 0], np.eye(3), 1.0, 2)
+    e = nodes(cable, [0, 0, 0], np.eye(3), 1.0, 2)
     tie = Tie((0, 1), (1, 0), joints.smooth(2))
     with pytest.raises(ValueError, match="one other end or one support"):
-        Mesh([Part(cable_small, LINK, e)], [tie, tie])
+        Mesh([Part(cable, LINK, e)], [tie, tie])
     with pytest.raises(ValueError, match="one other end or one support"):
-        Mesh([Part(cable_small, LINK, e)], [tie], [Support((1, 0), joints.clamped(2))])
+        Mesh([Part(cable, LINK, e)], [tie], [Support((1, 0), joints.clamped(2))])
     with pytest.raises(ValueError, match="follows itself"):
-        Mesh([Part(cable_small, LINK, e)], [tie, Tie((1, 0), (0, 1), joints.smooth(2))])
+        Mesh([Part(cable, LINK, e)], [tie, Tie((1, 0), (0, 1), joints.smooth(2))])
 
 
 # Corners -----------------------------------------------------------------------------------------------------------
@@ -192,7 +193,7 @@ def test_sections_of_beams_turn_as_one_body(name):
 
 @pytest.mark.parametrize("name", ["T", "L", "V"])
 def test_sections_of_cables_turn_as_one_body_in_their_plane(name):
-    mesh = corner(cable_small, LINK, name)
+    mesh = corner(cable, LINK, name)
     x = turned(mesh.e0, rotation(Y, 1.0))
     q = mesh.fit(x)
     assert abs(mesh.coordinates(q) - x).max() < 1e-14
@@ -240,7 +241,7 @@ def frame_tip(kind, n, stiffer=1.0, h=0.05, rigid=100.0):
     return u[0] / x - 1, u[2] / z - 1
 
 
-@pytest.mark.parametrize(("kind", "n"), [(beam, 24), (cable_small, 4), (cable_general, 4)])
+@pytest.mark.parametrize(("kind", "n"), [(beam, 24), (cable, 4), (cable_general, 4)])
 def test_an_l_frame_bends_as_timoshenko_says(kind, n):
     assert max(map(abs, frame_tip(kind, n))) < 5e-3
     assert max(map(abs, frame_tip(kind, n, stiffer=1.03))) > 5e-3
@@ -300,7 +301,7 @@ def spinning(kind, c, n=64, omega=5.0):
 
 def test_joint_force_and_hoop_strain_of_a_spinning_steel_loop():
     n, omega, m = 64, 5.0, 18.0
-    mesh, q = spinning(cable_small, LINK, n, omega)
+    mesh, q = spinning(cable, LINK, n, omega)
     Rc = PITCH / (2 * np.tan(np.pi / n))
     T = m * omega**2 * Rc / (2 * np.sin(np.pi / n))
     assert pytest.approx(7112.513, rel=1e-7) == T

@@ -137,10 +137,10 @@ def test_hoop_strain_of_the_steel_loop():
     """T / EA to 1/2400, which is the polygon: along a link the tension is m omega^2 p (cot^2 + 1/3) / 4, to 1e-7."""
     loop = steel_loop()
     tension = float(joint_forces(loop).mean())
-    e, W, found = np.zeros((4, 3)), np.zeros((4, 3)), []
+    e, found = np.zeros((4, 3)), []
     for i in range(LINKS):
         gather(loop.s.q, i, (i + 1) % LINKS, e)
-        found.append(cable.strain(loop.links.cable, e, W))
+        found.append(cable.strain(loop.links.cable, e))
     assert np.ptp(found) < 1e-13
     assert np.mean(found) == pytest.approx(tension / STEEL.EA, rel=5e-4)
     mean = MASS * RATE**2 * P / 4 * (1 / np.tan(np.pi / LINKS) ** 2 + 1 / 3)

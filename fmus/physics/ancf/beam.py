@@ -68,18 +68,6 @@ def shape(c, xi, y, z, S):
 
 
 @allocating
-def shape_gradients(c, xi, y, z, D):
-    """Derivatives by x, y, z of the eight shape functions, into the columns of ``D`` (8, 3)."""
-    ends = np.empty(4)
-    cable.shape_slope(c, xi, ends)
-    D[:] = 0.0
-    D[0, 0], D[1, 0], D[2, 0], D[3, 0] = ends[0], ends[1], -y / c.l, -z / c.l
-    D[4, 0], D[5, 0], D[6, 0], D[7, 0] = ends[2], ends[3], y / c.l, z / c.l
-    D[2, 1] = D[3, 2] = 1.0 - xi
-    D[6, 1] = D[7, 2] = xi
-
-
-@allocating
 def mass(c, M):
     """The constant mass matrix as (8, 8) factors of the identity of space, kg."""
     S, area = np.empty(8), c.width * c.height
@@ -92,16 +80,6 @@ def mass(c, M):
             for a in range(8):
                 for b in range(8):
                     M[a, b] += w * S[a] * S[b]
-
-
-@kernel
-def gradients(e, D, F):
-    """The matrix of position gradients r_x, r_y, r_z in the columns of ``F`` (3, 3)."""
-    for i in range(3):
-        for k in range(3):
-            F[i, k] = D[4, k] * (e[4, i] - e[0, i])  # D[0] = -D[4]: distance from the origin costs no digits
-            for a in range(1, 4):
-                F[i, k] += D[a, k] * e[a, i] + D[4 + a, k] * e[4 + a, i]
 
 
 @kernel
@@ -153,13 +131,12 @@ def place(c, k):
 
 
 @kernel
-def basis(c, p, N):
-    """What a section sees of an element, G = N e: r_x on the axis, its slopes by y and z, r_y, r_z; ``N`` (5, 8).
+def basis(c, xi, N):
+    """What the section at the fraction ``xi`` of the length sees of an element, G = N e; ``N`` (5, 8).
 
-    The gradients at y, z of the section are G0 + y G1 + z G2, G3, G4: four sections at five places cost a quarter of
-    twenty points that know nothing of each other.
+    That is r_x on the axis, its slopes by y and z, r_y, r_z. The gradients at y, z of the section are G0 + y G1 + z G2,
+    G3, G4: four sections at five places cost a quarter of twenty points that know nothing of each other.
     """
-    xi = POINTS[GAUSS, p]
     N[:] = 0.0
     ends = N[1]
     cable.shape_slope(c, xi, ends)
@@ -206,7 +183,7 @@ def energy(c, e):
     N, G, F, E, T = np.empty((5, 8)), np.empty((5, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
     volume, U = c.l * c.width * c.height, 0.0
     for p in range(GAUSS):
-        basis(c, p, N)
+        basis(c, POINTS[GAUSS, p], N)
         seen(N, e, G)
         for k in range(PLACES):
             y, z, share, moduli = place(c, k)
@@ -219,16 +196,17 @@ def energy(c, e):
 
 
 @allocating
-def react(c, e, v, elastic, tau, Q):
-    """Force of ``elastic`` times the elastic stress and ``tau`` s times its rate at rates ``v``, added to ``Q`` (8, 3).
+def react(c, e, v, elastic, Q):
+    """Force of ``elastic`` times the elastic stress, and of tau times its rate at rates ``v``, added to ``Q`` (8, 3).
 
-    Returns the power of the latter, W.
+    Returns the power of the latter, W. The paper damps its cable only, (16)-(21); this is (16) for all six strains,
+    which no rigid motion changes.
     """
     N, G, H, P = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((5, 3))
     F, V, E, T, R = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6), np.empty(6)
-    volume, power = c.l * c.width * c.height, 0.0
+    volume, tau, power = c.l * c.width * c.height, c.tau, 0.0
     for p in range(GAUSS):
-        basis(c, p, N)
+        basis(c, POINTS[GAUSS, p], N)
         seen(N, e, G)
         seen(N, v, H)
         P[:] = 0.0
@@ -259,18 +237,15 @@ def react(c, e, v, elastic, tau, Q):
 
 
 @kernel
-def force(c, e, Q):
-    """Elastic force, gradient of the energy, added to ``Q`` (8, 3)."""
-    react(c, e, e, 1.0, 0.0, Q)
+def force(c, e, v, Q):
+    """Elastic and damping force, added to ``Q`` (8, 3); returns the power of the damping, W."""
+    return react(c, e, v, 1.0, Q)
 
 
 @kernel
 def damping(c, e, v, Q):
-    """Force of the stress tau x rate of the elastic stress, added to ``Q``; returns its power, W.
-
-    The paper damps its cable only, (16)-(21); this is (16) for all six strains, which no rigid motion changes.
-    """
-    return react(c, e, v, 0.0, c.tau, Q)
+    """The damping force alone, added to ``Q`` (8, 3); returns its power, W."""
+    return react(c, e, v, 0.0, Q)
 
 
 @kernel
@@ -320,26 +295,14 @@ def gather_section(w, y, z, A, H):
 
 
 @allocating
-def stiffen(c, e, v, tau, by_rate, K):
-    """Exact derivative of force and damping, by coordinates and ``by_rate`` times by rates, added to ``K`` (24, 24)."""
-    N, G, Z, H, Y = (
-        np.empty((5, 8)),
-        np.empty((5, 3)),
-        np.empty((5, 3)),
-        np.empty((15, 15)),
-        np.empty((15, 24)),
-    )
-    F, V, E, T, R, A = (
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty(6),
-        np.empty(6),
-        np.empty(6),
-        np.empty((9, 9)),
-    )
-    volume = c.l * c.width * c.height
+def tangent(c, e, v, by_rate, K):
+    """Exact derivative of ``force`` by coordinates and ``by_rate`` 1/s times by rates, written to ``K`` (24, 24)."""
+    N, G, Z, H, Y = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((15, 15)), np.empty((15, 24))
+    F, V, E, T, R, A = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6), np.empty(6), np.empty((9, 9))
+    volume, tau = c.l * c.width * c.height, c.tau
+    K[:] = 0.0
     for p in range(GAUSS):
-        basis(c, p, N)
+        basis(c, POINTS[GAUSS, p], N)
         seen(N, e, G)
         seen(N, v, Z)
         H[:] = 0.0
@@ -369,58 +332,3 @@ def stiffen(c, e, v, tau, by_rate, K):
             for i in range(3):
                 for m in range(24):
                     K[3 * a + i, m] += one * Y[3 * first + i, m] + two * Y[3 * other + i, m]
-
-
-@kernel
-def tangent(c, e, K):
-    """Exact derivative of the force, added to ``K`` (24, 24)."""
-    stiffen(c, e, e, 0.0, 0.0, K)
-
-
-@allocating
-def stress(c, e, xi, y, z):
-    """Axial stress, and bending stress at the fibre ``y``, ``z`` (what xx differs there from the axis), Pa.
-
-    By Young's modulus on the strain xx, as in the cable: of the law with nu it is what a free side leaves.
-    """
-    D, F, E = np.empty((8, 3)), np.empty((3, 3)), np.empty(6)
-    shape_gradients(c, xi, y, z, D)
-    gradients(e, D, F)
-    strain(F, E)
-    outer = E[0]
-    shape_gradients(c, xi, 0.0, 0.0, D)
-    gradients(e, D, F)
-    strain(F, E)
-    return c.E * E[0], c.E * (outer - E[0])
-
-
-@kernel
-def energies(c, e):
-    """Strain energy of all elements ``e`` (n, 8, 3), J."""
-    U = 0.0
-    for k in range(len(e)):
-        U += energy(c, e[k])
-    return U
-
-
-@kernel
-def forces(c, e, Q):
-    """Elastic forces of all elements, added to ``Q`` (n, 8, 3)."""
-    for k in range(len(e)):
-        force(c, e[k], Q[k])
-
-
-@kernel
-def tangents(c, e, K):
-    """Tangents of all elements, added to ``K`` (n, 24, 24)."""
-    for k in range(len(e)):
-        tangent(c, e[k], K[k])
-
-
-@kernel
-def dampings(c, e, v, Q):
-    """Damping forces of all elements, added to ``Q`` (n, 8, 3); returns their power, W."""
-    power = 0.0
-    for k in range(len(e)):
-        power += damping(c, e[k], v[k], Q[k])
-    return power

@@ -1,8 +1,11 @@
-"""The gradient-deficient Euler-Bernoulli cable element, 12 coordinates, with small-deformation elasticity.
+"""The gradient-deficient Euler-Bernoulli cable element with small-deformation elasticity, in space or in a plane.
 
-Element coordinates ``e`` (4, 3): position, slope at the first node, position, slope at the second; the slopes are
-derivatives by the length x along the straight link. Sources: equations (11)-(21) of Shabana et al., Ideal compliant
-joints and integration of computer aided design and analysis; Berzeri, Campanelli, Shabana 2001.
+Element coordinates ``e`` (4, axes): position, slope at the first node, position, slope at the second; the slopes are
+derivatives by the length x along the straight link. Along each axis the element sees three numbers of them, its
+``parts``: the difference of the positions, so that distance from the origin costs no digits, and the two slopes. No
+formula knows more of the axes than their number: in the plane of a chain the element is the same without what is zero.
+Sources: equations (11)-(21) of Shabana et al., Ideal compliant joints and integration of computer aided design and
+analysis; Berzeri, Campanelli, Shabana 2001.
 Deviations: the average strain of (12) is Green's, (1/l int r_x.r_x dx - 1)/2, so that the force is the exact gradient
 of EA l eps^2 / 2 (the chord strain (d - l)/l has no potential); the curvature damping (20), 0/0 on a straight link, is
 (nu2/E) P^T K_t P e' with P removing the rotation of the chord.
@@ -17,6 +20,8 @@ import numpy as np
 
 from fmus.jit import kernel
 
+ROWS = 4  # vectors of coordinates of an element: position and slope at two nodes
+
 
 class Cable(NamedTuple):
     """One link."""
@@ -27,6 +32,7 @@ class Cable(NamedTuple):
     EI: float  # bending stiffness, N m2
     nuA: float  # axial damping nu1 A, N s
     nuI: float  # bending damping nu2 I, N s m2
+    axes: tuple[int, ...] = (0, 1, 2)  # those that a vector has: compiled for their number, as the length of a tuple
 
 
 class GeneralCable(Cable):
@@ -39,6 +45,9 @@ class EngineeringCable(Cable):
     """A link with the elasticity of ``cable_engineering``."""
 
     __slots__ = ()
+
+
+Section = Cable
 
 
 @kernel
@@ -76,197 +85,204 @@ def mass(c, M):
 
 
 @kernel
-def gradients(c, K):
-    """Integral of S_x^T S_x dx as (4, 4) factors, of (12)."""
-    l = c.l
-    rows = (
-        (36.0, 3.0 * l, -36.0, 3.0 * l),
-        (3.0 * l, 4.0 * l * l, -3.0 * l, -l * l),
-        (-36.0, -3.0 * l, 36.0, -3.0 * l),
-        (3.0 * l, -l * l, -3.0 * l, 4.0 * l * l),
-    )
-    for a in range(4):
-        for b in range(4):
-            K[a, b] = rows[a][b] / (30.0 * l)
+def parts(e, i):
+    """Of ``e`` (4, axes) along axis ``i``: difference of the positions, slope at the first node, at the second."""
+    return e[2, i] - e[0, i], e[1, i], e[3, i]
 
 
 @kernel
-def curvatures(c, K):
-    """Integral of S_xx^T S_xx dx as (4, 4) factors, of (14)."""
-    l = c.l
-    rows = (
-        (12.0, 6.0 * l, -12.0, 6.0 * l),
-        (6.0 * l, 4.0 * l * l, -6.0 * l, 2.0 * l * l),
-        (-12.0, -6.0 * l, 12.0, -6.0 * l),
-        (6.0 * l, 2.0 * l * l, -6.0 * l, 4.0 * l * l),
-    )
-    for a in range(4):
-        for b in range(4):
-            K[a, b] = rows[a][b] / (l * l * l)
-
-
-@kernel
-def times_gradients(c, e, W):
-    """W = (int S_x^T S_x dx) e, from differences of positions so that distance from the origin costs no digits."""
-    for i in range(3):
-        d = e[2, i] - e[0, i]
-        W[0, i] = (-36.0 * d / c.l + 3.0 * (e[1, i] + e[3, i])) / 30.0
-        W[1, i] = (-3.0 * d + c.l * (4.0 * e[1, i] - e[3, i])) / 30.0
-        W[2, i] = -W[0, i]
-        W[3, i] = (-3.0 * d + c.l * (4.0 * e[3, i] - e[1, i])) / 30.0
-
-
-@kernel
-def times_curvatures(c, e, B):
-    """B = (int S_xx^T S_xx dx) e."""
-    for i in range(3):
-        d = (e[2, i] - e[0, i]) / c.l
-        B[0, i] = (-12.0 * d + 6.0 * (e[1, i] + e[3, i])) / (c.l * c.l)
-        B[1, i] = (-6.0 * d + 4.0 * e[1, i] + 2.0 * e[3, i]) / c.l
-        B[2, i] = -B[0, i]
-        B[3, i] = (-6.0 * d + 2.0 * e[1, i] + 4.0 * e[3, i]) / c.l
+def add(f, i, Q):
+    """A force on the ``parts`` along axis ``i``, added to ``Q`` (4, axes)."""
+    Q[0, i] -= f[0]
+    Q[1, i] += f[1]
+    Q[2, i] += f[0]
+    Q[3, i] += f[2]
 
 
 @kernel
 def dot(a, b):
-    """Sum of products of two (4, 3)."""
+    """Of two triples."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def averaged(c, x):
+    """(int S_x^T S_x dx) times the parts ``x`` along an axis, of (12)."""
+    d, p, r = x
+    l = c.l / 30.0
+    return 1.2 * (d / c.l) - 0.1 * (p + r), l * (4.0 * p - r) - 0.1 * d, l * (4.0 * r - p) - 0.1 * d
+
+
+@kernel
+def curved(c, x):
+    """r_xx at the two ends, 1/m, of the parts ``x`` along an axis."""
+    s, p, r = 6.0 * (x[0] / c.l), x[1], x[2]
+    per = 1.0 / c.l  # one division for all axes
+    return per * (s - 4.0 * p - 2.0 * r), per * (2.0 * p + 4.0 * r - s)
+
+
+@kernel
+def bent(c, x):
+    """(int S_xx^T S_xx dx) times the parts ``x`` along an axis, of (14): unit bending moments and their couple."""
+    first, second = curved(c, x)
+    return 1.0 / c.l * (first - second), -first, second
+
+
+@kernel
+def strain(c, e):
+    """Average Green strain of the centreline."""
     s = 0.0
-    for k in range(4):
-        for i in range(3):
-            s += a[k, i] * b[k, i]
-    return s
+    for i in range(len(c.axes)):
+        x = parts(e, i)
+        s += dot(x, averaged(c, x))
+    return 0.5 * (s / c.l - 1.0)
 
 
 @kernel
-def strain(c, e, W):
-    """Average Green strain of the centreline; leaves (int S_x^T S_x dx) e in ``W`` (4, 3)."""
-    times_gradients(c, e, W)
-    return 0.5 * (dot(e, W) / c.l - 1.0)
+def strain_rate(c, e, v):
+    """Its rate, 1/s, at rates ``v``."""
+    s = 0.0
+    for i in range(len(c.axes)):
+        s += dot(parts(v, i), averaged(c, parts(e, i)))
+    return s / c.l
 
 
 @kernel
-def energy(c, e, W, B):
-    """Strain energy, J; ``W``, ``B`` (4, 3) are scratch."""
-    eps = strain(c, e, W)
-    times_curvatures(c, e, B)
-    return 0.5 * c.EA * c.l * eps * eps + 0.5 * c.EI * dot(e, B)
+def energy(c, e):
+    """Strain energy at coordinates ``e`` (4, axes), J."""
+    eps, square = strain(c, e), 0.0
+    for i in range(len(c.axes)):
+        first, second = curved(c, parts(e, i))  # linear between: as a sum of squares it keeps its digits near zero
+        square += first * first + first * second + second * second
+    return 0.5 * c.EA * c.l * eps * eps + c.EI * c.l / 6.0 * square
 
 
 @kernel
-def force(c, e, v, Q, W, B):
-    """Internal force (15) + (21) at coordinates ``e`` and rates ``v``, added to ``Q`` (4, 3).
-
-    Returns the power that the material dissipates, W. ``W`` keeps the gradient of the strain times l; ``B`` is scratch.
-    """
-    eps = strain(c, e, W)
-    rate = dot(v, W) / c.l
+def react(c, e, v, elastic, Q):
+    """``elastic`` times the elastic force (15), and the damping force (21), added to ``Q``; returns its power, W."""
+    eps, rate = strain(c, e), strain_rate(c, e, v)
     drag = c.nuA * rate / (1.0 + 2.0 * eps)  # paper (19)
-    axial = c.EA * eps + drag  # paper (12)
-    times_curvatures(c, e, B)
-    for a in range(4):
-        for i in range(3):
-            Q[a, i] += axial * W[a, i] + c.EI * B[a, i]  # paper (14)
+    axial, bend = elastic * c.EA * eps + drag, elastic * c.EI  # paper (12)
+    for i in range(len(c.axes)):
+        x = parts(e, i)
+        a, b = averaged(c, x), bent(c, x)
+        add((axial * a[0] + bend * b[0], axial * a[1] + bend * b[1], axial * a[2] + bend * b[2]), i, Q)  # paper (14)
     power = drag * rate * c.l
     if c.nuI > 0.0:
-        power += bending_damping(c, e, v, Q, B)
+        power += bending_damping(c, e, v, Q)
     return power
 
 
 @kernel
-def bending_damping(c, e, v, Q, B):
+def force(c, e, v, Q):
+    """Internal force (15) + (21) at coordinates ``e`` and rates ``v``, added to ``Q`` (4, axes).
+
+    Returns the power that the material dissipates, W.
+    """
+    return react(c, e, v, 1.0, Q)
+
+
+@kernel
+def damping(c, e, v, Q):
+    """The damping force (21) alone, added to ``Q``; returns its power, W."""
+    return react(c, e, v, 0.0, Q)
+
+
+@kernel
+def bending_damping(c, e, v, Q):
     """Damping of curvature in the frame of the chord, added to ``Q``; returns its power, W."""
-    d0, d1, d2 = e[2, 0] - e[0, 0], e[2, 1] - e[0, 1], e[2, 2] - e[0, 2]
-    u0, u1, u2 = v[2, 0] - v[0, 0], v[2, 1] - v[0, 1], v[2, 2] - v[0, 2]
-    length2 = d0 * d0 + d1 * d1 + d2 * d2
-    o0, o1, o2 = (d1 * u2 - d2 * u1) / length2, (d2 * u0 - d0 * u2) / length2, (d0 * u1 - d1 * u0) / length2
-    # rates seen from the chord: position difference and the two slopes
-    p = (u0 - (o1 * d2 - o2 * d1), u1 - (o2 * d0 - o0 * d2), u2 - (o0 * d1 - o1 * d0))
-    g = (
-        v[1, 0] - (o1 * e[1, 2] - o2 * e[1, 1]),
-        v[1, 1] - (o2 * e[1, 0] - o0 * e[1, 2]),
-        v[1, 2] - (o0 * e[1, 1] - o1 * e[1, 0]),
-    )
-    k = (
-        v[3, 0] - (o1 * e[3, 2] - o2 * e[3, 1]),
-        v[3, 1] - (o2 * e[3, 0] - o0 * e[3, 2]),
-        v[3, 2] - (o0 * e[3, 1] - o1 * e[3, 0]),
-    )
-    power = 0.0
-    for i in range(3):
-        d = p[i] / c.l
-        B[2, i] = c.nuI * (12.0 * d - 6.0 * (g[i] + k[i])) / (c.l * c.l)
-        B[0, i] = -B[2, i]
-        B[1, i] = c.nuI * (-6.0 * d + 4.0 * g[i] + 2.0 * k[i]) / c.l
-        B[3, i] = c.nuI * (-6.0 * d + 2.0 * g[i] + 4.0 * k[i]) / c.l
-        power += B[2, i] * p[i] + B[1, i] * g[i] + B[3, i] * k[i]
-    # the moment that P^T takes back as a couple on the ends of the chord
-    m0 = d1 * B[2, 2] - d2 * B[2, 1] + e[1, 1] * B[1, 2] - e[1, 2] * B[1, 1] + e[3, 1] * B[3, 2] - e[3, 2] * B[3, 1]
-    m1 = d2 * B[2, 0] - d0 * B[2, 2] + e[1, 2] * B[1, 0] - e[1, 0] * B[1, 2] + e[3, 2] * B[3, 0] - e[3, 0] * B[3, 2]
-    m2 = d0 * B[2, 1] - d1 * B[2, 0] + e[1, 0] * B[1, 1] - e[1, 1] * B[1, 0] + e[3, 0] * B[3, 1] - e[3, 1] * B[3, 0]
-    c0, c1, c2 = (m1 * d2 - m2 * d1) / length2, (m2 * d0 - m0 * d2) / length2, (m0 * d1 - m1 * d0) / length2
-    couple = (c0, c1, c2)
-    for i in range(3):
-        B[0, i] += couple[i]
-        B[2, i] -= couple[i]
-        for a in range(4):
-            Q[a, i] += B[a, i]
+    d2 = du = pd = pu = rd = ru = 0.0  # products of the parts d, p, r with d and with its rate u
+    for i in range(len(c.axes)):
+        (d, p, r), u = parts(e, i), v[2, i] - v[0, i]
+        d2, pd, rd = d2 + d * d, pd + p * d, rd + r * d
+        du, pu, ru = du + d * u, pu + p * u, ru + r * u
+    per = 1.0 / d2
+    along, turn = (1.0, per * pd, per * rd), (per * du, per * pu, per * ru)
+    power = fd = fp = fr = 0.0
+    for i in range(len(c.axes)):
+        x = parts(e, i)
+        y = from_chord(x, parts(v, i), along, turn)
+        f = bent(c, y)
+        power += c.nuI * dot(f, y)
+        fd, fp, fr = fd + f[0] * x[0], fp + f[1] * x[0], fr + f[2] * x[0]
+    back = (per * fd, per * fp, per * fr)
+    for i in range(len(c.axes)):
+        x = parts(e, i)
+        f = bent(c, from_chord(x, parts(v, i), along, turn))
+        couple = dot(f, along) - dot(x, back)  # on the ends of the chord: the moment that P^T takes back
+        add((c.nuI * (f[0] - couple), c.nuI * f[1], c.nuI * f[2]), i, Q)
     return power
 
 
 @kernel
-def linear(c, tension, by_rate, by_acceleration):
-    """Rows of (4, 4) factors of the identity of space in the iteration matrix: of ``tension``, N, bending and mass."""
-    axial, bend, m, l = (
-        tension / (30.0 * c.l),
-        (c.EI + by_rate * c.nuI) / c.l**3,
-        (by_acceleration * c.rhoA * c.l / 420.0),
-        c.l,
+def from_chord(x, y, along, turn):
+    """Rates ``y`` of the parts ``x`` along an axis, seen from the chord d: less (d x u) x x / d.d, u the rate of d.
+
+    (d x u) x x = u (d.x) - d (u.x), of each part: ``along`` is d.x / d.d, ``turn`` u.x / d.d.
+    """
+    d, u = x[0], y[0]
+    return (
+        y[0] - u * along[0] + d * turn[0],
+        y[1] - u * along[1] + d * turn[1],
+        y[2] - u * along[2] + d * turn[2],
     )
+
+
+@kernel
+def linear(c, tension, by_rate):
+    """Rows of (4, 4) factors of the identity of space in the tangent: of ``tension``, N, of (12), and of bending."""
+    axial, bend, l = tension / (30.0 * c.l), (c.EI + by_rate * c.nuI) / c.l**3, c.l
     ends = 36.0 * axial + 12.0 * bend
     mixed = (3.0 * axial + 6.0 * bend) * l
     own = (4.0 * axial + 4.0 * bend) * l * l
     other = (-axial + 2.0 * bend) * l * l
     return (
-        (ends + 156.0 * m, mixed + 22.0 * l * m, -ends + 54.0 * m, mixed - 13.0 * l * m),
-        (mixed + 22.0 * l * m, own + 4.0 * l * l * m, -mixed + 13.0 * l * m, other - 3.0 * l * l * m),
-        (-ends + 54.0 * m, -mixed + 13.0 * l * m, ends + 156.0 * m, -mixed - 22.0 * l * m),
-        (mixed - 13.0 * l * m, other - 3.0 * l * l * m, -mixed - 22.0 * l * m, own + 4.0 * l * l * m),
+        (ends, mixed, -ends, mixed),
+        (mixed, own, -mixed, other),
+        (-ends, -mixed, ends, -mixed),
+        (mixed, other, -mixed, own),
     )
 
 
 @kernel
-def stiffness(c, e, v, by_rate, by_acceleration, K, W, V):
-    """Iteration matrix K + by_rate D + by_acceleration M of the element, written to ``K`` (12, 12).
+def tangent(c, e, v, by_rate, K):
+    """Derivative of ``force`` by coordinates and ``by_rate`` 1/s times by rates, written to ``K`` (4 axes, 4 axes).
 
-    ``by_rate`` 1/s and ``by_acceleration`` 1/s2: how rates and accelerations change with the coordinates. Exact but for
-    the change of the chord's direction in the bending damping. ``W``, ``V`` (4, 3) are scratch.
+    Exact but for the change of the chord's direction in the bending damping.
     """
-    eps = strain(c, e, W)
-    times_gradients(c, v, V)
-    rate = dot(v, W) / c.l
+    n, eps, rate = len(c.axes), strain(c, e), strain_rate(c, e, v)
     stretch = 1.0 / (1.0 + 2.0 * eps)
     drag = c.nuA * rate * stretch
     ww = (c.EA + by_rate * c.nuA * stretch - 2.0 * drag * stretch) / c.l
     wv = c.nuA * stretch / c.l
+    for j in range(n):
+        x, y = averaged(c, parts(e, j)), averaged(c, parts(v, j))
+        d, p, r = ww * x[0] + wv * y[0], ww * x[1] + wv * y[1], ww * x[2] + wv * y[2]
+        change = (-d, p, d, r)
+        for i in range(n):
+            d, p, r = averaged(c, parts(e, i))
+            gradient = (-d, p, d, r)
+            for a in range(4):
+                for b in range(4):
+                    K[n * a + i, n * b + j] = gradient[a] * change[b]
+    rows = linear(c, c.EA * eps + drag, by_rate)
     for a in range(4):
         for b in range(4):
-            for i in range(3):
-                for j in range(3):
-                    K[3 * a + i, 3 * b + j] = W[a, i] * (ww * W[b, j] + wv * V[b, j])
-    rows = linear(c, c.EA * eps + drag, by_rate, by_acceleration)
-    for a in range(4):
-        for b in range(4):
-            s = rows[a][b]
-            for i in range(3):
-                K[3 * a + i, 3 * b + i] += s
+            for i in range(n):
+                K[n * a + i, n * b + i] += rows[a][b]
+
+
+@kernel
+def tension(c, e):
+    """Axial force EA eps of (12), N."""
+    return c.EA * strain(c, e)
 
 
 @kernel
 def end_moments(c, e):
     """Bending moments at the two ends, N m: EI |r_xx|."""
-    first, second = 0.0, 0.0
-    for i in range(e.shape[1]):
-        d = 6.0 * (e[2, i] - e[0, i]) / c.l
-        first += ((d - 4.0 * e[1, i] - 2.0 * e[3, i]) / c.l) ** 2
-        second += ((-d + 2.0 * e[1, i] + 4.0 * e[3, i]) / c.l) ** 2
-    return c.EI * np.sqrt(first), c.EI * np.sqrt(second)
+    one, two = 0.0, 0.0
+    for i in range(len(c.axes)):
+        first, second = curved(c, parts(e, i))
+        one, two = one + first * first, two + second * second
+    return c.EI * np.sqrt(one), c.EI * np.sqrt(two)

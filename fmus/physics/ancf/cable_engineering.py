@@ -12,35 +12,20 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import EngineeringCable as Section
-from fmus.physics.ancf.cable import mass, shape, shape_slope
-from fmus.physics.ancf.cable_local import (
-    ROWS,
-    damping,
-    dampings,
-    energies,
-    energy,
-    force,
-    forces,
-    stress,
-    tangent,
-    tangents,
-)
-from fmus.physics.ancf.centreline import Density, shape_curvature
+from fmus.physics.ancf.cable_local import ROWS, damping, energy, force, mass, shape, tangent
+from fmus.physics.ancf.centreline import Density
 
-__all__ = [
-    "ROWS", "Section", "damping", "dampings", "energies", "energy", "force", "forces", "mass",
-    "shape", "shape_curvature", "shape_slope", "stress", "tangent", "tangents",
-]  # fmt: skip
+__all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "shape", "tangent"]
 
 
 @kernel
-def measures(a, b, g):
+def measures(c, a, b, g):
     """Axial strain, bending strain squared, 1/m2, and force over EA times strain, of the invariants."""
     return np.sqrt(a) - 1.0, max(a * b - g * g, 0.0) / (a * a), 1.0
 
 
 @kernel
-def density(EA, EI, a, b, g):
+def density(c, EA, EI, a, b, g):
     """Energy per length, and its derivatives."""
     s, m = np.sqrt(a), 0.5 * EI / a
     return Density(

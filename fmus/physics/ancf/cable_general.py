@@ -2,7 +2,7 @@
 
 Local Green strain eps = (a - 1)/2 and curvature |r_x x r_xx|/|r_x|^3, squared: kappa^2 = (a b - g^2)/a^3 in the
 invariants of ``centreline``. Deviation: (10) as printed divides by |r_x x r_xx|, which is 0/0 on the straight link
-every run starts from; kappa^2 and its derivatives need no such division. Siblings: ``cable_small`` ((11)-(15)),
+every run starts from; kappa^2 and its derivatives need no such division. Siblings: ``cable`` ((11)-(15)),
 ``cable_engineering``.
 """
 
@@ -12,35 +12,20 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import GeneralCable as Section
-from fmus.physics.ancf.cable import mass, shape, shape_slope
-from fmus.physics.ancf.cable_local import (
-    ROWS,
-    damping,
-    dampings,
-    energies,
-    energy,
-    force,
-    forces,
-    stress,
-    tangent,
-    tangents,
-)
-from fmus.physics.ancf.centreline import Density, shape_curvature
+from fmus.physics.ancf.cable_local import ROWS, damping, energy, force, mass, shape, tangent
+from fmus.physics.ancf.centreline import Density
 
-__all__ = [
-    "ROWS", "Section", "damping", "dampings", "energies", "energy", "force", "forces", "mass",
-    "shape", "shape_curvature", "shape_slope", "stress", "tangent", "tangents",
-]  # fmt: skip
+__all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "shape", "tangent"]
 
 
 @kernel
-def measures(a, b, g):
+def measures(c, a, b, g):
     """Axial strain, curvature squared, 1/m2, and force over EA times strain, of the invariants."""
     return 0.5 * (a - 1.0), max(a * b - g * g, 0.0) / (a * a * a), np.sqrt(a)
 
 
 @kernel
-def density(EA, EI, a, b, g):
+def density(c, EA, EI, a, b, g):
     """Energy per length of (8), and its derivatives."""
     n, m = 0.25 * EA, 0.5 * EI / a**2
     return Density(

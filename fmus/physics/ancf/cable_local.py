@@ -1,7 +1,7 @@
-"""The cable elements with a local strain: energy, force and tangent of whatever ``density`` the class of the cable has.
+"""The cable elements with a local strain: whatever ``density`` the class of the cable has.
 
-Siblings that state one: ``cable_general``, ``cable_engineering``. Kernels call kernels by import; the two doors here
-choose theirs when they are compiled, by type, so that neither elasticity loads the other.
+Siblings that state one: ``cable_general``, ``cable_engineering``; the two doors here choose theirs by type, so that
+neither elasticity loads the other. Coordinates ``e`` (4, 3) as in ``cable``; points in ``centreline``.
 """
 
 from __future__ import annotations
@@ -9,23 +9,22 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 
-from fmus.jit import allocating, kernel
+from fmus.jit import allocating, door
 from fmus.physics.ancf import cable
-from fmus.physics.ancf.cable import EngineeringCable, GeneralCable
+from fmus.physics.ancf.cable import ROWS, Cable, EngineeringCable, GeneralCable, mass, shape
 from fmus.physics.ancf.centreline import (
     AXIAL,
     COUNT,
+    add_bending,
     add_damping,
     add_force,
-    add_tangent,
-    invariants,
+    add_stretching,
     lines,
     point,
 )
 
-ROWS = 4  # vectors of coordinates of an element: position and slope at two nodes
+__all__ = ["ROWS", "damping", "end_moments", "energy", "force", "mass", "shape", "tangent", "tension"]
 
 
 def _elasticity(cable: type) -> Any:
@@ -41,26 +40,14 @@ def _elasticity(cable: type) -> Any:
     raise TypeError(f"a cable with a local strain is a GeneralCable or an EngineeringCable, not a {cable.__name__}")
 
 
-def measures(c, a, b, g) -> Any:
+@door(_elasticity, shared=True)
+def measures(c, a, b, g):
     """Axial strain, bending strain squared, 1/m2, and force over EA times strain, of the invariants."""
-    return _elasticity(type(c)).measures(a, b, g)
 
 
-def density(c, EA, EI, a, b, g) -> Any:
-    """Energy per length, and its derivatives."""
-    return _elasticity(type(c)).density(EA, EI, a, b, g)
-
-
-@overload(measures)
-def _measures(c, a, b, g) -> Any:
-    own = _elasticity(c.instance_class).measures
-    return lambda c, a, b, g: own(a, b, g)
-
-
-@overload(density)
-def _density(c, EA, EI, a, b, g) -> Any:
-    own = _elasticity(c.instance_class).density
-    return lambda c, EA, EI, a, b, g: own(EA, EI, a, b, g)
+@door(_elasticity, shared=True)
+def density(c, EA, EI, a, b, g):
+    """Energy per length where the stiffnesses are ``EA`` and ``EI``, and its derivatives."""
 
 
 @allocating
@@ -69,82 +56,87 @@ def energy(c, e):
     D, r, U = np.empty((2, 4)), np.empty((2, 3)), 0.0
     for p in range(COUNT):
         xi, w, EA, EI = point(c, p)
-        lines(c, e, xi, D, r)
-        a, b, g = invariants(r)
+        a, b, g = lines(c, e, xi, D, r)
         U += w * density(c, EA, EI, a, b, g).f
     return U
 
 
 @allocating
-def force(c, e, Q):
-    """Elastic force, gradient of the energy, added to ``Q`` (4, 3)."""
-    D, r = np.empty((2, 4)), np.empty((2, 3))
+def react(c, e, v, elastic, Q):
+    """``elastic`` times the elastic force, and the damping force (18), its curvature part in the frame of the chord.
+
+    Added to ``Q`` (4, 3); returns the power of the damping, W.
+    """
+    D, r, power = np.empty((2, 4)), np.empty((2, 3)), 0.0
     for p in range(COUNT):
         xi, w, EA, EI = point(c, p)
-        lines(c, e, xi, D, r)
-        a, b, g = invariants(r)
-        add_force(w, density(c, EA, EI, a, b, g), D, r, Q)
+        a, b, g = lines(c, e, xi, D, r)
+        add_force(elastic * w, density(c, EA, EI, a, b, g), D, r, Q)
+        if p < AXIAL and c.nuA > 0.0:
+            power += add_damping(c, w, e, v, D, r, Q)
+    if c.nuI > 0.0:
+        power += cable.bending_damping(c, e, v, Q)
+    return power
 
 
 @allocating
-def tangent(c, e, K):
-    """Exact derivative of the force, added to ``K`` (12, 12)."""
-    D, r = np.empty((2, 4)), np.empty((2, 3))
-    for p in range(COUNT):
-        xi, w, EA, EI = point(c, p)
-        lines(c, e, xi, D, r)
-        a, b, g = invariants(r)
-        add_tangent(w, density(c, EA, EI, a, b, g), D, r, K)
+def force(c, e, v, Q):
+    """Elastic and damping force, added to ``Q`` (4, 3); returns the power of the damping, W."""
+    return react(c, e, v, 1.0, Q)
 
 
 @allocating
 def damping(c, e, v, Q):
-    """Damping force (18), its curvature part in the frame of the chord, added to ``Q``; returns its power, W."""
-    D, r, power = np.empty((2, 4)), np.empty((2, 3)), 0.0
-    for p in range(AXIAL):
-        xi, w, _, _ = point(c, p)
-        lines(c, e, xi, D, r)
-        power += add_damping(c, w, e, v, D, r, Q)
-    return power + cable.bending_damping(c, e, v, Q, np.empty((4, 3)))
+    """The damping force alone, added to ``Q`` (4, 3); returns its power, W."""
+    return react(c, e, v, 0.0, Q)
 
 
 @allocating
-def stress(c, e, xi, modulus, fibre):
-    """Axial stress, and bending stress at the distance ``fibre`` from the axis, Pa, at the fraction ``xi``."""
+def tangent(c, e, v, by_rate, K):
+    """Derivative of ``force`` by coordinates and ``by_rate`` 1/s times by rates, written to ``K`` (12, 12).
+
+    Exact but for the change of the chord's direction in the bending damping. The centreline sees positions by their
+    difference only, so a point adds to the matrix E (9, 9) of the slope of the first node, the difference of
+    positions, and the slope of the second, in the order of rows 1, 2, 3 of an element.
+    """
     D, r = np.empty((2, 4)), np.empty((2, 3))
-    lines(c, e, xi, D, r)
-    a, b, g = invariants(r)
-    strain, curvature2, _ = measures(c, a, b, g)
-    return modulus * strain, modulus * fibre * np.sqrt(curvature2)
+    H, E = np.empty((3, 3, 3)), np.zeros((9, 9))
+    for p in range(COUNT):
+        xi, w, EA, EI = point(c, p)
+        a, b, g = lines(c, e, xi, D, r)
+        d = density(c, EA, EI, a, b, g)
+        if p < AXIAL:
+            add_stretching(w, d, c.nuA, by_rate, v, D, r, H, E)
+        else:
+            add_bending(w, d, D, r, H, E)
+    cable.tangent(Cable(c.l, 0.0, 0.0, 0.0, 0.0, c.nuI, c.axes), e, v, by_rate, K)
+    K[3:, 3:] += E
+    for i in range(9):
+        for j in range(3):
+            K[3 + i, j] -= E[i, 3 + j]
+            K[j, 3 + i] -= E[3 + j, i]
+    for i in range(3):
+        for j in range(3):
+            K[i, j] += E[3 + i, 3 + j]
 
 
-@kernel
-def energies(c, e):
-    """Strain energy of all elements ``e`` (n, 4, 3), J."""
-    U = 0.0
-    for k in range(len(e)):
-        U += energy(c, e[k])
-    return U
+@allocating
+def tension(c, e):
+    """Axial force, N, what the pins balance, mean over the link."""
+    D, r, N = np.empty((2, 4)), np.empty((2, 3)), 0.0
+    for p in range(AXIAL):
+        xi, w, EA, _ = point(c, p)
+        a, b, g = lines(c, e, xi, D, r)
+        strain, _, lever = measures(c, a, b, g)
+        N += w / c.l * EA * strain * lever
+    return N
 
 
-@kernel
-def forces(c, e, Q):
-    """Elastic forces of all elements, added to ``Q`` (n, 4, 3)."""
-    for k in range(len(e)):
-        force(c, e[k], Q[k])
-
-
-@kernel
-def tangents(c, e, K):
-    """Tangents of all elements, added to ``K`` (n, 12, 12)."""
-    for k in range(len(e)):
-        tangent(c, e[k], K[k])
-
-
-@kernel
-def dampings(c, e, v, Q):
-    """Damping forces of all elements, added to ``Q`` (n, 4, 3); returns their power, W."""
-    power = 0.0
-    for k in range(len(e)):
-        power += damping(c, e[k], v[k], Q[k])
-    return power
+@allocating
+def end_moments(c, e):
+    """Bending moments at the two ends, N m: EI times the bending strain."""
+    D, r = np.empty((2, 4)), np.empty((2, 3))
+    a, b, g = lines(c, e, 0.0, D, r)
+    first = np.sqrt(measures(c, a, b, g)[1])
+    a, b, g = lines(c, e, 1.0, D, r)
+    return c.EI * first, c.EI * np.sqrt(measures(c, a, b, g)[1])

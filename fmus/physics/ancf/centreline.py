@@ -14,9 +14,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from fmus.jit import allocating, kernel
+from fmus.jit import kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 
@@ -56,19 +54,16 @@ def point(c, p):
 
 @kernel
 def lines(c, e, xi, D, r):
-    """Both derivatives at ``xi``: of the shape functions into ``D`` (2, 4), of the centreline into ``r`` (2, 3)."""
+    """Both derivatives at ``xi``: of the shape functions into ``D`` (2, 4), of the centreline into ``r`` (2, 3).
+
+    Returns the invariants a, b, g of the latter.
+    """
     cable.shape_slope(c, xi, D[0])
     shape_curvature(c, xi, D[1])
-    for k in range(2):
-        for i in range(3):  # from the difference of positions: distance from the origin costs no digits
-            r[k, i] = D[k, 2] * (e[2, i] - e[0, i]) + D[k, 1] * e[1, i] + D[k, 3] * e[3, i]
-
-
-@kernel
-def invariants(r):
-    """The invariants a, b, g of r_x and r_xx in the rows of ``r``."""
     a, b, g = 0.0, 0.0, 0.0
     for i in range(3):
+        for k in range(2):  # from the difference of positions: distance from the origin costs no digits
+            r[k, i] = D[k, 2] * (e[2, i] - e[0, i]) + D[k, 1] * e[1, i] + D[k, 3] * e[3, i]
         a += r[0, i] * r[0, i]
         b += r[1, i] * r[1, i]
         g += r[0, i] * r[1, i]
@@ -85,26 +80,52 @@ def add_force(w, d, D, r, Q):
             Q[k, i] += w * (D[0, k] * by_slope + D[1, k] * by_curvature)
 
 
-@allocating
-def add_tangent(w, d, D, r, K):
-    """Second derivatives of the energy of a point of weight ``w``, m, added to ``K`` (12, 12)."""
-    A, B, G = np.empty(12), np.empty(12), np.empty(12)  # gradients of the invariants
-    for k in range(4):
-        for i in range(3):
-            A[3 * k + i] = 2.0 * D[0, k] * r[0, i]
-            B[3 * k + i] = 2.0 * D[1, k] * r[1, i]
-            G[3 * k + i] = D[0, k] * r[1, i] + D[1, k] * r[0, i]
-    for p in range(12):
-        by_a = w * (d.aa * A[p] + d.ab * B[p] + d.ag * G[p])
-        by_g = w * (d.ag * A[p] + d.gg * G[p])
-        for q in range(12):
-            K[p, q] += by_a * A[q] + w * d.ab * A[p] * B[q] + by_g * G[q]
-    for k in range(4):
-        for m in range(4):
-            s = d.a * 2.0 * D[0, k] * D[0, m] + d.b * 2.0 * D[1, k] * D[1, m]
-            s += d.g * (D[0, k] * D[1, m] + D[1, k] * D[0, m])
+@kernel
+def add_stretching(w, d, drag, by_rate, v, D, r, H, E):
+    """Of the axial energy with density ``d``, and of the damping (18) with ``drag`` = nu1 A, N s, at rates ``v``."""
+    a, rate = 0.0, 0.0
+    u = H[1, 0]
+    for i in range(3):
+        u[i] = D[0, 2] * (v[2, i] - v[0, i]) + D[0, 1] * v[1, i] + D[0, 3] * v[3, i]
+        a += r[0, i] * r[0, i]
+        rate += r[0, i] * u[i]
+    both, along, same = (
+        w * (4.0 * d.aa + drag * (by_rate - 2.0 * rate / a) / a),
+        w * drag / a,
+        w * (2.0 * d.a + drag * rate / a),
+    )
+    for i in range(3):
+        for j in range(3):
+            H[0, i, j] = r[0, i] * (both * r[0, j] + along * u[j])
+        H[0, i, i] += same
+    for k in range(3):
+        for m in range(3):
+            s = D[0, k + 1] * D[0, m + 1]
             for i in range(3):
-                K[3 * k + i, 3 * m + i] += w * s
+                for j in range(3):
+                    E[3 * k + i, 3 * m + j] += s * H[0, i, j]
+
+
+@kernel
+def add_bending(w, d, D, r, H, E):
+    """Of the bending energy with density ``d``: by r_x twice, by r_x and r_xx, by r_xx twice, in ``H`` (3, 3, 3)."""
+    for i in range(3):
+        x, y = r[0, i], r[1, i]
+        for j in range(3):
+            p, q = r[0, j], r[1, j]
+            H[0, i, j] = w * (4.0 * d.aa * x * p + 2.0 * d.ag * (x * q + y * p) + d.gg * y * q)
+            H[1, i, j] = w * (4.0 * d.ab * x * q + 2.0 * d.ag * x * p + d.gg * y * p)
+            H[2, i, j] = w * d.gg * x * p
+        H[0, i, i] += 2.0 * w * d.a
+        H[1, i, i] += w * d.g
+        H[2, i, i] += 2.0 * w * d.b
+    for k in range(3):
+        for m in range(3):
+            xx, xy = D[0, k + 1] * D[0, m + 1], D[0, k + 1] * D[1, m + 1]
+            yx, yy = D[1, k + 1] * D[0, m + 1], D[1, k + 1] * D[1, m + 1]
+            for i in range(3):
+                for j in range(3):
+                    E[3 * k + i, 3 * m + j] += xx * H[0, i, j] + xy * H[1, i, j] + yx * H[1, j, i] + yy * H[2, i, j]
 
 
 @kernel

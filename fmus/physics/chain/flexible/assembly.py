@@ -21,7 +21,7 @@ from fmus.physics.chain.flexible.elements import (
     stiffness,
     vectors,
 )
-from fmus.physics.chain.flexible.inertia import add_kinetic, height, inertia, weigh
+from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass, height, inertia, weigh
 from fmus.physics.chain.sums import POWER
 from fmus.physics.chain.touch import roll
 
@@ -49,7 +49,8 @@ def evaluate(links, contacts, env, x, by, w, tangent):
         inertia(rows, dims, w.M, w.dv, r)
         weigh(weight, l, rows // 2, dims - 1, r)
         if tangent:
-            stiffness(links, w, by)
+            stiffness(links, w, by.v)
+            add_mass(rows, dims, w.M, by.vdot, w.K)
         w.sums[POWER] += force(links, w, r)
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if w.touched[i]:

@@ -17,7 +17,7 @@ from scipy.linalg import eigh
 from fmus.jit import allocating, kernel
 from fmus.physics.ancf import beam
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, seen
-from fmus.physics.ancf.gauss import WEIGHTS
+from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
 from fmus.physics.chain.flexible.beam_nodes import gather as coordinates
@@ -88,19 +88,13 @@ def mass(links, M):
 @kernel
 def force(links, w, r):
     """See ``elements``."""
-    return beam.react(links.beam, w.e, w.v, 1.0, links.beam.tau, r)
+    return beam.force(links.beam, w.e, w.v, r)
 
 
 @kernel
-def stiffness(links, w, by):
+def stiffness(links, w, by_rate):
     """See ``elements``."""
-    K, M = w.K, w.M
-    K[:] = 0.0
-    for a in range(8):
-        for m in range(8):
-            for k in range(3):
-                K[3 * a + k, 3 * m + k] = by.vdot * M[a, m]
-    beam.stiffen(links.beam, w.e, w.v, links.beam.tau, by.v, K)
+    beam.tangent(links.beam, w.e, w.v, by_rate, w.K)
 
 
 @kernel
@@ -124,7 +118,7 @@ def axial(links, w):
     y, z = 0.5 * links.beam.width, links.outer_fibre
     pull = stress = 0.0
     for p in range(GAUSS):
-        basis(links.beam, p, N)
+        basis(links.beam, POINTS[GAUSS, p], N)
         seen(N, w.e, G)
         square = G[0, 0] ** 2 + G[0, 1] ** 2 + G[0, 2] ** 2
         pull += WEIGHTS[GAUSS, p] * links.young * links.area * 0.5 * (square - 1.0) * np.sqrt(square)
@@ -167,7 +161,7 @@ def highest_frequency(links: Beams) -> float:
     c = links.beam
     e = np.vstack([np.zeros(3), np.eye(3), [c.l, 0.0, 0.0], np.eye(3)])
     K, M = np.zeros((24, 24)), np.zeros((8, 8))
-    beam.stiffen(c, e, e, 0.0, 0.0, K)
+    beam.tangent(c, e, np.zeros((8, 3)), 0.0, K)
     beam.mass(c, M)
     return float(np.sqrt(eigh(K, np.kron(M, np.eye(3)), eigvals_only=True)[-1]))
 

@@ -16,10 +16,9 @@ import numpy as np
 from scipy.linalg import eigh
 
 from fmus.jit import kernel
-from fmus.physics.ancf import cable
+from fmus.physics.ancf import cable, element
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible import elasticity
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.condensation import condense, layout, reduce
@@ -38,7 +37,7 @@ class Cables(NamedTuple):
 
     count: int
     closed: int
-    cable: Cable  # its class is the elasticity, see ``elasticity``
+    cable: Cable  # its class is the elasticity, see ``ancf/element.py``
     face: float  # contact faces from the pin line, m
     outer_fibre: float  # m
     area: float  # m2
@@ -84,19 +83,19 @@ def mass(links, M):
 @kernel
 def force(links, w, r):
     """See ``elements``."""
-    return elasticity.force(links.cable, w.e, w.v, r, w.W, w.V)
+    return element.force(links.cable, w.e, w.v, r)
 
 
 @kernel
-def stiffness(links, w, by):
+def stiffness(links, w, by_rate):
     """See ``elements``."""
-    elasticity.stiffness(links.cable, w.e, w.v, by.v, by.vdot, w.K, w.W, w.V)
+    element.tangent(links.cable, w.e, w.v, by_rate, w.K)
 
 
 @kernel
 def energy(links, w):
     """See ``elements``."""
-    return elasticity.energy(links.cable, w.e, w.W, w.V)
+    return element.energy(links.cable, w.e)
 
 
 @kernel
@@ -108,8 +107,8 @@ def flatten(links, w):
 def axial(links, w):
     """See ``elements``."""
     c = links.cable
-    pull = elasticity.tension(c, w.e)
-    first, second = elasticity.end_moments(c, w.e)
+    pull = element.tension(c, w.e)
+    first, second = element.end_moments(c, w.e)
     bend = max(first, second) * links.outer_fibre / links.second_moment
     at = pull / links.area
     return pull, max(abs(at + bend), abs(at - bend))
@@ -143,7 +142,7 @@ def highest_frequency(links: Cables) -> float:
     c = links.cable
     e = np.array([[0.0, 0, 0], [1, 0, 0], [c.l, 0, 0], [1, 0, 0]])
     K, M = np.zeros((12, 12)), np.zeros((4, 4))
-    elasticity.stiffness(c, e, np.zeros((4, 3)), 0.0, 0.0, K, np.zeros((4, 3)), np.zeros((4, 3)))
+    element.tangent(c, e, np.zeros((4, 3)), 0.0, K)
     cable.mass(c, M)
     return float(np.sqrt(eigh(K, np.kron(M, np.eye(3)), eigvals_only=True)[-1]))
 

@@ -61,8 +61,8 @@ def force(links, w, r):
 
 
 @door(kit)
-def stiffness(links, w, by):
-    """Iteration matrix of the link in ``w.e``, ``w.v`` with its mass, written to ``w.K``."""
+def stiffness(links, w, by_rate):
+    """Derivative of ``force`` by coordinates and ``by_rate`` times by rates, written to ``w.K``."""
 
 
 @door(kit)

@@ -16,6 +16,15 @@ def inertia(rows, axes, M, a, r):
 
 
 @kernel
+def add_mass(rows, axes, M, factor, K):
+    """``factor`` 1/s2 times the mass ``M`` (rows, rows), added to the matrix ``K`` (rows axes, rows axes)."""
+    for i in range(rows):
+        for j in range(rows):
+            for k in range(axes):
+                K[axes * i + k, axes * j + k] += factor * M[i, j]
+
+
+@kernel
 def weigh(weight, l, last, up, r):
     """A link's ``weight``, N, on its residual ``r`` (rows, axes): the integral of its shape functions.
 

@@ -13,9 +13,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from fmus.jit import kernel
-from fmus.physics.ancf import cable, cable_planar
-from fmus.physics.ancf.cable import Cable, end_moments
-from fmus.physics.ancf.cable_planar import strain
+from fmus.physics.ancf import cable
+from fmus.physics.ancf.cable import Cable
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import planar_nodes
 from fmus.physics.chain.flexible.condensation import condense, layout, reduce
@@ -36,7 +35,7 @@ class PlanarCables(NamedTuple):
 
     count: int
     closed: int
-    cable: Cable  # small deformation
+    cable: Cable  # small deformation, in two axes
     face: float  # contact faces from the pin line, m
     outer_fibre: float  # m
     area: float  # m2
@@ -82,19 +81,19 @@ def mass(links, M):
 @kernel
 def force(links, w, r):
     """See ``elements``."""
-    return cable_planar.force(links.cable, w.e, w.v, r, w.W)
+    return cable.force(links.cable, w.e, w.v, r)
 
 
 @kernel
-def stiffness(links, w, by):
+def stiffness(links, w, by_rate):
     """See ``elements``."""
-    cable_planar.stiffness(links.cable, w.e, w.v, by.v, by.vdot, w.K, w.W)
+    cable.tangent(links.cable, w.e, w.v, by_rate, w.K)
 
 
 @kernel
 def energy(links, w):
     """See ``elements``."""
-    return cable_planar.energy(links.cable, w.e, w.W)
+    return cable.energy(links.cable, w.e)
 
 
 @kernel
@@ -107,8 +106,8 @@ def flatten(links, w):
 def axial(links, w):
     """See ``elements``."""
     c = links.cable
-    pull = c.EA * strain(c, w.e, w.W)
-    first, second = end_moments(c, w.e)
+    pull = cable.tension(c, w.e)
+    first, second = cable.end_moments(c, w.e)
     bending = max(first, second) * links.outer_fibre / links.second_moment
     at = pull / links.area
     return pull, max(abs(at + bending), abs(at - bending))
@@ -142,7 +141,7 @@ def highest_frequency(links: PlanarCables) -> float:
     c = links.cable
     e = np.array([[0.0, 0.0], [1.0, 0.0], [c.l, 0.0], [1.0, 0.0]])
     K, M = np.zeros((8, 8)), np.zeros((4, 4))
-    cable_planar.stiffness(c, e, np.zeros((4, 2)), 0.0, 0.0, K, np.zeros((4, 2)))
+    cable.tangent(c, e, np.zeros((4, 2)), 0.0, K)
     cable.mass(c, M)
     return float(np.sqrt(eigh(K, np.kron(M, np.eye(2)), eigvals_only=True)[-1]))
 

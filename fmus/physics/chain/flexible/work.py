@@ -32,8 +32,6 @@ class Work(NamedTuple):
     e: np.ndarray  # (rows, axes)
     v: np.ndarray  # (rows, axes)
     dv: np.ndarray  # (rows, axes)
-    W: np.ndarray  # (rows, axes)
-    V: np.ndarray  # (rows, axes)
     M: np.ndarray  # (rows, rows)
     S: np.ndarray  # (rows) shape functions
     C: np.ndarray  # (rows) their slopes
@@ -62,7 +60,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int) -> Work:
         A=z(block), U=z(block), L=z(block), factors=workspace(nodes, m), b=z((nodes, m)),
         K=z((whole, whole)), R=z((links, *vectors)),
         inner=z((links, n, n)), right=z((links, n, 2 * m)), left=z((links, 2 * m, n)), own=z((links, n)), swap=z(n),
-        e=z(vectors), v=z(vectors), dv=z(vectors), W=z(vectors), V=z(vectors), M=z((rows, rows)),
+        e=z(vectors), v=z(vectors), dv=z(vectors), M=z((rows, rows)),
         S=z(rows), C=z(rows), t=z(3),
         moved=moved, flat=moved if axes == 3 else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),

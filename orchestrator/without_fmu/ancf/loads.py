@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from fmus.physics.ancf.mesh import End, Mesh
 from fmus.physics.arrays import Floats
+from orchestrator.without_fmu.ancf.mesh import End, Mesh
 
 
 class Dead(NamedTuple):
@@ -61,5 +61,5 @@ def gravity(mesh: Mesh, g: ArrayLike) -> Dead:
 
 def couple(mesh: Mesh, end: End, moment: ArrayLike, row: int) -> Couple:
     """A moment on the gradient in ``row`` (1: r_x, 3: r_z of a beam) of an end."""
-    place = mesh.ends[2 * end[0] + end[1]].start + 3 * row
+    place = mesh.place(end).start + 3 * row
     return Couple(mesh.pull(end, row), mesh.b[place : place + 3], np.asarray(moment, float))

@@ -18,15 +18,18 @@ H b = 0, is one of
 and with b b^T, the same for both elements, the pin itself is stretched. Five of the six strains may jump at the joint,
 E_bb may not. Bending (figure 8 b) is the rotation of the node of one element whose chord stays: the gradients turn
 against the line between its nodes, the section with them; no strain on the axis at the joint, but one linear in c
-beside it. Coordinates of the pair are (2, 8, 3): before, behind; each as in ancf/beam.py, whose strains these are.
+beside it. Coordinates of the pair are (2, 8, 3): before, behind; each as in fmus/physics/ancf/beam.py, whose strains
+these are.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from fmus.physics.ancf import beam
 from fmus.physics.arrays import Floats
+from orchestrator.without_fmu.ancf.stress import strains
 
 JOINT = ((0, 4), (1, 0))  # (element, row) where the joint's node begins in the pair's coordinates
 ROTATION = "rotation"
@@ -81,12 +84,7 @@ def gradient_change(mode: str, axis: Floats) -> Floats:
 
 def turned(axis: Floats, angle: float) -> Floats:
     """The rotation matrix of ``angle`` about the pin."""
-    a, b, c = triad(axis)
-    return (
-        np.outer(b, b)
-        + np.cos(angle) * (np.outer(a, a) + np.outer(c, c))
-        + np.sin(angle) * (np.outer(a, c) - np.outer(c, a))
-    )
+    return np.asarray(Rotation.from_rotvec(angle * triad(axis)[1]).as_matrix())
 
 
 def displacement(mode: str, axis: Floats, amplitude: float, l: float, before: bool = False) -> Floats:
@@ -116,17 +114,9 @@ def position(e: Floats, l: float, place: tuple[float, float, float]) -> Floats:
     return S @ e
 
 
-def strains(e: Floats, l: float, place: tuple[float, float, float]) -> Floats:
-    """Green-Lagrange strain matrix (3, 3) of one element ``e`` (8, 3) at ``place``: fraction of the length, y, z, m."""
-    D, F = np.empty((8, 3)), np.empty((3, 3))
-    beam.shape_gradients(_beam(l), *place, D)
-    beam.gradients(e, D, F)
-    return 0.5 * (F.T @ F - np.eye(3))
-
-
 def at_joint(pair: Floats, l: float, y: float = 0.0, z: float = 0.0) -> Floats:
     """Strains (2, 3, 3) on both sides of the joint, at ``y``, ``z`` of its section."""
-    return np.array([strains(pair[0], l, (1.0, y, z)), strains(pair[1], l, (0.0, y, z))])
+    return np.array([strains(_beam(l), pair[0], 1.0, y, z), strains(_beam(l), pair[1], 0.0, y, z)])
 
 
 def jump_of_strain(axis: Floats, l: float = 1.0) -> Floats:

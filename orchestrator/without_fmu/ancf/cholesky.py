@@ -10,8 +10,8 @@ from __future__ import annotations
 from scipy import sparse
 from scipy.linalg import cholesky, solve_triangular
 
-from fmus.physics.ancf.mesh import Mesh
 from fmus.physics.arrays import Floats
+from orchestrator.without_fmu.ancf.mesh import Mesh
 
 
 class CholeskyMesh:
@@ -43,7 +43,7 @@ class CholeskyMesh:
 
     def kinetic(self, v: Floats) -> float:
         """Kinetic energy, J."""
-        return 0.5 * v @ v
+        return float(0.5 * v @ v)
 
     def force(self, z: Floats) -> Floats:
         """Elastic force."""

@@ -11,7 +11,7 @@ Six equations less two unknowns take four degrees of freedom away; a bare point 
 All coordinates are vectors, X (N, 3); an element's are T X with constant T (4, N), so that meshes, pins and control
 points are one notion. Where nodes are C1, r_xx jumps from element to element: a cable that slides over such a node
 changes its turning speed at once, which is an impact. A ``smooth`` rail has the control points of a cubic spline for
-coordinates (ancf/bspline.py), C2, and is passed without one; a point passes either.
+coordinates (bspline.py), C2, and is passed without one; a point passes either.
 
 Time: the discrete gradient method of Gonzalez, Physica D 132, 1999, order 2. With bars the means over a step,
 
@@ -30,13 +30,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.physics.ancf import bspline, cable
+from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.arrays import Floats
+from orchestrator.without_fmu.ancf import bspline
+from orchestrator.without_fmu.ancf.bspline import FALLING, POWERS, polynomial
 
-# powers of the fraction xi in the shape functions of a cable of unit length: rows 1, xi, xi^2, xi^3
-POWERS = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
-FALLING = np.array([[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]])  # derivative of order k of xi^p: factor
 ITERATIONS = 20
 CLOSED = 1e-12  # largest Newton correction of a converged step, relative to the rail
 
@@ -108,14 +107,13 @@ def bodies(
         shift[at : at + size] = np.linalg.lstsq(T.reshape(-1, size), moved, rcond=None)[0]
         at += size
         maps.append(wide)
-        m, g, b = np.zeros((3, 4, 4))
+        m = np.zeros((4, 4))
         cable.mass(c, m)
-        cable.gradients(c, g)
-        cable.curvatures(c, b)
+        g, bend = np.array(cable.linear(c._replace(EI=0.0), 1.0, 0.0)), np.array(cable.linear(c, 0.0, 0.0))
         weight = c.rhoA * c.l * gravity * np.array([0.5, c.l / 12.0, 0.5, -c.l / 12.0])
         for t in wide:
             M += t.T @ m @ t
-            K += c.EI * t.T @ b @ t
+            K += t.T @ bend @ t
             load[:, 2] -= weight @ t
             G.append(t.T @ g @ t)
             EA.append(c.EA)
@@ -151,10 +149,7 @@ def row(r: Rail, u: float, order: int, k: int | None = None) -> Floats:
     """(N): the derivative of ``order`` of r(u) is this times X; of element ``k`` at a node."""
     k = element(r, u) if k is None else k
     l = r.nodes[k + 1] - r.nodes[k]
-    xi, weight = (u - r.nodes[k]) / l, np.zeros(4)
-    for p in range(order, 4):
-        weight[p] = FALLING[order, p] * xi ** (p - order) / l**order
-    return weight @ r.powers[k]
+    return polynomial((u - r.nodes[k]) / l, order) / l**order @ r.powers[k]
 
 
 def quotient(r: Rail, u0: float, u1: float, order: int) -> tuple[Floats, Floats]:
@@ -222,7 +217,7 @@ def rates(b: Bodies, r: Rail, s: State) -> tuple[Floats, Floats]:
     """Rates of u and m that the velocities give, and what is left of the constraint's own rate, m/s."""
     by_x, by_w = jacobian(r, s.X, s.w)
     moving = by_x @ s.V.ravel()
-    rate = np.linalg.lstsq(by_w, -moving, rcond=None)[0]
+    rate = np.asarray(np.linalg.lstsq(by_w, -moving, rcond=None)[0], float)
     return rate, moving + by_w @ rate
 
 

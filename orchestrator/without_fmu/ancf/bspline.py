@@ -8,7 +8,7 @@ polar form f(a, b, c), linear in each argument, with f(x, x, x) = f(x). On an el
     cable coordinates        r(u) = f(u,u,u), r_x(u) = 3 (f(u,u,w) - f(u,u,u)) / l, and so at w
     control point i          f(t[i+1], t[i+2], t[i+3]) of any element that it reaches
 
-Coordinates are (elements, 4, d) as in ancf/cable.py: position, slope, position, slope; d = 3 in space.
+Coordinates are (elements, 4, d) as in fmus/physics/ancf/cable.py: position, slope, position, slope; d = 3 in space.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ from fmus.physics.arrays import Floats
 
 DEGREE = 3
 SPACE = 3  # components of a position
+# powers of the fraction xi in the shape functions of a cable of unit length: rows 1, xi, xi^2, xi^3
+POWERS = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
+FALLING = np.array([[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]])  # derivative of order k of xi^p: factor
 
 
 # The maps ----------------------------------------------------------------------------------------------------------
@@ -87,16 +90,14 @@ def jumps(e: Floats, l: Floats) -> Floats:
     return found
 
 
+def polynomial(xi: float, k: int) -> Floats:
+    """(4): the k-th derivatives of 1, xi, xi^2, xi^3."""
+    return np.asarray(FALLING[k] * xi ** np.maximum(np.arange(4) - k, 0))
+
+
 def _derivatives(l: Floats, xi: float, k: int) -> Floats:
     """(n, 4): the k-th derivatives by x of the shape functions of elements of lengths ``l``."""
-    x = xi
-    table = (
-        (1 - 3 * x * x + 2 * x**3, x - 2 * x * x + x**3, 3 * x * x - 2 * x**3, x**3 - x * x),
-        (6 * x * x - 6 * x, 1 - 4 * x + 3 * x * x, 6 * x - 6 * x * x, 3 * x * x - 2 * x),
-        (12 * x - 6, 6 * x - 4, 6 - 12 * x, 6 * x - 2),
-        (12.0, 6.0, -12.0, 6.0),
-    )[k]
-    return np.array(table) * l[:, None] ** np.array([-k, 1 - k, -k, 1 - k])
+    return polynomial(xi, k) @ POWERS * l[:, None] ** np.array([-k, 1 - k, -k, 1 - k])
 
 
 def multiplicities(e: Floats, l: Floats, tolerance: float = 1e-9) -> NDArray[np.int64]:
@@ -166,7 +167,7 @@ def patch_to_nodes(lx: float, ly: float) -> Floats:
     Row 4 a + b is cable coordinate a along x of cable coordinate b along y: r, r_x, r_y and r_xy at the four corners.
     A thin plate of ANCF without r_xy has 12 of the 16 vectors; a flat one needs no more than three.
     """
-    return np.kron(bezier_to_cable(lx), bezier_to_cable(ly))
+    return np.asarray(np.kron(bezier_to_cable(lx), bezier_to_cable(ly)), float)
 
 
 # What a knot imposes, what a joint needs ---------------------------------------------------------------------------

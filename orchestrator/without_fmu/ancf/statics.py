@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from fmus.physics.ancf.mesh import Mesh
 from fmus.physics.arrays import Floats
+from orchestrator.without_fmu.ancf.mesh import Mesh
 
 
 class NotFound(ArithmeticError):

@@ -6,7 +6,7 @@ matrix B^T M B is constant; there are no constraint equations and no multipliers
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from typing import Any, NamedTuple, Protocol
 
@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from fmus.physics.ancf.joints import Joint, smooth
 from fmus.physics.arrays import Floats
+from orchestrator.without_fmu.ancf.joints import Joint, smooth
+from orchestrator.without_fmu.ancf.many import dampings, energies, forces, tangents
 
 End = tuple[int, int]  # element, counted through all parts; 0 its first node, 1 its second
 
@@ -24,7 +25,7 @@ End = tuple[int, int]  # element, counted through all parts; 0 its first node, 1
 class Part(NamedTuple):
     """Elements of one kind and section."""
 
-    element: Any  # a sibling module: cable_small, cable_general, cable_engineering, beam
+    element: Any  # a module of fmus.physics.ancf: cable, cable_general, cable_engineering, beam
     section: tuple  # its parameters
     e: Floats  # (n, rows, 3) coordinates at the start
 
@@ -133,26 +134,33 @@ class Mesh:
             place += part.e.size
         return views
 
+    def place(self, end: End) -> slice:
+        """Where an end lies in the flat element coordinates."""
+        return self.ends[2 * end[0] + end[1]]
+
     def end(self, q: Floats, end: End) -> Floats:
         """Vectors (rows, 3) of an end."""
-        return self.coordinates(q)[self.ends[2 * end[0] + end[1]]].reshape(-1, 3)
+        return self.coordinates(q)[self.place(end)].reshape(-1, 3)
 
     def pull(self, end: End, row: int = 0) -> sparse.csr_array:
         """The matrix (3, n) from q to one vector of an end."""
-        first = self.ends[2 * end[0] + end[1]].start + 3 * row
+        first = self.place(end).start + 3 * row
         return self.B[first : first + 3]
+
+    def _each(self, *vectors: Floats) -> Iterator[tuple[Any, ...]]:
+        """The section of each part, and its views of flat vectors (n, rows, 3)."""
+        return zip((part.section for part in self.parts), *map(self.split, vectors), strict=True)
 
     def energy(self, q: Floats) -> float:
         """Strain energy, J."""
-        parts = zip(self.parts, self.split(self.coordinates(q)), strict=True)
-        own = sum(part.element.energies(part.section, e) for part, e in parts)
+        own = sum(energies(section, e) for section, e in self._each(self.coordinates(q)))
         return own + sum(spring.energy(q) for spring in self.springs)
 
     def internal(self, q: Floats) -> Floats:
-        """Elastic force on the element coordinates, flat."""
-        Q = np.zeros_like(self.e0)
-        for part, e, f in zip(self.parts, self.split(self.coordinates(q)), self.split(Q), strict=True):
-            part.element.forces(part.section, e, f)
+        """Elastic force on the element coordinates, flat: the whole force at rest."""
+        Q, rest = np.zeros((2, len(self.e0)))
+        for section, e, v, f in self._each(self.coordinates(q), rest, Q):
+            forces(section, e, v, f)
         return Q
 
     def force(self, q: Floats) -> Floats:
@@ -162,9 +170,8 @@ class Mesh:
     def damping(self, q: Floats, v: Floats) -> Floats:
         """Damping force; it acts, like the elastic one, as -f."""
         Q = np.zeros_like(self.e0)
-        views = zip(self.parts, self.split(self.coordinates(q)), self.split(self.B @ v), self.split(Q), strict=True)
-        for part, e, rate, f in views:
-            part.element.dampings(part.section, e, rate, f)
+        for section, e, rate, f in self._each(self.coordinates(q), self.B @ v, Q):
+            dampings(section, e, rate, f)
         return self.B.T @ Q
 
     def _assembled(self, blocks: list[Floats]) -> sparse.csr_array:
@@ -176,12 +183,12 @@ class Mesh:
     def viscosity(self, q: Floats) -> sparse.csc_array:
         """Derivative of the damping force by the rates; exact, for it is linear in them."""
         blocks = []
-        for part, e in zip(self.parts, self.split(self.coordinates(q)), strict=True):
+        for section, e in self._each(self.coordinates(q)):
             D = np.zeros((len(e), e[0].size, e[0].size))
             for k in range(e[0].size):
                 rate, Q = np.zeros_like(e), np.zeros_like(e)
                 rate.reshape(len(e), -1)[:, k] = 1.0
-                part.element.dampings(part.section, e, rate, Q)
+                dampings(section, e, rate, Q)
                 D[:, :, k] = Q.reshape(len(e), -1)
             blocks.append(D)
         return self._assembled(blocks).tocsc()
@@ -189,10 +196,9 @@ class Mesh:
     def tangent(self, q: Floats) -> sparse.csc_array:
         """Derivative of the elastic force."""
         blocks = []
-        for part, e in zip(self.parts, self.split(self.coordinates(q)), strict=True):
-            K = np.zeros((len(e), e[0].size, e[0].size))
-            part.element.tangents(part.section, e, K)
-            blocks.append(K)
+        for section, e in self._each(self.coordinates(q)):
+            blocks.append(np.empty((len(e), e[0].size, e[0].size)))
+            tangents(section, e, np.zeros_like(e), blocks[-1])
         springs = sum((spring.tangent(q) for spring in self.springs), sparse.csc_array((self.n, self.n)))
         return (self._assembled(blocks) + springs).tocsc()
 
@@ -214,8 +220,8 @@ class Mesh:
         for tie in ties:
             keep = np.linalg.svd(tie.joint.own, full_matrices=True)[0][:, tie.joint.own.shape[1] :].T
             C = np.zeros((len(keep), len(self.e0)))
-            C[:, self.ends[2 * tie.follows[0] + tie.follows[1]]] = keep
-            C[:, self.ends[2 * tie.leads[0] + tie.leads[1]]] -= keep @ tie.joint.follow
+            C[:, self.place(tie.follows)] = keep
+            C[:, self.place(tie.leads)] -= keep @ tie.joint.follow
             rows.append(C)
         return np.vstack(rows)
 

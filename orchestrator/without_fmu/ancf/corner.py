@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from fmus.physics.ancf.mesh import End, Mesh
 from fmus.physics.arrays import Floats
+from orchestrator.without_fmu.ancf.mesh import End, Mesh
 
 
 class Block(NamedTuple):
@@ -46,10 +46,8 @@ class Block(NamedTuple):
         G = self.gradients(q)
         strain = 0.5 * (G.T @ G - np.eye(3))
         columns = []
-        for k in range(9):
-            dG = np.zeros(9)
-            dG[k] = 1.0
-            dG = dG.reshape(3, 3).T
+        for row in np.eye(9):
+            dG = row.reshape(3, 3).T
             change = G.T @ dG
             columns.append((dG @ strain + 0.5 * G @ (change + change.T)).T.ravel())
         return self.pull.T @ sparse.csr_array(self.VE * np.column_stack(columns)) @ self.pull
@@ -57,5 +55,5 @@ class Block(NamedTuple):
 
 def block(mesh: Mesh, end: End, volume: float, modulus: float) -> Block:
     """The block at an end of a beam; for a rigid corner some 100 times its modulus."""
-    first = mesh.ends[2 * end[0] + end[1]].start + 3
+    first = mesh.place(end).start + 3
     return Block(mesh.B[first : first + 9], mesh.b[first : first + 9], volume * modulus)

@@ -1,0 +1,69 @@
+"""The door to an element: the class of its parameters says which, and only that one is imported.
+
+Behind it are ``cable``, ``cable_local`` (cables with a local strain, two elasticities) and ``beam``. What a cable shows
+besides, mass and shape functions, does not depend on its elasticity: it is that of ``cable``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fmus.jit import door
+from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
+
+ELASTICITIES: dict[str, type[Cable]] = {
+    "small_deformation": Cable,
+    "general": GeneralCable,
+    "engineering": EngineeringCable,
+}
+
+
+def _of(section: type) -> Any:
+    """The module of an element."""
+    if section is Cable:
+        from fmus.physics.ancf import cable
+
+        return cable
+    if section.__name__ == "Beam":
+        from fmus.physics.ancf import beam
+
+        return beam
+    from fmus.physics.ancf import cable_local
+
+    return cable_local
+
+
+@door(_of, shared=True)
+def energy(c, e):
+    """Strain energy at coordinates ``e`` (rows, axes), J."""
+
+
+@door(_of, shared=True)
+def force(c, e, v, Q):
+    """Elastic and damping force at rates ``v``, added to ``Q`` (rows, axes); it acts as -Q.
+
+    At rest it is the gradient of the energy. Returns the power of the damping, W.
+    """
+
+
+@door(_of, shared=True)
+def damping(c, e, v, Q):
+    """The damping force alone, added to ``Q`` (rows, axes); returns its power, W."""
+
+
+@door(_of, shared=True)
+def tangent(c, e, v, by_rate, K):
+    """Derivative of ``force`` by coordinates and ``by_rate`` 1/s times by rates, written to ``K`` (rows axes, same).
+
+    Exact, but for the change of the chord's direction in the bending damping of cables.
+    """
+
+
+@door(_of, shared=True)
+def tension(c, e):
+    """Axial force of a cable, mean over the link, N."""
+
+
+@door(_of, shared=True)
+def end_moments(c, e):
+    """Bending moments of a cable at its two ends, N m."""
