@@ -17,7 +17,8 @@ from fmus.vehicle import BadInput
 from orchestrator.bench import machine
 from orchestrator.bench.against import paired
 from orchestrator.bench.process import Failed, isolated
-from orchestrator.bench.tables import Table, failed, from_plain, plain
+from orchestrator.bench.tables import failed, from_plain, plain
+from orchestrator.studies.tables import Table
 
 PARTS = {
     "chain": "a closed chain of 64 links, flexible, rigid and on the ground, against peers at a known error",

@@ -38,7 +38,7 @@ def study(
     Started again with the same folder, it goes on where it was interrupted.
     """
     from orchestrator import studies
-    from orchestrator.studies import pool
+    from orchestrator.studies import pool, tables
     from orchestrator.studies.progress import Watched
     from orchestrator.studies.store import Store
 
@@ -65,10 +65,10 @@ def study(
         files = chosen.write(output, name, rows, chosen.TITLE)
     except OSError as error:
         raise BadInput(f"the folder {output} cannot be written: {error}") from None
-    print(chosen.to_markdown(rows))
+    print(tables.to_markdown(chosen.table(rows)))
     for file in files:
         print(file)
-    missed = chosen.missed(rows)
+    missed = [row for row in rows if row.ok is False]
     print(f"{len(rows)} rows, {len(missed)} not as they should be", file=sys.stderr)
     for row in missed:
         print(f"cotrack: {row.item}: {row.case}: {row.note or 'misses its tolerance'}", file=sys.stderr)
@@ -89,7 +89,8 @@ def bench(
 ) -> None:
     """How fast: the chain against peers, the vehicle, a step by part and layer, growth, start, memory."""
     from orchestrator import bench as module
-    from orchestrator.bench import machine, tables
+    from orchestrator.bench import machine
+    from orchestrator.studies import tables
 
     names = module.chosen(only)
     repeats = repeat or (module.QUICK_REPEATS if quick else module.REPEATS)
@@ -101,7 +102,7 @@ def bench(
             repeats,
             against,
             lambda what: print(f"... {what}", file=sys.stderr, flush=True),
-            lambda table: print(tables.to_markdown(table), flush=True),
+            lambda table: print(tables.to_markdown(table, "###"), flush=True),
         )
     if as_json:
         print(json.dumps(printed.finite(result)))

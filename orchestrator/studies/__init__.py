@@ -1,4 +1,4 @@
-"""Studies: cases(quick) -> measure(case) -> rows -> tables and a figure.
+"""Studies: cases(quick) -> rows -> tables and a picture.
 
 A study is a module with what ``Study`` lists; its cases run side by side in processes or on a Dask cluster
 (``pool``), and what is done stays done (``store``). A study may use ``fmus.physics`` itself: a study of the mechanics
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from fmus.vehicle import BadInput
+from orchestrator.studies.tables import Table
 
 STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
@@ -26,7 +27,10 @@ STUDIES = {
 
 
 class Case(NamedTuple):
-    """One piece of work of a study; it travels to another process."""
+    """One piece of work of a study; it travels to another process. Its function gives rows.
+
+    What a row leaves empty of ``item`` and ``case`` is the item and the name of the case.
+    """
 
     item: str
     name: str
@@ -37,16 +41,13 @@ class Case(NamedTuple):
 
 
 class Study(Protocol):
-    """What a module of this folder offers; ``tables`` has the last four for rows with a reference."""
+    """What a module of this folder offers; ``compared`` has the last two for figures with a reference."""
 
     TITLE: str
-    Row: Any  # a NamedTuple of plain values, so that it can be kept
+    Row: Any  # a NamedTuple of plain values with item, case, ok and note first to last: it is kept as JSON
 
     def cases(self, quick: bool) -> list[Case]: ...  # noqa: D102
-    def measure(self, case: Case) -> list[Any]: ...  # noqa: D102
-    def failed(self, item: str, case: str, reason: str) -> Any: ...  # noqa: D102
-    def missed(self, rows: Sequence[Any]) -> list[Any]: ...  # noqa: D102
-    def to_markdown(self, rows: Sequence[Any]) -> str: ...  # noqa: D102
+    def table(self, rows: Sequence[Any]) -> Table: ...  # noqa: D102
     def write(self, folder: Path, name: str, rows: Sequence[Any], title: str) -> list[Path]: ...  # noqa: D102
 
 

@@ -12,9 +12,9 @@ from scipy.linalg import eigh
 from fmus.physics.ancf import beam, cable_small, dynamics, loads, statics
 from fmus.physics.chain.layout import regular_polygon
 from orchestrator.studies import Case
+from orchestrator.studies.compared import Compared, checked, of_order
 from orchestrator.studies.orders import order_of, rate_of
 from orchestrator.studies.rods import EXPLICIT, IMPLICIT, MASS, G, Rods, of_angles
-from orchestrator.studies.tables import Row, checked, of_order
 from orchestrator.without_fmu.meshes import PITCH, SHOE, STEEL, TRACK, angular_momentum, chain, spinning, velocity
 
 Floats = NDArray[np.float64]
@@ -25,7 +25,7 @@ LINKS = 64
 STEP = "step, s"  # what series of errors go over
 
 
-def released_rods() -> list[Row]:
+def released_rods() -> list[Compared]:
     """Thin rigid rods by Runge-Kutta."""
     hs = (1e-2, 5e-3, 2.5e-3)
     line_of = of_angles(np.zeros(LINKS))
@@ -33,7 +33,7 @@ def released_rods() -> list[Row]:
     return _over_steps("released chain of 64 rods, tip x at 0.5 s, m", hs, tips, 9.413161, 4)
 
 
-def released_steel(hs: tuple[float, ...]) -> list[Row]:
+def released_steel(hs: tuple[float, ...]) -> list[Compared]:
     """Steel cables by generalised alpha."""
     mesh = chain(cable_small, STEEL, np.zeros(LINKS), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
@@ -46,7 +46,7 @@ def released_steel(hs: tuple[float, ...]) -> list[Row]:
     return _over_steps("released chain of 64 steel links, tip x at 0.5 s, m", hs, tips, 9.413174, 2)
 
 
-def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference: float, order: int) -> list[Row]:
+def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference: float, order: int) -> list[Compared]:
     """The reference has six decimals; the series is that of the values towards their own limit."""
     limit = values[-1] + (values[-1] - values[-2]) / (2**order - 1)
     series = tuple((h, abs(value - limit)) for h, value in zip(hs, values, strict=True))
@@ -61,7 +61,7 @@ def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference
 SWINGS = (1.20242178, 2.76073253, 4.33154065, 5.91226122)  # omega sqrt(L/g) of 64 thin rods
 
 
-def swings_of_rods() -> list[Row]:
+def swings_of_rods() -> list[Compared]:
     """From the angular accelerations of links let go a little off the vertical, one at a time."""
     stiff, d = np.empty((LINKS, LINKS)), 1e-5
     for k in range(LINKS):
@@ -75,7 +75,7 @@ def swings_of_rods() -> list[Row]:
     return _swings("rods", squares)
 
 
-def swings_of_steel() -> list[Row]:
+def swings_of_steel() -> list[Compared]:
     """Linearised about the loaded equilibrium, in the plane."""
     cable = TRACK
     mesh = chain(cable_small, cable, np.full(LINKS, -np.pi / 2), held=True)
@@ -88,7 +88,7 @@ def swings_of_steel() -> list[Row]:
     return _swings("steel links", squares)
 
 
-def _swings(what: str, squares: Floats) -> list[Row]:
+def _swings(what: str, squares: Floats) -> list[Compared]:
     found = np.sqrt(squares * LINKS * PITCH / G)
     return [
         checked("", f"hanging chain of 64 {what}, mode {k + 1}, omega sqrt(L/g)", value, SWINGS[k], 1e-4)
@@ -99,7 +99,7 @@ def _swings(what: str, squares: Floats) -> list[Row]:
 # 7. Spinning free loop ---------------------------------------------------------------------------------------------
 
 
-def spinning_loop() -> list[Row]:
+def spinning_loop() -> list[Compared]:
     """Joint force of rods and steel, hoop strain of steel."""
     omega, expected, slope = 5.0, 7112.513, np.pi / LINKS
     loop = Rods(regular_polygon(PITCH, LINKS), closed=True, gravity=0.0)
@@ -128,7 +128,7 @@ def spinning_loop() -> list[Row]:
 # 8. Folded falling chain -------------------------------------------------------------------------------------------
 
 
-def folded_chain(links: int) -> list[Row]:
+def folded_chain(links: int) -> list[Compared]:
     """Pinned at one end, folded once, let go at the other; no link turns more than 0.05 rad in a step."""
     n, quarter = links // 2, np.pi / 2
     rods = Rods(of_angles(np.concatenate([np.full(n, -quarter), [0.0], np.full(n, quarter)])), held=True)
@@ -168,7 +168,7 @@ WEAK = 2e5  # Pa: links whose own modes an explicit method can follow
 
 def _drift_rows(
     name: str, hs: tuple[float, ...], lost: list[float], turned: list[float], order: int, time: float
-) -> list[Row]:
+) -> list[Compared]:
     """Runge-Kutta of order 4 loses energy at order 5 where the motion is slow."""
     rows = []
     for what, errors, tolerance in (("energy", lost, 1e-4), ("angular momentum", turned, 1e-5)):
@@ -181,7 +181,7 @@ def _drift_rows(
     return rows
 
 
-def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
+def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[Compared]:
     """All three components."""
     lost, turned_ = [], []
     pins = of_angles(ZIGZAG)
@@ -198,7 +198,7 @@ def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[R
     return _drift_rows(f"rods, {integrator}", hs, lost, turned_, ORDERS[integrator], time)
 
 
-def drift_of_mesh(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
+def drift_of_mesh(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Compared]:
     """Cables about the pin axis alone; beams about all axes."""
     cable = STEEL if what == "steel cables" else STEEL._replace(EA=WEAK * 0.01516, EI=WEAK * 2.03e-6)
     if what == "soft beams":

@@ -18,6 +18,7 @@ from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Stages
 from orchestrator.cosim.master import Clock, run
 from orchestrator.studies import Case
+from orchestrator.studies.compared import Compared, checked, table, write
 from orchestrator.studies.oscillator import (
     Oscillator,
     coupled,
@@ -27,11 +28,11 @@ from orchestrator.studies.oscillator import (
     struck,
     whole,
 )
-from orchestrator.studies.tables import Row, checked, failed, missed, to_markdown, write
 
-__all__ = ["TITLE", "Row", "cases", "failed", "measure", "missed", "to_markdown", "write"]
+__all__ = ["TITLE", "Row", "cases", "table", "write"]
 
 TITLE = "Couplings on two masses: orders, energies, largest stable steps"
+Row = Compared
 
 CUTS = ("wrench", "spring", "mass")
 # scheme, its options. A held Gauss-Seidel is left out for the wrench: there it is tracks_first.
@@ -154,7 +155,7 @@ def run_struck(variant: str, pace: Clock | VariableStep) -> tuple[float, int]:
 # Cases --------------------------------------------------------------------------------------------------------------
 
 
-def accuracy(variant: str, cut: str) -> list[Row]:
+def accuracy(variant: str, cut: str) -> list[Compared]:
     """Order and energy."""
     name = f"{variant}, cut at the {cut}"
     declared = couple(variant, coupled(cut, FREE)[0]).ORDER
@@ -170,7 +171,7 @@ def accuracy(variant: str, cut: str) -> list[Row]:
     ]  # fmt: skip
 
 
-def limit(variant: str, cut: str) -> list[Row]:
+def limit(variant: str, cut: str) -> list[Compared]:
     """The largest stable step."""
     name = f"{variant}, cut at the {cut}, largest stable H, s"
     predicted = predicted_limit(variant, cut)
@@ -185,7 +186,7 @@ FIXED = (0.1, 0.05, 0.025, 0.0125, 0.00625)
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 
 
-def work_precision(tolerances: tuple[float, ...]) -> list[Row]:
+def work_precision(tolerances: tuple[float, ...]) -> list[Compared]:
     """Steps that a fixed communication step would need for the error of the variable one; and their ratio."""
     fixed = [run_struck("gauss_seidel linear", Clock(h, round(STRUCK_END / h))) for h in FIXED]
     rows = []
@@ -198,11 +199,6 @@ def work_precision(tolerances: tuple[float, ...]) -> list[Row]:
         name = f"quiet, struck, quiet: steps of a component at tolerance {tolerance:g}, against fixed at equal error"
         rows.append(checked("variable step", name, cost, equal, 0.0, max(cost / equal - 1.0, 0.0), note=note))
     return rows
-
-
-def measure(case: Case) -> list[Row]:
-    """The rows of a case."""
-    return case.function(*case.arguments)
 
 
 def cases(quick: bool) -> list[Case]:

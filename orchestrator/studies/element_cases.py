@@ -21,8 +21,8 @@ from fmus.physics.ancf import (
 )
 from fmus.physics.ancf.mesh import Mesh, Part, Tie, nodes
 from orchestrator.studies import Case
+from orchestrator.studies.compared import Compared, checked, of_order
 from orchestrator.studies.orders import order_of, rate_of
-from orchestrator.studies.tables import Row, checked, of_order
 from orchestrator.without_fmu.meshes import (
     MODULUS,
     PITCH,
@@ -62,7 +62,7 @@ ELEMENTS = "elements"  # what series of errors go over
 # 2. The elastica ---------------------------------------------------------------------------------------------------
 
 
-def _over_elements(case: str, ns: tuple[int, ...], values: list[float], reference: float, tolerance: float) -> Row:
+def _over_elements(case: str, ns: tuple[int, ...], values: list[float], reference: float, tolerance: float) -> Compared:
     """The value with the last number of elements, the errors of all, the order of the values among themselves."""
     scale = abs(reference) or 1.0
     series = tuple((float(n), abs(value - reference) / scale) for n, value in zip(ns, values, strict=True))
@@ -70,7 +70,7 @@ def _over_elements(case: str, ns: tuple[int, ...], values: list[float], referenc
     return checked("", case, values[-1], reference, tolerance, order=order, over=ELEMENTS, series=series)
 
 
-def elastica_of_cables(name: str) -> list[Row]:
+def elastica_of_cables(name: str) -> list[Compared]:
     """Tip loads and the circle, L/h = 1000."""
     kind, ns, rows = CABLES[name], (8, 16, 32), []
     for a in ALPHAS:
@@ -81,7 +81,7 @@ def elastica_of_cables(name: str) -> list[Row]:
     return [*rows, _over_elements(f"closed circle, cable {name}, gap/L", ns, gaps, 0.0, 1e-4)]
 
 
-def elastica_of_beams(cure: str) -> list[Row]:
+def elastica_of_beams(cure: str) -> list[Compared]:
     """Tip loads and the circle, L/h = 100; short elements are of order 2, long ones converge faster."""
     kind_of, ns, finer, rows = CURES[cure], (8, 16, 32), (16, 32, 64), []
     for a in ALPHAS:
@@ -92,7 +92,7 @@ def elastica_of_beams(cure: str) -> list[Row]:
     return [*rows, _over_elements(f"closed circle, beam {cure}, gap/L", finer, gaps, 0.0, 2e-3)]
 
 
-def elastica_order(name: str) -> list[Row]:
+def elastica_order(name: str) -> list[Compared]:
     """Values of three meshes among themselves, stockier, so that bending and not the stretch decides."""
     if name in CABLES:
         what, ns, expected, off = f"cable {name}", (4, 8, 16), 4, 0.5
@@ -105,7 +105,7 @@ def elastica_order(name: str) -> list[Row]:
     return [checked("", case, order, expected, off, abs(order - expected), order=order)]
 
 
-def elastica_without_cure() -> list[Row]:
+def elastica_without_cure() -> list[Compared]:
     """With nu = 0.3 in every point: converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu))."""
     stiffer, rows = 0.7 / (1.3 * 0.4), []
     for a in ALPHAS:
@@ -136,7 +136,7 @@ def _beta(kind: Any, n: int, slender: float, ends: str, **kind_of: Any) -> Float
     return np.asarray(squares[squares > 1.0][:6][::2] ** 0.25)
 
 
-def frequencies(name: str, ends: str) -> list[Row]:
+def frequencies(name: str, ends: str) -> list[Compared]:
     """The worst of the first three, against Euler-Bernoulli."""
     slim = name in CABLES
     kind, ns, tolerance = (CABLES[name], (4, 8, 16), 1e-4) if slim else (beam, (8, 16, 32), 2e-3)
@@ -173,11 +173,11 @@ TIPS: dict[str, tuple[list[tuple[float, float, float]], float]] = {
 }
 
 
-def rotating_cable(name: str) -> list[Row]:
+def rotating_cable(name: str) -> list[Compared]:
     """Its tip at three times; each row shows the component that is farthest off."""
     mesh, q, v = rotating(CABLES[name])
     steps = 2500
-    rows: list[Row] = []
+    rows: list[Compared] = []
     expected, tolerance = TIPS[name]
     for t, p, _ in dynamics.runge_kutta(mesh, q, v, 1.0 / steps, steps):
         if round(t * steps) in [round(moment * steps) for moment in TIMES]:
@@ -191,7 +191,7 @@ def rotating_cable(name: str) -> list[Row]:
 # 9. The sliding joint ----------------------------------------------------------------------------------------------
 
 
-def sliding_joint(slider: str) -> list[Row]:
+def sliding_joint(slider: str) -> list[Compared]:
     """Five seconds without friction over the nodes of a flexible rail."""
     b, r, s = rope(slider)
     lost = sliding.removed(b, r, s.X, s.w)
@@ -212,7 +212,7 @@ def sliding_joint(slider: str) -> list[Row]:
 # 10. Pins ----------------------------------------------------------------------------------------------------------
 
 
-def pin_counts() -> list[Row]:
+def pin_counts() -> list[Compared]:
     """Ranks of what a pin eliminates, and degrees of freedom of whole tracks."""
     rows = []
     kinds: tuple[tuple[str, Any, Any, Any, int], ...] = (
@@ -232,7 +232,7 @@ def pin_counts() -> list[Row]:
     return rows
 
 
-def pin_turns(name: str) -> list[Row]:
+def pin_turns(name: str) -> list[Compared]:
     """Two links, the second turned about the pin through 360 degrees: largest strain energy over EA l."""
     kind, c = (beam, SHOE) if name == "beam" else (cable_small, TRACK)
     mesh = chain(kind, c, np.zeros(2))
@@ -257,7 +257,7 @@ def pin_turns(name: str) -> list[Row]:
 # 11. Corners -------------------------------------------------------------------------------------------------------
 
 
-def sections() -> list[Row]:
+def sections() -> list[Compared]:
     """T, L and V turned as one body: strain energy over EA, and how far the joints are off."""
     rows = []
     kinds: tuple[tuple[str, Any, Any, tuple[Any, ...]], ...] = (
@@ -280,7 +280,7 @@ def sections() -> list[Row]:
     return rows
 
 
-def l_frame(name: str) -> list[Row]:
+def l_frame(name: str) -> list[Compared]:
     """Tip deflection of an L-frame at L/h = 20, nu = 0, against Timoshenko."""
     kind, ns = (beam, (6, 12, 24)) if name == "beam" else (CABLES[name], (1, 2, 4))
     found = [frame_tip(kind, n) for n in ns]
@@ -321,7 +321,7 @@ DEMANDS = {  # element, joint: equations, the knot that makes it, missing with t
 }
 
 
-def splines() -> list[Row]:
+def splines() -> list[Compared]:
     """To cable coordinates and back, and again; both ways relative to the largest coordinate."""
     from scipy.interpolate import BSpline
 

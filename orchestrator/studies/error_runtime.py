@@ -18,11 +18,12 @@ from orchestrator.results.difference import differences_of_logs, worst
 from orchestrator.scene.scene import ChainScene, Scene, TrackScene, load
 from orchestrator.studies import Case
 from orchestrator.studies.runs import Runs
-from orchestrator.studies.work_precision import Row, to_markdown, write
+from orchestrator.studies.work_precision import Timed, table, write
 
-__all__ = ["TITLE", "WORKERS", "Row", "cases", "failed", "measure", "missed", "to_markdown", "write"]
+__all__ = ["TITLE", "WORKERS", "Row", "cases", "table", "write"]
 
 TITLE = "Error against run time"
+Row = Timed
 WORKERS = 1  # a timed run has the machine to itself
 MODELS = ("flexible", "rigid")
 LINKS_EVERY = 0.01  # s between outputs per link
@@ -121,35 +122,30 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     return wanted
 
 
-def measure(case: Case) -> list[Row]:
-    """The row of a case."""
-    return [row._replace(item=case.item, case=case.name) for row in case.function(*case.arguments)]
-
-
 def _scene(scene: str, track: str, settings: Sequence[str]) -> Scene:
     found = load(scene, track, settings)
     every = max(1, round(LINKS_EVERY / found.run.step)) if found.run.variable is None else found.run.links
     return found.model_copy(update={"run": found.run.model_copy(update={"outputs": 1, "links": every})})
 
 
-def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
+def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Timed]:
     """The truth held against its own coarser half."""
     from orchestrator.execution.truth import ORDER, truth
 
     found = truth(load(scene, track, base))
     between = differences_of_logs(found.coarse_log, found.log)
     share = 1.0 / (2.0**ORDER - 1.0)
-    row = Row(
-        "", "", track, "truth", base, found.wall_time, math.nan, share * worst(between), math.nan,
-        {name: share * one.relative for name, one in between.items()}, {},
-        {name: share * one.absolute for name, one in between.items()},
-        {name: one.unit for name, one in between.items()},
-        note=f"internal step {found.internal_step * 1e6:.3g} us",
-    )  # fmt: skip
-    return [row]
+    return [
+        Timed(
+            "", "", track, "truth", base, found.wall_time, error=share * worst(between),
+            errors={name: share * one.relative for name, one in between.items()},
+            absolute={name: share * one.absolute for name, one in between.items()},
+            note=f"internal step {found.internal_step * 1e6:.3g} us",
+        )
+    ]  # fmt: skip
 
 
-def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Row]:
+def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Timed]:
     """One run, timed, against the truth, with its own estimate."""
     from orchestrator.execution.estimate import estimate
     from orchestrator.execution.truth import truth
@@ -158,33 +154,23 @@ def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: 
     timed = _scene(scene, track, settings)
     told = _runs().record(timed)
     if told["status"] != "ok":
-        return [failed(scene, "", told["message"])._replace(track=track, method=method, settings=settings)]
+        return [Timed("", "", track, method, settings, note=told["message"])]  # of a long step that is a result
     log = Path(told["log"])
     off = differences_of_logs(log, exact.log)
     own = estimate(timed, log, told, _runs().record)
-    estimates = {name: one["total"] for name, one in own["observables"].items()}
-    row = Row(
-        "", "", track, method, settings, told["wall_time"], told["cpu_time"], worst(off),
-        math.nan if own["total"] is None else own["total"],
-        {name: one.relative for name, one in off.items()}, estimates,
-        {name: one.absolute for name, one in off.items()},
-        {name: one.unit for name, one in off.items()},
-        note=own["message"],
-    )  # fmt: skip
-    return [row]
+    return [
+        Timed(
+            "", "", track, method, settings, told["wall_time"], told["cpu_time"], worst(off),
+            math.nan if own["total"] is None else own["total"],
+            errors={name: one.relative for name, one in off.items()},
+            estimates={name: one["total"] for name, one in own["observables"].items()},
+            absolute={name: one.absolute for name, one in off.items()},
+            note=own["message"],
+        )
+    ]  # fmt: skip
 
 
 @cache
 def _runs() -> Runs:
     """Those of this process."""
     return Runs()
-
-
-def failed(item: str, case: str, reason: str) -> Row:
-    """What is left of a case that ended with an error."""
-    return Row(item, case, "", "", (), math.nan, math.nan, math.nan, math.nan, {}, {}, {}, {}, False, reason)
-
-
-def missed(rows: Sequence[Row]) -> list[Row]:
-    """A run that fails at a long step is a result; a truth that fails is not."""
-    return [row for row in rows if row.ok is False and (row.method == "truth" or not row.method)]

@@ -7,8 +7,6 @@ What no scene could declare in vain (a chassis beside a rig, a ground far below 
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import subprocess
@@ -18,8 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from statistics import median
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -34,8 +31,11 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
 from orchestrator.scene.scene import TrackScene, load
-from orchestrator.studies import Case
-from orchestrator.studies.files import save
+from orchestrator.studies import Case, files
+from orchestrator.studies.tables import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # a timed pair has the machine to itself
@@ -50,21 +50,50 @@ DEPTH = 1000.0  # m from a chain to a ground that it never touches
 BRIEF = "run.stop=10 ms"
 
 
-class Row(NamedTuple):
+class Saved(NamedTuple):
     """A thing, with and without it."""
 
-    item: str  # scene
+    item: str  # scene; empty: that of the case
     case: str  # what is left out
-    cpu: tuple[float, float]  # s of all threads while stepping and recording
-    wall: tuple[float, float]  # s
-    memory: tuple[float, float]  # peak, MB
-    log: tuple[int, int]  # bytes
-    cpu_ratio: tuple[float, float, float]  # without over with: median, least, largest
-    wall_ratio: tuple[float, float, float]
-    motion: float  # largest difference of results in common, relative to the largest of their unit
-    force: float
+    cpu_with: float = math.nan  # s of all threads while stepping and recording
+    cpu_without: float = math.nan
+    cpu_ratio: float = math.nan  # without over with: median, least, largest
+    cpu_least: float = math.nan
+    cpu_largest: float = math.nan
+    wall_ratio: float = math.nan
+    wall_least: float = math.nan
+    wall_largest: float = math.nan
+    memory_with: float = math.nan  # peak, MB
+    memory_without: float = math.nan
+    log_with: float = math.nan  # kB
+    log_without: float = math.nan
+    motion: float = math.nan  # largest difference of results in common, relative to the largest of their unit
+    force: float = math.nan
     ok: bool | None = None
     note: str = ""
+
+
+Row = Saved
+COLUMNS = (
+    Column("item", "scene"),
+    Column("case", "left out"),
+    Column("cpu_with", "CPU with, s", ".3f"),
+    Column("cpu_without", "without, s", ".3f"),
+    Column("cpu_ratio", "CPU ratio", ".3f"),
+    Column("cpu_least", "least", ".3f"),
+    Column("cpu_largest", "largest", ".3f"),
+    Column("wall_ratio", "wall ratio", ".3f"),
+    Column("wall_least", "least", ".3f"),
+    Column("wall_largest", "largest", ".3f"),
+    Column("memory_with", "peak with, MB", ".0f"),
+    Column("memory_without", "without, MB", ".0f"),
+    Column("log_with", "log with, kB", ".0f"),
+    Column("log_without", "without, kB", ".0f"),
+    Column("motion", "motion differs", ".1e"),
+    Column("force", "forces differ", ".1e"),
+    Column("ok", "ok"),
+    Column("note", "note"),
+)
 
 
 class Side(NamedTuple):
@@ -127,12 +156,7 @@ def cases(quick: bool, scene: str | None = None) -> list[Case]:
     return found
 
 
-def measure(case: Case) -> list[Row]:
-    """The row of a case."""
-    return [row._replace(item=case.item, case=case.name) for row in case.function(*case.arguments)]
-
-
-def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
+def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Saved]:
     """Both sides timed in turn, each one's memory, and what their logs differ in."""
     sides = (Side(*first), Side(*second))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
@@ -140,12 +164,12 @@ def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
         peaks = [_child({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
         motion, force = difference(*(Path(folder) / f"{k}.mcap" for k in (0, 1)))
     costs = np.array(timed["costs"])  # (pairs, side, (cpu, wall))
-    ratios = np.sort(costs[:, 1] / costs[:, 0], axis=0)
-    cpu, wall = ((float(median(r)), float(r[0]), float(r[-1])) for r in ratios.T)
-    spent = np.median(costs, axis=0)
+    spent, ratios = np.median(costs, axis=0), costs[:, 1] / costs[:, 0]
+    spreads = np.array([np.median(ratios, axis=0), ratios.min(axis=0), ratios.max(axis=0)])  # by CPU and wall time
+    logs = [size / 1000 for size in timed["log"]]
     ok = motion <= MOTION and force <= FORCE
-    pair = (float(spent[0, 0]), float(spent[1, 0])), (float(spent[0, 1]), float(spent[1, 1]))
-    return [Row("", "", *pair, (peaks[0], peaks[1]), tuple(timed["log"]), cpu, wall, motion, force, ok)]
+    figures = [*spent[:, 0].tolist(), *spreads.T.ravel().tolist(), *peaks, *logs, motion, force]
+    return [Saved._make(["", "", *figures, ok, ""])]
 
 
 def difference(one: Path, other: Path) -> tuple[float, float]:
@@ -275,75 +299,33 @@ def peak() -> float:
 # --- tables ----------------------------------------------------------------------------------------
 
 
-def failed(item: str, case: str, reason: str) -> Row:
-    """What is left of a case that ended with an error."""
-    pair, three = (math.nan, math.nan), (math.nan, math.nan, math.nan)
-    return Row(item, case, pair, pair, pair, (0, 0), three, three, math.nan, math.nan, False, reason)
+def table(rows: Sequence[Saved], title: str = "") -> Table:
+    """The rows for people and programs."""
+    return Table(title, COLUMNS, [row._asdict() for row in rows])
 
 
-def missed(rows: Sequence[Row]) -> list[Row]:
-    """Rows whose results changed, or that failed."""
-    return [row for row in rows if row.ok is False]
-
-
-HEAD = (
-    "scene", "left out", "CPU with, s", "without, s", "CPU ratio", "least", "largest", "wall ratio", "least", "largest",
-    "peak with, MB", "without, MB", "log with, kB", "without, kB", "motion differs", "forces differ", "ok", "note",
-)  # fmt: skip
-
-
-def _cells(row: Row) -> list[str]:
-    numbers = [f"{x:.3f}" for x in (*row.cpu, *row.cpu_ratio, *row.wall_ratio)]
-    sizes = [f"{x:.0f}" for x in (*row.memory, *(size / 1000 for size in row.log))]
-    verdict = {True: "ok", False: "NOT", None: ""}[row.ok]
-    return [row.item, row.case, *numbers, *sizes, f"{row.motion:.1e}", f"{row.force:.1e}", verdict, row.note]
-
-
-def to_markdown(rows: Sequence[Row]) -> str:
-    """A table for people."""
-    lines = ["| " + " | ".join(HEAD) + " |", "|" + " --- |" * len(HEAD)]
-    for row in rows:
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in _cells(row)) + " |")
-    return "\n".join(lines) + "\n"
-
-
-def to_csv(rows: Sequence[Row]) -> str:
-    """All digits."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(HEAD)
-    for r in rows:
-        writer.writerow([r.item, r.case, *r.cpu, *r.cpu_ratio, *r.wall_ratio, *r.memory,
-                         *(size / 1000 for size in r.log), r.motion, r.force, _cells(r)[-2], r.note])  # fmt: skip
-    return out.getvalue()
-
-
-def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
+def draw(rows: Sequence[Saved], title: str) -> Figure:
     """Bars of what remains: CPU time with its spread, log size."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    shown = [row for row in rows if math.isfinite(row.cpu_ratio[0])][::-1]
+    shown = [row for row in rows if math.isfinite(row.cpu_ratio)][::-1]
     figure = Figure(figsize=(9.0, 1.2 + 0.42 * len(shown)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots()
     at = np.arange(len(shown))
-    middle, low, high = (np.array([row.cpu_ratio[k] for row in shown]) for k in range(3))
+    middle, low, high = np.array([(row.cpu_ratio, row.cpu_least, row.cpu_largest) for row in shown]).reshape(-1, 3).T
     axes.barh(at + 0.2, middle, 0.38, xerr=(middle - low, high - middle), color="tab:blue", label="CPU time")
-    axes.barh(at - 0.2, [row.log[1] / max(row.log[0], 1) for row in shown], 0.38, color="tab:orange", label="log")
+    axes.barh(at - 0.2, [row.log_without / row.log_with for row in shown], 0.38, color="tab:orange", label="log")
     axes.set_yticks(at, [f"{row.item}: {row.case}" for row in shown], fontsize=8)
     axes.axvline(1.0, color="0.5", linewidth=0.8)
     axes.set_xlabel("without over with")
     axes.set_title(title, fontsize=10)
     axes.legend(fontsize=8)
-    for file in files:
-        figure.savefig(file, dpi=100)
+    return figure
 
 
-def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
+def write(folder: Path, name: str, rows: Sequence[Saved], title: str) -> list[Path]:
     """Table and figure; raises OSError when the folder cannot be written."""
-    texts = {f"{name}.csv": to_csv(rows), f"{name}.md": f"# {title}\n\n{to_markdown(rows)}"}
-    return save(folder, texts, name, lambda files: draw(rows, files, title))
+    return files.save(folder, name, table(rows, title), draw(rows, title))
 
 
 if __name__ == "__main__":

@@ -26,15 +26,15 @@ RIGHT, WRONG, CLEAN, BLOWN, MUTE = VERDICTS = (
 REFUSED = (BadInput, BuildFailed, ComponentFailed)
 
 
-class Row(NamedTuple):
+class Judged(NamedTuple):
     """What became of a case."""
 
-    item: str  # family
+    item: str  # family; empty: that of the case
     case: str
-    value: float  # of the family's parameter
-    verdict: str
-    sensible: bool  # whether somebody could mean it
-    asked: str  # expectation
+    value: float = math.nan  # of the family's parameter
+    verdict: str = MUTE
+    sensible: bool = True  # whether somebody could mean it
+    asked: str = "an end"  # expectation
     found: float = math.nan
     expected: float = math.nan
     tolerance: float = math.nan
@@ -44,6 +44,7 @@ class Row(NamedTuple):
     cause: str = ""  # what limits it
     observed: float = math.nan  # longest step that was right, s
     seconds: float = 0.0
+    ok: bool | None = None  # it has an end and a sentence; and what somebody could mean is right
     note: str = ""  # what happened where
 
     @property
@@ -51,45 +52,48 @@ class Row(NamedTuple):
         """Predicted limit over used step."""
         return self.predicted / self.step
 
+    def ended(self, verdict: str, note: str) -> Judged:
+        """The row with its end; one that is not right needs a sentence."""
+        if not note and verdict != RIGHT:
+            verdict = MUTE
+        ok = verdict == RIGHT or (verdict != MUTE and not self.sensible)
+        return self._replace(verdict=verdict, ok=ok, note=" ".join(note.split()))
 
-def judged(scene: TrackScene, asked: str) -> Row:
-    """Run a scene and judge it; nothing but the row is kept."""
+
+def judged(scene: TrackScene, asked: str, row: Judged | None = None) -> Judged:
+    """Run a scene and judge it; nothing but the row is kept, with what it has already."""
     began = time.perf_counter()
-    row = Row("", "", math.nan, MUTE, True, ASKED[asked][1], step=scene.run.step)
+    row = row or Judged("", "")
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        path = Path(folder) / "run.mcap"
-        try:
-            told = simulate(scene.model_copy(update={"expect": {}}), path)
-        except REFUSED as refusal:
-            return _ended(row, CLEAN, str(refusal), began)
-        if told["communication_steps"]:
-            with Log(path) as log:
-                run = RunData(log)
-                if not _finite(run):
-                    return _ended(row, BLOWN, told["message"] or "a recorded output is not finite", began)
-                row = row._replace(open=(told["energy"] or {}).get("residual_relative", math.nan))
-                if told["status"] == "ok":
-                    try:
-                        value, expected, tolerance = ASKED[asked][0](run, scene)
-                    except Missing as missing:
-                        return _ended(row, WRONG, str(missing), began)
-                    row = row._replace(found=value, expected=expected, tolerance=tolerance)
+        ended = _judged(scene, asked, row._replace(asked=ASKED[asked][1]), Path(folder) / "run.mcap")
+    return ended._replace(seconds=time.perf_counter() - began)
+
+
+def _judged(scene: TrackScene, asked: str, row: Judged, path: Path) -> Judged:
+    try:
+        told = simulate(scene.model_copy(update={"expect": {}}), path)
+    except REFUSED as refusal:
+        return row.ended(CLEAN, str(refusal))
+    if told["communication_steps"]:
+        with Log(path) as log:
+            run = RunData(log)
+            if not _finite(run):
+                return row.ended(BLOWN, told["message"] or "a recorded output is not finite")
+            row = row._replace(open=(told["energy"] or {}).get("residual_relative", math.nan))
+            if told["status"] == "ok":
+                try:
+                    value, expected, tolerance = ASKED[asked][0](run, scene)
+                except Missing as missing:
+                    return row.ended(WRONG, str(missing))
+                row = row._replace(found=value, expected=expected, tolerance=tolerance)
     if told["status"] != "ok":
-        return _ended(row, CLEAN, told["message"], began)
-    if abs(row.open) > 1.0:
-        return _ended(row, BLOWN, told["message"], began)
+        return row.ended(CLEAN, told["message"])
     if abs(row.open) > summary.OPEN:
-        return _ended(row, WRONG, told["message"], began)
+        return row.ended(BLOWN if abs(row.open) > 1.0 else WRONG, told["message"])
     if not abs(row.found - row.expected) <= row.tolerance:
         apart = f"{row.found:.4g} instead of {row.expected:.4g} +- {row.tolerance:.2g}"
-        return _ended(row, WRONG, f"{ASKED[asked][1].split(':')[0]}: {apart}", began)
-    return _ended(row, RIGHT, told["message"], began)
-
-
-def _ended(row: Row, verdict: str, note: str, began: float) -> Row:
-    if not note and verdict != RIGHT:
-        verdict = MUTE
-    return row._replace(verdict=verdict, note=" ".join(note.split()), seconds=time.perf_counter() - began)
+        return row.ended(WRONG, f"{row.asked.split(':')[0]}: {apart}")
+    return row.ended(RIGHT, told["message"])
 
 
 def _finite(run: RunData) -> bool:

@@ -2,64 +2,65 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fmus.cache import spared
 from orchestrator.execution import precision
-from orchestrator.studies.files import save
+from orchestrator.studies import files
+from orchestrator.studies.tables import Column, Table, to_csv
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LEVELS = (1e-2, 1e-3, 1e-4)
 FACTOR = 3.0  # an estimate within it of the true error is right
 MARKERS = "os^vDP*Xp"  # of the methods, in pictures
 
 
-class Row(NamedTuple):
+class Timed(NamedTuple):
     """A way to run a scene, what it costs and how wrong it is; the truth has no run time but an error of its own."""
 
-    item: str  # scene
+    item: str  # scene; empty: that of the case
     case: str
-    track: str
-    method: str  # the curve it lies on
-    settings: tuple[str, ...]
-    wall_time: float  # s
-    cpu_time: float  # s, of all threads
-    error: float  # the largest relative error of the decisive observables
-    estimate: float  # the run's own idea of it
-    errors: dict[str, float]  # relative, by observable
-    estimates: dict[str, float]
-    absolute: dict[str, float]
-    units: dict[str, str]
+    track: str = ""
+    method: str = ""  # the curve it lies on
+    settings: tuple[str, ...] = ()
+    wall_time: float = math.nan  # s
+    cpu_time: float = math.nan  # s, of all threads
+    error: float = math.nan  # the largest relative error of the decisive observables
+    estimate: float = math.nan  # the run's own idea of it
+    errors: Mapping[str, float] = {}  # relative, by observable
+    estimates: Mapping[str, float] = {}
+    absolute: Mapping[str, float] = {}
     ok: bool | None = None
     note: str = ""
 
 
-def runs(rows: Iterable[Row]) -> list[Row]:
+def runs(rows: Iterable[Timed]) -> list[Timed]:
     """Those that ended well."""
     return [row for row in rows if row.method not in ("truth", "") and math.isfinite(row.error)]
 
 
-def pareto(rows: Iterable[Row], error: Any = lambda row: row.error) -> list[Row]:
+def pareto(rows: Iterable[Timed], error: Any = lambda row: row.error) -> list[Timed]:
     """Rows that no other beats in both run time and error."""
-    best: list[Row] = []
+    best: list[Timed] = []
     for row in sorted(runs(rows), key=lambda row: (row.wall_time, error(row))):
         if not best or error(row) < error(best[-1]):
             best.append(row)
     return best
 
 
-def cheapest(rows: Iterable[Row], level: float, observable: str = "") -> Row | None:
+def cheapest(rows: Iterable[Timed], level: float, observable: str = "") -> Timed | None:
     """The fastest run within an error: of one observable, or the largest of all decisive ones."""
     found = [row for row in runs(rows) if (row.errors.get(observable, math.inf) if observable else row.error) <= level]
     return min(found, key=lambda row: row.wall_time, default=None)
 
 
-def ratios(rows: Iterable[Row]) -> list[float]:
+def ratios(rows: Iterable[Timed]) -> list[float]:
     """Own estimate over true error, of every observable of every run."""
     return [
         row.estimates[name] / error
@@ -69,7 +70,7 @@ def ratios(rows: Iterable[Row]) -> list[float]:
     ]
 
 
-def sentences(rows: Sequence[Row]) -> list[str]:
+def sentences(rows: Sequence[Timed]) -> list[str]:
     """What a reader should take away."""
     said = []
     for scene, track in dict.fromkeys((row.item, row.track) for row in runs(rows)):
@@ -100,83 +101,89 @@ def sentences(rows: Sequence[Row]) -> list[str]:
 # --- tables and picture ----------------------------------------------------------------------------
 
 
-def to_csv(rows: Sequence[Row]) -> str:
-    """One line a row; errors and estimates of observables in columns of their own."""
-    names = list(dict.fromkeys(name for row in rows for name in row.errors))
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(
-        ["scene", "case", "track", "method", "settings", "wall time, s", "CPU time, s", "error", "estimate"]
-        + [f"{name} ({kind})" for name in names for kind in ("relative", "absolute", "estimate")]
-        + ["note"]
-    )
-    for row in rows:
-        figures = [found.get(name, "") for name in names for found in (row.errors, row.absolute, row.estimates)]
-        head = [row.item, row.case, row.track, row.method, " ".join(f"'{s}'" for s in row.settings)]
-        writer.writerow([*head, row.wall_time, row.cpu_time, row.error, row.estimate, *figures, row.note])
-    return out.getvalue()
+def _observables(rows: Iterable[Timed]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row.errors))
 
 
-def to_markdown(rows: Sequence[Row]) -> str:
+def table(rows: Sequence[Timed], title: str = "") -> Table:
     """A table for people: relative errors by observable, * on the Pareto front; then what it says."""
-    names = list(dict.fromkeys(name for row in rows for name in row.errors))
-    head = ["scene", "case", "run time, s", "CPU, s", "error", "own estimate", *names, "note"]
     front = {id(row) for key in {(r.item, r.track) for r in rows} for row in
              pareto(r for r in rows if (r.item, r.track) == key)}  # fmt: skip
-    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
-    for row in rows:
-        cells = [
-            row.item, row.case + (" *" if id(row) in front else ""), f"{row.wall_time:.3g}",
-            "" if math.isnan(row.cpu_time) else f"{row.cpu_time:.3g}", f"{row.error:.2e}",
-            "" if math.isnan(row.estimate) else f"{row.estimate:.2e}",
-            *(f"{row.errors[name]:.1e}" if name in row.errors else "" for name in names), row.note,
-        ]  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join([*lines, "", *(f"- {said}" for said in sentences(rows))]) + "\n"
+    columns = (
+        Column("item", "scene"),
+        Column("case", "case"),
+        Column("wall_time", "run time, s", ".3g"),
+        Column("cpu_time", "CPU, s", ".3g"),
+        Column("error", "error", ".2e"),
+        Column("estimate", "own estimate", ".2e"),
+        *(Column(f"{name} (relative)", name, ".1e") for name in _observables(rows)),
+        Column("note", "note"),
+    )
+    shown = [{**_figures(row), "case": row.case + (" *" if id(row) in front else "")} for row in rows]
+    return Table(title, columns, shown, tuple(f"- {said}" for said in sentences(rows)))
 
 
-def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
+def whole_table(rows: Sequence[Timed]) -> Table:
+    """A table for programs: errors and estimates of observables in columns of their own."""
+    names = [f"{name} ({kind})" for name in _observables(rows) for kind in ("relative", "absolute", "estimate")]
+    columns = (
+        Column("item", "scene"),
+        *(Column(key, key) for key in ("case", "track", "method", "settings")),
+        Column("wall_time", "wall time, s"),
+        Column("cpu_time", "CPU time, s"),
+        *(Column(key, key) for key in ("error", "estimate", *names, "note")),
+    )
+    return Table("", columns, [_figures(row) for row in rows])
+
+
+def _figures(row: Timed) -> dict[str, Any]:
+    """A row by the keys of both tables."""
+    kinds = {"relative": row.errors, "absolute": row.absolute, "estimate": row.estimates}
+    figures = {f"{name} ({kind})": found.get(name) for name in row.errors for kind, found in kinds.items()}
+    return {**row._asdict(), "settings": " ".join(f"'{s}'" for s in row.settings), **figures}
+
+
+def write(folder: Path, name: str, rows: Sequence[Timed], title: str) -> list[Path]:
     """Tables, picture, and the settings for ``cotrack run SCENE --error``."""
     scenes = "-".join(dict.fromkeys(row.item for row in rows))
     stem = f"{name}-{scenes}"
-    texts = {f"{stem}.csv": to_csv(rows), f"{stem}.md": f"# {title}: {scenes}\n\n{to_markdown(rows)}"}
-    files = save(folder, texts, stem, lambda files: draw(rows, files, f"{title}: {scenes}"))
+    title = f"{title}: {scenes}"
+    more = {f"{stem}.csv": to_csv(whole_table(rows))}
+    made = files.save(folder, stem, table(rows, title), draw(rows, title), more)
     settings = [precision.Setting(row.item, row.track, means(row), row.error, row.wall_time) for row in runs(rows)]
-    files.append(folder / "precision.json")
-    precision.write(settings, files[-1])
+    made.append(folder / "precision.json")
+    precision.write(settings, made[-1])
     if not any(setting.startswith("run.stop") for row in rows for setting in row.settings):
         with spared():
             precision.write(settings, precision.own())  # only what was found over the whole scene
-            files.append(precision.own())
-    return files
+            made.append(precision.own())
+    return made
 
 
-def means(row: Row) -> tuple[str, ...]:
+def means(row: Timed) -> tuple[str, ...]:
     """Of a row's settings, how the scene is run; what it is stays with the scene."""
     return tuple(s for s in row.settings if not s.startswith(("run.stop", "track.start", "chain.")))
 
 
-def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
+def draw(rows: Sequence[Timed], title: str) -> Figure:
     """A pane for the error as a whole and one for each observable; a curve a method, the Pareto front shaded."""
     from matplotlib import colormaps
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.ticker import LogLocator, NullFormatter
 
     shown = runs(rows)
-    names = ["", *dict.fromkeys(name for row in shown for name in row.errors)]
+    names = ["", *_observables(shown)]
     across = min(3, len(names))
     down = -(-len(names) // across)
     figure = Figure(figsize=(5.2 * across, 4.2 * down + 1.4), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(down, across, squeeze=False).ravel()
     methods = list(dict.fromkeys(row.method for row in shown))
     tracks = list(dict.fromkeys(row.track for row in shown))
     lines: dict[str, Any] = dict(zip(tracks, ("-", "--"), strict=False))
     for pane, name in zip(axes, names, strict=False):
 
-        def error(row: Row, name: str = name) -> float:
+        def error(row: Timed, name: str = name) -> float:
             return row.errors.get(name, math.nan) if name else row.error
 
         for track, (k, method) in product(tracks, enumerate(methods)):
@@ -216,5 +223,4 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
     keys += [Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in lines.items()]
     figure.legend(handles=keys, loc="outside lower center", ncols=min(4, len(keys)), fontsize=10)
     figure.suptitle(f"{title} (rings: Pareto front of a track model)", fontsize=12)
-    for file in files:
-        figure.savefig(file, dpi=100)
+    return figure

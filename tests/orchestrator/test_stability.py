@@ -10,9 +10,9 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.scene.scene import load
-from orchestrator.studies import expectations, extreme, limits, stability, stability_map, verdict
+from orchestrator.studies import expectations, extreme, limits, stability, stability_map, tables, verdict
 from orchestrator.studies.limits import Pair
-from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, Row
+from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, Judged
 
 # --- limits ---
 
@@ -136,24 +136,26 @@ def test_cases():
 
 
 ROWS = [
-    Row("a, m", "1", 1.0, RIGHT, True, "x", 1.0, 1.0, 0.1, step=1e-3, predicted=1e-2, cause="idler"),
-    Row("a, m", "2", 2.0, WRONG, False, "x", 2.0, 1.0, 0.1, step=1e-3, predicted=1e-3, note="x | y"),
-    Row("b", "1", 1.0, CLEAN, False, "x", note="Newton"),
-    Row("b", "2", 2.0, CLEAN, True, "x", note="Newton"),
-    Row("b", "3", 3.0, BLOWN, False, "x"),
-    stability.failed("c", "1", "took longer than 600 s"),
+    Judged("a, m", "1", 1.0, RIGHT, True, "x", 1.0, 1.0, 0.1, step=1e-3, predicted=1e-2, cause="idler"),
+    Judged("a, m", "2", 2.0, WRONG, False, "x", 2.0, 1.0, 0.1, step=1e-3, predicted=1e-3, note="x | y"),
+    Judged("b", "1", 1.0, CLEAN, False, "x", note="Newton"),
+    Judged("b", "2", 2.0, CLEAN, True, "x", note="Newton"),
+    Judged("b", "3", 3.0, BLOWN, False, "x"),
+    Judged("c", "1", ok=False, note="took longer than 600 s"),
 ]
 
 
 def test_table_and_map(tmp_path):
-    assert [row.case for row in stability.missed(ROWS)] == ["2", "1"]
+    graded = [row.ended(row.verdict, row.note or "a sentence") for row in ROWS[:-1]]
+    assert [row.ok for row in graded] == [True, True, True, False, True]
+    assert graded[-1].ended(BLOWN, "")[3:] == graded[-1]._replace(verdict=MUTE, ok=False, note="")[3:]
     assert ROWS[0].margin == pytest.approx(10.0)
-    lines = stability.to_markdown(ROWS).splitlines()
-    assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability_map.HEAD) + 1}
+    lines = tables.to_markdown(stability.table(ROWS)).splitlines()
+    assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability_map.COLUMNS) + 1}
     assert lines[-1] == (
         "6 cases: 1 stable and right, 1 stable and wrong, 2 failed cleanly, 1 blown up, 1 no sentence."
     )
-    read = list(csv.DictReader(io.StringIO(stability_map.to_csv(ROWS))))
+    read = list(csv.DictReader(io.StringIO(tables.to_csv(stability.table(ROWS)))))
     assert (read[0]["margin"], read[2]["margin"], read[5]["what happened"]) == ("10", "", "took longer than 600 s")
     made = stability.write(tmp_path, "stability", ROWS, stability.TITLE)
     assert [file.suffix for file in made] == [".csv", ".md", ".png", ".svg"]

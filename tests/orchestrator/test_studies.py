@@ -13,19 +13,19 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator import studies
 from orchestrator.cli import main
-from orchestrator.studies import Case, element_cases, mechanics, orders, pool, tables
+from orchestrator.studies import Case, compared, element_cases, mechanics, orders, pool, tables
+from orchestrator.studies.compared import Compared, checked
 from orchestrator.studies.store import Store
-from orchestrator.studies.tables import Row, checked, failed
 
 FRAME = Case("11", "L-frame", element_cases.l_frame, ("beam",))
 FAST = Case("11", "L-frame", element_cases.l_frame, ("small deformation (11)-(15)",))
 
 
-def raises() -> list[Row]:
+def raises() -> list[Compared]:
     raise ValueError("no equilibrium | found")
 
 
-def dies() -> list[Row]:
+def dies() -> list[Compared]:
     os._exit(3)
 
 
@@ -91,18 +91,18 @@ def test_a_case_that_fails_is_a_row_and_the_others_go_on(cotrack, monkeypatch):
     assert "0: bad: ValueError" in err
 
 
-def sleeps() -> list[Row]:
+def sleeps() -> list[Compared]:
     time.sleep(60)
     return []
 
 
-def counts(folder) -> list[Row]:
+def counts(folder) -> list[Compared]:
     """Leaves a trace of every time it is measured."""
     (folder / str(len(list(folder.iterdir())))).touch()
     return [checked("0", "counted", 1.0, 1.0, 0.1, series=((1.0, 2.0),))]
 
 
-def fails_once(folder) -> list[Row]:
+def fails_once(folder) -> list[Compared]:
     """The first process that tries it ends."""
     trace = folder / "tried"
     if not trace.exists():
@@ -129,7 +129,7 @@ def test_a_study_goes_on_where_it_was(tmp_path):
     """What is done is not done again; what lost its process is."""
     trace = tmp_path / "trace"
     trace.mkdir()
-    store = Store(tmp_path / "cases", Row)
+    store = Store(tmp_path / "cases", Compared)
     counted, once = Case("0", "counted", counts, (trace,)), Case("0", "once", fails_once, (tmp_path,))
     first = pool.run(mechanics, [counted, once], 2, store=store)
     assert [row.ok for row in first] == [True, False]
@@ -144,7 +144,7 @@ def test_a_study_goes_on_where_it_was(tmp_path):
 def test_a_cluster_gives_the_same_rows_and_outlives_a_worker(tmp_path):
     from dask.distributed import LocalCluster
 
-    store = Store(tmp_path / "cases", Row)
+    store = Store(tmp_path / "cases", Compared)
     cases = [FAST, Case("0", "bad", raises), Case("0", "once", fails_once, (tmp_path,))]
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         rows = pool.run(mechanics, cases, scheduler=cluster.scheduler_address, store=store)
@@ -177,27 +177,26 @@ ROWS = [
     checked("1", "a", 1.001, 1.0, 1e-2, order=2.0, over="elements", series=((4.0, 1e-2), (8.0, 0.0))),
     checked("2", "b, with a comma", 3e-6, 0.0, 1e-6),
     checked("3", "c", 2.0, 4.0, math.nan, note="for information"),
-    failed("4", "d", "Lost: nothing left"),
+    Compared("4", "d", ok=False, note="Lost: nothing left"),
 ]
 
 
 def test_tables(tmp_path):
     assert [row.ok for row in ROWS] == [True, False, None, False]
-    assert tables.of_order(ROWS[0], 1.9, 2.1).ok
-    assert tables.of_order(ROWS[0], 2.1, 2.5).ok is False
+    assert compared.of_order(ROWS[0], 1.9, 2.1).ok
+    assert compared.of_order(ROWS[0], 2.1, 2.5).ok is False
     assert [row.error for row in ROWS[:3]] == pytest.approx([1e-3, 3e-6, 0.5])
-    assert tables.missed(ROWS) == [ROWS[1], ROWS[3]]
-    lines = tables.to_markdown(ROWS).splitlines()
+    lines = tables.to_markdown(compared.table(ROWS)).splitlines()
     assert lines[0] == "| item | case | value | reference | error | tolerance | order | ok | note |"
     assert lines[2] == "| 1 | a | 1.001 | 1 | 0.001 | 0.01 | 2 | ok |  |"
     assert lines[4] == "| 3 | c | 2 | 4 | 0.5 |  |  |  | for information |"
-    assert {line.count("|") for line in lines} == {len(tables.HEAD) + 1}
-    read = list(csv.DictReader(io.StringIO(tables.to_csv(ROWS))))
+    assert {line.count("|") for line in lines} == {len(compared.COLUMNS) + 1}
+    read = list(csv.DictReader(io.StringIO(tables.to_csv(compared.table(ROWS)))))
     assert float(read[0]["value"]) == ROWS[0].value
     assert read[1]["case"] == "b, with a comma"
     assert (read[3]["ok"], read[3]["error"], read[3]["note"]) == ("NOT", "", "Lost: nothing left")
-    assert len(tables.series_csv(ROWS).splitlines()) == 3
-    tables.write(tmp_path, "x", ROWS[1:], "without a series")
+    assert len(tables.to_csv(compared.points(ROWS)).splitlines()) == 3
+    compared.write(tmp_path, "x", ROWS[1:], "without a series")
     assert (tmp_path / "x.png").stat().st_size > 1000
 
 
