@@ -9,14 +9,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component
 from orchestrator.log.bitwise import Difference, first_difference
-from orchestrator.log.reader import Log, Series
+from orchestrator.log.reader import Floats, Log, Series
 from orchestrator.log.recorder import Recorder
 
-Floats = NDArray[np.float64]
 Parameters = Mapping[str, float | int | str]
 Progress = Callable[[int, float], None]
 

@@ -15,11 +15,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import Floats, Missing, RunData, Window
 
-Floats = NDArray[np.float64]
 LEAST = 1.0  # J: below it all is rest
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
 

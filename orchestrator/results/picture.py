@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
 from fmus.vehicle import BadInput, sentence
 from orchestrator.log.reader import Log
-from orchestrator.results.run_data import Links, RunData, Window, within
+from orchestrator.results.run_data import Floats, Links, RunData, Window, within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +20,6 @@ INSTANTS = 3
 WHEELS = ("sprocket", "road_wheel", "idler")
 MARGIN = 0.25  # m round what is drawn
 
-Floats = NDArray[np.float64]
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 Size = Annotated[float, Field(gt=0, le=1e6)]
 

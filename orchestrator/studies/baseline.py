@@ -25,6 +25,7 @@ import numpy as np
 from llvmlite import binding
 from numpy.typing import NDArray
 
+from fmus.physics.arrays import Floats
 from fmus.vehicle import BadInput
 from orchestrator.studies import Case, baseline_file, files, growth
 from orchestrator.studies.baseline_file import FILE, Baseline
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
 
 __all__ = ["TITLE", "Row", "cases", "make", "table", "write"]
 
-Floats = NDArray[np.float64]
 
 TITLE = "Baseline: this tree against the one that the baseline names"
 Row = Compared

@@ -8,10 +8,12 @@ the cut "spring") at the port and 0.2 N s/m at the walls.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from fmus.physics.arrays import Floats
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
@@ -21,6 +23,7 @@ from orchestrator.studies import Case
 from orchestrator.studies.compared import Compared, checked, table, write
 from orchestrator.studies.oscillator import (
     Oscillator,
+    Slave,
     coupled,
     energy,
     exact_maps,
@@ -64,20 +67,34 @@ def couple(variant: str, stages: Stages) -> Scheme:
     return SCHEMES[name](stages, threads=False, **options)  # type: ignore[no-any-return]
 
 
-def run_free(variant: str, cut: str, h: float) -> tuple[float, float]:
-    """Largest error of both positions over the run, m, and the energy at its end over that at its start."""
-    stages, a, b = coupled(cut, FREE)
-    ahead, truth, worst = exact_maps(whole(FREE))(h), np.array(FREE.start), 0.0
+def follow(
+    variant: str, sides: tuple[Stages, Slave, Slave], pace: Clock | VariableStep, truth: Callable[[float], Floats]
+) -> float:
+    """Run a coupling; the largest error of both positions over the run, m. ``truth`` is asked forward in time."""
+    (stages, a, b), worst = sides, 0.0
 
     def watch(k: int, t: float, _: float) -> None:
-        nonlocal truth, worst
-        if k:
-            truth = ahead @ truth
-        worst = max(worst, abs(a.x[0] - truth[0]), abs(b.x[0] - truth[2]))
+        nonlocal worst
+        x = truth(t)
+        worst = max(worst, abs(a.x[0] - x[0]), abs(b.x[0] - x[2]))
 
-    outcome = run(couple(variant, stages), Clock(h, round(END / h)), [watch])
+    outcome = run(couple(variant, stages), pace, [watch])
     if outcome.status != "ok":
         raise RuntimeError(outcome.message)
+    return worst
+
+
+def run_free(variant: str, cut: str, h: float) -> tuple[float, float]:
+    """Largest error of both positions over the run, m, and the energy at its end over that at its start."""
+    sides, ahead, x = coupled(cut, FREE), exact_maps(whole(FREE))(h), np.array(FREE.start)
+
+    def truth(t: float) -> Floats:
+        nonlocal x
+        x = ahead @ x if t else x
+        return x
+
+    worst = follow(variant, sides, Clock(h, round(END / h)), truth)
+    _, a, b = sides
     return worst, energy(FREE, np.array([*a.x[:2], *b.x])) / energy(FREE, np.array(FREE.start))
 
 
@@ -139,17 +156,7 @@ def observed_limit(variant: str, cut: str, predicted: float) -> float:
 def run_struck(variant: str, pace: Clock | VariableStep) -> tuple[float, int]:
     """Quiet swinging, a hammer on mass 2, ringing, quiet: largest error of the positions, m, and steps of side a."""
     stages, a, b, truth = struck(STRUCK)
-    worst = 0.0
-
-    def watch(k: int, t: float, _: float) -> None:
-        nonlocal worst
-        x = truth(t)
-        worst = max(worst, abs(a.x[0] - x[0]), abs(b.x[0] - x[2]))
-
-    outcome = run(couple(variant, stages), pace, [watch])
-    if outcome.status != "ok":
-        raise RuntimeError(outcome.message)
-    return worst, a.steps
+    return follow(variant, (stages, a, b), pace, truth), a.steps
 
 
 # Cases --------------------------------------------------------------------------------------------------------------

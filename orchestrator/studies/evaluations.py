@@ -15,8 +15,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.elements import evaluate as evaluate_flexible
 from fmus.physics.chain.flexible.state import Motion
@@ -32,8 +32,6 @@ from fmus.ports import STATE, WRENCH
 from fmus.track_flexible import model as track_flexible
 from fmus.track_rigid import model as track_rigid
 from orchestrator.studies.chain_states import Completed, Elastic
-
-Floats = NDArray[np.float64]
 
 # Kinds of links: the parameters of the flexible track, None for the rigid one.
 KINDS: dict[str, dict[str, str] | None] = {

@@ -16,14 +16,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.physics.arrays import Floats
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
 from orchestrator.studies.baseline_file import Grown
-
-Floats = NDArray[np.float64]
 
 EVERY = 0.02  # s
 BEYOND = 0.1  # s

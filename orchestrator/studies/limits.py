@@ -12,15 +12,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 
 from fmus.physics.ancf import cable
+from fmus.physics.arrays import Floats
 from orchestrator.execution import summary
 from orchestrator.scene.scene import TrackScene, VehicleScene
-
-Floats = NDArray[np.float64]
 
 RUNGE_KUTTA = 2.785  # real axis of the stability region of the classical method
 

@@ -16,12 +16,10 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from fmus.physics.arrays import Floats
 from orchestrator.cosim.graph import Connection, Instance, Kind, Stages, System, wire
-
-Floats = NDArray[np.float64]
 
 
 class Oscillator(NamedTuple):

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.physics.ancf import beam, loads, statics
 from fmus.physics.ancf.mesh import Mesh
+from fmus.physics.arrays import Floats
 from orchestrator.scene import tables
 from orchestrator.without_fmu import meshes
 
-Floats = NDArray[np.float64]
 CLOSE = 1e-11  # last correction of Newton's iteration, m
 MOST = 30  # iterations
 

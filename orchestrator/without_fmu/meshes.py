@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse.linalg import splu
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
@@ -23,8 +23,8 @@ from fmus.physics.ancf import (
 )
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
+from fmus.physics.arrays import Floats
 
-Floats = NDArray[np.float64]
 ELASTICITIES: dict[str, Any] = {
     "small_deformation": cable_small,
     "general": cable_general,
