@@ -39,7 +39,7 @@ def study(
     """
     from orchestrator import studies
     from orchestrator.studies import pool, tables
-    from orchestrator.studies.progress import Watched
+    from orchestrator.studies.progress import watched
     from orchestrator.studies.store import Store
 
     if name is None:
@@ -60,7 +60,7 @@ def study(
     cases = make(quick, scene) if scene is not None else make(quick)
     workers = workers or (1 if timed else 2)
     try:
-        with narration.elsewhere(), Watched(name, len(cases)) as done:
+        with narration.elsewhere(), watched(name, len(cases)) as done:
             rows = pool.run(chosen, cases, workers, scheduler, Store(output / "cases", chosen.Row), done)
         files = chosen.write(output, name, rows, chosen.TITLE)
     except OSError as error:

@@ -34,7 +34,7 @@ from orchestrator.studies.compared import Compared, checked, table
 from orchestrator.studies.evaluations import KINDS
 from orchestrator.studies.gathering import Gathered, Source, gather, sources
 from orchestrator.studies.growth import RUNS, Pair, changed, grown, ratios, trajectory
-from orchestrator.studies.progress import Watched
+from orchestrator.studies.progress import watched
 from orchestrator.studies.projections import GROUPS, numbers, shown
 from orchestrator.studies.true_errors import WINDOWS, Window, errors
 
@@ -208,7 +208,7 @@ def _all(title: str, tasks: Sequence[Task], workers: int) -> list[Any]:
     if workers == 1:
         return [function(*arguments) for _, function, arguments in tasks]
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=spawn) as pool, Watched(title, len(tasks)) as done:
+    with ProcessPoolExecutor(workers, mp_context=spawn) as pool, watched(title, len(tasks)) as done:
         waiting = {pool.submit(function, *arguments): name for name, function, arguments in tasks}
         try:
             for future in as_completed(waiting):

@@ -120,13 +120,13 @@ def grows(variant: str, cut: str, h: float, o: Oscillator = DAMPED, steps: int =
     return max(sizes[-quarter:]) > 1.001 * max(REST * sizes[0], *sizes[quarter : 2 * quarter])
 
 
-def predicted_limit(variant: str, cut: str, o: Oscillator = DAMPED) -> float:
+def predicted_limit(variant: str, cut: str) -> float:
     """The first step at which the spectral radius leaves 1, s; infinite where none does."""
     name, options = VARIANTS[variant]
     low, high = 5e-4, 0.0
 
     def unstable(h: float) -> bool:
-        return radius(name, str(options.get("hold", "linear")), cut, o, h) > STABLE
+        return radius(name, str(options.get("hold", "linear")), cut, DAMPED, h) > STABLE
 
     while not high:
         if low > LONGEST:

@@ -111,11 +111,10 @@ def _on_cluster(cases: Sequence[Case], left: Sequence[int], address: str) -> Fou
 def _single_threads() -> Iterator[None]:
     """Processes do not share the cores out a second time in their linear algebra."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update({name: value or "1" for name, value in before.items()})
+    added = {name: "1" for name in names if not os.environ.get(name)}
+    os.environ.update(added)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
+        for name in added:
+            del os.environ[name]

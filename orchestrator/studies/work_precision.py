@@ -45,15 +45,6 @@ def runs(rows: Iterable[Timed]) -> list[Timed]:
     return [row for row in rows if row.method not in ("truth", "") and math.isfinite(row.error)]
 
 
-def pareto(rows: Iterable[Timed], error: Any = lambda row: row.error) -> list[Timed]:
-    """Rows that no other beats in both run time and error."""
-    best: list[Timed] = []
-    for row in sorted(runs(rows), key=lambda row: (row.wall_time, error(row))):
-        if not best or error(row) < error(best[-1]):
-            best.append(row)
-    return best
-
-
 def cheapest(rows: Iterable[Timed], level: float, observable: str = "") -> Timed | None:
     """The fastest run within an error: of one observable, or the largest of all decisive ones."""
     found = [row for row in runs(rows) if (row.errors.get(observable, math.inf) if observable else row.error) <= level]
@@ -108,7 +99,7 @@ def _observables(rows: Iterable[Timed]) -> list[str]:
 def table(rows: Sequence[Timed], title: str = "") -> Table:
     """A table for people: relative errors by observable, * on the Pareto front; then what it says."""
     front = {id(row) for key in {(r.item, r.track) for r in rows} for row in
-             pareto(r for r in rows if (r.item, r.track) == key)}  # fmt: skip
+             precision.front(runs(r for r in rows if (r.item, r.track) == key))}  # fmt: skip
     columns = (
         Column("item", "scene"),
         Column("case", "case"),
@@ -195,7 +186,7 @@ def draw(rows: Sequence[Timed], title: str) -> Figure:
                 linestyle=lines[track], color=colormaps["tab10"](k % 10),
             )  # fmt: skip
         for track in tracks:
-            best = pareto((row for row in shown if row.track == track), error)
+            best = precision.front((row for row in shown if row.track == track), error)
             pane.loglog(
                 [row.wall_time for row in best], [error(row) for row in best], linestyle="none", marker="o",
                 markersize=10, markerfacecolor="none", markeredgecolor="0.3",

@@ -237,9 +237,9 @@ def frame(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Mes
     return mesh, np.array([x, z])
 
 
-def frame_tip(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Floats, Floats]:
+def frame_tip(kind: Any, n: int, rigid: float = 100.0) -> tuple[Floats, Floats]:
     """Tip displacements (x, z) of ``frame``, and Timoshenko's."""
-    mesh, exact = frame(kind, n, h, rigid)
+    mesh, exact = frame(kind, n, rigid=rigid)
     q, tip = mesh.start(), (2 * n - 1, 1)
     bent = statics.equilibrium(mesh, q, steps=1, tolerance=1e-11).q
     return (mesh.end(bent, tip) - mesh.end(q, tip))[0, [0, 2]], exact
