@@ -38,6 +38,7 @@ def study(
     Started again with the same folder, it goes on where it was interrupted.
     """
     from orchestrator import studies
+    from orchestrator.scene.products import made
     from orchestrator.studies import pool, tables
     from orchestrator.studies.progress import watched
     from orchestrator.studies.store import Store
@@ -49,10 +50,7 @@ def study(
     chosen = studies.find(name)
     if output is None:
         raise BadInput(f"study {name}: -o DIR says where its tables and figures go")
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"the folder {output} cannot be made: {error.strerror}") from None
+    made(output)
     timed = hasattr(chosen, "WORKERS")  # a study of one scene, whose runs have the machine to themselves
     if scene is not None and not timed:
         raise BadInput(f"study {name} takes no scene")

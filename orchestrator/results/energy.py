@@ -113,19 +113,17 @@ def _liveliest(run: RunData) -> float:
 
 def ports(run: RunData) -> list[Port]:
     """The ports of a system: where a wrench goes one way."""
-    found = []
-    for connection in run.system["connections"]:
-        for output, taken in zip(connection["outputs"], connection["inputs"], strict=True):
-            if output.endswith(".force.x"):
-                found.append(
-                    Port(
-                        connection["source"],
-                        output.removesuffix(".force.x"),
-                        connection["target"],
-                        taken.removesuffix(".force.x"),
-                    )
-                )
-    return found
+    return [
+        Port(
+            connection["source"],
+            output.removesuffix(".force.x"),
+            connection["target"],
+            taken.removesuffix(".force.x"),
+        )
+        for connection in run.system["connections"]
+        for output, taken in zip(connection["outputs"], connection["inputs"], strict=True)
+        if output.endswith(".force.x")
+    ]
 
 
 def _book(run: RunData, instance: str) -> dict[str, float]:

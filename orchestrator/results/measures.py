@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from orchestrator.results.energy import drift, ledger
+from orchestrator.results.energy import drift, ledger, ports
 from orchestrator.results.run_data import Floats, Links, RunData, Window, mean, within
 
 Measure = Callable[[RunData, str, Window], float]
@@ -230,18 +230,15 @@ def third_law(run: RunData, of: str, window: Window) -> float:
     The sprockets' share goes through the drives, which pass the whole force on.
     """
     given, received, size = np.zeros(3), np.zeros(3), 0.0
-    for connection in run.system["connections"]:
-        forces = [name.removesuffix(".x") for name in connection["inputs"] if name.endswith(".force.x")]
-        for prefix in forces:
-            if connection["source"] in run.tracks:
-                source = connection["outputs"][connection["inputs"].index(f"{prefix}.x")].removesuffix(".x")
-                t, force = run.vectors(connection["source"], "out", source)
-                force = force[(t > window.start + 1e-9) & (t <= window.end + 1e-9)]
-                given += force.sum(axis=0)
-                size += float(np.abs(force).sum())
-            if connection["target"] == "chassis":
-                t, force = run.vectors("chassis", "in", prefix)
-                received += force[(t >= window.start - 1e-9) & (t < window.end - 1e-9)].sum(axis=0)
+    for port in ports(run):
+        if port.giver in run.tracks:
+            t, force = run.vectors(port.giver, "out", f"{port.connector}.force")
+            force = force[(t > window.start + 1e-9) & (t <= window.end + 1e-9)]
+            given += force.sum(axis=0)
+            size += float(np.abs(force).sum())
+        if port.taker == "chassis":
+            t, force = run.vectors("chassis", "in", f"{port.taken}.force")
+            received += force[(t >= window.start - 1e-9) & (t < window.end - 1e-9)].sum(axis=0)
     return float(np.linalg.norm(given - received) / size)
 
 
@@ -305,7 +302,7 @@ def _inside(links: Links, window: Window) -> Links:
 def _joint_forces(run: RunData, of: str, window: Window) -> Floats:
     """Force in every pin (m, pins), N."""
     series = run.log.read(f"/{of or run.tracks[0]}/links")
-    inside = (series.t >= window.start - 1e-9) & (series.t <= window.end + 1e-9)
+    inside = within(series.t, window)
     forces = [series.values[inside][:, [name.endswith(f"].force.{axis}") for name in series.names]] for axis in "xyz"]
     return np.asarray(np.sqrt(sum(force**2 for force in forces)))
 

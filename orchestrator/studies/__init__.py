@@ -8,12 +8,12 @@ needs the mechanics.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from fmus.vehicle import BadInput
+from orchestrator.scene.gallery import hint
 from orchestrator.studies.tables import Table
 
 STUDIES = {
@@ -54,8 +54,6 @@ class Study(Protocol):
 def find(name: str) -> Study:
     """A study by its name; raises BadInput."""
     if name not in STUDIES:
-        near = get_close_matches(name, STUDIES, n=1)
-        hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(STUDIES)}"
-        raise BadInput(f"no study '{name}': {hint}")
+        raise BadInput(f"no study '{name}': {hint(name, STUDIES, 'there are')}")
     study: Any = import_module(f"orchestrator.studies.{name.replace('-', '_')}")
     return study

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from fmus.cache import write
 from orchestrator.studies import Case
 
 PACKAGES = ("fmus", "orchestrator")
@@ -50,7 +50,5 @@ class Store:
     def put(self, case: Case, rows: list[Any]) -> None:
         """Keep the rows of a case; whole or not at all."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        file = self._file(case)
-        fresh = file.with_suffix(f".{os.getpid()}")
-        fresh.write_text(json.dumps({"case": case.name, "rows": [row._asdict() for row in rows]}, indent=1))
-        fresh.replace(file)
+        kept = {"case": case.name, "rows": [row._asdict() for row in rows]}
+        write(self._file(case), json.dumps(kept, indent=1).encode())
