@@ -13,7 +13,7 @@ from orchestrator.scene.tables import Check
 
 DOFS = {"cable": (12, 4), "planar": (8, 2), "beam": (24, 6)}  # coordinates of a link, equations of a pin
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
-TOUCH = ("contact with wheels and teeth", "contact with the ground")
+CONTACTS = ("contact with wheels and teeth", "contact with the ground")
 
 
 def lines(scene: Scene) -> Iterator[str]:
@@ -70,7 +70,7 @@ def _without_fmu(scene: Scene) -> tuple[list[str], list[str]]:
         "both track models",
         CHASSIS_PARTS,
         "drives",
-        *TOUCH,
+        *CONTACTS,
     ]
     if "energy.kinetic" not in it.outputs:
         absent += ["inertia: static equilibrium at every instant"]
@@ -111,11 +111,11 @@ def _absent(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
     if "SprocketDrive" not in kinds:
         yield "drives"
     if not any(track["wheels"] for track in tracks):
-        yield TOUCH[0]
+        yield CONTACTS[0]
     elif len(tracks[0]["wheels"]) == 1:
         yield "contact with wheels other than the sprocket"
     if not any(track["ground"] for track in tracks):
-        yield TOUCH[1]
+        yield CONTACTS[1]
     if tracks and all(isclose(track["gravity"], 0.0) for track in tracks):
         yield "gravity"
     if isinstance(scene, VehicleScene) and scene.symmetric:

@@ -59,7 +59,7 @@ def study(
     workers = workers or (1 if timed else 2)
     try:
         with narration.elsewhere(), watched(name, len(cases)) as done:
-            rows = pool.run(chosen, cases, workers, scheduler, Store(output / "cases", chosen.Row), done)
+            rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
         files = chosen.write(output, name, rows, chosen.TITLE)
     except OSError as error:
         raise BadInput(f"the folder {output} cannot be written: {error}") from None

@@ -73,10 +73,14 @@ def _checksum(rows: list[dict[str, Any]]) -> str:
     return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
 
 
-def front(settings: Iterable[Any], error: Callable[[Any], float] = attrgetter("error")) -> list[Any]:
-    """Those that no other beats in both error and run time (``wall_time``), the cheapest first."""
+def front(
+    ways: Iterable[Any],
+    cost: Callable[[Any], float] = attrgetter("wall_time"),
+    error: Callable[[Any], float] = attrgetter("error"),
+) -> list[Any]:
+    """Those that no other beats in both error and run time, the cheapest first."""
     best: list[Any] = []
-    for one in sorted(settings, key=lambda s: (s.wall_time, error(s))):
+    for one in sorted(ways, key=lambda way: (cost(way), error(way))):
         if not best or error(one) < error(best[-1]):
             best.append(one)
     return best

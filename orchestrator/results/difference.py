@@ -137,10 +137,10 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     if "chassis" not in run.instances:
         names = [f"{track}.speed" for track in run.tracks]
         yield "chain_speed", Observable("m/s", 0.01, lambda run: _signals(run, names))
-    yield "tension_mean", Observable("N", 100.0, lambda run: _windowed(_tension(run), _mean))
-    yield "tension_rms", Observable("N", 100.0, lambda run: _windowed(_tension(run), _root_mean_square))
-    yield "joint_force_mean", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), _mean))
-    yield "joint_force_rms", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), _root_mean_square))
+    yield "tension_mean", Observable("N", 100.0, lambda run: _windowed(_tension(run), power=1))
+    yield "tension_rms", Observable("N", 100.0, lambda run: _windowed(_tension(run), power=2))
+    yield "joint_force_mean", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), power=1))
+    yield "joint_force_rms", Observable("N", 100.0, lambda run: _windowed(_joint_force(run), power=2))
     yield "tension", Observable("N", 100.0, lambda run: _early(_tension(run)), decisive=False)
     yield "joint_force", Observable("N", 100.0, lambda run: _early(_joint_force(run)), decisive=False)
 
@@ -211,16 +211,11 @@ def _early(signal: Signal) -> Signal:
     return Signal(signal.t[early], signal.values[early])
 
 
-def _mean(values: Floats, lengths: Floats) -> float:
-    return float(np.average(values.mean(axis=1), weights=lengths))
+def _windowed(signal: Signal, power: int) -> Signal:
+    """Mean (``power`` 1) or RMS (2) of a window over all links and samples, from the start on.
 
-
-def _root_mean_square(values: Floats, lengths: Floats) -> float:
-    return float(np.sqrt(_mean(values**2, lengths)))
-
-
-def _windowed(signal: Signal, reduce: Callable[[Floats, Floats], float]) -> Signal:
-    """One number a window over all links and samples, from the start on; less than half a window is left out."""
+    Less than half a window is left out.
+    """
     count = max(1, round((signal.t[-1] - signal.t[0]) / WINDOW))
     edges = signal.t[0] + WINDOW * np.arange(count + 1.0)
     lengths, rows = since(signal.t), []
@@ -228,5 +223,6 @@ def _windowed(signal: Signal, reduce: Callable[[Floats, Floats], float]) -> Sign
         inside = (signal.t > low + 1e-9) & (signal.t <= high + 1e-9)
         if not inside.any():
             raise Missing(f"nothing was recorded between {low:g} and {high:g} s")
-        rows.append(reduce(signal.values[inside], lengths[inside]))
+        each = (signal.values[inside] ** power).mean(axis=1)
+        rows.append(np.average(each, weights=lengths[inside]) ** (1.0 / power))
     return Signal(edges[1:], np.array(rows)[:, None])

@@ -5,8 +5,7 @@ Every measure is ``measure(run, of, window) -> float``; ``of`` is a side ("left"
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Callable
 
 import numpy as np
 
@@ -17,8 +16,6 @@ Measure = Callable[[RunData, str, Window], float]
 
 SPAN_MARGIN = 0.25  # a span's links lie this fraction of the axle distance away from both axles
 AT_REST = 0.01  # m/s of chain speed
-# of the chain: the upper run; from the last road wheel to the idler; from the first one to the sprocket
-RUNS = ("top", "rear", "front")
 RUN_REACH = 0.2  # m: a run between two wheels is sampled this far about its middle
 
 
@@ -224,6 +221,21 @@ def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
     return run.mean("chassis.settlement", window) - settlement_of_springs(run, of, window)
 
 
+def tension_top(run: RunData, of: str, window: Window) -> float:
+    """Mean tension of the upper run, N; of one side or of all tracks."""
+    return _run_tension(run, of, window, "top")
+
+
+def tension_rear(run: RunData, of: str, window: Window) -> float:
+    """Mean tension between the last road wheel and the idler, N."""
+    return _run_tension(run, of, window, "rear")
+
+
+def tension_front(run: RunData, of: str, window: Window) -> float:
+    """Mean tension between the first road wheel and the sprocket, N."""
+    return _run_tension(run, of, window, "front")
+
+
 def third_law(run: RunData, of: str, window: Window) -> float:
     """Impulse the tracks gave to their wheels less what the chassis received, over the sum of magnitudes.
 
@@ -265,7 +277,6 @@ def energy_drift(run: RunData, of: str, window: Window) -> float:
 
 
 def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
-    """Mean tension, N, of one side or of all tracks, of a run of the chain: see RUNS."""
     vehicle = run.scene["vehicle"]
     first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
     middle, reach = {
@@ -331,7 +342,7 @@ def _pitch_radius(run: RunData) -> float:
     return float(vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
 
 
-NAMES: Mapping[str, Measure] = {
+NAMES: dict[str, Measure] = {
     measure.__name__: measure
     for measure in (
         sag,
@@ -354,9 +365,12 @@ NAMES: Mapping[str, Measure] = {
         speed_excess,
         settlement_of_springs,
         settlement_of_contacts,
+        tension_top,
+        tension_rear,
+        tension_front,
         third_law,
         energy_residual,
         port_residual,
         energy_drift,
     )
-} | {f"tension_{where}": partial(_run_tension, where=where) for where in RUNS}
+}

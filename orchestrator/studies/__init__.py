@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 from fmus.vehicle import BadInput
 from orchestrator.scene.gallery import hint
-from orchestrator.studies.tables import Table
+from orchestrator.studies.tables import Row, Table
 
 STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
@@ -34,7 +34,7 @@ class Case(NamedTuple):
 
     item: str
     name: str
-    function: Callable[..., list[Any]]
+    function: Callable[..., list[Row]]
     arguments: tuple[Any, ...] = ()
     seconds: float = 1.0  # roughly; the long ones begin first
     limit: float = 1800.0  # s after which it is ended and recorded as failed
@@ -44,11 +44,10 @@ class Study(Protocol):
     """What a module of this folder offers; ``compared`` has the last two for figures with a reference."""
 
     TITLE: str
-    Row: Any  # a NamedTuple of plain values with item, case, ok and note first to last: it is kept as JSON
 
     def cases(self, quick: bool) -> list[Case]: ...  # noqa: D102
-    def table(self, rows: Sequence[Any]) -> Table: ...  # noqa: D102
-    def write(self, folder: Path, name: str, rows: Sequence[Any], title: str) -> list[Path]: ...  # noqa: D102
+    def table(self, rows: Sequence[Row]) -> Table: ...  # noqa: D102
+    def write(self, folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]: ...  # noqa: D102
 
 
 def find(name: str) -> Study:

@@ -30,22 +30,22 @@ from fmus.vehicle import BadInput
 from orchestrator.studies import Case, baseline_file, files, growth
 from orchestrator.studies.baseline_file import FILE, Baseline
 from orchestrator.studies.chain_states import completed
-from orchestrator.studies.compared import Compared, checked, table
+from orchestrator.studies.compared import checked, series, table
 from orchestrator.studies.evaluations import KINDS
 from orchestrator.studies.gathering import Gathered, Source, gather, sources
 from orchestrator.studies.growth import RUNS, Pair, changed, grown, ratios, trajectory
 from orchestrator.studies.progress import watched
 from orchestrator.studies.projections import GROUPS, numbers, shown
+from orchestrator.studies.tables import Row
 from orchestrator.studies.true_errors import WINDOWS, Window, errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["TITLE", "Row", "cases", "make", "table", "write"]
+__all__ = ["TITLE", "cases", "make", "table", "write"]
 
 
 TITLE = "Baseline: this tree against the one that the baseline names"
-Row = Compared
 TOLERANCE = 1e-11  # (a), relative to the size of a group
 FACTOR = 30.0  # (b), over the growth of one ulp; a tree compiled with other roundings comes to 3
 MORE = 0.02  # (c), of the error that was; two windows hardly ever err alike to more
@@ -69,7 +69,7 @@ def cases(quick: bool, file: Path | None = None) -> list[Case]:
 # --- comparing -------------------------------------------------------------------------------------
 
 
-def one_kind(kind: str, file: str, commit: str, made: int, quick: bool) -> list[Compared]:
+def one_kind(kind: str, file: str, commit: str, made: int, quick: bool) -> list[Row]:
     """(a) of a kind of link."""
     known = baseline_file.load(Path(file))
     apart, places = deviations(kind, known, BRIEF if quick else None)
@@ -113,7 +113,7 @@ def _states(run: Gathered) -> Any:
     return completed(run.kept, run.pitch, run.closed, run.seed)
 
 
-def one_run(k: int, file: str, commit: str, made: int, quick: bool) -> list[Compared]:
+def one_run(k: int, file: str, commit: str, made: int, quick: bool) -> list[Row]:
     """(b) of a run."""
     pair = RUNS[k]
     known = {one.name: one for one in baseline_file.load(Path(file)).grown}[pair.name]
@@ -125,13 +125,15 @@ def one_run(k: int, file: str, commit: str, made: int, quick: bool) -> list[Comp
         worst = int(np.argmax(np.where(np.isfinite(column), column, np.inf)))
         note = f"to {stop:g} s; farthest at {known.t[worst]:.3g} s, by {apart[worst]:.2g}"
         case = f"{pair.name}: {name}, over the growth of one ulp"
-        row = checked("", case, column[worst], 0.0, FACTOR, column[worst], note=note)
-        series = tuple((float(t), float(ratio)) for t, ratio in zip(known.t[1:], column[1:], strict=False))
-        rows.append(row._replace(over="time, s", series=series))
+        of_time = tuple((float(t), float(ratio)) for t, ratio in zip(known.t[1:], column[1:], strict=False))
+        row = checked(
+            "", case, column[worst], 0.0, FACTOR, column[worst], note, over="time, s", series=of_time
+        )  # fmt: skip
+        rows.append(row)
     return rows
 
 
-def one_error(k: int, file: str, commit: str, made: int, quick: bool) -> list[Compared]:
+def one_error(k: int, file: str, commit: str, made: int, quick: bool) -> list[Row]:
     """(c) of a window."""
     window = WINDOWS[k]
     before, rows = baseline_file.load(Path(file)).errors[window.name], []
@@ -223,22 +225,22 @@ def _all(title: str, tasks: Sequence[Task], workers: int) -> list[Any]:
 # --- tables ----------------------------------------------------------------------------------------
 
 
-def draw(rows: Sequence[Compared], title: str) -> Figure:
+def draw(rows: Sequence[Row], title: str) -> Figure:
     """Differences of states by group, and how far runs come apart over the growth of one ulp."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(14.0, 7.0), layout="constrained")
     bars, lines = figure.subplots(1, 2)
-    of_states = [row for row in rows if row.item == "a" and np.isfinite(row.value)]
+    of_states = [row for row in rows if row.item == "a" and np.isfinite(row["value"])]
     smallest = 1e-17
-    bars.barh([row.case for row in of_states], [max(row.value, smallest) for row in of_states], left=0.0)
+    bars.barh([row.case for row in of_states], [max(row["value"], smallest) for row in of_states], left=0.0)
     bars.axvline(TOLERANCE, color="tab:red", linewidth=1)
     bars.set_xscale("log")
     bars.set_xlim(smallest, None)
     bars.tick_params(axis="y", labelsize=6)
     bars.set_xlabel("largest difference over the size of the group")
     for row in rows:
-        points = [(t, ratio) for t, ratio in row.series if ratio > 0.0]
+        points = [(t, ratio) for t, ratio in series(row) if ratio > 0.0]
         if points:
             lines.plot(*zip(*points, strict=True), linewidth=0.7)
     lines.axhline(FACTOR, color="tab:red", linewidth=1)
@@ -252,7 +254,7 @@ def draw(rows: Sequence[Compared], title: str) -> Figure:
     return figure
 
 
-def write(folder: Path, name: str, rows: Sequence[Compared], title: str) -> list[Path]:
+def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Table and picture; raises OSError when the folder cannot be written."""
     return files.save(folder, name, table(rows, title), draw(rows, title))
 

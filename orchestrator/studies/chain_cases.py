@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,10 @@ from fmus.physics.ancf import beam, cable_small, dynamics, loads, statics
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.layout import regular_polygon
 from orchestrator.studies import Case
-from orchestrator.studies.compared import Compared, checked, of_order
+from orchestrator.studies.compared import checked, of_order
 from orchestrator.studies.orders import order_of, rate_of
 from orchestrator.studies.rods import EXPLICIT, IMPLICIT, MASS, G, Rods, of_angles
+from orchestrator.studies.tables import Row
 from orchestrator.without_fmu.meshes import (
     AREA,
     PITCH,
@@ -35,7 +37,7 @@ LINKS = 64
 STEP = "step, s"  # what series of errors go over
 
 
-def released_rods() -> list[Compared]:
+def released_rods() -> list[Row]:
     """Thin rigid rods by Runge-Kutta."""
     hs = (1e-2, 5e-3, 2.5e-3)
     line_of = of_angles(np.zeros(LINKS))
@@ -43,7 +45,7 @@ def released_rods() -> list[Compared]:
     return _over_steps("released chain of 64 rods, tip x at 0.5 s, m", hs, tips, 9.413161, 4)
 
 
-def released_steel(hs: tuple[float, ...]) -> list[Compared]:
+def released_steel(hs: tuple[float, ...]) -> list[Row]:
     """Steel cables by generalised alpha."""
     mesh = chain(cable_small, STEEL, np.zeros(LINKS), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
@@ -56,14 +58,14 @@ def released_steel(hs: tuple[float, ...]) -> list[Compared]:
     return _over_steps("released chain of 64 steel links, tip x at 0.5 s, m", hs, tips, 9.413174, 2)
 
 
-def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference: float, order: int) -> list[Compared]:
+def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference: float, order: int) -> list[Row]:
     """The reference has six decimals; the series is that of the values towards their own limit."""
     limit = values[-1] + (values[-1] - values[-2]) / (2**order - 1)
     series = tuple((h, abs(value - limit)) for h, value in zip(hs, values, strict=True))
     off = abs(values[-1] - reference)
-    row = checked("", case, values[-1], reference, 2e-5, off, over=STEP, series=series)
-    row = of_order(row._replace(order=order_of(hs, values)), order - 0.4, order + 0.4)
-    return [row._replace(note=f"{row.note}; the figure's errors are to the values' own limit")]
+    row = checked("", case, values[-1], reference, 2e-5, off, order=order_of(hs, values), over=STEP, series=series)
+    row = of_order(row, order - 0.4, order + 0.4)
+    return [replace(row, note=f"{row.note}; the figure's errors are to the values' own limit")]
 
 
 # 6. Small swings of the hanging chain ------------------------------------------------------------------------------
@@ -71,7 +73,7 @@ def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference
 SWINGS = (1.20242178, 2.76073253, 4.33154065, 5.91226122)  # omega sqrt(L/g) of 64 thin rods
 
 
-def swings_of_rods() -> list[Compared]:
+def swings_of_rods() -> list[Row]:
     """From the angular accelerations of links let go a little off the vertical, one at a time."""
     stiff, d = np.empty((LINKS, LINKS)), 1e-5
     for k in range(LINKS):
@@ -85,7 +87,7 @@ def swings_of_rods() -> list[Compared]:
     return _swings("rods", squares)
 
 
-def swings_of_steel() -> list[Compared]:
+def swings_of_steel() -> list[Row]:
     """Linearised about the loaded equilibrium, in the plane."""
     mesh = chain(cable_small, TRACK, np.full(LINKS, -np.pi / 2), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
@@ -97,7 +99,7 @@ def swings_of_steel() -> list[Compared]:
     return _swings("steel links", squares)
 
 
-def _swings(what: str, squares: Floats) -> list[Compared]:
+def _swings(what: str, squares: Floats) -> list[Row]:
     found = np.sqrt(squares * LINKS * PITCH / G)
     return [
         checked("", f"hanging chain of 64 {what}, mode {k + 1}, omega sqrt(L/g)", value, SWINGS[k], 1e-4)
@@ -108,7 +110,7 @@ def _swings(what: str, squares: Floats) -> list[Compared]:
 # 7. Spinning free loop ---------------------------------------------------------------------------------------------
 
 
-def spinning_loop() -> list[Compared]:
+def spinning_loop() -> list[Row]:
     """Joint force of rods and steel, hoop strain of steel."""
     omega, expected, slope = 5.0, 7112.513, np.pi / LINKS
     loop = Rods(regular_polygon(PITCH, LINKS), closed=True, gravity=0.0)
@@ -137,7 +139,7 @@ def spinning_loop() -> list[Compared]:
 # 8. Folded falling chain -------------------------------------------------------------------------------------------
 
 
-def folded_chain(links: int) -> list[Compared]:
+def folded_chain(links: int) -> list[Row]:
     """Pinned at one end, folded once, let go at the other; no link turns more than 0.05 rad in a step."""
     n, quarter = links // 2, np.pi / 2
     rods = Rods(of_angles(np.concatenate([np.full(n, -quarter), [0.0], np.full(n, quarter)])), held=True)
@@ -177,7 +179,7 @@ WEAK = 2e5  # Pa: links whose own modes an explicit method can follow
 
 def _drift_rows(
     name: str, hs: tuple[float, ...], drifts: Callable[[float], Iterable[tuple[float, float]]], order: int, time: float
-) -> list[Compared]:
+) -> list[Row]:
     """``drifts`` of energy and angular momentum during a run in steps of h, relative.
 
     Runge-Kutta of order 4 loses energy at order 5 where the motion is slow.
@@ -194,7 +196,7 @@ def _drift_rows(
     return rows
 
 
-def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[Compared]:
+def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
     """All three components."""
     pins = of_angles(ZIGZAG)
 
@@ -209,7 +211,7 @@ def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[C
     return _drift_rows(f"rods, {integrator}", hs, drifts, ORDERS[integrator], time)
 
 
-def drift_of_mesh(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Compared]:
+def drift_of_mesh(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
     """Cables about the pin axis alone; beams about all axes."""
     cable = STEEL if what == "steel cables" else STEEL._replace(EA=WEAK * AREA, EI=WEAK * SECOND)
     if what == "soft beams":

@@ -4,44 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from orchestrator.studies import files
-from orchestrator.studies.tables import Column, Table, to_csv
+from orchestrator.studies.tables import Column, Row, Table, to_csv
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Series = tuple[tuple[float, float], ...]
 COLUMNS = (
     Column("item", "item"),
     Column("case", "case"),
     Column("value", "value", ".9g"),
     Column("reference", "reference", ".9g"),
-    Column("error", "error", ".2g"),
-    Column("tolerance", "tolerance", ".2g"),
-    Column("order", "order", ".2g"),
+    Column("error", "error", ".2g"),  # absolute or relative, as the case says; what the tolerance bounds
+    Column("tolerance", "tolerance", ".2g"),  # NaN: shown as information
+    Column("order", "order", ".2g"),  # observed, where there is one
     Column("ok", "ok"),
     Column("note", "note"),
 )
 POINTS = tuple(Column(key, key) for key in ("item", "case", "over", "size", "error"))
-
-
-class Compared(NamedTuple):
-    """One figure held against a reference."""
-
-    item: str  # of the issue or the paper; empty: that of the case
-    case: str  # what was measured, how, with its unit
-    value: float = math.nan
-    reference: float = math.nan
-    error: float = math.nan  # absolute or relative, as the case says; what the tolerance bounds
-    tolerance: float = math.nan  # NaN: shown as information
-    order: float = math.nan  # observed, where there is one
-    ok: bool | None = None  # None: nothing is asked
-    note: str = ""
-    over: str = ""  # what the series runs over: "elements" or "step, s"
-    series: Series = ()  # pairs of it and the error
 
 
 def checked(
@@ -51,42 +35,52 @@ def checked(
     reference: float,
     tolerance: float,
     error: float | None = None,
-    **more: object,
-) -> Compared:
-    """A row that must keep its tolerance; the error is relative unless given, and absolute where the reference is 0."""
+    note: str = "",
+    **more: Any,
+) -> Row:
+    """A row that must keep its tolerance; the error is relative unless given, and absolute where the reference is 0.
+
+    ``more``: ``order``, and ``series`` of pairs of what they run ``over`` ("elements" or "step, s") and the error.
+    """
     if error is None:
         error = abs(value - reference) / (abs(reference) or 1.0)
-    error = float(error)
+    found = {"value": value, "reference": reference, "error": error, "tolerance": tolerance}
+    figures = {key: float(figure) for key, figure in found.items()}
     ok = None if math.isnan(tolerance) else bool(error <= tolerance)
-    row = Compared(item, case, float(value), float(reference), error, float(tolerance), ok=ok)
-    return row._replace(**more)  # type: ignore[arg-type]
+    return Row(item, case, {**figures, **more}, ok, note)
 
 
-def of_order(row: Compared, low: float, high: float) -> Compared:
+def of_order(row: Row, low: float, high: float) -> Row:
     """The row, which must also show an order between two bounds."""
-    return row._replace(ok=bool(row.ok) and low <= row.order <= high, note=f"order {low:g} to {high:g} is asked for")
+    kept = bool(row.ok) and low <= row["order"] <= high
+    return replace(row, ok=kept, note=f"order {low:g} to {high:g} is asked for")
 
 
-def table(rows: Sequence[Compared], title: str = "") -> Table:
+def series(row: Row) -> list[tuple[float, float]]:
+    """What the series of a row runs over, and the errors."""
+    return [(size, error) for size, error in row.figures.get("series", ())]
+
+
+def table(rows: Sequence[Row], title: str = "") -> Table:
     """The rows for people and programs."""
-    return Table(title, COLUMNS, [row._asdict() for row in rows])
+    return Table(title, COLUMNS, [row.cells() for row in rows])
 
 
-def points(rows: Sequence[Compared]) -> Table:
+def points(rows: Sequence[Row]) -> Table:
     """The points behind the picture."""
-    found = [{**row._asdict(), "size": size, "error": error} for row in rows for size, error in row.series]
+    found = [{**row.cells(), "size": size, "error": error} for row in rows for size, error in series(row)]
     return Table("", POINTS, found)
 
 
-def draw(rows: Sequence[Compared], title: str) -> Figure:
+def draw(rows: Sequence[Row], title: str) -> Figure:
     """Error against elements or step, log-log: a pane an item, a line a row, dotted lines of orders 2 and 4."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    panes: dict[tuple[str, str], list[Compared]] = {}
+    panes: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        if any(error > 0.0 for _, error in row.series):
-            panes.setdefault((row.item, row.over), []).append(row)
+        if any(error > 0.0 for _, error in series(row)):
+            panes.setdefault((row.item, row["over"]), []).append(row)
     across = min(2, len(panes)) or 1
     down = -(-len(panes) // across) or 1
     figure = Figure(figsize=(8.0 * across, 7.0 * down), layout="constrained")
@@ -95,14 +89,14 @@ def draw(rows: Sequence[Compared], title: str) -> Figure:
     for pane, ((item, over), shown) in zip(axes, panes.items(), strict=False):
         ends = []
         for k, row in enumerate(shown):
-            line = sorted((size, error) for size, error in row.series if error > 0.0)
+            line = sorted((size, error) for size, error in series(row) if error > 0.0)
             ends.append(line[-1] if over.startswith("step") else line[0])
-            label = row.case + ("" if math.isnan(row.order) else f" ({row.order:.1f})")
+            label = row.case + ("" if math.isnan(row["order"]) else f" ({row['order']:.1f})")
             pane.loglog(
                 *zip(*line, strict=True), color=colours(k % 20), marker="os^vDP*X"[k % 8],
                 label=label, markersize=4, linewidth=1,
             )  # fmt: skip
-        sizes = [size for row in shown for size, _ in row.series]
+        sizes = [size for row in shown for size, _ in series(row)]
         low, high = min(sizes), max(sizes)
         first, last = (high, low) if over.startswith("step") else (low, high)
         limits, start = pane.get_ylim(), sorted(error for _, error in ends)[len(ends) // 2]
@@ -124,7 +118,7 @@ def draw(rows: Sequence[Compared], title: str) -> Figure:
     return figure
 
 
-def write(folder: Path, name: str, rows: Sequence[Compared], title: str) -> list[Path]:
+def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Tables and picture; raises OSError when the folder cannot be written."""
     more = {f"{name}-convergence.csv": to_csv(points(rows))}
     return files.save(folder, name, table(rows, title), draw(rows, title), more)

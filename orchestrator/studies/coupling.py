@@ -20,7 +20,7 @@ from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Stages
 from orchestrator.cosim.master import Clock, run
 from orchestrator.studies import Case
-from orchestrator.studies.compared import Compared, checked, table, write
+from orchestrator.studies.compared import checked, table, write
 from orchestrator.studies.oscillator import (
     Oscillator,
     Slave,
@@ -31,11 +31,11 @@ from orchestrator.studies.oscillator import (
     struck,
     whole,
 )
+from orchestrator.studies.tables import Row
 
-__all__ = ["TITLE", "Row", "cases", "table", "write"]
+__all__ = ["TITLE", "cases", "table", "write"]
 
 TITLE = "Couplings on two masses: orders, energies, largest stable steps"
-Row = Compared
 
 CUTS = ("wrench", "spring", "mass")
 # scheme, its options. A held Gauss-Seidel is left out for the wrench: there it is tracks_first.
@@ -162,7 +162,7 @@ def run_struck(variant: str, pace: Clock | VariableStep) -> tuple[float, int]:
 # Cases --------------------------------------------------------------------------------------------------------------
 
 
-def accuracy(variant: str, cut: str) -> list[Compared]:
+def accuracy(variant: str, cut: str) -> list[Row]:
     """Order and energy."""
     name = f"{variant}, cut at the {cut}"
     declared = couple(variant, coupled(cut, FREE)[0]).ORDER
@@ -178,7 +178,7 @@ def accuracy(variant: str, cut: str) -> list[Compared]:
     ]  # fmt: skip
 
 
-def limit(variant: str, cut: str) -> list[Compared]:
+def limit(variant: str, cut: str) -> list[Row]:
     """The largest stable step."""
     name = f"{variant}, cut at the {cut}, largest stable H, s"
     predicted = predicted_limit(variant, cut)
@@ -193,7 +193,7 @@ FIXED = (0.1, 0.05, 0.025, 0.0125, 0.00625)
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 
 
-def work_precision(tolerances: tuple[float, ...]) -> list[Compared]:
+def steps_at_equal_error(tolerances: tuple[float, ...]) -> list[Row]:
     """Steps that a fixed communication step would need for the error of the variable one; and their ratio."""
     fixed = [run_struck("gauss_seidel linear", Clock(h, round(STRUCK_END / h))) for h in FIXED]
     rows = []
@@ -213,4 +213,4 @@ def cases(quick: bool) -> list[Case]:
     found = [Case("orders", f"{v}, {cut}, order", accuracy, (v, cut)) for cut, v in MEMBERS]
     found += [Case("limits", f"{v}, {cut}, limit", limit, (v, cut), 5.0) for cut, v in MEMBERS]
     tolerances = TOLERANCES[1:3] if quick else TOLERANCES
-    return [*found, Case("variable step", "work and precision", work_precision, (tolerances,), 20.0)]
+    return [*found, Case("variable step", "work and precision", steps_at_equal_error, (tolerances,), 20.0)]

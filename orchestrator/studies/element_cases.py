@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,8 +23,9 @@ from fmus.physics.ancf import (
 from fmus.physics.ancf.mesh import Mesh, Part, Tie, nodes
 from fmus.physics.arrays import Floats
 from orchestrator.studies import Case
-from orchestrator.studies.compared import Compared, checked, of_order
+from orchestrator.studies.compared import checked, of_order
 from orchestrator.studies.orders import order_of, rate_of
+from orchestrator.studies.tables import Row
 from orchestrator.without_fmu.meshes import (
     AREA,
     MODULUS,
@@ -63,7 +65,7 @@ ELEMENTS = "elements"  # what series of errors go over
 # 2. The elastica ---------------------------------------------------------------------------------------------------
 
 
-def _over_elements(case: str, ns: tuple[int, ...], values: list[float], reference: float, tolerance: float) -> Compared:
+def _over_elements(case: str, ns: tuple[int, ...], values: list[float], reference: float, tolerance: float) -> Row:
     """The value with the last number of elements, the errors of all, the order of the values among themselves."""
     scale = abs(reference) or 1.0
     series = tuple((float(n), abs(value - reference) / scale) for n, value in zip(ns, values, strict=True))
@@ -76,7 +78,7 @@ def _element(name: str) -> tuple[str, Any, dict[str, Any]]:
     return (f"cable {name}", CABLES[name], {}) if name in CABLES else (f"beam {name}", beam, CURES[name])
 
 
-def elastica_of(name: str) -> list[Compared]:
+def elastica_of(name: str) -> list[Row]:
     """Tip loads and the circle. Of beams short elements are of order 2, long ones converge faster."""
     what, kind, kind_of = _element(name)
     slender, finer, tolerance = (1000, (8, 16, 32), 1e-4) if name in CABLES else (100, (16, 32, 64), 2e-3)
@@ -88,7 +90,7 @@ def elastica_of(name: str) -> list[Compared]:
     return [*rows, _over_elements(f"closed circle, {what}, gap/L", finer, gaps, 0.0, tolerance)]
 
 
-def elastica_order(name: str) -> list[Compared]:
+def elastica_order(name: str) -> list[Row]:
     """Values of three meshes among themselves, stockier, so that bending and not the stretch decides."""
     what, kind, kind_of = _element(name)
     slender, ns, expected, off = (50, (4, 8, 16), 4, 0.5) if name in CABLES else (20, (32, 64, 128), 2, 0.2)
@@ -97,7 +99,7 @@ def elastica_order(name: str) -> list[Compared]:
     return [checked("", case, order, expected, off, abs(order - expected), order=order)]
 
 
-def elastica_without_cure() -> list[Compared]:
+def elastica_without_cure() -> list[Row]:
     """With nu = 0.3 in every point: converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu))."""
     stiffer, rows = 0.7 / (1.3 * 0.4), []
     for a in ALPHAS:
@@ -128,7 +130,7 @@ def _beta(kind: Any, n: int, slender: float, ends: str, **kind_of: Any) -> Float
     return np.asarray(squares[squares > 1.0][:6][::2] ** 0.25)
 
 
-def frequencies(name: str, ends: str) -> list[Compared]:
+def frequencies(name: str, ends: str) -> list[Row]:
     """The worst of the first three, against Euler-Bernoulli."""
     slim, (element, kind, kind_of) = name in CABLES, _element(name)
     slender, ns, tolerance = (1000, (4, 8, 16), 1e-4) if slim else (300, (8, 16, 32), 2e-3)
@@ -163,11 +165,11 @@ TIPS: dict[str, tuple[list[tuple[float, float, float]], float]] = {
 }
 
 
-def rotating_cable(name: str) -> list[Compared]:
+def rotating_cable(name: str) -> list[Row]:
     """Its tip at three times; each row shows the component that is farthest off."""
     mesh, q, v = rotating(CABLES[name])
     steps = 2500
-    rows: list[Compared] = []
+    rows: list[Row] = []
     expected, tolerance = TIPS[name]
     for t, p, _ in dynamics.runge_kutta(mesh, q, v, 1.0 / steps, steps):
         if round(t * steps) in [round(moment * steps) for moment in TIMES]:
@@ -181,7 +183,7 @@ def rotating_cable(name: str) -> list[Compared]:
 # 9. The sliding joint ----------------------------------------------------------------------------------------------
 
 
-def sliding_joint(slider: str) -> list[Compared]:
+def sliding_joint(slider: str) -> list[Row]:
     """Five seconds without friction over the nodes of a flexible rail."""
     b, r, s = rope(slider)
     lost = sliding.removed(b, r, s.X, s.w)
@@ -202,7 +204,7 @@ def sliding_joint(slider: str) -> list[Compared]:
 # 10. Pins ----------------------------------------------------------------------------------------------------------
 
 
-def pin_counts() -> list[Compared]:
+def pin_counts() -> list[Row]:
     """Ranks of what a pin eliminates, and degrees of freedom of whole tracks."""
     rows = []
     kinds: tuple[tuple[str, Any, Any, Any, int], ...] = (
@@ -232,7 +234,7 @@ def _turned_as_one(mesh: Mesh, places: Iterable[Floats]) -> tuple[float, float]:
     return energy, misfit
 
 
-def pin_turns(name: str) -> list[Compared]:
+def pin_turns(name: str) -> list[Row]:
     """Two links, the second turned about the pin through 360 degrees: largest strain energy over EA l."""
     kind, c = (beam, SHOE) if name == "beam" else (cable_small, TRACK)
     mesh = chain(kind, c, np.zeros(2))
@@ -257,7 +259,7 @@ def pin_turns(name: str) -> list[Compared]:
 # 11. Corners -------------------------------------------------------------------------------------------------------
 
 
-def sections() -> list[Compared]:
+def sections() -> list[Row]:
     """T, L and V turned as one body: strain energy over EA, and how far the joints are off."""
     rows = []
     kinds: tuple[tuple[str, Any, Any, tuple[Any, ...]], ...] = (
@@ -277,7 +279,7 @@ def sections() -> list[Compared]:
     return rows
 
 
-def l_frame(name: str) -> list[Compared]:
+def l_frame(name: str) -> list[Row]:
     """Tip deflection of an L-frame at L/h = 20, nu = 0, against Timoshenko."""
     kind, ns = (beam, (6, 12, 24)) if name == "beam" else (CABLES[name], (1, 2, 4))
     found = [frame_tip(kind, n) for n in ns]
@@ -315,7 +317,7 @@ DEMANDS = {  # element, joint: equations, the knot that makes it, missing with t
 }
 
 
-def splines() -> list[Compared]:
+def splines() -> list[Row]:
     """To cable coordinates and back, and again; both ways relative to the largest coordinate."""
     from scipy.interpolate import BSpline
 
@@ -341,7 +343,7 @@ def splines() -> list[Compared]:
         made = f"knot {d.knot}" if d.knot else f"no knot; {d.missing} missing with {d.weaker}"
         same = (d.knot, d.missing) == (knot, missing)
         row = checked("", f"equations of the joint '{d.joint}' of {d.element}s", d.equations, equations, 0.0, note=made)
-        rows.append(row._replace(ok=bool(row.ok) and same))
+        rows.append(replace(row, ok=bool(row.ok) and same))
     return rows
 
 

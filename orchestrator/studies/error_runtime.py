@@ -20,12 +20,12 @@ from orchestrator.results.difference import differences_of_logs, worst
 from orchestrator.scene.scene import ChainScene, TrackScene, load
 from orchestrator.studies import Case
 from orchestrator.studies.runs import Runs, sampled
-from orchestrator.studies.work_precision import Timed, table, write
+from orchestrator.studies.tables import Row
+from orchestrator.studies.work_precision import table, write
 
-__all__ = ["TITLE", "WORKERS", "Row", "cases", "table", "write"]
+__all__ = ["TITLE", "WORKERS", "cases", "table", "write"]
 
 TITLE = "Error against run time"
-Row = Timed
 WORKERS = 1  # a timed run has the machine to itself
 MODELS = ("flexible", "rigid")
 QUICK = {
@@ -118,41 +118,44 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     return wanted
 
 
-def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Timed]:
+def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
     """The truth held against its own coarser half."""
     found = truth(load(scene, track, base))
     between = differences_of_logs(found.coarse_log, found.log)
     share = 1.0 / (2.0**ORDER - 1.0)
-    return [
-        Timed(
-            "", "", track, "truth", base, found.wall_time, error=share * worst(between),
-            errors={name: share * one.relative for name, one in between.items()},
-            absolute={name: share * one.absolute for name, one in between.items()},
-            note=f"internal step {found.internal_step * 1e6:.3g} us",
-        )
-    ]  # fmt: skip
+    figures = {
+        "track": track,
+        "method": "truth",
+        "settings": base,
+        "wall_time": found.wall_time,  # s; the truth has an error of its own
+        "error": share * worst(between),
+        "errors": {name: share * one.relative for name, one in between.items()},
+        "absolute": {name: share * one.absolute for name, one in between.items()},
+    }
+    return [Row("", "", figures, note=f"internal step {found.internal_step * 1e6:.3g} us")]
 
 
-def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Timed]:
+def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Row]:
     """One run, timed, against the truth, with its own estimate."""
     exact = truth(load(scene, track, base))
     timed = sampled(load(scene, track, settings))
     told = _runs().record(timed)
+    way = {"track": track, "method": method, "settings": settings}  # the curve it lies on, how it is run
     if told["status"] != "ok":
-        return [Timed("", "", track, method, settings, note=told["message"])]  # of a long step that is a result
+        return [Row("", "", way, note=told["message"])]  # of a long step that is a result
     log = Path(told["log"])
     off = differences_of_logs(log, exact.log)
     own = estimate(timed, log, told, _runs().record)
-    return [
-        Timed(
-            "", "", track, method, settings, told["wall_time"], told["cpu_time"], worst(off),
-            math.nan if own["total"] is None else own["total"],
-            errors={name: one.relative for name, one in off.items()},
-            estimates={name: one["total"] for name, one in own["observables"].items()},
-            absolute={name: one.absolute for name, one in off.items()},
-            note=own["message"],
-        )
-    ]  # fmt: skip
+    figures = {
+        "wall_time": told["wall_time"],  # s
+        "cpu_time": told["cpu_time"],  # s, of all threads
+        "error": worst(off),  # the largest relative error of the decisive observables
+        "estimate": math.nan if own["total"] is None else own["total"],  # the run's own idea of it
+        "errors": {name: one.relative for name, one in off.items()},
+        "estimates": {name: one["total"] for name, one in own["observables"].items()},
+        "absolute": {name: one.absolute for name, one in off.items()},
+    }
+    return [Row("", "", way | figures, note=own["message"])]
 
 
 @cache

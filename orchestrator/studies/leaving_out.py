@@ -32,7 +32,7 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
 from orchestrator.scene.scene import TrackScene, load
 from orchestrator.studies import Case, files
-from orchestrator.studies.tables import Column, Table
+from orchestrator.studies.tables import Column, Row, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,42 +44,18 @@ PAIRS = 5
 # a link of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
 MOTION, FORCE = 3e-8, 1e-6  # 30 times what one ulp of gravity grows to in the displaced hanging chain; 100 times
 LEAST = 1e-2  # of a scale: a unit of which a run has no more, in SI, is one that it hardly has
-RATES = {"m": "m/s", "rad": "rad/s"}  # a run that shows hardly any speed may move all the same: so its positions say
+SPEED_OF = {"m": "m/s", "rad": "rad/s"}  # a run that shows hardly any speed may move all the same: so its positions say
 SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; the others are forces, stresses and energies
 DEPTH = 1000.0  # m from a chain to a ground that it never touches
 BRIEF = "run.stop=10 ms"
 
 
-class Saved(NamedTuple):
-    """A thing, with and without it."""
-
-    item: str  # scene; empty: that of the case
-    case: str  # what is left out
-    cpu_with: float = math.nan  # s of all threads while stepping and recording
-    cpu_without: float = math.nan
-    cpu_ratio: float = math.nan  # without over with: median, least, largest
-    cpu_least: float = math.nan
-    cpu_largest: float = math.nan
-    wall_ratio: float = math.nan
-    wall_least: float = math.nan
-    wall_largest: float = math.nan
-    memory_with: float = math.nan  # peak, MB
-    memory_without: float = math.nan
-    log_with: float = math.nan  # kB
-    log_without: float = math.nan
-    motion: float = math.nan  # largest difference of results in common, relative to the largest of their unit
-    force: float = math.nan
-    ok: bool | None = None
-    note: str = ""
-
-
-Row = Saved
 COLUMNS = (
     Column("item", "scene"),
     Column("case", "left out"),
-    Column("cpu_with", "CPU with, s", ".3f"),
+    Column("cpu_with", "CPU with, s", ".3f"),  # of all threads while stepping and recording
     Column("cpu_without", "without, s", ".3f"),
-    Column("cpu_ratio", "CPU ratio", ".3f"),
+    Column("cpu_ratio", "CPU ratio", ".3f"),  # without over with: median, least, largest of the pairs
     Column("cpu_least", "least", ".3f"),
     Column("cpu_largest", "largest", ".3f"),
     Column("wall_ratio", "wall ratio", ".3f"),
@@ -89,11 +65,12 @@ COLUMNS = (
     Column("memory_without", "without, MB", ".0f"),
     Column("log_with", "log with, kB", ".0f"),
     Column("log_without", "without, kB", ".0f"),
-    Column("motion", "motion differs", ".1e"),
+    Column("motion", "motion differs", ".1e"),  # results in common, relative to the largest of their unit
     Column("force", "forces differ", ".1e"),
     Column("ok", "ok"),
     Column("note", "note"),
 )
+KEYS = tuple(column.key for column in COLUMNS[2:-2])  # of figures
 
 
 class Side(NamedTuple):
@@ -156,7 +133,7 @@ def cases(quick: bool, scene: str | None = None) -> list[Case]:
     return found
 
 
-def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Saved]:
+def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
     """Both sides timed in turn, each one's memory, and what their logs differ in."""
     sides = (Side(*first), Side(*second))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
@@ -169,7 +146,7 @@ def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Saved]:
     logs = [size / 1000 for size in timed["log"]]
     ok = motion <= MOTION and force <= FORCE
     figures = [*spent[:, 0].tolist(), *spreads.T.ravel().tolist(), *peaks, *logs, motion, force]
-    return [Saved._make(["", "", *figures, ok, ""])]
+    return [Row("", "", dict(zip(KEYS, figures, strict=True)), ok)]
 
 
 def difference(one: Path, other: Path) -> tuple[float, float]:
@@ -193,9 +170,9 @@ def difference(one: Path, other: Path) -> tuple[float, float]:
                 unit = a.topics[topic].units[at]
                 scale[unit] = max(scale.get(unit, 0.0), float(np.abs(x).max(initial=0.0)))
                 apart[unit] = max(apart.get(unit, 0.0), float(np.abs(x - y).max(initial=0.0)))
-                if unit in RATES:
+                if unit in SPEED_OF:
                     pace = np.abs(np.diff(x) / np.diff(left.t[i])).max(initial=0.0)
-                    moved[RATES[unit]] = max(moved.get(RATES[unit], 0.0), float(pace))
+                    moved[SPEED_OF[unit]] = max(moved.get(SPEED_OF[unit], 0.0), float(pace))
     for unit, pace in moved.items():
         if scale.get(unit, 0.0) < LEAST:
             scale[unit] = pace
@@ -207,10 +184,10 @@ def difference(one: Path, other: Path) -> tuple[float, float]:
 # --- runs, in a process of their own ---------------------------------------------------------------
 
 
-def _child(work: dict[str, Any]) -> dict[str, Any]:
+def _child(task: dict[str, Any]) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, "-m", "orchestrator.studies.leaving_out"],
-        input=json.dumps(work),
+        input=json.dumps(task),
         text=True,
         capture_output=True,
     )
@@ -221,20 +198,20 @@ def _child(work: dict[str, Any]) -> dict[str, Any]:
 
 
 def _main() -> None:
-    work = json.load(sys.stdin)
-    sides = [Side(tuple(settings), *rest) for settings, *rest in work["sides"]]
-    paths = [Path(work["folder"]) / f"{k}.mcap" for k in range(len(sides))]
-    if not work["pairs"]:
-        run(work["scene"], sides[0], Path(work["folder"]) / "peak.mcap")
+    task = json.load(sys.stdin)
+    sides = [Side(tuple(settings), *rest) for settings, *rest in task["sides"]]
+    paths = [Path(task["folder"]) / f"{k}.mcap" for k in range(len(sides))]
+    if not task["pairs"]:
+        run(task["scene"], sides[0], Path(task["folder"]) / "peak.mcap")
         json.dump({"peak": peak()}, sys.stdout)
         return
     for side in sides:
         brief = side._replace(settings=(*side.settings, BRIEF), estimated=False)
-        run(work["scene"], brief, Path(work["folder"]) / "warm.mcap")
+        run(task["scene"], brief, Path(task["folder"]) / "warm.mcap")
     costs = []
-    for k in range(work["pairs"]):
+    for k in range(task["pairs"]):
         order = (0, 1) if k % 2 == 0 else (1, 0)
-        cost = {i: run(work["scene"], sides[i], paths[i]) for i in order}
+        cost = {i: run(task["scene"], sides[i], paths[i]) for i in order}
         costs.append([cost[0], cost[1]])
     json.dump({"costs": costs, "log": [path.stat().st_size for path in paths]}, sys.stdout)
 
@@ -299,22 +276,22 @@ def peak() -> float:
 # --- tables ----------------------------------------------------------------------------------------
 
 
-def table(rows: Sequence[Saved], title: str = "") -> Table:
+def table(rows: Sequence[Row], title: str = "") -> Table:
     """The rows for people and programs."""
-    return Table(title, COLUMNS, [row._asdict() for row in rows])
+    return Table(title, COLUMNS, [row.cells() for row in rows])
 
 
-def draw(rows: Sequence[Saved], title: str) -> Figure:
+def draw(rows: Sequence[Row], title: str) -> Figure:
     """Bars of what remains: CPU time with its spread, log size."""
     from matplotlib.figure import Figure
 
-    shown = [row for row in rows if math.isfinite(row.cpu_ratio)][::-1]
+    shown = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
     figure = Figure(figsize=(9.0, 1.2 + 0.42 * len(shown)), layout="constrained")
     axes = figure.subplots()
     at = np.arange(len(shown))
-    middle, low, high = np.array([(row.cpu_ratio, row.cpu_least, row.cpu_largest) for row in shown]).reshape(-1, 3).T
+    middle, low, high = (np.array([row[key] for row in shown]) for key in ("cpu_ratio", "cpu_least", "cpu_largest"))
     axes.barh(at + 0.2, middle, 0.38, xerr=(middle - low, high - middle), color="tab:blue", label="CPU time")
-    axes.barh(at - 0.2, [row.log_without / row.log_with for row in shown], 0.38, color="tab:orange", label="log")
+    axes.barh(at - 0.2, [row["log_without"] / row["log_with"] for row in shown], 0.38, color="tab:orange", label="log")
     axes.set_yticks(at, [f"{row.item}: {row.case}" for row in shown], fontsize=8)
     axes.axvline(1.0, color="0.5", linewidth=0.8)
     axes.set_xlabel("without over with")
@@ -323,7 +300,7 @@ def draw(rows: Sequence[Saved], title: str) -> Figure:
     return figure
 
 
-def write(folder: Path, name: str, rows: Sequence[Saved], title: str) -> list[Path]:
+def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Table and figure; raises OSError when the folder cannot be written."""
     return files.save(folder, name, table(rows, title), draw(rows, title))
 

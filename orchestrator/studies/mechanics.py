@@ -6,12 +6,11 @@ Items are those of the list in the study's table; ``cases(quick)`` leaves the tw
 from __future__ import annotations
 
 from orchestrator.studies import Case, chain_cases, element_cases
-from orchestrator.studies.compared import Compared, table, write
+from orchestrator.studies.compared import table, write
 
-__all__ = ["TITLE", "Row", "cases", "table", "write"]
+__all__ = ["TITLE", "cases", "table", "write"]
 
 TITLE = "The chain mechanics of the paper: value, reference, error, order"
-Row = Compared
 
 
 def cases(quick: bool) -> list[Case]:

@@ -11,17 +11,18 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures import TimeoutError as TookTooLong
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import replace
 
 from pebble import ProcessExpired, ProcessPool
 
 from fmus.vehicle import BadInput
-from orchestrator.studies import Case, Study
+from orchestrator.studies import Case
 from orchestrator.studies.store import Store
+from orchestrator.studies.tables import Row
 
 ANSWER = "10 s"  # within which a Dask scheduler must say something
 
-Rows = list[Any]
+Rows = list[Row]
 Answer = Rows | str  # of a case, or why there is none
 Found = Iterator[tuple[int, Answer, bool]]  # number of the case, its answer, whether that is worth keeping
 
@@ -30,13 +31,12 @@ def attempt(case: Case) -> Answer:
     """The rows of a case, or how it failed."""
     try:
         rows = case.function(*case.arguments)
-        return [row._replace(item=row.item or case.item, case=row.case or case.name) for row in rows]
+        return [replace(row, item=row.item or case.item, case=row.case or case.name) for row in rows]
     except Exception as error:
         return f"{type(error).__name__}: {error}"
 
 
 def run(
-    study: Study,
     cases: Sequence[Case],
     workers: int = 1,
     scheduler: str | None = None,
@@ -59,7 +59,7 @@ def run(
         finished = ((k, attempt(cases[k]), True) for k in sorted(left))
     for k, answer, worth in finished:
         case = cases[k]
-        found[k] = [study.Row(case.item, case.name, ok=False, note=answer)] if isinstance(answer, str) else answer
+        found[k] = [Row(case.item, case.name, ok=False, note=answer)] if isinstance(answer, str) else answer
         if store and worth:
             store.put(case, found[k])
         done(case)

@@ -9,6 +9,7 @@ explicit integrator (``limits``); an observed limit is bisected in the same way 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from fmus.vehicle import BadInput
 from orchestrator.studies import Case
@@ -16,12 +17,12 @@ from orchestrator.studies.expectations import ASKED
 from orchestrator.studies.extreme import BISECTED, FAMILIES, loaded
 from orchestrator.studies.limits import predicted
 from orchestrator.studies.stability_map import table, write
-from orchestrator.studies.verdict import CLEAN, RIGHT, WRONG, Judged, judged
+from orchestrator.studies.tables import Row
+from orchestrator.studies.verdict import CLEAN, RIGHT, WRONG, ended, judged
 
-__all__ = ["TITLE", "Row", "cases", "table", "write"]
+__all__ = ["TITLE", "cases", "table", "write"]
 
 TITLE = "Stability: stiff and extreme cases"
-Row = Judged
 LIMIT = 600.0  # s of a case: longer is a case that hangs
 BISECTIONS = 5
 
@@ -40,21 +41,21 @@ def cases(quick: bool) -> list[Case]:
     return wanted
 
 
-def one(number: int, value: float) -> list[Judged]:
+def one(number: int, value: float) -> list[Row]:
     """A member of a family."""
     family = FAMILIES[number]
     asked = family.asked if isinstance(family.asked, str) else family.asked(value)
     sensible = family.sensible[0] <= value <= family.sensible[1]
-    row = Judged("", f"{value:g}", value, sensible=sensible, asked=ASKED[asked][1])
+    row = Row("", f"{value:g}", {"value": value, "sensible": sensible, "asked": ASKED[asked][1]})
     try:
         scene = loaded(family.scene, family.track, family.settings(value))
     except BadInput as refusal:
-        return [row.ended(CLEAN, str(refusal))]
+        return [ended(row, CLEAN, str(refusal))]
     limit, cause = predicted(scene)
-    return [judged(scene, asked, row._replace(step=scene.run.step, predicted=limit, cause=cause))]
+    return [judged(scene, asked, row.having(step=scene.run.step, predicted=limit, cause=cause))]
 
 
-def bisected(number: int) -> list[Judged]:
+def bisected(number: int) -> list[Row]:
     """The longest step that keeps a run stable, from 1 to 100 times the given one; the predicted one beside it."""
     _, scene, track, settings, key, least = BISECTED[number]
     asked = "weight" if scene == "settle" else "ledger"
@@ -62,20 +63,24 @@ def bisected(number: int) -> list[Judged]:
     limit, cause = predicted(usual)
     stop = usual.run.stop
 
-    def run(step: float) -> Judged:
+    def run(step: float) -> Row:
         whole = stop / round(stop / step) if key == "run.step" else step
-        row = Judged("", "limit", step=whole, predicted=limit, cause=cause)
+        row = Row("", "limit", {"step": whole, "predicted": limit, "cause": cause})
         return judged(loaded(scene, track, [*settings, f"{key}={whole!r}"]), asked, row)
 
-    def longest(good: tuple[str, ...]) -> tuple[Judged, Judged]:
+    def longest(good: tuple[str, ...]) -> tuple[Row, Row]:
         """The longest step that ends well, and the shortest beyond it that does not."""
         low, high = run(least), run(min(100.0 * least, stop))
-        for _ in range(BISECTIONS if low.verdict in good and high.verdict not in good else 0):
-            middle = run(math.sqrt(low.step * high.step))
-            low, high = (middle, high) if middle.verdict in good else (low, middle)
-        return (high, high) if high.verdict in good else (low, high)
+        for _ in range(BISECTIONS if low["verdict"] in good and high["verdict"] not in good else 0):
+            middle = run(math.sqrt(low["step"] * high["step"]))
+            low, high = (middle, high) if middle["verdict"] in good else (low, middle)
+        return (high, high) if high["verdict"] in good else (low, high)
 
     (right, _), (stable, beyond) = longest((RIGHT,)), longest((RIGHT, WRONG))
-    end = f"at {beyond.step:.3g} s {beyond.verdict}: {beyond.note}" if beyond is not stable else "no limit up to there"
-    note = f"right up to {right.step:.3g} s, stable up to {stable.step:.3g} s; {end}"
-    return [right._replace(value=stable.step, observed=stable.step, note=note)]
+    end = (
+        f"at {beyond['step']:.3g} s {beyond['verdict']}: {beyond.note}"
+        if beyond is not stable
+        else "no limit up to there"
+    )
+    note = f"right up to {right['step']:.3g} s, stable up to {stable['step']:.3g} s; {end}"
+    return [replace(right.having(value=stable["step"], observed=stable["step"]), note=note)]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from orchestrator.studies import files
-from orchestrator.studies.tables import Column, Table
-from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, VERDICTS, WRONG, Judged
+from orchestrator.studies.tables import Column, Row, Table
+from orchestrator.studies.verdict import BLOWN, CLEAN, LOST, MUTE, RIGHT, VERDICTS, WRONG
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,30 +19,36 @@ COLUMNS = (
     Column("item", "family"),
     Column("case", "value"),
     Column("verdict", "verdict"),
-    Column("sensible", "sensible"),
+    Column("sensible", "sensible"),  # whether somebody could mean it
     Column("asked", "asked"),
     Column("found", "found", ".3g"),
     Column("expected", "expected", ".3g"),
     Column("tolerance", "tolerance", ".3g"),
-    Column("open", "ledger open", ".3g"),
-    Column("step", "step, s", ".3g"),
-    Column("predicted", "predicted limit, s", ".3g"),
+    Column("open", "ledger open", ".3g"),  # of the largest of work, change and dissipated
+    Column("step", "step, s", ".3g"),  # used: of communication, or internal of an explicit integrator
+    Column("predicted", "predicted limit, s", ".3g"),  # longest step
     Column("cause", "by"),
     Column("margin", "margin", ".3g"),
-    Column("observed", "observed limit, s", ".3g"),
+    Column("observed", "observed limit, s", ".3g"),  # longest step that was right
     Column("seconds", "run, s", ".2g"),
     Column("note", "what happened"),
 )
 
 
-def table(rows: Sequence[Judged], title: str = "") -> Table:
+def table(rows: Sequence[Row], title: str = "") -> Table:
     """A table for people and programs, and how many cases ended how."""
-    ends = ", ".join(f"{sum(row.verdict == verdict for row in rows)} {verdict}" for verdict in VERDICTS)
-    shown = [{**row._asdict(), "margin": row.margin, "sensible": "yes" if row.sensible else "no"} for row in rows]
+    shown = [_completed(row) for row in rows]
+    ends = ", ".join(f"{sum(row['verdict'] == verdict for row in shown)} {verdict}" for verdict in VERDICTS)
     return Table(title, COLUMNS, shown, (f"{len(rows)} cases: {ends}.",))
 
 
-def draw(rows: Sequence[Judged], title: str) -> Figure:
+def _completed(row: Row) -> dict[str, Any]:
+    """A row by the keys of columns, with the margin: predicted limit over used step."""
+    cells = {**LOST, **row.cells(), "margin": row["predicted"] / row["step"]}
+    return {**cells, "sensible": "yes" if cells["sensible"] else "no"}
+
+
+def draw(rows: Sequence[Row], title: str) -> Figure:
     """The map: a line a family, a field a value, its colour the verdict, below it the margin."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch, Rectangle
@@ -53,10 +59,12 @@ def draw(rows: Sequence[Judged], title: str) -> Figure:
     pane = figure.subplots()
     for y, item in enumerate(families):
         for x, row in enumerate(row for row in rows if row.item == item):
-            edge = "black" if row.sensible else "white"
-            pane.add_patch(Rectangle((x + 0.04, y + 0.06), 0.92, 0.88, facecolor=COLOURS[row.verdict], edgecolor=edge))
-            value = row.case if math.isnan(row.value) else f"{row.value:.3g}"
-            label = value + ("" if math.isnan(row.margin) else f"\n{row.margin:.2g} x")
+            cells = _completed(row)
+            edge = "black" if cells["sensible"] == "yes" else "white"
+            colour = COLOURS[cells["verdict"]]
+            pane.add_patch(Rectangle((x + 0.04, y + 0.06), 0.92, 0.88, facecolor=colour, edgecolor=edge))
+            value = row.case if math.isnan(row["value"]) else f"{row['value']:.3g}"
+            label = value + ("" if math.isnan(cells["margin"]) else f"\n{cells['margin']:.2g} x")
             pane.text(x + 0.5, y + 0.5, label, ha="center", va="center", fontsize=7)
     pane.set_xlim(0, across)
     pane.set_ylim(len(families), 0)
@@ -70,6 +78,6 @@ def draw(rows: Sequence[Judged], title: str) -> Figure:
     return figure
 
 
-def write(folder: Path, name: str, rows: Sequence[Judged], title: str) -> list[Path]:
+def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Table and map; raises OSError when the folder cannot be written."""
     return files.save(folder, name, table(rows, title), draw(rows, title))

@@ -6,11 +6,35 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 ABOUT = "about"  # says what a row is about
 COST = "cost"  # a time or a size: less is better, and two checkouts are compared by it
 VERDICTS = {True: "ok", False: "NOT"}
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a study has found of a case, kept as JSON: figures by the keys of the columns they stand in."""
+
+    item: str  # family, scene or number of an issue; empty: that of the case
+    case: str  # what was measured, how; empty: the name of the case
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    ok: bool | None = None  # whether all is as it should be; None: nothing is asked
+    note: str = ""
+
+    def __getitem__(self, key: str) -> Any:
+        """A figure; NaN where there is none."""
+        return self.figures.get(key, math.nan)
+
+    def having(self, **figures: Any) -> Row:
+        """The row with these figures besides."""
+        return replace(self, figures={**self.figures, **figures})
+
+    def cells(self) -> dict[str, Any]:
+        """All of it by the keys of columns."""
+        return {**vars(self), **self.figures}
 
 
 class Column(NamedTuple):

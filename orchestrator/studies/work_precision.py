@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import product
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from fmus.cache import spared
 from orchestrator.execution import precision
 from orchestrator.studies import files
-from orchestrator.studies.tables import Column, Table, to_csv
+from orchestrator.studies.tables import Column, Row, Table, to_csv
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,64 +22,50 @@ FACTOR = 3.0  # an estimate within it of the true error is right
 MARKERS = "os^vDP*Xp"  # of the methods, in pictures
 
 
-class Timed(NamedTuple):
-    """A way to run a scene, what it costs and how wrong it is; the truth has no run time but an error of its own."""
-
-    item: str  # scene; empty: that of the case
-    case: str
-    track: str = ""
-    method: str = ""  # the curve it lies on
-    settings: tuple[str, ...] = ()
-    wall_time: float = math.nan  # s
-    cpu_time: float = math.nan  # s, of all threads
-    error: float = math.nan  # the largest relative error of the decisive observables
-    estimate: float = math.nan  # the run's own idea of it
-    errors: Mapping[str, float] = {}  # relative, by observable
-    estimates: Mapping[str, float] = {}
-    absolute: Mapping[str, float] = {}
-    ok: bool | None = None
-    note: str = ""
-
-
-def runs(rows: Iterable[Timed]) -> list[Timed]:
+def runs(rows: Iterable[Row]) -> list[Row]:
     """Those that ended well."""
-    return [row for row in rows if row.method not in ("truth", "") and math.isfinite(row.error)]
+    return [row for row in rows if row["method"] != "truth" and math.isfinite(row["error"])]
 
 
-def cheapest(rows: Iterable[Timed], level: float, observable: str = "") -> Timed | None:
-    """The fastest run within an error: of one observable, or the largest of all decisive ones."""
-    found = [row for row in runs(rows) if (row.errors.get(observable, math.inf) if observable else row.error) <= level]
-    return min(found, key=lambda row: row.wall_time, default=None)
+def front_of(rows: Iterable[Row], error: Callable[[Row], float] = itemgetter("error")) -> list[Row]:
+    """Of those that ended well the ones that no other beats in both run time and error."""
+    return precision.front(runs(rows), itemgetter("wall_time"), error)
 
 
-def ratios(rows: Iterable[Timed]) -> list[float]:
+def cheapest(rows: Iterable[Row], level: float) -> Row | None:
+    """The fastest run within an error, the largest of all decisive observables."""
+    return min((row for row in runs(rows) if row["error"] <= level), key=itemgetter("wall_time"), default=None)
+
+
+def ratios(rows: Iterable[Row]) -> list[float]:
     """Own estimate over true error, of every observable of every run."""
     return [
-        row.estimates[name] / error
+        row["estimates"][name] / error
         for row in runs(rows)
-        for name, error in row.errors.items()
-        if error > 0.0 and row.estimates.get(name)
+        for name, error in row["errors"].items()
+        if error > 0.0 and row["estimates"].get(name)
     ]
 
 
-def sentences(rows: Sequence[Timed]) -> list[str]:
+def sentences(rows: Sequence[Row]) -> list[str]:
     """What a reader should take away."""
     said = []
-    for scene, track in dict.fromkeys((row.item, row.track) for row in runs(rows)):
-        of = [row for row in rows if (row.item, row.track) == (scene, track)]
+    for scene, track in dict.fromkeys((row.item, row["track"]) for row in runs(rows)):
+        of = [row for row in rows if (row.item, row["track"]) == (scene, track)]
         for level in LEVELS:
             row = cheapest(of, level)
             if row is None:
-                best = min(runs(of), key=lambda row: row.error)
+                best = min(runs(of), key=itemgetter("error"))
                 said.append(
                     f"{scene}, {track}: no setting reaches {level:.2%}; the best, "
-                    f"{best.error:.2%} in {best.wall_time:.3g} s, is {best.case}"
+                    f"{best['error']:.2%} in {best['wall_time']:.3g} s, is {best.case}"
                 )
             else:
                 said.append(
-                    f"{scene}, {track}: {level:.2%} costs {row.wall_time:.3g} s (error {row.error:.2g}): {row.case}"
+                    f"{scene}, {track}: {level:.2%} costs {row['wall_time']:.3g} s"
+                    f" (error {row['error']:.2g}): {row.case}"
                 )
-    whole = [row.estimate / row.error for row in runs(rows) if row.error > 0.0 and row.estimate > 0.0]
+    whole = [row["estimate"] / row["error"] for row in runs(rows) if row["error"] > 0.0 and row["estimate"] > 0.0]
     for what, found in (("of whole runs", whole), ("by observable", ratios(rows))):
         if found:
             right = sum(1.0 / FACTOR <= ratio <= FACTOR for ratio in found)
@@ -92,14 +79,14 @@ def sentences(rows: Sequence[Timed]) -> list[str]:
 # --- tables and picture ----------------------------------------------------------------------------
 
 
-def _observables(rows: Iterable[Timed]) -> list[str]:
-    return list(dict.fromkeys(name for row in rows for name in row.errors))
+def _observables(rows: Iterable[Row]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row.figures.get("errors", {})))
 
 
-def table(rows: Sequence[Timed], title: str = "") -> Table:
+def table(rows: Sequence[Row], title: str = "") -> Table:
     """A table for people: relative errors by observable, * on the Pareto front; then what it says."""
-    front = {id(row) for key in {(r.item, r.track) for r in rows} for row in
-             precision.front(runs(r for r in rows if (r.item, r.track) == key))}  # fmt: skip
+    best = {id(row) for key in {(r.item, r["track"]) for r in rows} for row in
+             front_of(r for r in rows if (r.item, r["track"]) == key)}  # fmt: skip
     columns = (
         Column("item", "scene"),
         Column("case", "case"),
@@ -110,11 +97,11 @@ def table(rows: Sequence[Timed], title: str = "") -> Table:
         *(Column(f"{name} (relative)", name, ".1e") for name in _observables(rows)),
         Column("note", "note"),
     )
-    shown = [{**_figures(row), "case": row.case + (" *" if id(row) in front else "")} for row in rows]
+    shown = [{**_figures(row), "case": row.case + (" *" if id(row) in best else "")} for row in rows]
     return Table(title, columns, shown, tuple(f"- {said}" for said in sentences(rows)))
 
 
-def whole_table(rows: Sequence[Timed]) -> Table:
+def whole_table(rows: Sequence[Row]) -> Table:
     """A table for programs: errors and estimates of observables in columns of their own."""
     names = [f"{name} ({kind})" for name in _observables(rows) for kind in ("relative", "absolute", "estimate")]
     columns = (
@@ -127,36 +114,40 @@ def whole_table(rows: Sequence[Timed]) -> Table:
     return Table("", columns, [_figures(row) for row in rows])
 
 
-def _figures(row: Timed) -> dict[str, Any]:
+def _figures(row: Row) -> dict[str, Any]:
     """A row by the keys of both tables."""
-    kinds = {"relative": row.errors, "absolute": row.absolute, "estimate": row.estimates}
-    figures = {f"{name} ({kind})": found.get(name) for name in row.errors for kind, found in kinds.items()}
-    return {**row._asdict(), "settings": " ".join(f"'{s}'" for s in row.settings), **figures}
+    kinds = (("relative", "errors"), ("absolute", "absolute"), ("estimate", "estimates"))
+    by_observable = {
+        f"{name} ({kind})": figure for kind, key in kinds for name, figure in row.figures.get(key, {}).items()
+    }
+    return {**row.cells(), "settings": " ".join(f"'{s}'" for s in row.figures.get("settings", ())), **by_observable}
 
 
-def write(folder: Path, name: str, rows: Sequence[Timed], title: str) -> list[Path]:
+def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Tables, picture, and the settings for ``cotrack run SCENE --error``."""
     scenes = "-".join(dict.fromkeys(row.item for row in rows))
     stem = f"{name}-{scenes}"
     title = f"{title}: {scenes}"
     more = {f"{stem}.csv": to_csv(whole_table(rows))}
     made = files.save(folder, stem, table(rows, title), draw(rows, title), more)
-    settings = [precision.Setting(row.item, row.track, means(row), row.error, row.wall_time) for row in runs(rows)]
+    settings = [
+        precision.Setting(row.item, row["track"], means(row), row["error"], row["wall_time"]) for row in runs(rows)
+    ]
     made.append(folder / "precision.json")
     precision.write(settings, made[-1])
-    if not any(setting.startswith("run.stop") for row in rows for setting in row.settings):
+    if not any(setting.startswith("run.stop") for row in runs(rows) for setting in row["settings"]):
         with spared():
             precision.write(settings, precision.own())  # only what was found over the whole scene
             made.append(precision.own())
     return made
 
 
-def means(row: Timed) -> tuple[str, ...]:
+def means(row: Row) -> tuple[str, ...]:
     """Of a row's settings, how the scene is run; what it is stays with the scene."""
-    return tuple(s for s in row.settings if not s.startswith(("run.stop", "track.start", "chain.")))
+    return tuple(s for s in row["settings"] if not s.startswith(("run.stop", "track.start", "chain.")))
 
 
-def draw(rows: Sequence[Timed], title: str) -> Figure:
+def draw(rows: Sequence[Row], title: str) -> Figure:
     """A pane for the error as a whole and one for each observable; a curve a method, the Pareto front shaded."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
@@ -169,16 +160,18 @@ def draw(rows: Sequence[Timed], title: str) -> Figure:
     down = -(-len(names) // across)
     figure = Figure(figsize=(5.2 * across, 4.2 * down + 1.4), layout="constrained")
     axes = figure.subplots(down, across, squeeze=False).ravel()
-    methods = list(dict.fromkeys(row.method for row in shown))
-    tracks = list(dict.fromkeys(row.track for row in shown))
+    methods = list(dict.fromkeys(row["method"] for row in shown))
+    tracks = list(dict.fromkeys(row["track"] for row in shown))
     lines: dict[str, Any] = dict(zip(tracks, ("-", "--"), strict=False))
     for pane, name in zip(axes, names, strict=False):
 
-        def error(row: Timed, name: str = name) -> float:
-            return row.errors.get(name, math.nan) if name else row.error
+        def error(row: Row, name: str = name) -> float:
+            return row["errors"].get(name, math.nan) if name else row["error"]
 
         for track, (k, method) in product(tracks, enumerate(methods)):
-            points = [(row.wall_time, error(row)) for row in shown if (row.track, row.method) == (track, method)]
+            points = [
+                (row["wall_time"], error(row)) for row in shown if (row["track"], row["method"]) == (track, method)
+            ]
             if not points:
                 continue
             pane.loglog(
@@ -186,12 +179,12 @@ def draw(rows: Sequence[Timed], title: str) -> Figure:
                 linestyle=lines[track], color=colormaps["tab10"](k % 10),
             )  # fmt: skip
         for track in tracks:
-            best = precision.front((row for row in shown if row.track == track), error)
+            best = front_of((row for row in shown if row["track"] == track), error)
             pane.loglog(
-                [row.wall_time for row in best], [error(row) for row in best], linestyle="none", marker="o",
+                [row["wall_time"] for row in best], [error(row) for row in best], linestyle="none", marker="o",
                 markersize=10, markerfacecolor="none", markeredgecolor="0.3",
             )  # fmt: skip
-        own = [error(row) for row in rows if row.method == "truth"]
+        own = [error(row) for row in rows if row["method"] == "truth"]
         if own and max(own) > 0.0:
             corner = {"ha": "right", "va": "top", "transform": pane.transAxes, "fontsize": 7}
             pane.text(0.98, 0.97, f"truth: {max(own):.0e}", **corner)
