@@ -178,11 +178,8 @@ def _teeth(run: RunData, track: str, t: float) -> Floats:
     ahead = heading @ [1 - 2 * (y * y + z * z), 2 * (x * y + w * z)]
     turned = np.arctan2(2 * (x * z - w * y), ahead)
     half = np.pi / number
-    angles, radii = (
-        np.array([-0.8, -0.25, 0.25, 0.8]) * half,
-        np.array([sprocket["outer_radius"], root, root]),
-    )
-    radii = np.append(radii, sprocket["outer_radius"])
+    angles = np.array([-0.8, -0.25, 0.25, 0.8]) * half
+    radii = np.array([sprocket["outer_radius"], root, root, sprocket["outer_radius"]])
     angle = (turned + 2 * half * np.arange(number)[:, None] + angles).ravel()
     return np.tile(radii, number)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 

@@ -19,7 +19,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from llvmlite import binding
@@ -38,9 +38,6 @@ from orchestrator.studies.progress import watched
 from orchestrator.studies.projections import GROUPS, numbers, shown
 from orchestrator.studies.tables import Row
 from orchestrator.studies.true_errors import WINDOWS, Window, errors
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["TITLE", "cases", "make", "table", "write"]
 
@@ -225,7 +222,7 @@ def _all(title: str, tasks: Sequence[Task], workers: int) -> list[Any]:
 # --- tables ----------------------------------------------------------------------------------------
 
 
-def draw(rows: Sequence[Row], title: str) -> Figure:
+def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Differences of states by group, and how far runs come apart over the growth of one ulp."""
     from matplotlib.figure import Figure
 

@@ -6,13 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from orchestrator.studies import files
 from orchestrator.studies.tables import Column, Row, Table, to_csv
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLUMNS = (
     Column("item", "item"),
@@ -72,7 +69,7 @@ def points(rows: Sequence[Row]) -> Table:
     return Table("", POINTS, found)
 
 
-def draw(rows: Sequence[Row], title: str) -> Figure:
+def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Error against elements or step, log-log: a pane an item, a line a row, dotted lines of orders 2 and 4."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure

@@ -71,7 +71,8 @@ def follow(
     variant: str, sides: tuple[Stages, Slave, Slave], pace: Clock | VariableStep, truth: Callable[[float], Floats]
 ) -> float:
     """Run a coupling; the largest error of both positions over the run, m. ``truth`` is asked forward in time."""
-    (stages, a, b), worst = sides, 0.0
+    stages, a, b = sides
+    worst = 0.0
 
     def watch(k: int, t: float, _: float) -> None:
         nonlocal worst
@@ -86,7 +87,8 @@ def follow(
 
 def run_free(variant: str, cut: str, h: float) -> tuple[float, float]:
     """Largest error of both positions over the run, m, and the energy at its end over that at its start."""
-    sides, ahead, x = coupled(cut, FREE), exact_maps(whole(FREE))(h), np.array(FREE.start)
+    sides = coupled(cut, FREE)
+    ahead, x = exact_maps(whole(FREE))(h), np.array(FREE.start)
 
     def truth(t: float) -> Floats:
         nonlocal x

@@ -132,7 +132,8 @@ def _beta(kind: Any, n: int, slender: float, ends: str, **kind_of: Any) -> Float
 
 def frequencies(name: str, ends: str) -> list[Row]:
     """The worst of the first three, against Euler-Bernoulli."""
-    slim, (element, kind, kind_of) = name in CABLES, _element(name)
+    element, kind, kind_of = _element(name)
+    slim = name in CABLES
     slender, ns, tolerance = (1000, (4, 8, 16), 1e-4) if slim else (300, (8, 16, 32), 2e-3)
     exact = np.array(ENDS[ends][1])
     found = [_beta(kind, n, slender, ends, **kind_of) for n in ns]

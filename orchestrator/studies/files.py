@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from orchestrator.studies.tables import Table, to_csv, to_markdown
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+Picture = Any  # a figure of matplotlib, which takes long to import and is needed last
 
 
-def save(folder: Path, stem: str, table: Table, picture: Figure, more: Mapping[str, str] | None = None) -> list[Path]:
+def save(folder: Path, stem: str, table: Table, picture: Picture, more: Mapping[str, str] | None = None) -> list[Path]:
     """A table as CSV and Markdown, ``more`` texts by file name, and the picture as PNG and SVG.
 
     Raises OSError when the folder cannot be written.

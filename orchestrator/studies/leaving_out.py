@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,9 +33,6 @@ from orchestrator.scene.assembly import CHASSIS, TRACK, Assembly, Part, assemble
 from orchestrator.scene.scene import TrackScene, load
 from orchestrator.studies import Case, files
 from orchestrator.studies.tables import Column, Row, Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # a timed pair has the machine to itself
@@ -141,7 +138,8 @@ def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
         peaks = [_child({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
         motion, force = difference(*(Path(folder) / f"{k}.mcap" for k in (0, 1)))
     costs = np.array(timed["costs"])  # (pairs, side, (cpu, wall))
-    spent, ratios = np.median(costs, axis=0), costs[:, 1] / costs[:, 0]
+    spent = np.median(costs, axis=0)
+    ratios = costs[:, 1] / costs[:, 0]
     spreads = np.array([np.median(ratios, axis=0), ratios.min(axis=0), ratios.max(axis=0)])  # by CPU and wall time
     logs = [size / 1000 for size in timed["log"]]
     ok = motion <= MOTION and force <= FORCE
@@ -281,7 +279,7 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
     return Table(title, COLUMNS, [row.cells() for row in rows])
 
 
-def draw(rows: Sequence[Row], title: str) -> Figure:
+def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Bars of what remains: CPU time with its spread, log size."""
     from matplotlib.figure import Figure
 

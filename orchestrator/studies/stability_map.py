@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from orchestrator.studies import files
 from orchestrator.studies.tables import Column, Row, Table
 from orchestrator.studies.verdict import BLOWN, CLEAN, LOST, MUTE, RIGHT, VERDICTS, WRONG
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLOURS = {RIGHT: "#4c9f50", WRONG: "#f0c040", CLEAN: "#5b8fd0", BLOWN: "#d04040", MUTE: "#000000"}
 COLUMNS = (
@@ -48,7 +45,7 @@ def _completed(row: Row) -> dict[str, Any]:
     return {**cells, "sensible": "yes" if cells["sensible"] else "no"}
 
 
-def draw(rows: Sequence[Row], title: str) -> Figure:
+def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """The map: a line a family, a field a value, its colour the verdict, below it the margin."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch, Rectangle

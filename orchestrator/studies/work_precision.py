@@ -7,15 +7,12 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fmus.cache import spared
 from orchestrator.execution import precision
 from orchestrator.studies import files
 from orchestrator.studies.tables import Column, Row, Table, to_csv
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LEVELS = (1e-2, 1e-3, 1e-4)
 FACTOR = 3.0  # an estimate within it of the true error is right
@@ -147,7 +144,7 @@ def means(row: Row) -> tuple[str, ...]:
     return tuple(s for s in row["settings"] if not s.startswith(("run.stop", "track.start", "chain.")))
 
 
-def draw(rows: Sequence[Row], title: str) -> Figure:
+def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """A pane for the error as a whole and one for each observable; a curve a method, the Pareto front shaded."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
