@@ -46,7 +46,6 @@ SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; the others are forc
 DEPTH = 1000.0  # m from a chain to a ground that it never touches
 BRIEF = "run.stop=10 ms"
 
-
 COLUMNS = (
     Column("item", "scene"),
     Column("case", "left out"),

@@ -25,9 +25,12 @@ RIGHT, WRONG, CLEAN, BLOWN, MUTE = VERDICTS = (
     "stable and right", "stable and wrong", "failed cleanly", "blown up", "no sentence"
 )  # fmt: skip
 REFUSED = (BadInput, BuildFailed, ComponentFailed)
-
-
-LOST = {"verdict": MUTE, "sensible": True, "asked": "an end"}  # what is said of a case that left nothing else
+LOST = {
+    "verdict": MUTE,
+    "sensible": True,
+    "asked": "an end",
+    "seconds": 0.0,
+}  # what is said of a case that left nothing else
 
 
 def ended(row: Row, verdict: str, note: str) -> Row:
