@@ -9,7 +9,6 @@ today's kernels by their signatures.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,9 @@ from fmus.vehicle import BadInput
 from orchestrator.bench import machine
 from orchestrator.bench.against import paired
 from orchestrator.bench.process import Failed, isolated
-from orchestrator.bench.tables import Table, failed, from_plain, plain
+from orchestrator.bench.tables import failed, from_plain, plain
+from orchestrator.scene.gallery import hint
+from orchestrator.studies.tables import Table
 
 PARTS = {
     "chain": "a closed chain of 64 links, flexible, rigid and on the ground, against peers at a known error",
@@ -36,9 +37,7 @@ def chosen(only: str | None) -> list[str]:
     names = [name.strip() for name in only.split(",")] if only is not None else list(PARTS)
     for name in names:
         if name not in PARTS:
-            near = get_close_matches(name, PARTS, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(PARTS)}"
-            raise BadInput(f"--only {only}: no part '{name}': {hint}")
+            raise BadInput(f"--only {only}: no part '{name}': {hint(name, PARTS, 'there are')}")
     return list(dict.fromkeys(names))
 
 

@@ -16,7 +16,8 @@ from typing import Any
 
 from fmus.vehicle import BadInput
 from orchestrator.bench.process import ROOT, Failed, environment, last_line
-from orchestrator.bench.tables import Column, Table, costs
+from orchestrator.bench.tables import costs
+from orchestrator.studies.tables import Column, Table
 
 COLUMNS = (
     Column("part", "part"),

@@ -15,10 +15,10 @@ import numpy as np
 from orchestrator.bench import motion
 from orchestrator.bench.motion import CASES, Case, Floats
 from orchestrator.bench.peers import PEERS, runs
-from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import cpu, least
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
+from orchestrator.studies.tables import ABOUT, COST, Column, Table
 
 STEPS = (2e-3, 1e-3, 5e-4)  # s
 H = 1e-3  # s, of what is measured at one step alone

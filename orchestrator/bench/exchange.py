@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from orchestrator.bench.tables import ABOUT, COST, Column
 from orchestrator.bench.timing import Floats, laps, per_step
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
@@ -17,6 +16,7 @@ from orchestrator.execution.manifest import manifest, strides
 from orchestrator.execution.simulate import opened
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import TrackScene
+from orchestrator.studies.tables import ABOUT, COST, Column
 
 COLUMNS = (
     Column("tracks", "vehicle on tracks", "", ABOUT),

@@ -14,12 +14,12 @@ import numpy as np
 
 from fmus.build import build
 from orchestrator.bench import exchange, kernels, own
-from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import Floats, laps, per_step
 from orchestrator.cosim.component import Component
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, Series
 from orchestrator.scene.assembly import TRACKS, Part
+from orchestrator.studies.tables import ABOUT, COST, Column, Table
 
 Row = dict[str, Any]
 

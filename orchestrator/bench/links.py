@@ -8,8 +8,8 @@ import numpy as np
 
 from orchestrator.bench import motion
 from orchestrator.bench.motion import CASES
-from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import Floats, laps, per_step
+from orchestrator.studies.tables import ABOUT, COST, Column, Table
 
 LINKS = (64, 128, 256, 512, 1024)
 QUICK_LINKS = (64, 256)

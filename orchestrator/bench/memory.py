@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from orchestrator.bench.process import isolated
-from orchestrator.bench.tables import ABOUT, COST, Column, Table
+from orchestrator.studies.tables import ABOUT, COST, Column, Table
 
 SCENE, TRACKS = "straight", ("flexible", "rigid")
 STOPS, QUICK_STOPS = (1.0, 4.0), (0.25, 1.0)  # s

@@ -12,7 +12,7 @@ from statistics import median
 from typing import Any
 
 from orchestrator.bench.process import Failed, environment, last_line
-from orchestrator.bench.tables import ABOUT, COST, Column, Table
+from orchestrator.studies.tables import ABOUT, COST, Column, Table
 
 CASES = (("straight", "flexible"), ("straight", "rigid"))
 QUICK_CASES = (("hanging_chain", "flexible"),)

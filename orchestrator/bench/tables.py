@@ -1,30 +1,11 @@
-"""Tables of figures: for people as Markdown, for programs as plain data, and flat for pairs of checkouts."""
+"""Tables of the benchmark as plain data, and their costs by name for pairs of checkouts."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-ABOUT = "about"  # says what a row is about
-COST = "cost"  # a time or a size: less is better, and two checkouts are compared by it
-
-
-class Column(NamedTuple):
-    """One column; rows hold its values under ``key``."""
-
-    key: str
-    head: str  # with the unit
-    form: str = ""  # format of numbers; text without one
-    role: str = ""  # ABOUT, COST or neither
-
-
-class Table(NamedTuple):
-    """Rows of figures; what a row lacks is an empty cell."""
-
-    title: str
-    columns: tuple[Column, ...]
-    rows: list[dict[str, Any]]
-    notes: tuple[str, ...] = ()  # sentences below it
+from orchestrator.studies.tables import ABOUT, COST, Column, Table, cell
 
 
 def failed(title: str, reason: str) -> Table:
@@ -54,26 +35,9 @@ def costs(tables: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     for table in tables:
         columns = [Column(**column) for column in table["columns"]]
         for row in table["rows"]:
-            about = ", ".join(_cell(row, column) for column in columns if column.role == ABOUT)
+            about = ", ".join(cell(row, column, column.form) for column in columns if column.role == ABOUT)
             for column in columns:
                 value = row.get(column.key)
                 if column.role == COST and value is not None and value > 0.0:
                     found[f"{about}: {column.head}"] = float(value)
     return found
-
-
-def _cell(row: Mapping[str, Any], column: Column) -> str:
-    value = row.get(column.key)
-    if value is None:
-        return ""
-    return f"{value:{column.form}}" if column.form else str(value)
-
-
-def to_markdown(table: Table) -> str:
-    """A table for people."""
-    lines = [f"### {table.title}", ""]
-    if table.rows:
-        cells = [[column.head for column in table.columns], ["---"] * len(table.columns)]
-        cells += [[_cell(row, column) for column in table.columns] for row in table.rows]
-        lines += [*("| " + " | ".join(each) + " |" for each in cells), ""]
-    return "\n".join([*lines, *table.notes, *([""] if table.notes else [])])

@@ -8,8 +8,8 @@ from statistics import median
 from typing import Any
 
 from orchestrator.bench import own
-from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.execution.simulate import simulate
+from orchestrator.studies.tables import ABOUT, COST, Column, Table
 
 SCENE, TRACKS = "straight", ("flexible", "rigid")
 COLUMNS = (

@@ -9,10 +9,11 @@ from typing import Any
 from fmus.contents import contents
 from orchestrator.scene.assembly import DRIVE, TRACK, TRACKS, Assembly, Part, assemble
 from orchestrator.scene.scene import Scene, TrackScene, VehicleScene
+from orchestrator.scene.tables import Check
 
 DOFS = {"cable": (12, 4), "planar": (8, 2), "beam": (24, 6)}  # coordinates of a link, equations of a pin
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
-TOUCH = ("contact with wheels and teeth", "contact with the ground")
+CONTACTS = ("contact with wheels and teeth", "contact with the ground")
 
 
 def lines(scene: Scene) -> Iterator[str]:
@@ -32,17 +33,21 @@ def describe(scene: Scene) -> Iterator[str]:
         yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
     yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {run.links}"
     present, absent = _of_fmus(scene) if isinstance(scene, TrackScene) else _without_fmu(scene)
-    yield "in"
-    for line in present:
-        yield f"  {line}"
-    yield "left out"
-    for line in absent:
-        yield f"  {line}"
+    yield from _section("in", present)
+    yield from _section("left out", absent)
     if scene.expect:
-        yield "expected"
-        for name, check in scene.expect.items():
-            allowed = f"{check.tolerance * 100:g} %" if check.relative else f"{check.tolerance:g}"
-            yield f"  {name}: {check.expected:g} +- {allowed} ({check.signal or check.measure})"
+        yield from _section("expected", (_expected(name, check) for name, check in scene.expect.items()))
+
+
+def _section(title: str, within: Iterable[str]) -> Iterator[str]:
+    yield title
+    for line in within:
+        yield f"  {line}"
+
+
+def _expected(name: str, check: Check) -> str:
+    allowed = f"{check.tolerance * 100:g} %" if check.relative else f"{check.tolerance:g}"
+    return f"{name}: {check.expected:g} +- {allowed} ({check.signal or check.measure})"
 
 
 def _of_fmus(scene: TrackScene) -> tuple[list[str], list[str]]:
@@ -65,7 +70,7 @@ def _without_fmu(scene: Scene) -> tuple[list[str], list[str]]:
         "both track models",
         CHASSIS_PARTS,
         "drives",
-        *TOUCH,
+        *CONTACTS,
     ]
     if "energy.kinetic" not in it.outputs:
         absent += ["inertia: static equilibrium at every instant"]
@@ -106,11 +111,11 @@ def _absent(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
     if "SprocketDrive" not in kinds:
         yield "drives"
     if not any(track["wheels"] for track in tracks):
-        yield TOUCH[0]
+        yield CONTACTS[0]
     elif len(tracks[0]["wheels"]) == 1:
         yield "contact with wheels other than the sprocket"
     if not any(track["ground"] for track in tracks):
-        yield TOUCH[1]
+        yield CONTACTS[1]
     if tracks and all(isclose(track["gravity"], 0.0) for track in tracks):
         yield "gravity"
     if isinstance(scene, VehicleScene) and scene.symmetric:
@@ -125,25 +130,16 @@ def _absent(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
 
 def _evaluated(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
     found = contents([(part.kind, part.config, part.parameters) for part in assembly.parts])
-    yield "contact pairs"
-    touching = [(part, pairs(scene, part)) for part in assembly.parts]
-    for part, own in touching:
-        for pair in own:
-            yield f"  {part.name:12} {pair}"
-    if not any(own for _, own in touching):
-        yield "  none: no contact law is loaded"
+    touching = [f"{part.name:12} {pair}" for part in assembly.parts for pair in pairs(scene, part)]
+    yield from _section("contact pairs", touching or ["none: no contact law is loaded"])
     yield "outputs"
     sizes = zip(assembly.parts, found.outputs, found.link_outputs, found.state, strict=True)
     for part, outputs, links, state in sizes:
         every = f" and {links} of links every {scene.run.links} steps" if links else ""
         yield f"  {part.name:12} {outputs} a step{every}; {state} numbers of state"
     whole = len(found.modules) + len(found.left_out)
-    yield f"modules of fmus: {len(found.modules)} of {whole} in"
-    for folder in _folded(found.modules):
-        yield f"  {folder}"
-    yield f"modules of fmus: {len(found.left_out)} left out"
-    for folder in _folded(found.left_out):
-        yield f"  {folder}"
+    yield from _section(f"modules of fmus: {len(found.modules)} of {whole} in", _folded(found.modules))
+    yield from _section(f"modules of fmus: {len(found.left_out)} left out", _folded(found.left_out))
 
 
 def pairs(scene: TrackScene, part: Part) -> list[str]:

@@ -26,16 +26,18 @@ def info(log: LogPath) -> None:
         f"{about.path}: {about.bytes / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {about.status}{steps}",
         *(f"  {sentence}" for sentence in (about.message, *about.faults) if sentence),
         *(f"  {printed.warning(each)}" for each in about.warnings),
-    ]
-    for record, entries in about.metadata.items():
-        lines.append(f"  {record}: " + ", ".join(f"{key} = {value}" for key, value in entries.items()))
-    for topic in about.topics:
-        lines.append(
+        *(
+            f"  {record}: {', '.join(f'{key} = {value}' for key, value in entries.items())}"
+            for record, entries in about.metadata.items()
+        ),
+        *(
             f"  {topic.topic:22} {topic.signals:5} signals, {topic.messages:7} messages,"
             f" one step in {topic.every}, {topic.bytes / 1e6:.2f} MB"
-        )
-    lines += [f"  attached: {name}, {size} bytes" for name, size in about.attachments]
-    lines.append(f"  digest {about.digest or 'none: a part is damaged'}")
+            for topic in about.topics
+        ),
+        *(f"  attached: {name}, {size} bytes" for name, size in about.attachments),
+        f"  digest {about.digest or 'none: a part is damaged'}",
+    ]
     for line in lines:
         print(plain(line))
 

@@ -38,8 +38,9 @@ def study(
     Started again with the same folder, it goes on where it was interrupted.
     """
     from orchestrator import studies
-    from orchestrator.studies import pool
-    from orchestrator.studies.progress import Watched
+    from orchestrator.scene.products import made
+    from orchestrator.studies import pool, tables
+    from orchestrator.studies.progress import watched
     from orchestrator.studies.store import Store
 
     if name is None:
@@ -49,10 +50,7 @@ def study(
     chosen = studies.find(name)
     if output is None:
         raise BadInput(f"study {name}: -o DIR says where its tables and figures go")
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"the folder {output} cannot be made: {error.strerror}") from None
+    made(output)
     timed = hasattr(chosen, "WORKERS")  # a study of one scene, whose runs have the machine to themselves
     if scene is not None and not timed:
         raise BadInput(f"study {name} takes no scene")
@@ -60,15 +58,15 @@ def study(
     cases = make(quick, scene) if scene is not None else make(quick)
     workers = workers or (1 if timed else 2)
     try:
-        with narration.elsewhere(), Watched(name, len(cases)) as done:
-            rows = pool.run(chosen, cases, workers, scheduler, Store(output / "cases", chosen.Row), done)
+        with narration.elsewhere(), watched(name, len(cases)) as done:
+            rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
         files = chosen.write(output, name, rows, chosen.TITLE)
     except OSError as error:
         raise BadInput(f"the folder {output} cannot be written: {error}") from None
-    print(chosen.to_markdown(rows))
+    print(tables.to_markdown(chosen.table(rows)))
     for file in files:
         print(file)
-    missed = chosen.missed(rows)
+    missed = [row for row in rows if row.ok is False]
     print(f"{len(rows)} rows, {len(missed)} not as they should be", file=sys.stderr)
     for row in missed:
         print(f"cotrack: {row.item}: {row.case}: {row.note or 'misses its tolerance'}", file=sys.stderr)
@@ -89,7 +87,8 @@ def bench(
 ) -> None:
     """How fast: the chain against peers, the vehicle, a step by part and layer, growth, start, memory."""
     from orchestrator import bench as module
-    from orchestrator.bench import machine, tables
+    from orchestrator.bench import machine
+    from orchestrator.studies import tables
 
     names = module.chosen(only)
     repeats = repeat or (module.QUICK_REPEATS if quick else module.REPEATS)
@@ -101,7 +100,7 @@ def bench(
             repeats,
             against,
             lambda what: print(f"... {what}", file=sys.stderr, flush=True),
-            lambda table: print(tables.to_markdown(table), flush=True),
+            lambda table: print(tables.to_markdown(table, "###"), flush=True),
         )
     if as_json:
         print(json.dumps(printed.finite(result)))

@@ -44,9 +44,8 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
     """
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
-    run = scene.run.model_copy(
-        update={"step": step, "stop": stop, "outputs": _half(scene.run.outputs), "links": _half(scene.run.links)}
-    )
+    strides = {"outputs": max(1, scene.run.outputs // 2), "links": max(1, scene.run.links // 2)}
+    run = scene.run.model_copy(update={"step": step, "stop": stop, **strides})
     if scene.run.variable is not None:
         track = scene.track
         if track.step is not None:
@@ -140,7 +139,3 @@ def _looser(variable: Variable) -> Variable:
             "longest": 2.0 * variable.longest,
         }
     )
-
-
-def _half(every: int) -> int:
-    return max(1, every // 2)

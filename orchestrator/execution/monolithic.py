@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.monolith.model import Monolith, Part
 from fmus.ports import Port
@@ -23,8 +22,6 @@ from orchestrator.execution.manifest import STATS_PERIOD, manifest, strides
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import Assembly, assemble, placed, system
 from orchestrator.scene.scene import TrackScene
-
-Floats = NDArray[np.float64]
 
 
 class Shown:

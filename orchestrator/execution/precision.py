@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -72,11 +73,15 @@ def _checksum(rows: list[dict[str, Any]]) -> str:
     return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
 
 
-def front(settings: Iterable[Setting]) -> list[Setting]:
+def front(
+    ways: Iterable[Any],
+    cost: Callable[[Any], float] = attrgetter("wall_time"),
+    error: Callable[[Any], float] = attrgetter("error"),
+) -> list[Any]:
     """Those that no other beats in both error and run time, the cheapest first."""
-    best: list[Setting] = []
-    for one in sorted(settings, key=lambda s: (s.wall_time, s.error)):
-        if not best or one.error < best[-1].error:
+    best: list[Any] = []
+    for one in sorted(ways, key=lambda way: (cost(way), error(way))):
+        if not best or error(one) < error(best[-1]):
             best.append(one)
     return best
 

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component
 from orchestrator.log.bitwise import Difference, first_difference
-from orchestrator.log.reader import Log, Series
+from orchestrator.log.reader import Floats, Log, Series
 from orchestrator.log.recorder import Recorder
 
-Floats = NDArray[np.float64]
 Parameters = Mapping[str, float | int | str]
-Progress = Callable[[int, float], None]
 
 
 class Unfit(ValueError):
@@ -81,7 +78,7 @@ def drive(component: Component, inputs: Series, parameters: Parameters) -> Itera
         yield k, float(ends[k - 1])
 
 
-def verify(log: Log, component: Component, parameters: Parameters, progress: Progress | None = None) -> Verdict:
+def verify(log: Log, component: Component, parameters: Parameters) -> Verdict:
     """Step the component again and compare every recorded output and link output, bit by bit; raises Unfit."""
     inputs = log.read(f"/{component.name}/in")
     check(component, inputs)
@@ -98,9 +95,7 @@ def verify(log: Log, component: Component, parameters: Parameters, progress: Pro
         if recorded[kind].names != (component.outputs if kind == "out" else component.links):
             raise Unfit(f"{component.name}: its outputs are not those of the log")
     rows: dict[str, list[Floats]] = {kind: [] for kind in recorded}
-    for k, t in drive(component, inputs, parameters):
-        if progress is not None:
-            progress(k, t)
+    for k, _ in drive(component, inputs, parameters):
         if "out" in rows and k % every["out"] == 0:
             rows["out"].append(component.y.copy())
         if "links" in rows and k % every["links"] == 0:
@@ -123,7 +118,6 @@ def answer(
     path: Path,
     attachments: Mapping[str, bytes],
     links_every: int,
-    progress: Progress | None = None,
 ) -> list[Row]:
     """Another model under the recorded inputs: its answer goes to the log ``path``, forces side by side.
 
@@ -145,8 +139,6 @@ def answer(
     start = next(steps)  # what cannot be driven leaves no log
     with Recorder(path, topics, attachments, metadata, every=every) as recorder:
         for k, t in chain([start], steps):
-            if progress is not None:
-                progress(k, t)
             t = ends.get(k, t)
             h = float(inputs.h[max(k - 1, 0)])
             if k:

@@ -8,6 +8,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
@@ -116,8 +117,7 @@ def _faults(log: Log) -> list[str]:
     tallies = {topic: _Tally() for topic in log.topics}
     faults = [
         fault
-        for piece in log.intact()
-        for messages in piece
+        for messages in chain.from_iterable(log.intact())
         for fault in tallies[messages.topic].add(messages, _stride(log, messages.topic))
     ]
     faults = [*log.faults, *log.checksums(), *faults]
@@ -188,15 +188,14 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     steps = None if untouched else _whole_steps(log, closing["messages"])
     reached = 0.0
     with Recorder(fresh, topics, attachments, log.metadata, every=every) as recorder:
-        for piece in log.intact():
-            for messages in piece:
-                t, h, values = messages.decode()
-                kept = slice(None) if steps is None else np.isin(_steps(messages), steps)
-                ends = t + h if _is_input(messages.topic) else t
-                for row in np.arange(len(t))[kept].tolist():
-                    recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
-                    saved[messages.topic] += 1
-                reached = max([reached, *ends[kept].tolist()])
+        for messages in chain.from_iterable(log.intact()):
+            t, h, values = messages.decode()
+            kept = slice(None) if steps is None else np.isin(_steps(messages), steps)
+            ends = t + h if _is_input(messages.topic) else t
+            for row in np.arange(len(t))[kept].tolist():
+                recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
+                saved[messages.topic] += 1
+            reached = max([reached, *ends[kept].tolist()])
         if untouched:
             recorder.close(*(closing[key] for key in ("status", "message", "steps", "results", "warnings")))
             return Verdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
@@ -221,11 +220,10 @@ def _whole_steps(log: Log, recorded: Mapping[str, int]) -> NDArray[np.int64] | N
     """
     found: dict[str, list[NDArray[np.int64]]] = {topic: [] for topic in log.topics if _stride(log, topic)}
     count = dict.fromkeys(log.topics, 0)
-    for piece in log.intact():
-        for messages in piece:
-            count[messages.topic] += len(messages.rows)
-            if messages.topic in found:
-                found[messages.topic].append(_steps(messages))
+    for messages in chain.from_iterable(log.intact()):
+        count[messages.topic] += len(messages.rows)
+        if messages.topic in found:
+            found[messages.topic].append(_steps(messages))
     if count == recorded:
         return None
     of = {topic: np.unique(np.concatenate([np.empty(0, np.int64), *parts])) for topic, parts in found.items()}
@@ -259,9 +257,8 @@ def info(path: str | os.PathLike[str]) -> Info:
     """A log at a glance; reads all of it. Raises LogUnreadable."""
     with Log(path) as log:
         tallies = {topic: _Tally() for topic in log.topics}
-        for piece in log.intact():
-            for messages in piece:
-                tallies[messages.topic].add(messages, None)
+        for messages in chain.from_iterable(log.intact()):
+            tallies[messages.topic].add(messages, None)
         try:
             digest = log.digest()
         except LogUnreadable:

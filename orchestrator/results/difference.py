@@ -14,12 +14,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.log.reader import Log
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
-
-Floats = NDArray[np.float64]
+from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, since
 
 WINDOW = 1.0  # s
 POINTWISE = 4.0  # s: no longer do sensitive observables compare instant by instant

@@ -16,12 +16,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.log.reader import Series
-from orchestrator.results.run_data import BLOCK, Missing, RunData, Window, vectors
+from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Window, vectors
 
-Floats = NDArray[np.float64]
 Block = Mapping[str, Series]  # of each topic the messages of the same steps
 LEAST = 1.0  # J: below it all is rest
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
@@ -114,19 +112,17 @@ def _liveliest(run: RunData) -> float:
 
 def ports(run: RunData) -> list[Port]:
     """The ports of a system: where a wrench goes one way."""
-    found = []
-    for connection in run.system["connections"]:
-        for output, taken in zip(connection["outputs"], connection["inputs"], strict=True):
-            if output.endswith(".force.x"):
-                found.append(
-                    Port(
-                        connection["source"],
-                        output.removesuffix(".force.x"),
-                        connection["target"],
-                        taken.removesuffix(".force.x"),
-                    )
-                )
-    return found
+    return [
+        Port(
+            connection["source"],
+            output.removesuffix(".force.x"),
+            connection["target"],
+            taken.removesuffix(".force.x"),
+        )
+        for connection in run.system["connections"]
+        for output, taken in zip(connection["outputs"], connection["inputs"], strict=True)
+        if output.endswith(".force.x")
+    ]
 
 
 def _book(run: RunData, instance: str) -> dict[str, float]:

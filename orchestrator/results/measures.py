@@ -6,18 +6,13 @@ Every measure is ``measure(run, of, window) -> float``; ``of`` is a side ("left"
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orchestrator.results.run_data import BLOCK, EVER, mean, vectors
+from orchestrator.results.energy import drift, ledger, ports
+from orchestrator.results.run_data import BLOCK, EVER, Floats, Links, RunData, Window, mean, vectors
 
-if TYPE_CHECKING:
-    from orchestrator.results.run_data import Links, RunData, Window
-
-Floats = NDArray[np.float64]
-Measure = Callable[["RunData", str, "Window"], float]
+Measure = Callable[[RunData, str, Window], float]
 
 SPAN_MARGIN = 0.25  # a span's links lie this fraction of the axle distance away from both axles
 AT_REST = 0.01  # m/s of chain speed
@@ -248,13 +243,8 @@ def third_law(run: RunData, of: str, window: Window) -> float:
     The sprockets' share goes through the drives, which pass the whole force on.
     """
     given, received, size = np.zeros(3), np.zeros(3), 0.0
-    sent, taken = [], []  # (instance, connector) of forces
-    for connection in run.system["connections"]:
-        for source, target in zip(connection["outputs"], connection["inputs"], strict=True):
-            if target.endswith(".force.x") and connection["source"] in run.tracks:
-                sent.append((connection["source"], source.removesuffix(".x")))
-            if target.endswith(".force.x") and connection["target"] == "chassis":
-                taken.append(("chassis", target.removesuffix(".x")))
+    sent = [(port.giver, f"{port.connector}.force") for port in ports(run) if port.giver in run.tracks]
+    taken = [("chassis", f"{port.taken}.force") for port in ports(run) if port.taker == "chassis"]
     topics = sorted({f"/{name}/out" for name, _ in sent} | {f"/{name}/in" for name, _ in taken})
     for block in run.log.blocks(topics, BLOCK):
         for name, connector in sent:
@@ -275,23 +265,17 @@ def third_law(run: RunData, of: str, window: Window) -> float:
 
 def energy_residual(run: RunData, of: str, window: Window) -> float:
     """Residual of the energy ledger over the largest of work, change and dissipation."""
-    from orchestrator.results.energy import ledger
-
     return ledger(run).residual_relative
 
 
 def port_residual(run: RunData, of: str, window: Window) -> float:
     """The part of the ports in the energy residual, over the work of the drives."""
-    from orchestrator.results.energy import ledger
-
     books = ledger(run)
     return books.port / books.work
 
 
 def energy_drift(run: RunData, of: str, window: Window) -> float:
     """Largest change of energy held and lost less the work, at any instant, over the largest kinetic energy."""
-    from orchestrator.results.energy import drift
-
     return drift(run, window)
 
 

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
 from fmus.vehicle import BadInput, sentence
 from orchestrator.log.reader import Log
-from orchestrator.results.run_data import Links, RunData, Window, within
+from orchestrator.results.run_data import Floats, Links, RunData, Window, within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +20,6 @@ INSTANTS = 3
 WHEELS = ("sprocket", "road_wheel", "idler")
 MARGIN = 0.25  # m round what is drawn
 
-Floats = NDArray[np.float64]
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 Size = Annotated[float, Field(gt=0, le=1e6)]
 
@@ -180,11 +178,8 @@ def _teeth(run: RunData, track: str, t: float) -> Floats:
     ahead = heading @ [1 - 2 * (y * y + z * z), 2 * (x * y + w * z)]
     turned = np.arctan2(2 * (x * z - w * y), ahead)
     half = np.pi / number
-    angles, radii = (
-        np.array([-0.8, -0.25, 0.25, 0.8]) * half,
-        np.array([sprocket["outer_radius"], root, root]),
-    )
-    radii = np.append(radii, sprocket["outer_radius"])
+    angles = np.array([-0.8, -0.25, 0.25, 0.8]) * half
+    radii = np.array([sprocket["outer_radius"], root, root, sprocket["outer_radius"]])
     angle = (turned + 2 * half * np.arange(number)[:, None] + angles).ravel()
     return np.tile(radii, number)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 

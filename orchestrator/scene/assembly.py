@@ -258,21 +258,11 @@ def _track_config(
 
 
 def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
-    track = scene.track
-    parameters: Parameters = {**_start(scene), "start.lateral": lateral}
-    if track.start is not None:
-        parameters["start"] = track.start
+    told = scene.track.model_dump(include={"start", "element", "elasticity", "integrator", "step"}, exclude_none=True)
     if scene.planar:
-        parameters["element"] = "planar"
-    elif track.element is not None:
-        parameters["element"] = track.element
-    if track.elasticity is not None:
-        parameters["elasticity"] = track.elasticity
-    if track.integrator is not None:
-        parameters["integrator"] = track.integrator
-    if track.step is not None:
-        parameters["step"] = track.step
-    return Part(name, TRACKS[track.model], config, parameters, TRACK)
+        told["element"] = "planar"
+    parameters = {**_start(scene), "start.lateral": lateral, **told}
+    return Part(name, TRACKS[scene.track.model], config, parameters, TRACK)
 
 
 def _drive(

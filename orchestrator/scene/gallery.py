@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Collection
 from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
@@ -23,6 +24,12 @@ def names() -> list[str]:
     return [name for name in order if name in found] + sorted(found.difference(order))
 
 
+def hint(name: str, known: Collection[str], introduction: str) -> str:
+    """The known name that is nearest to an unknown one, or all of them."""
+    near = get_close_matches(name, known, n=1)
+    return f"did you mean '{near[0]}'?" if near else f"{introduction} {', '.join(known)}"
+
+
 def read(scene: str) -> tuple[str, dict[str, Any]]:
     """Name and raw table of a scene: a name of the gallery or a path to a TOML file; raises BadInput."""
     path = Path(scene)
@@ -31,9 +38,7 @@ def read(scene: str) -> tuple[str, dict[str, Any]]:
     elif scene in names():
         source = resources.files("orchestrator") / "gallery" / f"{scene}.toml"
     else:
-        near = get_close_matches(scene, names(), n=1)
-        hint = f"did you mean '{near[0]}'?" if near else f"the gallery has {', '.join(names())}"
-        raise BadInput(f"no scene '{scene}': {hint}")
+        raise BadInput(f"no scene '{scene}': {hint(scene, names(), 'the gallery has')}")
     try:
         return path.stem, tomllib.loads(source.read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -56,8 +56,13 @@ def _side(part: Part) -> float:
 
 def build_to(folder: Path, products: Sequence[Product]) -> list[Path]:
     """Build them into a folder; paths in order. Raises BadInput where there can be no such folder."""
+    made(folder)
+    return build_all(products, folder)
+
+
+def made(folder: Path) -> None:
+    """Make a folder for what comes out; raises BadInput where there can be none."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"the folder {folder} cannot be made: {error.strerror}") from None
-    return build_all(products, folder)

@@ -143,19 +143,11 @@ class VehicleScene(TrackScene):
         return value
 
     @model_validator(mode="after")
-    def _mirror_has_two_sides(self) -> VehicleScene:
+    def _fits_together(self) -> VehicleScene:
         if self.symmetric and len(self.tracks) == 1:
             raise ValueError("symmetric = true needs both tracks or none")
-        return self
-
-    @model_validator(mode="after")
-    def _bump_lies_ahead(self) -> VehicleScene:
         if self.ground.bump and self.start.turned() != (self.start.heading, self.start.pitch):
             raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
-        return self
-
-    @model_validator(mode="after")
-    def _rolls_with_two_tracks(self) -> VehicleScene:
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         return self

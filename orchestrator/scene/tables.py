@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from math import pi, remainder
 from typing import Annotated, Any, Literal
 
@@ -12,6 +11,7 @@ from fmus.vehicle import Distance, Force, In, Mass
 from fmus.vehicle import Part as Table
 from orchestrator.log.recorder import MOST_STEPS
 from orchestrator.results import measures
+from orchestrator.scene.gallery import hint
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
@@ -220,9 +220,7 @@ class Check(Table):
         if (self.signal is None) == (self.measure is None):
             raise ValueError("needs either signal or measure")
         if self.measure is not None and self.measure not in measures.NAMES:
-            near = get_close_matches(self.measure, measures.NAMES, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"one of {', '.join(sorted(measures.NAMES))}"
-            raise ValueError(f"no measure '{self.measure}': {hint}")
+            raise ValueError(f"no measure '{self.measure}': {hint(self.measure, sorted(measures.NAMES), 'one of')}")
         return self
 
 

@@ -1,4 +1,4 @@
-"""Studies: cases(quick) -> measure(case) -> rows -> tables and a figure.
+"""Studies: cases(quick) -> rows -> tables and a picture.
 
 A study is a module with what ``Study`` lists; its cases run side by side in processes or on a Dask cluster
 (``pool``), and what is done stays done (``store``). A study may use ``fmus.physics`` itself: a study of the mechanics
@@ -8,12 +8,13 @@ needs the mechanics.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from fmus.vehicle import BadInput
+from orchestrator.scene.gallery import hint
+from orchestrator.studies.tables import Row, Table
 
 STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
@@ -26,35 +27,32 @@ STUDIES = {
 
 
 class Case(NamedTuple):
-    """One piece of work of a study; it travels to another process."""
+    """One piece of work of a study; it travels to another process. Its function gives rows.
+
+    What a row leaves empty of ``item`` and ``case`` is the item and the name of the case.
+    """
 
     item: str
     name: str
-    function: Callable[..., list[Any]]
+    function: Callable[..., list[Row]]
     arguments: tuple[Any, ...] = ()
     seconds: float = 1.0  # roughly; the long ones begin first
     limit: float = 1800.0  # s after which it is ended and recorded as failed
 
 
 class Study(Protocol):
-    """What a module of this folder offers; ``tables`` has the last four for rows with a reference."""
+    """What a module of this folder offers; ``compared`` has the last two for figures with a reference."""
 
     TITLE: str
-    Row: Any  # a NamedTuple of plain values, so that it can be kept
 
     def cases(self, quick: bool) -> list[Case]: ...  # noqa: D102
-    def measure(self, case: Case) -> list[Any]: ...  # noqa: D102
-    def failed(self, item: str, case: str, reason: str) -> Any: ...  # noqa: D102
-    def missed(self, rows: Sequence[Any]) -> list[Any]: ...  # noqa: D102
-    def to_markdown(self, rows: Sequence[Any]) -> str: ...  # noqa: D102
-    def write(self, folder: Path, name: str, rows: Sequence[Any], title: str) -> list[Path]: ...  # noqa: D102
+    def table(self, rows: Sequence[Row]) -> Table: ...  # noqa: D102
+    def write(self, folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]: ...  # noqa: D102
 
 
 def find(name: str) -> Study:
     """A study by its name; raises BadInput."""
     if name not in STUDIES:
-        near = get_close_matches(name, STUDIES, n=1)
-        hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(STUDIES)}"
-        raise BadInput(f"no study '{name}': {hint}")
+        raise BadInput(f"no study '{name}': {hint(name, STUDIES, 'there are')}")
     study: Any = import_module(f"orchestrator.studies.{name.replace('-', '_')}")
     return study

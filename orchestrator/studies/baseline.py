@@ -25,22 +25,22 @@ import numpy as np
 from llvmlite import binding
 from numpy.typing import NDArray
 
+from fmus.physics.arrays import Floats
 from fmus.vehicle import BadInput
-from orchestrator.studies import Case, baseline_file, growth
+from orchestrator.studies import Case, baseline_file, files, growth
 from orchestrator.studies.baseline_file import FILE, Baseline
 from orchestrator.studies.chain_states import completed
+from orchestrator.studies.compared import checked, series, table
 from orchestrator.studies.evaluations import KINDS
-from orchestrator.studies.files import save
 from orchestrator.studies.gathering import Gathered, Source, gather, sources
 from orchestrator.studies.growth import RUNS, Pair, changed, grown, ratios, trajectory
-from orchestrator.studies.progress import Watched
+from orchestrator.studies.progress import watched
 from orchestrator.studies.projections import GROUPS, numbers, shown
-from orchestrator.studies.tables import Row, checked, failed, missed, to_csv, to_markdown
+from orchestrator.studies.tables import Row
 from orchestrator.studies.true_errors import WINDOWS, Window, errors
 
-__all__ = ["TITLE", "Row", "cases", "failed", "make", "measure", "missed", "to_markdown", "write"]
+__all__ = ["TITLE", "cases", "make", "table", "write"]
 
-Floats = NDArray[np.float64]
 
 TITLE = "Baseline: this tree against the one that the baseline names"
 TOLERANCE = 1e-11  # (a), relative to the size of a group
@@ -63,12 +63,6 @@ def cases(quick: bool, file: Path | None = None) -> list[Case]:
     return wanted
 
 
-def measure(case: Case) -> list[Row]:
-    """The rows of a case."""
-    rows: list[Row] = case.function(*case.arguments)
-    return [row._replace(item=case.item, case=f"{case.name}: {row.case}") for row in rows]
-
-
 # --- comparing -------------------------------------------------------------------------------------
 
 
@@ -81,7 +75,7 @@ def one_kind(kind: str, file: str, commit: str, made: int, quick: bool) -> list[
         worst = int(np.argmax(column))
         name, k = places[worst]
         note = f"{len(places)} states of {commit[:9]}; farthest in '{name}', state {k}"
-        rows.append(checked("", f"{group}, relative", column[worst], 0.0, TOLERANCE, column[worst], note=note))
+        rows.append(checked("", f"{kind}: {group}, relative", column[worst], 0.0, TOLERANCE, column[worst], note=note))
     return rows
 
 
@@ -127,9 +121,12 @@ def one_run(k: int, file: str, commit: str, made: int, quick: bool) -> list[Row]
     for name, column, apart in zip(known.signals, found.T, abs(values - known.values[: len(values)]).T, strict=True):
         worst = int(np.argmax(np.where(np.isfinite(column), column, np.inf)))
         note = f"to {stop:g} s; farthest at {known.t[worst]:.3g} s, by {apart[worst]:.2g}"
-        row = checked("", f"{name}, over the growth of one ulp", column[worst], 0.0, FACTOR, column[worst], note=note)
-        series = tuple((float(t), float(ratio)) for t, ratio in zip(known.t[1:], column[1:], strict=False))
-        rows.append(row._replace(over="time, s", series=series))
+        case = f"{pair.name}: {name}, over the growth of one ulp"
+        of_time = tuple((float(t), float(ratio)) for t, ratio in zip(known.t[1:], column[1:], strict=False))
+        row = checked(
+            "", case, column[worst], 0.0, FACTOR, column[worst], note, over="time, s", series=of_time
+        )  # fmt: skip
+        rows.append(row)
     return rows
 
 
@@ -141,7 +138,7 @@ def one_error(k: int, file: str, commit: str, made: int, quick: bool) -> list[Ro
         was = before[name]
         allowed = MORE + (LEAST + was["doubt"] + now["doubt"]) / max(was["error"], LEAST)
         more = now["error"] / max(was["error"], LEAST) - 1.0
-        rows.append(checked("", f"{name}, relative error", now["error"], was["error"], allowed, more))
+        rows.append(checked("", f"{window.name}: {name}, relative error", now["error"], was["error"], allowed, more))
     return rows
 
 
@@ -210,7 +207,7 @@ def _all(title: str, tasks: Sequence[Task], workers: int) -> list[Any]:
     if workers == 1:
         return [function(*arguments) for _, function, arguments in tasks]
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=spawn) as pool, Watched(title, len(tasks)) as done:
+    with ProcessPoolExecutor(workers, mp_context=spawn) as pool, watched(title, len(tasks)) as done:
         waiting = {pool.submit(function, *arguments): name for name, function, arguments in tasks}
         try:
             for future in as_completed(waiting):
@@ -225,24 +222,22 @@ def _all(title: str, tasks: Sequence[Task], workers: int) -> list[Any]:
 # --- tables ----------------------------------------------------------------------------------------
 
 
-def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
+def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Differences of states by group, and how far runs come apart over the growth of one ulp."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(14.0, 7.0), layout="constrained")
-    FigureCanvasAgg(figure)
     bars, lines = figure.subplots(1, 2)
-    of_states = [row for row in rows if row.item == "a" and np.isfinite(row.value)]
+    of_states = [row for row in rows if row.item == "a" and np.isfinite(row["value"])]
     smallest = 1e-17
-    bars.barh([row.case for row in of_states], [max(row.value, smallest) for row in of_states], left=0.0)
+    bars.barh([row.case for row in of_states], [max(row["value"], smallest) for row in of_states], left=0.0)
     bars.axvline(TOLERANCE, color="tab:red", linewidth=1)
     bars.set_xscale("log")
     bars.set_xlim(smallest, None)
     bars.tick_params(axis="y", labelsize=6)
     bars.set_xlabel("largest difference over the size of the group")
     for row in rows:
-        points = [(t, ratio) for t, ratio in row.series if ratio > 0.0]
+        points = [(t, ratio) for t, ratio in series(row) if ratio > 0.0]
         if points:
             lines.plot(*zip(*points, strict=True), linewidth=0.7)
     lines.axhline(FACTOR, color="tab:red", linewidth=1)
@@ -253,14 +248,12 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
     lines.set_xlabel("time, s")
     lines.set_ylabel("difference of runs over the growth of one ulp")
     figure.suptitle(title, fontsize=11)
-    for file in files:
-        figure.savefig(file, dpi=100)
+    return figure
 
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
-    """Tables and figure; raises OSError when the folder cannot be written."""
-    texts = {f"{name}.csv": to_csv(rows), f"{name}.md": f"# {title}\n\n{to_markdown(rows)}"}
-    return save(folder, texts, name, lambda files: draw(rows, files, title))
+    """Table and picture; raises OSError when the folder cannot be written."""
+    return files.save(folder, name, table(rows, title), draw(rows, title))
 
 
 def _main() -> None:

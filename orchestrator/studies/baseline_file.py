@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.physics.arrays import Floats
 from fmus.vehicle import BadInput
 from orchestrator.studies.chain_states import Kept
 from orchestrator.studies.gathering import Gathered
-
-Floats = NDArray[np.float64]
 
 FILE = Path(__file__).with_name("baseline.npz")
 DIGITS = 44  # bits that are kept of a number's 52: 3e-14 of it

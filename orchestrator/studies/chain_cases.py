@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from fmus.physics.ancf import beam, cable
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.layout import regular_polygon
 from orchestrator.studies import Case
+from orchestrator.studies.compared import checked, of_order
 from orchestrator.studies.orders import order_of, rate_of
 from orchestrator.studies.rods import EXPLICIT, IMPLICIT, MASS, G, Rods, of_angles
-from orchestrator.studies.tables import Row, checked, of_order
+from orchestrator.studies.tables import Row
 from orchestrator.without_fmu.ancf import dynamics, loads, statics
-from orchestrator.without_fmu.meshes import PITCH, SHOE, STEEL, TRACK, angular_momentum, chain, spinning, velocity
-
-Floats = NDArray[np.float64]
+from orchestrator.without_fmu.meshes import (
+    AREA,
+    PITCH,
+    SECOND,
+    SHOE,
+    STEEL,
+    TRACK,
+    angular_momentum,
+    chain,
+    spinning,
+    velocity,
+)
 
 # 5. Released horizontal chain --------------------------------------------------------------------------------------
 
@@ -52,9 +64,9 @@ def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference
     limit = values[-1] + (values[-1] - values[-2]) / (2**order - 1)
     series = tuple((h, abs(value - limit)) for h, value in zip(hs, values, strict=True))
     off = abs(values[-1] - reference)
-    row = checked("", case, values[-1], reference, 2e-5, off, over=STEP, series=series)
-    row = of_order(row._replace(order=order_of(hs, values)), order - 0.4, order + 0.4)
-    return [row._replace(note=f"{row.note}; the figure's errors are to the values' own limit")]
+    row = checked("", case, values[-1], reference, 2e-5, off, order=order_of(hs, values), over=STEP, series=series)
+    row = of_order(row, order - 0.4, order + 0.4)
+    return [replace(row, note=f"{row.note}; the figure's errors are to the values' own limit")]
 
 
 # 6. Small swings of the hanging chain ------------------------------------------------------------------------------
@@ -167,11 +179,15 @@ WEAK = 2e5  # Pa: links whose own modes an explicit method can follow
 
 
 def _drift_rows(
-    name: str, hs: tuple[float, ...], lost: list[float], turned: list[float], order: int, time: float
+    name: str, hs: tuple[float, ...], drifts: Callable[[float], Iterable[tuple[float, float]]], order: int, time: float
 ) -> list[Row]:
-    """Runge-Kutta of order 4 loses energy at order 5 where the motion is slow."""
+    """``drifts`` of energy and angular momentum during a run in steps of h, relative.
+
+    Runge-Kutta of order 4 loses energy at order 5 where the motion is slow.
+    """
+    largest = np.array([np.max(list(drifts(h)), axis=0) for h in hs])
     rows = []
-    for what, errors, tolerance in (("energy", lost, 1e-4), ("angular momentum", turned, 1e-5)):
+    for what, errors, tolerance in zip(("energy", "angular momentum"), largest.T.tolist(), (1e-4, 1e-5), strict=True):
         series = tuple(zip(hs, errors, strict=True))
         row = checked(
             "", f"free chain, {name}, {what} drift over {time:g} s", errors[-1], 0.0, tolerance,
@@ -183,24 +199,22 @@ def _drift_rows(
 
 def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
     """All three components."""
-    lost, turned_ = [], []
     pins = of_angles(ZIGZAG)
-    for h in hs:
+
+    def drifts(h: float) -> Iterator[tuple[float, float]]:
         rods = Rods(pins - pins.mean(axis=0), gravity=0.0)
         rods.turn(SPIN)
         energy, L = rods.energy(), rods.angular_momentum()
-        a = b = 0.0
         for _ in rods.steps(time, h, integrator):
-            a = max(a, abs(rods.energy() / energy - 1.0))
-            b = max(b, float(np.abs(rods.angular_momentum() - L).max() / np.linalg.norm(L)))
-        lost.append(a)
-        turned_.append(b)
-    return _drift_rows(f"rods, {integrator}", hs, lost, turned_, ORDERS[integrator], time)
+            off = np.abs(rods.angular_momentum() - L).max()
+            yield abs(rods.energy() / energy - 1.0), float(off / np.linalg.norm(L))
+
+    return _drift_rows(f"rods, {integrator}", hs, drifts, ORDERS[integrator], time)
 
 
 def drift_of_mesh(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
     """Cables about the pin axis alone; beams about all axes."""
-    link = STEEL if what == "steel cables" else STEEL._replace(EA=WEAK * 0.01516, EI=WEAK * 2.03e-6)
+    link = STEEL if what == "steel cables" else STEEL._replace(EA=WEAK * AREA, EI=WEAK * SECOND)
     if what == "soft beams":
         mesh = chain(beam, SHOE._replace(E=WEAK), ZIGZAG[:3])
         spin, axes = SPIN, slice(0, 3)
@@ -212,17 +226,14 @@ def drift_of_mesh(what: str, integrator: str, hs: tuple[float, ...], time: float
     q0 = mesh.start()
     v0 = velocity(mesh, np.cross(spin, mesh.e0.reshape(-1, 3)))
     energy, L = mesh.energy(q0) + mesh.kinetic(v0), angular_momentum(mesh, q0, v0)
-    lost, turned_ = [], []
-    for h in hs:
-        a = b = 0.0
+
+    def drifts(h: float) -> Iterator[tuple[float, float]]:
         for k, (_, q, v) in enumerate(method(mesh, q0, v0, h, round(time / h), **options)):
             if k % 10 == 9:
-                a = max(a, abs((mesh.energy(q) + mesh.kinetic(v)) / energy - 1.0))
                 off = np.abs(angular_momentum(mesh, q, v) - L)[axes].max()
-                b = max(b, float(off / np.linalg.norm(L)))
-        lost.append(a)
-        turned_.append(b)
-    return _drift_rows(f"{what}, {integrator}", hs, lost, turned_, ORDERS[integrator], time)
+                yield abs((mesh.energy(q) + mesh.kinetic(v)) / energy - 1.0), float(off / np.linalg.norm(L))
+
+    return _drift_rows(f"{what}, {integrator}", hs, drifts, ORDERS[integrator], time)
 
 
 # All of it ---------------------------------------------------------------------------------------------------------

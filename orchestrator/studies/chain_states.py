@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from fmus.physics.arrays import Floats
+
 Ints = NDArray[Any]
 
 QUARTER = 1 << 14  # directions in a quarter of a turn

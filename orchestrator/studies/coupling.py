@@ -8,18 +8,22 @@ the cut "spring") at the port and 0.2 N s/m at the walls.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from fmus.physics.arrays import Floats
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Stages
 from orchestrator.cosim.master import Clock, run
 from orchestrator.studies import Case
+from orchestrator.studies.compared import checked, table, write
 from orchestrator.studies.oscillator import (
     Oscillator,
+    Slave,
     coupled,
     energy,
     exact_maps,
@@ -27,9 +31,9 @@ from orchestrator.studies.oscillator import (
     struck,
     whole,
 )
-from orchestrator.studies.tables import Row, checked, failed, missed, to_markdown, write
+from orchestrator.studies.tables import Row
 
-__all__ = ["TITLE", "Row", "cases", "failed", "measure", "missed", "to_markdown", "write"]
+__all__ = ["TITLE", "cases", "table", "write"]
 
 TITLE = "Couplings on two masses: orders, energies, largest stable steps"
 
@@ -63,20 +67,36 @@ def couple(variant: str, stages: Stages) -> Scheme:
     return SCHEMES[name](stages, threads=False, **options)  # type: ignore[no-any-return]
 
 
-def run_free(variant: str, cut: str, h: float) -> tuple[float, float]:
-    """Largest error of both positions over the run, m, and the energy at its end over that at its start."""
-    stages, a, b = coupled(cut, FREE)
-    ahead, truth, worst = exact_maps(whole(FREE))(h), np.array(FREE.start), 0.0
+def follow(
+    variant: str, sides: tuple[Stages, Slave, Slave], pace: Clock | VariableStep, truth: Callable[[float], Floats]
+) -> float:
+    """Run a coupling; the largest error of both positions over the run, m. ``truth`` is asked forward in time."""
+    stages, a, b = sides
+    worst = 0.0
 
     def watch(k: int, t: float, _: float) -> None:
-        nonlocal truth, worst
-        if k:
-            truth = ahead @ truth
-        worst = max(worst, abs(a.x[0] - truth[0]), abs(b.x[0] - truth[2]))
+        nonlocal worst
+        x = truth(t)
+        worst = max(worst, abs(a.x[0] - x[0]), abs(b.x[0] - x[2]))
 
-    outcome = run(couple(variant, stages), Clock(h, round(END / h)), [watch])
+    outcome = run(couple(variant, stages), pace, [watch])
     if outcome.status != "ok":
         raise RuntimeError(outcome.message)
+    return worst
+
+
+def run_free(variant: str, cut: str, h: float) -> tuple[float, float]:
+    """Largest error of both positions over the run, m, and the energy at its end over that at its start."""
+    sides = coupled(cut, FREE)
+    ahead, x = exact_maps(whole(FREE))(h), np.array(FREE.start)
+
+    def truth(t: float) -> Floats:
+        nonlocal x
+        x = ahead @ x if t else x
+        return x
+
+    worst = follow(variant, sides, Clock(h, round(END / h)), truth)
+    _, a, b = sides
     return worst, energy(FREE, np.array([*a.x[:2], *b.x])) / energy(FREE, np.array(FREE.start))
 
 
@@ -102,13 +122,13 @@ def grows(variant: str, cut: str, h: float, o: Oscillator = DAMPED, steps: int =
     return max(sizes[-quarter:]) > 1.001 * max(REST * sizes[0], *sizes[quarter : 2 * quarter])
 
 
-def predicted_limit(variant: str, cut: str, o: Oscillator = DAMPED) -> float:
+def predicted_limit(variant: str, cut: str) -> float:
     """The first step at which the spectral radius leaves 1, s; infinite where none does."""
     name, options = VARIANTS[variant]
     low, high = 5e-4, 0.0
 
     def unstable(h: float) -> bool:
-        return radius(name, str(options.get("hold", "linear")), cut, o, h) > STABLE
+        return radius(name, str(options.get("hold", "linear")), cut, DAMPED, h) > STABLE
 
     while not high:
         if low > LONGEST:
@@ -138,17 +158,7 @@ def observed_limit(variant: str, cut: str, predicted: float) -> float:
 def run_struck(variant: str, pace: Clock | VariableStep) -> tuple[float, int]:
     """Quiet swinging, a hammer on mass 2, ringing, quiet: largest error of the positions, m, and steps of side a."""
     stages, a, b, truth = struck(STRUCK)
-    worst = 0.0
-
-    def watch(k: int, t: float, _: float) -> None:
-        nonlocal worst
-        x = truth(t)
-        worst = max(worst, abs(a.x[0] - x[0]), abs(b.x[0] - x[2]))
-
-    outcome = run(couple(variant, stages), pace, [watch])
-    if outcome.status != "ok":
-        raise RuntimeError(outcome.message)
-    return worst, a.steps
+    return follow(variant, (stages, a, b), pace, truth), a.steps
 
 
 # Cases --------------------------------------------------------------------------------------------------------------
@@ -185,7 +195,7 @@ FIXED = (0.1, 0.05, 0.025, 0.0125, 0.00625)
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 
 
-def work_precision(tolerances: tuple[float, ...]) -> list[Row]:
+def steps_at_equal_error(tolerances: tuple[float, ...]) -> list[Row]:
     """Steps that a fixed communication step would need for the error of the variable one; and their ratio."""
     fixed = [run_struck("gauss_seidel linear", Clock(h, round(STRUCK_END / h))) for h in FIXED]
     rows = []
@@ -200,14 +210,9 @@ def work_precision(tolerances: tuple[float, ...]) -> list[Row]:
     return rows
 
 
-def measure(case: Case) -> list[Row]:
-    """The rows of a case."""
-    return case.function(*case.arguments)
-
-
 def cases(quick: bool) -> list[Case]:
     """All couplings at all cuts; quick: fewer tolerances of the variable step."""
     found = [Case("orders", f"{v}, {cut}, order", accuracy, (v, cut)) for cut, v in MEMBERS]
     found += [Case("limits", f"{v}, {cut}, limit", limit, (v, cut), 5.0) for cut, v in MEMBERS]
     tolerances = TOLERANCES[1:3] if quick else TOLERANCES
-    return [*found, Case("variable step", "work and precision", work_precision, (tolerances,), 20.0)]
+    return [*found, Case("variable step", "work and precision", steps_at_equal_error, (tolerances,), 20.0)]

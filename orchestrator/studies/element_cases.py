@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
+from fmus.physics.arrays import Floats
 from orchestrator.studies import Case
+from orchestrator.studies.compared import checked, of_order
 from orchestrator.studies.orders import order_of, rate_of
-from orchestrator.studies.tables import Row, checked, of_order
+from orchestrator.studies.tables import Row
 from orchestrator.without_fmu.ancf import bspline, dynamics, joints, sliding
 from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Tie, nodes
 from orchestrator.without_fmu.meshes import (
+    AREA,
     MODULUS,
     PITCH,
     SECTIONS,
@@ -37,7 +41,6 @@ from orchestrator.without_fmu.meshes import (
     turned,
 )
 
-Floats = NDArray[np.float64]
 CABLES: dict[str, Any] = {
     "small deformation (11)-(15)": cable,
     "general (8)-(10)": cable_general,
@@ -62,38 +65,29 @@ def _over_elements(case: str, ns: tuple[int, ...], values: list[float], referenc
     return checked("", case, values[-1], reference, tolerance, order=order, over=ELEMENTS, series=series)
 
 
-def elastica_of_cables(name: str) -> list[Row]:
-    """Tip loads and the circle, L/h = 1000."""
-    kind, ns, rows = CABLES[name], (8, 16, 32), []
-    for a in ALPHAS:
-        case = f"elastica, cable {name}, alpha = {a}, w/L"
-        values = [deflection(kind, n, a, 1000) for n in ns]
-        rows.append(_over_elements(case, ns, values, elastica(a), 1e-4))
-    gaps = [opening(kind, n, 1000) for n in ns]
-    return [*rows, _over_elements(f"closed circle, cable {name}, gap/L", ns, gaps, 0.0, 1e-4)]
+def _element(name: str) -> tuple[str, Any, dict[str, Any]]:
+    """A cable or a beam in words, its kind and options."""
+    return (f"cable {name}", CABLES[name], {}) if name in CABLES else (f"beam {name}", beam, CURES[name])
 
 
-def elastica_of_beams(cure: str) -> list[Row]:
-    """Tip loads and the circle, L/h = 100; short elements are of order 2, long ones converge faster."""
-    kind_of, ns, finer, rows = CURES[cure], (8, 16, 32), (16, 32, 64), []
+def elastica_of(name: str) -> list[Row]:
+    """Tip loads and the circle. Of beams short elements are of order 2, long ones converge faster."""
+    what, kind, kind_of = _element(name)
+    slender, finer, tolerance = (1000, (8, 16, 32), 1e-4) if name in CABLES else (100, (16, 32, 64), 2e-3)
+    ns, rows = (8, 16, 32), []
     for a in ALPHAS:
-        case = f"elastica, beam {cure}, alpha = {a}, w/L"
-        values = [deflection(beam, n, a, 100, **kind_of) for n in ns]
-        rows.append(_over_elements(case, ns, values, elastica(a), 2e-3))
-    gaps = [opening(beam, n, 100, **kind_of) for n in finer]
-    return [*rows, _over_elements(f"closed circle, beam {cure}, gap/L", finer, gaps, 0.0, 2e-3)]
+        values = [deflection(kind, n, a, slender, **kind_of) for n in ns]
+        rows.append(_over_elements(f"elastica, {what}, alpha = {a}, w/L", ns, values, elastica(a), tolerance))
+    gaps = [opening(kind, n, slender, **kind_of) for n in finer]
+    return [*rows, _over_elements(f"closed circle, {what}, gap/L", finer, gaps, 0.0, tolerance)]
 
 
 def elastica_order(name: str) -> list[Row]:
     """Values of three meshes among themselves, stockier, so that bending and not the stretch decides."""
-    if name in CABLES:
-        what, ns, expected, off = f"cable {name}", (4, 8, 16), 4, 0.5
-        values = [deflection(CABLES[name], n, 5, 50) for n in ns]
-    else:
-        what, ns, expected, off = f"beam {name}", (32, 64, 128), 2, 0.2
-        values = [deflection(beam, n, 5, 20, **CURES[name]) for n in ns]
-    order = order_of(ns, values)
-    case = f"elastica, {what}, alpha = 5, L/h = {50 if name in CABLES else 20}, order of {ns} elements"
+    what, kind, kind_of = _element(name)
+    slender, ns, expected, off = (50, (4, 8, 16), 4, 0.5) if name in CABLES else (20, (32, 64, 128), 2, 0.2)
+    order = order_of(ns, [deflection(kind, n, 5, slender, **kind_of) for n in ns])
+    case = f"elastica, {what}, alpha = 5, L/h = {slender}, order of {ns} elements"
     return [checked("", case, order, expected, off, abs(order - expected), order=order)]
 
 
@@ -130,16 +124,15 @@ def _beta(kind: Any, n: int, slender: float, ends: str, **kind_of: Any) -> Float
 
 def frequencies(name: str, ends: str) -> list[Row]:
     """The worst of the first three, against Euler-Bernoulli."""
+    element, kind, kind_of = _element(name)
     slim = name in CABLES
-    kind, ns, tolerance = (CABLES[name], (4, 8, 16), 1e-4) if slim else (beam, (8, 16, 32), 2e-3)
-    kind_of: dict[str, Any] = {} if slim else CURES[name]
-    slender = 1000 if slim else 300
+    slender, ns, tolerance = (1000, (4, 8, 16), 1e-4) if slim else (300, (8, 16, 32), 2e-3)
     exact = np.array(ENDS[ends][1])
     found = [_beta(kind, n, slender, ends, **kind_of) for n in ns]
     errors = [np.abs(f / exact - 1.0) for f in found]
     k = int(errors[-1].argmax())
     worst = [float(e[k]) for e in errors]
-    what = f"frequencies, {'cable' if slim else 'beam'} {name}, {ends}, beta L of mode {k + 1}"
+    what = f"frequencies, {element}, {ends}, beta L of mode {k + 1}"
     series = tuple(zip(map(float, ns), worst, strict=True))
     order = rate_of(ns, worst)
     row = checked("", what, found[-1][k], exact[k], tolerance, worst[-1], order=order, over=ELEMENTS, series=series)
@@ -224,24 +217,34 @@ def pin_counts() -> list[Row]:
     return rows
 
 
+def _turned_as_one(mesh: Mesh, places: Iterable[Floats]) -> tuple[float, float]:
+    """Largest strain energy, J, and misfit of the joints, m, at element coordinates that nothing strains."""
+    energy = misfit = 0.0
+    for x in places:
+        q = mesh.fit(x)
+        misfit = max(misfit, float(abs(mesh.coordinates(q) - x.ravel()).max()))
+        energy = max(energy, mesh.energy(q))
+    return energy, misfit
+
+
 def pin_turns(name: str) -> list[Row]:
     """Two links, the second turned about the pin through 360 degrees: largest strain energy over EA l."""
     kind, c = (beam, SHOE) if name == "beam" else (cable, TRACK)
     mesh = chain(kind, c, np.zeros(2))
     e, half = mesh.e0.reshape(2, kind.ROWS, 3), kind.ROWS // 2
     middle = e[1, 0].copy()
-    size, worst, misfit = MODULUS * 0.01516 * PITCH, 0.0, 0.0
-    for angle in np.radians(np.arange(0, 361, 15)):
+
+    def folded(angle: float) -> Floats:
         x = e.copy()
         x[1, [0, half]] -= middle
         x[1] = turned(x[1], rotation(Y, angle))
         x[1, [0, half]] += middle
-        x = turned(x, rotation([3, -1, 2] if kind is beam else Y, 1.0))
-        q = mesh.fit(x)
-        misfit = max(misfit, float(abs(mesh.coordinates(q) - x.ravel()).max()))
-        worst = max(worst, mesh.energy(q) / size)
+        return turned(x, rotation([3, -1, 2] if kind is beam else Y, 1.0))
+
+    energy, misfit = _turned_as_one(mesh, map(folded, np.radians(np.arange(0, 361, 15))))
+    strain = energy / (MODULUS * AREA * PITCH)
     return [
-        checked("", f"pin of the {name} through 360 degrees, strain energy / EA l", worst, 0.0, 1e-24),
+        checked("", f"pin of the {name} through 360 degrees, strain energy / EA l", strain, 0.0, 1e-24),
         checked("", f"pin of the {name} through 360 degrees, misfit of the joint, m", misfit, 0.0, 1e-14),
     ]
 
@@ -258,15 +261,12 @@ def sections() -> list[Row]:
     )
     for name, kind, c, axes in kinds:
         for shape in SECTIONS:
-            mesh, energy, misfit = corner_section(kind, c, shape), 0.0, 0.0
-            for k, axis in enumerate(axes):
-                x = turned(mesh.e0, rotation(axis, k + 1.0))
-                q = mesh.fit(x)
-                misfit = max(misfit, float(abs(mesh.coordinates(q) - x).max()))
-                energy = max(energy, mesh.energy(q) / (MODULUS * 0.01516))
+            mesh = corner_section(kind, c, shape)
+            places = (turned(mesh.e0, rotation(axis, angle)) for angle, axis in enumerate(axes, 1))
+            energy, misfit = _turned_as_one(mesh, places)
             what = f"{shape} section of {name} turned as one body"
             rows += [
-                checked("", f"{what}, strain energy / EA", energy, 0.0, 1e-24),
+                checked("", f"{what}, strain energy / EA", energy / (MODULUS * AREA), 0.0, 1e-24),
                 checked("", f"{what}, misfit, m", misfit, 0.0, 1e-14),
             ]
     return rows
@@ -280,14 +280,11 @@ def l_frame(name: str) -> list[Row]:
     for k, axis in enumerate("xz"):
         values = [float(u[k]) for u, _ in found]
         exact = float(found[-1][1][k])
-        errors: tuple[tuple[float, float], ...] = ()
-        order = math.nan
-        if kind is beam:  # a cable of one element is exact but for its being bent a little
-            errors = tuple((float(n), abs(v / exact - 1)) for n, v in zip(ns, values, strict=True))
-            order = order_of(ns, values)
-        kind_of = "beams with a rigid corner" if kind is beam else f"cables {name}"
-        what = f"L-frame of {kind_of}, tip {axis}, m"
-        rows.append(checked("", what, values[-1], exact, 5e-3, order=order, over=ELEMENTS, series=errors))
+        if kind is beam:
+            case = f"L-frame of beams with a rigid corner, tip {axis}, m"
+            rows.append(_over_elements(case, ns, values, exact, 5e-3))
+        else:  # one element is exact but for its being bent a little: there is no order
+            rows.append(checked("", f"L-frame of cables {name}, tip {axis}, m", values[-1], exact, 5e-3))
     if kind is beam:
         u, exact_u = frame_tip(beam, 24, rigid=0.0)
         what = "L-frame of beams, gradient transformation alone, tip x, m"
@@ -339,7 +336,7 @@ def splines() -> list[Row]:
         made = f"knot {d.knot}" if d.knot else f"no knot; {d.missing} missing with {d.weaker}"
         same = (d.knot, d.missing) == (knot, missing)
         row = checked("", f"equations of the joint '{d.joint}' of {d.element}s", d.equations, equations, 0.0, note=made)
-        rows.append(row._replace(ok=bool(row.ok) and same))
+        rows.append(replace(row, ok=bool(row.ok) and same))
     return rows
 
 
@@ -348,8 +345,7 @@ def splines() -> list[Row]:
 
 def cases() -> list[Case]:
     """Every element, joint and corner; each takes seconds."""
-    found = [Case("2", f"elastica, cable {name}", elastica_of_cables, (name,), 3) for name in CABLES]
-    found += [Case("2", f"elastica, beam {cure}", elastica_of_beams, (cure,), 5) for cure in CURES]
+    found = [Case("2", f"elastica, {_element(name)[0]}", elastica_of, (name,), 4) for name in (*CABLES, *CURES)]
     found += [Case("2", f"order of the elastica, {name}", elastica_order, (name,), 3) for name in (*CABLES, *CURES)]
     found.append(Case("2", "elastica without a cure", elastica_without_cure, (), 5))
     found += [

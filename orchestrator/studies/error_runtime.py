@@ -8,24 +8,26 @@ time is that of the steps, without start-up and without the estimate.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 from fmus.vehicle import BadInput
+from orchestrator.execution.estimate import estimate
+from orchestrator.execution.truth import ORDER, truth
 from orchestrator.results.difference import differences_of_logs, worst
-from orchestrator.scene.scene import ChainScene, Scene, TrackScene, load
+from orchestrator.scene.scene import ChainScene, TrackScene, load
 from orchestrator.studies import Case
-from orchestrator.studies.runs import Runs
-from orchestrator.studies.work_precision import Row, to_markdown, write
+from orchestrator.studies.runs import Runs, sampled
+from orchestrator.studies.tables import Row
+from orchestrator.studies.work_precision import table, write
 
-__all__ = ["TITLE", "WORKERS", "Row", "cases", "failed", "measure", "missed", "to_markdown", "write"]
+__all__ = ["TITLE", "WORKERS", "cases", "table", "write"]
 
 TITLE = "Error against run time"
 WORKERS = 1  # a timed run has the machine to itself
 MODELS = ("flexible", "rigid")
-LINKS_EVERY = 0.01  # s between outputs per link
 QUICK = {
     "chain": "run.stop=0.5 s",
     "vehicle": "run.stop=2.5 s",
@@ -35,33 +37,28 @@ QUICK = {
 
 
 class Method(NamedTuple):
-    """A curve: common settings, and the steps (communication, internal) in ms of its points; 0: the stable one."""
+    """A curve: common settings, and what sets each of its points apart, in words and as settings."""
 
     name: str
     settings: tuple[str, ...]
-    steps: tuple[tuple[float, float], ...]
-
-    def points(self) -> Iterator[tuple[str, tuple[str, ...]]]:
-        """What sets each point apart, in words and as settings."""
-        for step, internal in self.steps:
-            own = f"{internal:g} ms" if internal else "the stable one"
-            yield (
-                f"H = {step:g} ms, h = {own}",
-                (f"run.step={step} ms", *((f"track.step={internal} ms",) if internal else ())),
-            )
+    points: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-class Variable(NamedTuple):
-    """A curve of variable communication steps, in a scene that has them: common settings, and tolerances."""
+def fixed(name: str, settings: tuple[str, ...], steps: tuple[tuple[float, float], ...]) -> Method:
+    """A curve over steps (communication, internal) in ms; 0: the stable one."""
+    points = tuple(
+        (f"H = {step:g} ms, h = {internal:g} ms", (f"run.step={step} ms", f"track.step={internal} ms"))
+        if internal
+        else (f"H = {step:g} ms, h = the stable one", (f"run.step={step} ms",))
+        for step, internal in steps
+    )
+    return Method(name, settings, points)
 
-    name: str
-    settings: tuple[str, ...]
-    tolerances: tuple[float, ...]
 
-    def points(self) -> Iterator[tuple[str, tuple[str, ...]]]:
-        """What sets each point apart, in words and as settings."""
-        for tolerance in self.tolerances:
-            yield f"tolerance {tolerance:g}", (f"run.variable.tolerance={tolerance}",)
+def variable(name: str, settings: tuple[str, ...], tolerances: tuple[float, ...]) -> Method:
+    """A curve over tolerances of variable communication steps, in a scene that has them."""
+    points = tuple((f"tolerance {tolerance:g}", (f"run.variable.tolerance={tolerance}",)) for tolerance in tolerances)
+    return Method(name, settings, points)
 
 
 def equal(*steps: float) -> tuple[tuple[float, float], ...]:
@@ -70,26 +67,26 @@ def equal(*steps: float) -> tuple[tuple[float, float], ...]:
 
 
 ALONE = (  # a component without any other
-    Method("implicit", (), equal(10, 4, 2, 1, 0.5, 0.25, 0.125, 0.0625)),
-    Method("Runge-Kutta", ("track.integrator=runge_kutta",), ((1, 0.008),)),
+    fixed("implicit", (), equal(10, 4, 2, 1, 0.5, 0.25, 0.125, 0.0625)),
+    fixed("Runge-Kutta", ("track.integrator=runge_kutta",), ((1, 0.008),)),
 )
 COUPLED = (
-    Method("tracks first", (), equal(4, 2, 1, 0.5, 0.25, 0.125)),
-    Method("tracks first, H = 2 h", (), ((4, 2), (2, 1), (1, 0.5), (0.5, 0.25))),
-    Method("tracks first, H = 4 h", (), ((4, 1), (2, 0.5), (1, 0.25))),
-    Method("Gauss-Seidel", ("run.coupling=gauss_seidel",), equal(1, 0.5, 0.25)),
-    Method("Gauss-Seidel, H = 2 h", ("run.coupling=gauss_seidel",), ((4, 2), (2, 1), (1, 0.5), (0.5, 0.25))),
-    Method("Gauss-Seidel, H = 4 h", ("run.coupling=gauss_seidel",), ((4, 1), (2, 0.5), (1, 0.25))),
-    Method("Jacobi", ("run.coupling=jacobi",), equal(1, 0.5, 0.25)),
-    Method("iterative", ("run.coupling=iterative",), equal(2, 1, 0.5)),
-    Method("Runge-Kutta", ("track.integrator=runge_kutta",), ((0.25, 0),)),
+    fixed("tracks first", (), equal(4, 2, 1, 0.5, 0.25, 0.125)),
+    fixed("tracks first, H = 2 h", (), ((4, 2), (2, 1), (1, 0.5), (0.5, 0.25))),
+    fixed("tracks first, H = 4 h", (), ((4, 1), (2, 0.5), (1, 0.25))),
+    fixed("Gauss-Seidel", ("run.coupling=gauss_seidel",), equal(1, 0.5, 0.25)),
+    fixed("Gauss-Seidel, H = 2 h", ("run.coupling=gauss_seidel",), ((4, 2), (2, 1), (1, 0.5), (0.5, 0.25))),
+    fixed("Gauss-Seidel, H = 4 h", ("run.coupling=gauss_seidel",), ((4, 1), (2, 0.5), (1, 0.25))),
+    fixed("Jacobi", ("run.coupling=jacobi",), equal(1, 0.5, 0.25)),
+    fixed("iterative", ("run.coupling=iterative",), equal(2, 1, 0.5)),
+    fixed("Runge-Kutta", ("track.integrator=runge_kutta",), ((0.25, 0),)),
 )
 
 
-PACED: Sequence[Method | Variable] = (  # where a scene has a variable step
-    *(Method(method.name, ("run.variable=false",), method.steps) for method in COUPLED[:3]),
-    Variable("power residual", ("run.variable.estimate=power",), (1e-3, 1e-4, 3e-5, 1e-5, 3e-6)),
-    Variable(
+PACED: Sequence[Method] = (  # where a scene has a variable step
+    *(method._replace(settings=("run.variable=false",)) for method in COUPLED[:3]),
+    variable("power residual", ("run.variable.estimate=power",), (1e-3, 1e-4, 3e-5, 1e-5, 3e-6)),
+    variable(
         "step doubling",
         # the whole table anew: ``energy`` of a scene is no option of doubling; the tolerance is that of the point
         ("run.variable={estimate='doubling', tolerance=1, longest='7 ms'}",),
@@ -106,7 +103,7 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     base = (QUICK[found.assembly],) if quick else ()
     if isinstance(found, ChainScene) and found.chain.ends == "pinned" and found.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # at rest there is nothing to be wrong about
-    methods: Sequence[Method | Variable] = ALONE if isinstance(found, ChainScene) else COUPLED
+    methods: Sequence[Method] = ALONE if isinstance(found, ChainScene) else COUPLED
     if found.run.variable is not None:
         methods = PACED
     wanted = []
@@ -115,76 +112,53 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
         for method in methods:
             if quick and "Runge" in method.name and found.assembly != "chain":
                 continue
-            for words, own in list(method.points())[: 4 if quick else None]:
+            for words, own in method.points[: 4 if quick else None]:
                 arguments = (scene, model, method.name, (*base, *method.settings, *own), base)
                 wanted.append(Case(scene, f"{model}, {method.name}, {words}", point, arguments, 30.0))
     return wanted
 
 
-def measure(case: Case) -> list[Row]:
-    """The row of a case."""
-    return [row._replace(item=case.item, case=case.name) for row in case.function(*case.arguments)]
-
-
-def _scene(scene: str, track: str, settings: Sequence[str]) -> Scene:
-    found = load(scene, track, settings)
-    every = max(1, round(LINKS_EVERY / found.run.step)) if found.run.variable is None else found.run.links
-    return found.model_copy(update={"run": found.run.model_copy(update={"outputs": 1, "links": every})})
-
-
 def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
     """The truth held against its own coarser half."""
-    from orchestrator.execution.truth import ORDER, truth
-
     found = truth(load(scene, track, base))
     between = differences_of_logs(found.coarse_log, found.log)
     share = 1.0 / (2.0**ORDER - 1.0)
-    row = Row(
-        "", "", track, "truth", base, found.wall_time, math.nan, share * worst(between), math.nan,
-        {name: share * one.relative for name, one in between.items()}, {},
-        {name: share * one.absolute for name, one in between.items()},
-        {name: one.unit for name, one in between.items()},
-        note=f"internal step {found.internal_step * 1e6:.3g} us",
-    )  # fmt: skip
-    return [row]
+    figures = {
+        "track": track,
+        "method": "truth",
+        "settings": base,
+        "wall_time": found.wall_time,  # s; the truth has an error of its own
+        "error": share * worst(between),
+        "errors": {name: share * one.relative for name, one in between.items()},
+        "absolute": {name: share * one.absolute for name, one in between.items()},
+    }
+    return [Row("", "", figures, note=f"internal step {found.internal_step * 1e6:.3g} us")]
 
 
 def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Row]:
     """One run, timed, against the truth, with its own estimate."""
-    from orchestrator.execution.estimate import estimate
-    from orchestrator.execution.truth import truth
-
     exact = truth(load(scene, track, base))
-    timed = _scene(scene, track, settings)
+    timed = sampled(load(scene, track, settings))
     told = _runs().record(timed)
+    way = {"track": track, "method": method, "settings": settings}  # the curve it lies on, how it is run
     if told["status"] != "ok":
-        return [failed(scene, "", told["message"])._replace(track=track, method=method, settings=settings)]
+        return [Row("", "", way, note=told["message"])]  # of a long step that is a result
     log = Path(told["log"])
     off = differences_of_logs(log, exact.log)
     own = estimate(timed, log, told, _runs().record)
-    estimates = {name: one["total"] for name, one in own["observables"].items()}
-    row = Row(
-        "", "", track, method, settings, told["wall_time"], told["cpu_time"], worst(off),
-        math.nan if own["total"] is None else own["total"],
-        {name: one.relative for name, one in off.items()}, estimates,
-        {name: one.absolute for name, one in off.items()},
-        {name: one.unit for name, one in off.items()},
-        note=own["message"],
-    )  # fmt: skip
-    return [row]
+    figures = {
+        "wall_time": told["wall_time"],  # s
+        "cpu_time": told["cpu_time"],  # s, of all threads
+        "error": worst(off),  # the largest relative error of the decisive observables
+        "estimate": math.nan if own["total"] is None else own["total"],  # the run's own idea of it
+        "errors": {name: one.relative for name, one in off.items()},
+        "estimates": {name: one["total"] for name, one in own["observables"].items()},
+        "absolute": {name: one.absolute for name, one in off.items()},
+    }
+    return [Row("", "", way | figures, note=own["message"])]
 
 
 @cache
 def _runs() -> Runs:
     """Those of this process."""
     return Runs()
-
-
-def failed(item: str, case: str, reason: str) -> Row:
-    """What is left of a case that ended with an error."""
-    return Row(item, case, "", "", (), math.nan, math.nan, math.nan, math.nan, {}, {}, {}, {}, False, reason)
-
-
-def missed(rows: Sequence[Row]) -> list[Row]:
-    """A run that fails at a long step is a result; a truth that fails is not."""
-    return [row for row in rows if row.ok is False and (row.method == "truth" or not row.method)]

@@ -15,8 +15,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.assembly import evaluate as evaluate_flexible
 from fmus.physics.chain.flexible.state import Motion
@@ -32,8 +32,6 @@ from fmus.ports import STATE, WRENCH
 from fmus.track_flexible import model as track_flexible
 from fmus.track_rigid import model as track_rigid
 from orchestrator.studies.chain_states import Completed, Elastic
-
-Floats = NDArray[np.float64]
 
 # Kinds of links: the parameters of the flexible track, None for the rigid one.
 KINDS: dict[str, dict[str, str] | None] = {
@@ -99,7 +97,15 @@ class Chain:
         known = {port.name: port.start for port in self._model.ports if port.causality == "parameter"}
         given = {name: value for name, value in parameters.items() if name in known}
         self._model.initialise(known | given | ({} if own is None else own | MATERIAL[variant]))
-        self.kind, self.variant, self.touches = kind, variant, self._model.contacts is not None
+        contacts = self._model.contacts
+        laws = [] if contacts is None else [contacts.sprocket, contacts.wheel, contacts.soil]
+        self.kind, self.variant, self.touches = kind, variant, contacts is not None
+        self.frame: Floats = np.array(self._model.frame)  # of the track: origin, m, cosine and sine of its heading (5)
+        self.pitch = float(self._model.pitch)  # of the links, m
+        self.axial = 0.0 if own is None else float(self._model.stiffness)  # of a link, N; 0 of a rigid one
+        self.modulus = self.axial / float(self._model.vehicle["section"]["area"])  # Young's, Pa; 0 of rigid links
+        self.contact = max((law.k for law in laws), default=0.0)  # the largest contact stiffness, N/m
+        self.friction_velocity = min((law.v_reg for law in laws), default=np.inf)  # the least of the contacts, m/s
         outputs = [p for p in self._model.ports if p.causality == "output" and isinstance(p.start, float)]
         chain = outputs[WRENCH * len(self._model.wheel_list) : len(outputs) - self._model.link_ports]
         self.outputs, self.units = tuple(p.name for p in chain), tuple(p.unit for p in chain)
@@ -111,38 +117,6 @@ class Chain:
                 for field, columns, axes in LAYOUTS[self._model.element]
             ]
         self._evaluate = self._rigid if own is None else self._flexible
-
-    @property
-    def frame(self) -> Floats:
-        """Of the track: its origin in the world, m, cosine and sine of its heading (5)."""
-        return np.array(self._model.frame)
-
-    @property
-    def pitch(self) -> float:
-        """Of the links, m."""
-        return float(self._model.pitch)
-
-    @property
-    def axial(self) -> float:
-        """Axial stiffness of a link, N; 0 of a rigid one."""
-        return 0.0 if self.kind == "rigid" else float(self._model.stiffness)
-
-    @property
-    def modulus(self) -> float:
-        """Young's modulus of the links, Pa; 0 of rigid ones."""
-        return self.axial / float(self._model.vehicle["section"]["area"])
-
-    @property
-    def contact(self) -> float:
-        """The largest contact stiffness, N/m."""
-        laws = self._model.contacts
-        return max(law.k for law in (laws.sprocket, laws.wheel, laws.soil)) if laws is not None else 0.0
-
-    @property
-    def friction_velocity(self) -> float:
-        """The least of the contacts, m/s; infinite where nothing is touched."""
-        laws = self._model.contacts
-        return min(law.v_reg for law in (laws.sprocket, laws.wheel, laws.soil)) if laws is not None else np.inf
 
     def evaluate(self, state: Completed, step: float, vector: Floats, sharp: bool = False) -> Found:
         """Residual, iteration matrix of a step of ``step`` s times the ``vector``, and what is shown, of a state.

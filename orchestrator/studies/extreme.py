@@ -36,8 +36,8 @@ DRIVING = (*HALF, "run.stop=3.5 s", "drive.speed=6", "drive.ramp_start=0.3", "dr
 LAWS = ("sprocket", "wheel", "ground")
 
 
-def _laws(key: str, factor: float, scene: str = "settle") -> list[str]:
-    contact = loaded(scene).vehicle.contact
+def _laws(key: str, factor: float) -> list[str]:
+    contact = loaded("settle").vehicle.contact
     return [f"vehicle.contact.{law}.{key}={factor * getattr(getattr(contact, law), key)}" for law in LAWS]
 
 

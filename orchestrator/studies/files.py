@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+from orchestrator.studies.tables import Table, to_csv, to_markdown
+
+Picture = Any  # a figure of matplotlib, which takes long to import and is needed last
 
 
-def save(folder: Path, texts: Mapping[str, str], picture: str, draw: Callable[[list[Path]], None]) -> list[Path]:
-    """Tables by file name, and the ``picture`` as PNG and SVG; raises OSError when the folder cannot be written."""
+def save(folder: Path, stem: str, table: Table, picture: Picture, more: Mapping[str, str] | None = None) -> list[Path]:
+    """A table as CSV and Markdown, ``more`` texts by file name, and the picture as PNG and SVG.
+
+    Raises OSError when the folder cannot be written.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    texts = {f"{stem}.csv": to_csv(table), **(more or {}), f"{stem}.md": to_markdown(table, "#")}
     for file, text in texts.items():
         (folder / file).write_text(text, encoding="utf-8")
-    pictures = [folder / f"{picture}.png", folder / f"{picture}.svg"]
-    draw(pictures)
+    pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"]
+    for path in pictures:
+        picture.savefig(path)
     return [*(folder / file for file in texts), *pictures]

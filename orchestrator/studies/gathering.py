@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.build import BuildFailed
+from fmus.physics.arrays import Floats
 from fmus.ports import STATE
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
@@ -27,8 +27,6 @@ from orchestrator.scene.scene import TrackScene
 from orchestrator.studies.chain_states import FARTHEST, FASTEST, Kept, keep
 from orchestrator.studies.evaluations import Chain
 from orchestrator.studies.extreme import FAMILIES, loaded
-
-Floats = NDArray[np.float64]
 
 STATES = 42  # of a run of up to 64 links; long chains give as many links in all
 NEEDED = 5  # records of a run that fails, from which on it is worth anything

@@ -10,20 +10,16 @@ and of LEAST.
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orchestrator.execution.simulate import simulate
+from fmus.physics.arrays import Floats
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
 from orchestrator.studies.baseline_file import Grown
-
-Floats = NDArray[np.float64]
+from orchestrator.studies.runs import logged
 
 EVERY = 0.02  # s
 BEYOND = 0.1  # s
@@ -66,14 +62,9 @@ def trajectory(pair: Pair, stop: float, settings: Sequence[str] = ()) -> tuple[F
     """
     longer = stop if stop == pair.stop else stop + BEYOND
     scene = load(pair.scene, pair.track, [f"run.stop={longer}", "expect={}", "track.link_outputs=false", *settings])
-    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        path = Path(folder) / "run.mcap"
-        told = simulate(scene, path)
-        if told["status"] != "ok":
-            raise RuntimeError(f"{pair.name}: {told['message']}")
-        t = EVERY * np.arange(round(stop / EVERY) + 1.0)
-        with Log(path) as log:
-            return t, np.stack([np.interp(t, *log.signal(name)) for name in SIGNALS], axis=1)
+    t = EVERY * np.arange(round(stop / EVERY) + 1.0)
+    with logged(scene, pair.name) as path, Log(path) as log:
+        return t, np.stack([np.interp(t, *log.signal(name)) for name in SIGNALS], axis=1)
 
 
 def changed(pair: Pair, key: str) -> tuple[str, ...]:

@@ -7,8 +7,6 @@ What no scene could declare in vain (a chassis beside a rig, a ground far below 
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import subprocess
@@ -18,7 +16,6 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,8 +31,8 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
 from orchestrator.scene.scene import TrackScene, load
-from orchestrator.studies import Case
-from orchestrator.studies.files import save
+from orchestrator.studies import Case, files
+from orchestrator.studies.tables import Column, Row, Table
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # a timed pair has the machine to itself
@@ -44,27 +41,32 @@ PAIRS = 5
 # a link of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
 MOTION, FORCE = 3e-8, 1e-6  # 30 times what one ulp of gravity grows to in the displaced hanging chain; 100 times
 LEAST = 1e-2  # of a scale: a unit of which a run has no more, in SI, is one that it hardly has
-RATES = {"m": "m/s", "rad": "rad/s"}  # a run that shows hardly any speed may move all the same: so its positions say
+SPEED_OF = {"m": "m/s", "rad": "rad/s"}  # a run that shows hardly any speed may move all the same: so its positions say
 SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; the others are forces, stresses and energies
 DEPTH = 1000.0  # m from a chain to a ground that it never touches
 BRIEF = "run.stop=10 ms"
 
-
-class Row(NamedTuple):
-    """A thing, with and without it."""
-
-    item: str  # scene
-    case: str  # what is left out
-    cpu: tuple[float, float]  # s of all threads while stepping and recording
-    wall: tuple[float, float]  # s
-    memory: tuple[float, float]  # peak, MB
-    log: tuple[int, int]  # bytes
-    cpu_ratio: tuple[float, float, float]  # without over with: median, least, largest
-    wall_ratio: tuple[float, float, float]
-    motion: float  # largest difference of results in common, relative to the largest of their unit
-    force: float
-    ok: bool | None = None
-    note: str = ""
+COLUMNS = (
+    Column("item", "scene"),
+    Column("case", "left out"),
+    Column("cpu_with", "CPU with, s", ".3f"),  # of all threads while stepping and recording
+    Column("cpu_without", "without, s", ".3f"),
+    Column("cpu_ratio", "CPU ratio", ".3f"),  # without over with: median, least, largest of the pairs
+    Column("cpu_least", "least", ".3f"),
+    Column("cpu_largest", "largest", ".3f"),
+    Column("wall_ratio", "wall ratio", ".3f"),
+    Column("wall_least", "least", ".3f"),
+    Column("wall_largest", "largest", ".3f"),
+    Column("memory_with", "peak with, MB", ".0f"),
+    Column("memory_without", "without, MB", ".0f"),
+    Column("log_with", "log with, kB", ".0f"),
+    Column("log_without", "without, kB", ".0f"),
+    Column("motion", "motion differs", ".1e"),  # results in common, relative to the largest of their unit
+    Column("force", "forces differ", ".1e"),
+    Column("ok", "ok"),
+    Column("note", "note"),
+)
+KEYS = tuple(column.key for column in COLUMNS[2:-2])  # of figures
 
 
 class Side(NamedTuple):
@@ -127,11 +129,6 @@ def cases(quick: bool, scene: str | None = None) -> list[Case]:
     return found
 
 
-def measure(case: Case) -> list[Row]:
-    """The row of a case."""
-    return [row._replace(item=case.item, case=case.name) for row in case.function(*case.arguments)]
-
-
 def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
     """Both sides timed in turn, each one's memory, and what their logs differ in."""
     sides = (Side(*first), Side(*second))
@@ -140,12 +137,13 @@ def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
         peaks = [_child({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
         motion, force = difference(*(Path(folder) / f"{k}.mcap" for k in (0, 1)))
     costs = np.array(timed["costs"])  # (pairs, side, (cpu, wall))
-    ratios = np.sort(costs[:, 1] / costs[:, 0], axis=0)
-    cpu, wall = ((float(median(r)), float(r[0]), float(r[-1])) for r in ratios.T)
     spent = np.median(costs, axis=0)
+    ratios = costs[:, 1] / costs[:, 0]
+    spreads = np.array([np.median(ratios, axis=0), ratios.min(axis=0), ratios.max(axis=0)])  # by CPU and wall time
+    logs = [size / 1000 for size in timed["log"]]
     ok = motion <= MOTION and force <= FORCE
-    pair = (float(spent[0, 0]), float(spent[1, 0])), (float(spent[0, 1]), float(spent[1, 1]))
-    return [Row("", "", *pair, (peaks[0], peaks[1]), tuple(timed["log"]), cpu, wall, motion, force, ok)]
+    figures = [*spent[:, 0].tolist(), *spreads.T.ravel().tolist(), *peaks, *logs, motion, force]
+    return [Row("", "", dict(zip(KEYS, figures, strict=True)), ok)]
 
 
 def difference(one: Path, other: Path) -> tuple[float, float]:
@@ -169,9 +167,9 @@ def difference(one: Path, other: Path) -> tuple[float, float]:
                 unit = a.topics[topic].units[at]
                 scale[unit] = max(scale.get(unit, 0.0), float(np.abs(x).max(initial=0.0)))
                 apart[unit] = max(apart.get(unit, 0.0), float(np.abs(x - y).max(initial=0.0)))
-                if unit in RATES:
+                if unit in SPEED_OF:
                     pace = np.abs(np.diff(x) / np.diff(left.t[i])).max(initial=0.0)
-                    moved[RATES[unit]] = max(moved.get(RATES[unit], 0.0), float(pace))
+                    moved[SPEED_OF[unit]] = max(moved.get(SPEED_OF[unit], 0.0), float(pace))
     for unit, pace in moved.items():
         if scale.get(unit, 0.0) < LEAST:
             scale[unit] = pace
@@ -183,10 +181,10 @@ def difference(one: Path, other: Path) -> tuple[float, float]:
 # --- runs, in a process of their own ---------------------------------------------------------------
 
 
-def _child(work: dict[str, Any]) -> dict[str, Any]:
+def _child(task: dict[str, Any]) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, "-m", "orchestrator.studies.leaving_out"],
-        input=json.dumps(work),
+        input=json.dumps(task),
         text=True,
         capture_output=True,
     )
@@ -197,20 +195,20 @@ def _child(work: dict[str, Any]) -> dict[str, Any]:
 
 
 def _main() -> None:
-    work = json.load(sys.stdin)
-    sides = [Side(tuple(settings), *rest) for settings, *rest in work["sides"]]
-    paths = [Path(work["folder"]) / f"{k}.mcap" for k in range(len(sides))]
-    if not work["pairs"]:
-        run(work["scene"], sides[0], Path(work["folder"]) / "peak.mcap")
+    task = json.load(sys.stdin)
+    sides = [Side(tuple(settings), *rest) for settings, *rest in task["sides"]]
+    paths = [Path(task["folder"]) / f"{k}.mcap" for k in range(len(sides))]
+    if not task["pairs"]:
+        run(task["scene"], sides[0], Path(task["folder"]) / "peak.mcap")
         json.dump({"peak": peak()}, sys.stdout)
         return
     for side in sides:
         brief = side._replace(settings=(*side.settings, BRIEF), estimated=False)
-        run(work["scene"], brief, Path(work["folder"]) / "warm.mcap")
+        run(task["scene"], brief, Path(task["folder"]) / "warm.mcap")
     costs = []
-    for k in range(work["pairs"]):
+    for k in range(task["pairs"]):
         order = (0, 1) if k % 2 == 0 else (1, 0)
-        cost = {i: run(work["scene"], sides[i], paths[i]) for i in order}
+        cost = {i: run(task["scene"], sides[i], paths[i]) for i in order}
         costs.append([cost[0], cost[1]])
     json.dump({"costs": costs, "log": [path.stat().st_size for path in paths]}, sys.stdout)
 
@@ -275,75 +273,33 @@ def peak() -> float:
 # --- tables ----------------------------------------------------------------------------------------
 
 
-def failed(item: str, case: str, reason: str) -> Row:
-    """What is left of a case that ended with an error."""
-    pair, three = (math.nan, math.nan), (math.nan, math.nan, math.nan)
-    return Row(item, case, pair, pair, pair, (0, 0), three, three, math.nan, math.nan, False, reason)
+def table(rows: Sequence[Row], title: str = "") -> Table:
+    """The rows for people and programs."""
+    return Table(title, COLUMNS, [row.cells() for row in rows])
 
 
-def missed(rows: Sequence[Row]) -> list[Row]:
-    """Rows whose results changed, or that failed."""
-    return [row for row in rows if row.ok is False]
-
-
-HEAD = (
-    "scene", "left out", "CPU with, s", "without, s", "CPU ratio", "least", "largest", "wall ratio", "least", "largest",
-    "peak with, MB", "without, MB", "log with, kB", "without, kB", "motion differs", "forces differ", "ok", "note",
-)  # fmt: skip
-
-
-def _cells(row: Row) -> list[str]:
-    numbers = [f"{x:.3f}" for x in (*row.cpu, *row.cpu_ratio, *row.wall_ratio)]
-    sizes = [f"{x:.0f}" for x in (*row.memory, *(size / 1000 for size in row.log))]
-    verdict = {True: "ok", False: "NOT", None: ""}[row.ok]
-    return [row.item, row.case, *numbers, *sizes, f"{row.motion:.1e}", f"{row.force:.1e}", verdict, row.note]
-
-
-def to_markdown(rows: Sequence[Row]) -> str:
-    """A table for people."""
-    lines = ["| " + " | ".join(HEAD) + " |", "|" + " --- |" * len(HEAD)]
-    for row in rows:
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in _cells(row)) + " |")
-    return "\n".join(lines) + "\n"
-
-
-def to_csv(rows: Sequence[Row]) -> str:
-    """All digits."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(HEAD)
-    for r in rows:
-        writer.writerow([r.item, r.case, *r.cpu, *r.cpu_ratio, *r.wall_ratio, *r.memory,
-                         *(size / 1000 for size in r.log), r.motion, r.force, _cells(r)[-2], r.note])  # fmt: skip
-    return out.getvalue()
-
-
-def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
+def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Bars of what remains: CPU time with its spread, log size."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    shown = [row for row in rows if math.isfinite(row.cpu_ratio[0])][::-1]
+    shown = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
     figure = Figure(figsize=(9.0, 1.2 + 0.42 * len(shown)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots()
     at = np.arange(len(shown))
-    middle, low, high = (np.array([row.cpu_ratio[k] for row in shown]) for k in range(3))
+    middle, low, high = (np.array([row[key] for row in shown]) for key in ("cpu_ratio", "cpu_least", "cpu_largest"))
     axes.barh(at + 0.2, middle, 0.38, xerr=(middle - low, high - middle), color="tab:blue", label="CPU time")
-    axes.barh(at - 0.2, [row.log[1] / max(row.log[0], 1) for row in shown], 0.38, color="tab:orange", label="log")
+    axes.barh(at - 0.2, [row["log_without"] / row["log_with"] for row in shown], 0.38, color="tab:orange", label="log")
     axes.set_yticks(at, [f"{row.item}: {row.case}" for row in shown], fontsize=8)
     axes.axvline(1.0, color="0.5", linewidth=0.8)
     axes.set_xlabel("without over with")
     axes.set_title(title, fontsize=10)
     axes.legend(fontsize=8)
-    for file in files:
-        figure.savefig(file, dpi=100)
+    return figure
 
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Table and figure; raises OSError when the folder cannot be written."""
-    texts = {f"{name}.csv": to_csv(rows), f"{name}.md": f"# {title}\n\n{to_markdown(rows)}"}
-    return save(folder, texts, name, lambda files: draw(rows, files, title))
+    return files.save(folder, name, table(rows, title), draw(rows, title))
 
 
 if __name__ == "__main__":

@@ -12,17 +12,16 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.cables import Cables, highest_frequency
 from orchestrator.execution import summary
 from orchestrator.scene.scene import TrackScene, VehicleScene
 
-Floats = NDArray[np.float64]
-
+LONGEST = 0.5  # s
 RUNGE_KUTTA = 2.785  # real axis of the stability region of the classical method
 
 
@@ -62,13 +61,13 @@ def radius(pair: Pair, h: float) -> float:
     return float(abs(np.linalg.eigvals(amplification(pair, h))).max())
 
 
-def coupling_limit(pair: Pair, most: float = 0.5) -> float:
-    """The first step at which a step amplifies, s; ``most`` when none does up to there."""
-    steps = np.geomspace(1e-5, most, 200)
+def coupling_limit(pair: Pair) -> float:
+    """The first step at which a step amplifies, s; LONGEST when none does up to there."""
+    steps = np.geomspace(1e-5, LONGEST, 200)
     for before, after in pairwise(steps):
         if radius(pair, after) > 1.0 + 1e-6:
             return float(brentq(lambda h: radius(pair, h) - 1.0 - 1e-6, before, after, rtol=1e-6))
-    return most
+    return LONGEST
 
 
 def explicit_limit(frequency: float, relaxation: float = 0.0) -> float:

@@ -6,16 +6,11 @@ Items are those of the list in the study's table; ``cases(quick)`` leaves the tw
 from __future__ import annotations
 
 from orchestrator.studies import Case, chain_cases, element_cases
-from orchestrator.studies.tables import Row, failed, missed, to_markdown, write
+from orchestrator.studies.compared import table, write
 
-__all__ = ["TITLE", "Row", "cases", "failed", "measure", "missed", "to_markdown", "write"]
+__all__ = ["TITLE", "cases", "table", "write"]
 
 TITLE = "The chain mechanics of the paper: value, reference, error, order"
-
-
-def measure(case: Case) -> list[Row]:
-    """The rows of a case."""
-    return [row if row.item else row._replace(item=case.item) for row in case.function(*case.arguments)]
 
 
 def cases(quick: bool) -> list[Case]:

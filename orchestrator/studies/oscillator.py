@@ -12,16 +12,15 @@ Masses m1 and m2 on wall springs and dampers (k1, c1), (k2, c2), joined by (k, c
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from fmus.physics.arrays import Floats
 from orchestrator.cosim.graph import Connection, Instance, Kind, Stages, System, wire
-
-Floats = NDArray[np.float64]
 
 
 class Oscillator(NamedTuple):
@@ -123,16 +122,14 @@ class Slave:
         self.x = side.x.copy()
         self.steps = 0  # done in all, also those taken back
         self._after = y.copy()
-        self._maps: dict[float, tuple[Floats, Floats, Floats, Floats]] = {}
+        self._map = cache(side.map)
 
     def write(self) -> None:
         """Inputs lie where the step finds them."""
 
     def step(self, t: float, h: float) -> None:
         """Exact for what is given."""
-        if h not in self._maps:
-            self._maps[h] = self.side.map(h)
-        P, Q, R, S = self._maps[h]
+        P, Q, R, S = self._map(h)
         self._after = R @ self.x + S @ self.u
         self.x = P @ self.x + Q @ self.u
         self.steps += 1
@@ -184,12 +181,10 @@ def _bond(cut: str, output: str) -> str:
 
 def exact_maps(A: Floats) -> Callable[[float], Floats]:
     """exp(A h), made once for every h."""
-    made: dict[float, Any] = {}
 
+    @cache
     def over(h: float) -> Floats:
-        if h not in made:
-            made[h] = np.asarray(expm(A * h))
-        return made[h]
+        return np.asarray(expm(A * h))
 
     return over
 

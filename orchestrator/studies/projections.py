@@ -25,11 +25,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.physics.arrays import Floats
 from orchestrator.studies.chain_states import Completed, Elastic
 from orchestrator.studies.evaluations import BARE, SOFT, STEEL, Chain, Found
 from orchestrator.studies.gathering import Gathered
-
-Floats = NDArray[np.float64]
 
 WHOLE = ("residual", "matrix", "report", "links")
 OF_SOFT = ("soft residual", "soft matrix")

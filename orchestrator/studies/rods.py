@@ -28,9 +28,9 @@ EXPLICIT, IMPLICIT = "Runge-Kutta", "generalised alpha"
 NO_WHEELS = np.zeros((0, 15))
 
 
-def of_angles(angles: Floats, pitch: float = P) -> Floats:
+def of_angles(angles: Floats) -> Floats:
     """Pins (n + 1, 2), x and z, of links with the given angles over x."""
-    steps = pitch * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    steps = P * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,25 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.recorder import LogFailed
 from orchestrator.scene.scene import Scene
+
+LINKS = 0.01  # s between outputs per link
+
+
+@contextmanager
+def logged(scene: Scene, name: str) -> Iterator[Path]:
+    """The log of a run, kept as long as it is needed; raises RuntimeError when the run fails."""
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        path = Path(folder) / "run.mcap"
+        told = simulate(scene, path)
+        if told["status"] != "ok":
+            raise RuntimeError(f"{name}: {told['message']}")
+        yield path
+
+
+def sampled(scene: Scene) -> Scene:
+    """The scene with all outputs recorded, those of links every LINKS s, or as they are with variable steps."""
+    every = max(1, round(LINKS / scene.run.step)) if scene.run.variable is None else scene.run.links
+    return scene.model_copy(update={"run": scene.run.model_copy(update={"outputs": 1, "links": every})})
 
 
 class Runs:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
-from typing import Any
 
+from fmus.cache import write
 from orchestrator.studies import Case
+from orchestrator.studies.tables import Row
 
 PACKAGES = ("fmus", "orchestrator")
 
@@ -33,24 +34,22 @@ def sources() -> str:
 class Store:
     """Rows of finished cases in a folder."""
 
-    def __init__(self, folder: Path, row: Any) -> None:
-        self._folder, self._row = folder, row
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
 
     def _file(self, case: Case) -> Path:
         what = [case.item, case.name, case.function.__qualname__, repr(case.arguments), sources()]
         return self._folder / f"{hashlib.sha256(json.dumps(what).encode()).hexdigest()[:24]}.json"
 
-    def get(self, case: Case) -> list[Any] | None:
+    def get(self, case: Case) -> list[Row] | None:
         """The rows of a case, None when it is not done or its file does not read."""
         try:
-            return [self._row(**row) for row in json.loads(self._file(case).read_text())["rows"]]
+            return [Row(**row) for row in json.loads(self._file(case).read_text())["rows"]]
         except (OSError, ValueError, TypeError, KeyError):
             return None
 
-    def put(self, case: Case, rows: list[Any]) -> None:
+    def put(self, case: Case, rows: list[Row]) -> None:
         """Keep the rows of a case; whole or not at all."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        file = self._file(case)
-        fresh = file.with_suffix(f".{os.getpid()}")
-        fresh.write_text(json.dumps({"case": case.name, "rows": [row._asdict() for row in rows]}, indent=1))
-        fresh.replace(file)
+        kept = {"case": case.name, "rows": [asdict(row) for row in rows]}
+        write(self._file(case), json.dumps(kept, indent=1).encode())

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
 from typing import NamedTuple
 
-from orchestrator.execution.simulate import simulate
 from orchestrator.execution.truth import ORDER, truth
 from orchestrator.results.difference import differences_of_logs
 from orchestrator.scene.scene import load
-
-LINKS = 0.01  # s between outputs per link
+from orchestrator.studies.runs import logged, sampled
 
 
 class Window(NamedTuple):
@@ -55,13 +51,7 @@ def errors(window: Window) -> dict[str, dict[str, float]]:
     """
     scene = load(window.scene, window.track, [f"run.stop={window.stop}", *window.settings])
     exact = truth(scene)
-    every = max(1, round(LINKS / scene.run.step)) if scene.run.variable is None else scene.run.links
-    scene = scene.model_copy(update={"run": scene.run.model_copy(update={"outputs": 1, "links": every})})
-    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        path = Path(folder) / "run.mcap"
-        told = simulate(scene, path)
-        if told["status"] != "ok":
-            raise RuntimeError(f"{window.name}: {told['message']}")
+    with logged(sampled(scene), window.name) as path:
         off = differences_of_logs(path, exact.log)
     between = differences_of_logs(exact.coarse_log, exact.log)
     share = 1.0 / (2.0**ORDER - 1.0)

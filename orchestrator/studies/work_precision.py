@@ -2,91 +2,67 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import product
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from fmus.cache import spared
 from orchestrator.execution import precision
-from orchestrator.studies.files import save
+from orchestrator.studies import files
+from orchestrator.studies.tables import Column, Row, Table, to_csv
 
 LEVELS = (1e-2, 1e-3, 1e-4)
 FACTOR = 3.0  # an estimate within it of the true error is right
 MARKERS = "os^vDP*Xp"  # of the methods, in pictures
 
 
-class Row(NamedTuple):
-    """A way to run a scene, what it costs and how wrong it is; the truth has no run time but an error of its own."""
-
-    item: str  # scene
-    case: str
-    track: str
-    method: str  # the curve it lies on
-    settings: tuple[str, ...]
-    wall_time: float  # s
-    cpu_time: float  # s, of all threads
-    error: float  # the largest relative error of the decisive observables
-    estimate: float  # the run's own idea of it
-    errors: dict[str, float]  # relative, by observable
-    estimates: dict[str, float]
-    absolute: dict[str, float]
-    units: dict[str, str]
-    ok: bool | None = None
-    note: str = ""
-
-
 def runs(rows: Iterable[Row]) -> list[Row]:
     """Those that ended well."""
-    return [row for row in rows if row.method not in ("truth", "") and math.isfinite(row.error)]
+    return [row for row in rows if row["method"] != "truth" and math.isfinite(row["error"])]
 
 
-def pareto(rows: Iterable[Row], error: Any = lambda row: row.error) -> list[Row]:
-    """Rows that no other beats in both run time and error."""
-    best: list[Row] = []
-    for row in sorted(runs(rows), key=lambda row: (row.wall_time, error(row))):
-        if not best or error(row) < error(best[-1]):
-            best.append(row)
-    return best
+def front_of(rows: Iterable[Row], error: Callable[[Row], float] = itemgetter("error")) -> list[Row]:
+    """Of those that ended well the ones that no other beats in both run time and error."""
+    return precision.front(runs(rows), itemgetter("wall_time"), error)
 
 
-def cheapest(rows: Iterable[Row], level: float, observable: str = "") -> Row | None:
-    """The fastest run within an error: of one observable, or the largest of all decisive ones."""
-    found = [row for row in runs(rows) if (row.errors.get(observable, math.inf) if observable else row.error) <= level]
-    return min(found, key=lambda row: row.wall_time, default=None)
+def cheapest(rows: Iterable[Row], level: float) -> Row | None:
+    """The fastest run within an error, the largest of all decisive observables."""
+    return min((row for row in runs(rows) if row["error"] <= level), key=itemgetter("wall_time"), default=None)
 
 
 def ratios(rows: Iterable[Row]) -> list[float]:
     """Own estimate over true error, of every observable of every run."""
     return [
-        row.estimates[name] / error
+        row["estimates"][name] / error
         for row in runs(rows)
-        for name, error in row.errors.items()
-        if error > 0.0 and row.estimates.get(name)
+        for name, error in row["errors"].items()
+        if error > 0.0 and row["estimates"].get(name)
     ]
 
 
 def sentences(rows: Sequence[Row]) -> list[str]:
     """What a reader should take away."""
     said = []
-    for scene, track in dict.fromkeys((row.item, row.track) for row in runs(rows)):
-        of = [row for row in rows if (row.item, row.track) == (scene, track)]
+    for scene, track in dict.fromkeys((row.item, row["track"]) for row in runs(rows)):
+        of = [row for row in rows if (row.item, row["track"]) == (scene, track)]
         for level in LEVELS:
             row = cheapest(of, level)
             if row is None:
-                best = min(runs(of), key=lambda row: row.error)
+                best = min(runs(of), key=itemgetter("error"))
                 said.append(
                     f"{scene}, {track}: no setting reaches {level:.2%}; the best, "
-                    f"{best.error:.2%} in {best.wall_time:.3g} s, is {best.case}"
+                    f"{best['error']:.2%} in {best['wall_time']:.3g} s, is {best.case}"
                 )
             else:
                 said.append(
-                    f"{scene}, {track}: {level:.2%} costs {row.wall_time:.3g} s (error {row.error:.2g}): {row.case}"
+                    f"{scene}, {track}: {level:.2%} costs {row['wall_time']:.3g} s"
+                    f" (error {row['error']:.2g}): {row.case}"
                 )
-    whole = [row.estimate / row.error for row in runs(rows) if row.error > 0.0 and row.estimate > 0.0]
+    whole = [row["estimate"] / row["error"] for row in runs(rows) if row["error"] > 0.0 and row["estimate"] > 0.0]
     for what, found in (("of whole runs", whole), ("by observable", ratios(rows))):
         if found:
             right = sum(1.0 / FACTOR <= ratio <= FACTOR for ratio in found)
@@ -100,87 +76,99 @@ def sentences(rows: Sequence[Row]) -> list[str]:
 # --- tables and picture ----------------------------------------------------------------------------
 
 
-def to_csv(rows: Sequence[Row]) -> str:
-    """One line a row; errors and estimates of observables in columns of their own."""
-    names = list(dict.fromkeys(name for row in rows for name in row.errors))
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(
-        ["scene", "case", "track", "method", "settings", "wall time, s", "CPU time, s", "error", "estimate"]
-        + [f"{name} ({kind})" for name in names for kind in ("relative", "absolute", "estimate")]
-        + ["note"]
-    )
-    for row in rows:
-        figures = [found.get(name, "") for name in names for found in (row.errors, row.absolute, row.estimates)]
-        head = [row.item, row.case, row.track, row.method, " ".join(f"'{s}'" for s in row.settings)]
-        writer.writerow([*head, row.wall_time, row.cpu_time, row.error, row.estimate, *figures, row.note])
-    return out.getvalue()
+def _observables(rows: Iterable[Row]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row.figures.get("errors", {})))
 
 
-def to_markdown(rows: Sequence[Row]) -> str:
+def table(rows: Sequence[Row], title: str = "") -> Table:
     """A table for people: relative errors by observable, * on the Pareto front; then what it says."""
-    names = list(dict.fromkeys(name for row in rows for name in row.errors))
-    head = ["scene", "case", "run time, s", "CPU, s", "error", "own estimate", *names, "note"]
-    front = {id(row) for key in {(r.item, r.track) for r in rows} for row in
-             pareto(r for r in rows if (r.item, r.track) == key)}  # fmt: skip
-    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
-    for row in rows:
-        cells = [
-            row.item, row.case + (" *" if id(row) in front else ""), f"{row.wall_time:.3g}",
-            "" if math.isnan(row.cpu_time) else f"{row.cpu_time:.3g}", f"{row.error:.2e}",
-            "" if math.isnan(row.estimate) else f"{row.estimate:.2e}",
-            *(f"{row.errors[name]:.1e}" if name in row.errors else "" for name in names), row.note,
-        ]  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join([*lines, "", *(f"- {said}" for said in sentences(rows))]) + "\n"
+    best = {id(row) for key in {(r.item, r["track"]) for r in rows} for row in
+             front_of(r for r in rows if (r.item, r["track"]) == key)}  # fmt: skip
+    columns = (
+        Column("item", "scene"),
+        Column("case", "case"),
+        Column("wall_time", "run time, s", ".3g"),
+        Column("cpu_time", "CPU, s", ".3g"),
+        Column("error", "error", ".2e"),
+        Column("estimate", "own estimate", ".2e"),
+        *(Column(f"{name} (relative)", name, ".1e") for name in _observables(rows)),
+        Column("note", "note"),
+    )
+    shown = [{**_figures(row), "case": row.case + (" *" if id(row) in best else "")} for row in rows]
+    return Table(title, columns, shown, tuple(f"- {said}" for said in sentences(rows)))
+
+
+def whole_table(rows: Sequence[Row]) -> Table:
+    """A table for programs: errors and estimates of observables in columns of their own."""
+    names = [f"{name} ({kind})" for name in _observables(rows) for kind in ("relative", "absolute", "estimate")]
+    columns = (
+        Column("item", "scene"),
+        *(Column(key, key) for key in ("case", "track", "method", "settings")),
+        Column("wall_time", "wall time, s"),
+        Column("cpu_time", "CPU time, s"),
+        *(Column(key, key) for key in ("error", "estimate", *names, "note")),
+    )
+    return Table("", columns, [_figures(row) for row in rows])
+
+
+def _figures(row: Row) -> dict[str, Any]:
+    """A row by the keys of both tables."""
+    kinds = (("relative", "errors"), ("absolute", "absolute"), ("estimate", "estimates"))
+    by_observable = {
+        f"{name} ({kind})": figure for kind, key in kinds for name, figure in row.figures.get(key, {}).items()
+    }
+    return {**row.cells(), "settings": " ".join(f"'{s}'" for s in row.figures.get("settings", ())), **by_observable}
 
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Tables, picture, and the settings for ``cotrack run SCENE --error``."""
     scenes = "-".join(dict.fromkeys(row.item for row in rows))
     stem = f"{name}-{scenes}"
-    texts = {f"{stem}.csv": to_csv(rows), f"{stem}.md": f"# {title}: {scenes}\n\n{to_markdown(rows)}"}
-    files = save(folder, texts, stem, lambda files: draw(rows, files, f"{title}: {scenes}"))
-    settings = [precision.Setting(row.item, row.track, means(row), row.error, row.wall_time) for row in runs(rows)]
-    files.append(folder / "precision.json")
-    precision.write(settings, files[-1])
-    if not any(setting.startswith("run.stop") for row in rows for setting in row.settings):
+    title = f"{title}: {scenes}"
+    more = {f"{stem}.csv": to_csv(whole_table(rows))}
+    made = files.save(folder, stem, table(rows, title), draw(rows, title), more)
+    settings = [
+        precision.Setting(row.item, row["track"], means(row), row["error"], row["wall_time"]) for row in runs(rows)
+    ]
+    made.append(folder / "precision.json")
+    precision.write(settings, made[-1])
+    if not any(setting.startswith("run.stop") for row in runs(rows) for setting in row["settings"]):
         with spared():
             precision.write(settings, precision.own())  # only what was found over the whole scene
-            files.append(precision.own())
-    return files
+            made.append(precision.own())
+    return made
 
 
 def means(row: Row) -> tuple[str, ...]:
     """Of a row's settings, how the scene is run; what it is stays with the scene."""
-    return tuple(s for s in row.settings if not s.startswith(("run.stop", "track.start", "chain.")))
+    return tuple(s for s in row["settings"] if not s.startswith(("run.stop", "track.start", "chain.")))
 
 
-def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
+def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """A pane for the error as a whole and one for each observable; a curve a method, the Pareto front shaded."""
     from matplotlib import colormaps
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.ticker import LogLocator, NullFormatter
 
     shown = runs(rows)
-    names = ["", *dict.fromkeys(name for row in shown for name in row.errors)]
+    names = ["", *_observables(shown)]
     across = min(3, len(names))
     down = -(-len(names) // across)
     figure = Figure(figsize=(5.2 * across, 4.2 * down + 1.4), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(down, across, squeeze=False).ravel()
-    methods = list(dict.fromkeys(row.method for row in shown))
-    tracks = list(dict.fromkeys(row.track for row in shown))
+    methods = list(dict.fromkeys(row["method"] for row in shown))
+    tracks = list(dict.fromkeys(row["track"] for row in shown))
     lines: dict[str, Any] = dict(zip(tracks, ("-", "--"), strict=False))
     for pane, name in zip(axes, names, strict=False):
 
         def error(row: Row, name: str = name) -> float:
-            return row.errors.get(name, math.nan) if name else row.error
+            return row["errors"].get(name, math.nan) if name else row["error"]
 
         for track, (k, method) in product(tracks, enumerate(methods)):
-            points = [(row.wall_time, error(row)) for row in shown if (row.track, row.method) == (track, method)]
+            points = [
+                (row["wall_time"], error(row)) for row in shown if (row["track"], row["method"]) == (track, method)
+            ]
             if not points:
                 continue
             pane.loglog(
@@ -188,12 +176,12 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
                 linestyle=lines[track], color=colormaps["tab10"](k % 10),
             )  # fmt: skip
         for track in tracks:
-            best = pareto((row for row in shown if row.track == track), error)
+            best = front_of((row for row in shown if row["track"] == track), error)
             pane.loglog(
-                [row.wall_time for row in best], [error(row) for row in best], linestyle="none", marker="o",
+                [row["wall_time"] for row in best], [error(row) for row in best], linestyle="none", marker="o",
                 markersize=10, markerfacecolor="none", markeredgecolor="0.3",
             )  # fmt: skip
-        own = [error(row) for row in rows if row.method == "truth"]
+        own = [error(row) for row in rows if row["method"] == "truth"]
         if own and max(own) > 0.0:
             corner = {"ha": "right", "va": "top", "transform": pane.transAxes, "fontsize": 7}
             pane.text(0.98, 0.97, f"truth: {max(own):.0e}", **corner)
@@ -216,5 +204,4 @@ def draw(rows: Sequence[Row], files: Sequence[Path], title: str) -> None:
     keys += [Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in lines.items()]
     figure.legend(handles=keys, loc="outside lower center", ncols=min(4, len(keys)), fontsize=10)
     figure.suptitle(f"{title} (rings: Pareto front of a track model)", fontsize=12)
-    for file in files:
-        figure.savefig(file, dpi=100)
+    return figure

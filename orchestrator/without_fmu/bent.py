@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.physics.ancf import beam
+from fmus.physics.arrays import Floats
 from orchestrator.scene import tables
 from orchestrator.without_fmu import meshes
 from orchestrator.without_fmu.ancf import loads, statics
 from orchestrator.without_fmu.ancf.mesh import Mesh
 
-Floats = NDArray[np.float64]
 CLOSE = 1e-11  # last correction of Newton's iteration, m
 MOST = 30  # iterations
 

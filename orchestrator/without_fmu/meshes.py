@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.arrays import Floats
 from orchestrator.without_fmu.ancf import corner, joints, loads, sliding, statics, torsion
 from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
 
-Floats = NDArray[np.float64]
 ELASTICITIES: dict[str, Any] = {
     "small_deformation": cable,
     "general": cable_general,
@@ -227,9 +227,9 @@ def frame(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Mes
     return mesh, np.array([x, z])
 
 
-def frame_tip(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Floats, Floats]:
+def frame_tip(kind: Any, n: int, rigid: float = 100.0) -> tuple[Floats, Floats]:
     """Tip displacements (x, z) of ``frame``, and Timoshenko's."""
-    mesh, exact = frame(kind, n, h, rigid)
+    mesh, exact = frame(kind, n, rigid=rigid)
     q, tip = mesh.start(), (2 * n - 1, 1)
     bent = statics.equilibrium(mesh, q, steps=1, tolerance=1e-11).q
     return (mesh.end(bent, tip) - mesh.end(q, tip))[0, [0, 2]], exact

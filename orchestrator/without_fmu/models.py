@@ -12,10 +12,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.physics.arrays import Floats
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.warned import Warned
 
-Floats = NDArray[np.float64]
 COUNTERS = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 
 

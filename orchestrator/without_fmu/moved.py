@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.arrays import Floats
 from orchestrator.scene import tables
 from orchestrator.without_fmu import meshes
 from orchestrator.without_fmu.ancf import dynamics, sliding
 
-Floats = NDArray[np.float64]
 STAGES = 4  # of Runge-Kutta
 
 

@@ -238,7 +238,7 @@ def test_a_run_may_come_apart_as_one_ulp_does(monkeypatch):
         rows = baseline.one_run(0, "", "", 0, True)
         assert len(rows) == len(growth.SIGNALS)
         assert all(row.ok is good for row in rows)
-        assert all(len(row.series) == 25 for row in rows)
+        assert all(len(row["series"]) == 25 for row in rows)
 
 
 def test_one_ulp_is_one_ulp():

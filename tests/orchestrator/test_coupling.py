@@ -240,7 +240,7 @@ def test_a_failing_step_is_tried_shorter():
 
 
 def test_variable_steps_cost_no_more_than_fixed_ones_of_the_same_error():
-    for row in study.work_precision((study.TOLERANCES[2],)):
+    for row in study.steps_at_equal_error((study.TOLERANCES[2],)):
         assert row.ok, row
 
 

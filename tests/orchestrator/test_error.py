@@ -19,6 +19,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
 from orchestrator.studies import Case, error_runtime, work_precision
 from orchestrator.studies.runs import Runs
+from orchestrator.studies.tables import Row
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
 LINE = Observable("m", 0.1, lambda run: Signal(np.zeros(1), np.zeros((1, 1))))
@@ -245,13 +246,10 @@ def test_a_study_of_a_small_swing(tmp_path, monkeypatch, capsys):
     said = capsys.readouterr()
     assert ended.value.code == 0, said.err
     assert "costs" in said.out
-    rows = [
-        error_runtime.Row(**json.loads(file.read_text())["rows"][0])
-        for file in (tmp_path / "found" / "cases").iterdir()
-    ]
+    rows = [Row(**json.loads(file.read_text())["rows"][0]) for file in (tmp_path / "found" / "cases").iterdir()]
     by_case = {row.case: row for row in rows}
-    assert by_case["truth"].error < 1e-6 < by_case["fine"].error < by_case["coarse"].error
-    rate = math.log(by_case["coarse"].errors["pins"] / by_case["fine"].errors["pins"], 4)
+    assert by_case["truth"]["error"] < 1e-6 < by_case["fine"]["error"] < by_case["coarse"]["error"]
+    rate = math.log(by_case["coarse"]["errors"]["pins"] / by_case["fine"]["errors"]["pins"], 4)
     assert abs(rate - 2.0) < 0.3, "generalised-alpha is of order 2"
     assert (tmp_path / "found" / "error-runtime-hanging_chain.png").read_bytes()[:4] == b"\x89PNG"
     assert {tuple(s.settings)[-1] for s in precision.read(tmp_path / "found" / "precision.json")} <= {

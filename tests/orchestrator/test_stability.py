@@ -10,9 +10,10 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.scene.scene import load
-from orchestrator.studies import expectations, extreme, limits, stability, stability_map, verdict
+from orchestrator.studies import expectations, extreme, limits, stability, stability_map, tables, verdict
 from orchestrator.studies.limits import Pair
-from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, Row
+from orchestrator.studies.tables import Row
+from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, ended
 
 # --- limits ---
 
@@ -83,13 +84,13 @@ CHAIN = ("chain.links=8", "run.stop=0.05 s", "run.links=1")
 def test_a_right_run_and_a_wrong_one(monkeypatch):
     scene = load("hanging_chain", "rigid", CHAIN)
     row = verdict.judged(scene, "sag")
-    assert row.verdict == RIGHT, row.note
-    assert row.found == pytest.approx(row.expected, rel=1e-4)
+    assert row["verdict"] == RIGHT, row.note
+    assert row["found"] == pytest.approx(row["expected"], rel=1e-4)
     shorter = load("hanging_chain", "rigid", [*CHAIN, "chain.span=0.81"])
     expects = expectations.ASKED["sag"]
     monkeypatch.setitem(expectations.ASKED, "sag", (lambda run, _: expects[0](run, shorter), expects[1]))
     row = verdict.judged(scene, "sag")
-    assert row.verdict == WRONG
+    assert row["verdict"] == WRONG
     assert row.note.startswith("sag, m: ")
 
 
@@ -105,10 +106,10 @@ def told(monkeypatch, **result):
 
 
 def test_ends_that_are_not_right(monkeypatch):
-    assert told(monkeypatch, refused=BadInput("no")).verdict == CLEAN
+    assert told(monkeypatch, refused=BadInput("no"))["verdict"] == CLEAN
     assert told(monkeypatch, refused=ComponentFailed("left_track: lost")).note == "left_track: lost"
-    assert told(monkeypatch, message="Newton at t = 1 s").verdict == CLEAN
-    assert told(monkeypatch, message="").verdict == MUTE
+    assert told(monkeypatch, message="Newton at t = 1 s")["verdict"] == CLEAN
+    assert told(monkeypatch, message="")["verdict"] == MUTE
     with pytest.raises(ZeroDivisionError):  # the pool makes a row of it, and that row is missed
         told(monkeypatch, refused=ZeroDivisionError("bug"))
 
@@ -118,7 +119,7 @@ def test_an_explicit_step_beyond_its_limit_fails_with_a_sentence():
     damped = load("hanging_chain", "flexible", [*settings, "vehicle.material.relaxation_time=1e-5 s"])
     assert limits.predicted(damped)[0] < 4e-6
     row = verdict.judged(damped, "ledger")
-    assert (row.verdict, "take a smaller step" in row.note) == (CLEAN, True), row
+    assert (row["verdict"], "take a smaller step" in row.note) == (CLEAN, True), row
 
 
 def test_cases():
@@ -135,25 +136,33 @@ def test_cases():
         load(family.scene, family.track, family.settings(family.values[-1]))
 
 
+def case(family, name, value, verdict, sensible, note="", **figures):
+    known = {"value": value, "verdict": verdict, "sensible": sensible, "asked": "x"}
+    return Row(family, name, known | figures, note=note)
+
+
+CLOSE = {"expected": 1.0, "tolerance": 0.1, "step": 1e-3}
 ROWS = [
-    Row("a, m", "1", 1.0, RIGHT, True, "x", 1.0, 1.0, 0.1, step=1e-3, predicted=1e-2, cause="idler"),
-    Row("a, m", "2", 2.0, WRONG, False, "x", 2.0, 1.0, 0.1, step=1e-3, predicted=1e-3, note="x | y"),
-    Row("b", "1", 1.0, CLEAN, False, "x", note="Newton"),
-    Row("b", "2", 2.0, CLEAN, True, "x", note="Newton"),
-    Row("b", "3", 3.0, BLOWN, False, "x"),
-    stability.failed("c", "1", "took longer than 600 s"),
+    case("a, m", "1", 1.0, RIGHT, True, found=1.0, predicted=1e-2, cause="idler", **CLOSE),
+    case("a, m", "2", 2.0, WRONG, False, "x | y", found=2.0, predicted=1e-3, **CLOSE),
+    case("b", "1", 1.0, CLEAN, False, "Newton"),
+    case("b", "2", 2.0, CLEAN, True, "Newton"),
+    case("b", "3", 3.0, BLOWN, False),
+    Row("c", "1", ok=False, note="took longer than 600 s"),
 ]
 
 
 def test_table_and_map(tmp_path):
-    assert [row.case for row in stability.missed(ROWS)] == ["2", "1"]
-    assert ROWS[0].margin == pytest.approx(10.0)
-    lines = stability.to_markdown(ROWS).splitlines()
-    assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability_map.HEAD) + 1}
+    graded = [ended(row, row["verdict"], row.note or "a sentence") for row in ROWS[:-1]]
+    assert [row.ok for row in graded] == [True, True, True, False, True]
+    silent = ended(graded[-1], BLOWN, "")
+    assert (silent["verdict"], silent.ok, silent.note) == (MUTE, False, "")
+    lines = tables.to_markdown(stability.table(ROWS)).splitlines()
+    assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability_map.COLUMNS) + 1}
     assert lines[-1] == (
         "6 cases: 1 stable and right, 1 stable and wrong, 2 failed cleanly, 1 blown up, 1 no sentence."
     )
-    read = list(csv.DictReader(io.StringIO(stability_map.to_csv(ROWS))))
+    read = list(csv.DictReader(io.StringIO(tables.to_csv(stability.table(ROWS)))))
     assert (read[0]["margin"], read[2]["margin"], read[5]["what happened"]) == ("10", "", "took longer than 600 s")
     made = stability.write(tmp_path, "stability", ROWS, stability.TITLE)
     assert [file.suffix for file in made] == [".csv", ".md", ".png", ".svg"]

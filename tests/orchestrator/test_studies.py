@@ -13,9 +13,10 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator import studies
 from orchestrator.cli import main
-from orchestrator.studies import Case, element_cases, mechanics, orders, pool, tables
+from orchestrator.studies import Case, compared, element_cases, mechanics, orders, pool, tables
+from orchestrator.studies.compared import checked
 from orchestrator.studies.store import Store
-from orchestrator.studies.tables import Row, checked, failed
+from orchestrator.studies.tables import Row
 
 FRAME = Case("11", "L-frame", element_cases.l_frame, ("beam",))
 FAST = Case("11", "L-frame", element_cases.l_frame, ("small deformation (11)-(15)",))
@@ -113,13 +114,13 @@ def fails_once(folder) -> list[Row]:
 
 def test_processes_give_the_same_rows():
     wanted = [FAST, Case("0", "bad", raises)]
-    alone, side_by_side = (pool.run(mechanics, wanted, workers) for workers in (1, 10**400))  # no more than cases
+    alone, side_by_side = (pool.run(wanted, workers) for workers in (1, 10**400))  # no more than cases
     assert repr(alone) == repr(side_by_side)  # NaN is not itself
 
 
 def test_a_dead_process_and_an_endless_case_are_recorded():
     cases = [Case("0", "dead", dies), Case("0", "endless", sleeps, limit=1.0), FAST]
-    rows = pool.run(mechanics, cases, 2)
+    rows = pool.run(cases, 2)
     assert [row.ok for row in rows] == [False, False, True, True]
     assert rows[0].note == "its process ended with status 3"
     assert rows[1].note == "took longer than 1 s"
@@ -129,14 +130,14 @@ def test_a_study_goes_on_where_it_was(tmp_path):
     """What is done is not done again; what lost its process is."""
     trace = tmp_path / "trace"
     trace.mkdir()
-    store = Store(tmp_path / "cases", Row)
+    store = Store(tmp_path / "cases")
     counted, once = Case("0", "counted", counts, (trace,)), Case("0", "once", fails_once, (tmp_path,))
-    first = pool.run(mechanics, [counted, once], 2, store=store)
+    first = pool.run([counted, once], 2, store=store)
     assert [row.ok for row in first] == [True, False]
-    again = pool.run(mechanics, [counted, once], 2, store=store)
+    again = pool.run([counted, once], 2, store=store)
     assert [row.ok for row in again] == [True, True]
     assert len(list(trace.iterdir())) == 1
-    assert repr(again[0]._replace(series=())) == repr(first[0]._replace(series=()))
+    assert repr(again[0].having(series=())) == repr(first[0].having(series=()))
     other = Case("0", "counted", counts, (tmp_path,))
     assert store.get(other) is None, "other arguments, another case"
 
@@ -144,14 +145,14 @@ def test_a_study_goes_on_where_it_was(tmp_path):
 def test_a_cluster_gives_the_same_rows_and_outlives_a_worker(tmp_path):
     from dask.distributed import LocalCluster
 
-    store = Store(tmp_path / "cases", Row)
+    store = Store(tmp_path / "cases")
     cases = [FAST, Case("0", "bad", raises), Case("0", "once", fails_once, (tmp_path,))]
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        rows = pool.run(mechanics, cases, scheduler=cluster.scheduler_address, store=store)
+        rows = pool.run(cases, scheduler=cluster.scheduler_address, store=store)
     assert [row.ok for row in rows] == [True, True, False, True]
     assert all(store.get(case) for case in cases)
     with pytest.raises(BadInput, match="no Dask scheduler answers"):
-        pool.run(mechanics, cases, scheduler="tcp://127.0.0.1:9")
+        pool.run(cases, scheduler="tcp://127.0.0.1:9")
 
 
 def test_known_studies_and_bad_input(cotrack, tmp_path):
@@ -177,27 +178,26 @@ ROWS = [
     checked("1", "a", 1.001, 1.0, 1e-2, order=2.0, over="elements", series=((4.0, 1e-2), (8.0, 0.0))),
     checked("2", "b, with a comma", 3e-6, 0.0, 1e-6),
     checked("3", "c", 2.0, 4.0, math.nan, note="for information"),
-    failed("4", "d", "Lost: nothing left"),
+    Row("4", "d", ok=False, note="Lost: nothing left"),
 ]
 
 
 def test_tables(tmp_path):
     assert [row.ok for row in ROWS] == [True, False, None, False]
-    assert tables.of_order(ROWS[0], 1.9, 2.1).ok
-    assert tables.of_order(ROWS[0], 2.1, 2.5).ok is False
-    assert [row.error for row in ROWS[:3]] == pytest.approx([1e-3, 3e-6, 0.5])
-    assert tables.missed(ROWS) == [ROWS[1], ROWS[3]]
-    lines = tables.to_markdown(ROWS).splitlines()
+    assert compared.of_order(ROWS[0], 1.9, 2.1).ok
+    assert compared.of_order(ROWS[0], 2.1, 2.5).ok is False
+    assert [row["error"] for row in ROWS[:3]] == pytest.approx([1e-3, 3e-6, 0.5])
+    lines = tables.to_markdown(compared.table(ROWS)).splitlines()
     assert lines[0] == "| item | case | value | reference | error | tolerance | order | ok | note |"
     assert lines[2] == "| 1 | a | 1.001 | 1 | 0.001 | 0.01 | 2 | ok |  |"
     assert lines[4] == "| 3 | c | 2 | 4 | 0.5 |  |  |  | for information |"
-    assert {line.count("|") for line in lines} == {len(tables.HEAD) + 1}
-    read = list(csv.DictReader(io.StringIO(tables.to_csv(ROWS))))
-    assert float(read[0]["value"]) == ROWS[0].value
+    assert {line.count("|") for line in lines} == {len(compared.COLUMNS) + 1}
+    read = list(csv.DictReader(io.StringIO(tables.to_csv(compared.table(ROWS)))))
+    assert float(read[0]["value"]) == ROWS[0]["value"]
     assert read[1]["case"] == "b, with a comma"
     assert (read[3]["ok"], read[3]["error"], read[3]["note"]) == ("NOT", "", "Lost: nothing left")
-    assert len(tables.series_csv(ROWS).splitlines()) == 3
-    tables.write(tmp_path, "x", ROWS[1:], "without a series")
+    assert len(tables.to_csv(compared.points(ROWS)).splitlines()) == 3
+    compared.write(tmp_path, "x", ROWS[1:], "without a series")
     assert (tmp_path / "x.png").stat().st_size > 1000
 
 

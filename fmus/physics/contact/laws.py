@@ -1,8 +1,8 @@
 """The door to the normal contact laws: the class of a law says which module is behind it.
 
-A law has a linear spring k, on which rests what spread contacts store and lose (``wheel.bulge``, ``wheel.patch_defect``),
-the friction of ``face``, and a damper of its own. A new one is a file with a class of these fields and ``normal``, and
-its name here and in ``fmus.vehicle``.
+A law has a linear spring k, on which rests what spread contacts store and lose (``wheel.bulge``,
+``wheel.patch_defect``), the friction of ``face``, and a damper of its own. A new one is a file with a class of these
+fields and ``normal``, and its name here and in ``fmus.vehicle``.
 """
 
 from __future__ import annotations

@@ -1,0 +1,121 @@
+"""Figures held against references: rows of a study, its tables, and a picture of errors against elements or step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from orchestrator.studies import files
+from orchestrator.studies.tables import Column, Row, Table, to_csv
+
+COLUMNS = (
+    Column("item", "item"),
+    Column("case", "case"),
+    Column("value", "value", ".9g"),
+    Column("reference", "reference", ".9g"),
+    Column("error", "error", ".2g"),  # absolute or relative, as the case says; what the tolerance bounds
+    Column("tolerance", "tolerance", ".2g"),  # NaN: shown as information
+    Column("order", "order", ".2g"),  # observed, where there is one
+    Column("ok", "ok"),
+    Column("note", "note"),
+)
+POINTS = tuple(Column(key, key) for key in ("item", "case", "over", "size", "error"))
+
+
+def checked(
+    item: str,
+    case: str,
+    value: float,
+    reference: float,
+    tolerance: float,
+    error: float | None = None,
+    note: str = "",
+    **more: Any,
+) -> Row:
+    """A row that must keep its tolerance; the error is relative unless given, and absolute where the reference is 0.
+
+    ``more``: ``order``, and ``series`` of pairs of what they run ``over`` ("elements" or "step, s") and the error.
+    """
+    if error is None:
+        error = abs(value - reference) / (abs(reference) or 1.0)
+    found = {"value": value, "reference": reference, "error": error, "tolerance": tolerance}
+    figures = {key: float(figure) for key, figure in found.items()}
+    ok = None if math.isnan(tolerance) else bool(error <= tolerance)
+    return Row(item, case, {**figures, **more}, ok, note)
+
+
+def of_order(row: Row, low: float, high: float) -> Row:
+    """The row, which must also show an order between two bounds."""
+    kept = bool(row.ok) and low <= row["order"] <= high
+    return replace(row, ok=kept, note=f"order {low:g} to {high:g} is asked for")
+
+
+def series(row: Row) -> list[tuple[float, float]]:
+    """What the series of a row runs over, and the errors."""
+    return [(size, error) for size, error in row.figures.get("series", ())]
+
+
+def table(rows: Sequence[Row], title: str = "") -> Table:
+    """The rows for people and programs."""
+    return Table(title, COLUMNS, [row.cells() for row in rows])
+
+
+def points(rows: Sequence[Row]) -> Table:
+    """The points behind the picture."""
+    found = [{**row.cells(), "size": size, "error": error} for row in rows for size, error in series(row)]
+    return Table("", POINTS, found)
+
+
+def draw(rows: Sequence[Row], title: str) -> files.Picture:
+    """Error against elements or step, log-log: a pane an item, a line a row, dotted lines of orders 2 and 4."""
+    from matplotlib import colormaps
+    from matplotlib.figure import Figure
+
+    panes: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        if any(error > 0.0 for _, error in series(row)):
+            panes.setdefault((row.item, row["over"]), []).append(row)
+    across = min(2, len(panes)) or 1
+    down = -(-len(panes) // across) or 1
+    figure = Figure(figsize=(8.0 * across, 7.0 * down), layout="constrained")
+    axes = figure.subplots(down, across, squeeze=False).ravel()
+    colours = colormaps["tab20"]
+    for pane, ((item, over), shown) in zip(axes, panes.items(), strict=False):
+        ends = []
+        for k, row in enumerate(shown):
+            line = sorted((size, error) for size, error in series(row) if error > 0.0)
+            ends.append(line[-1] if over.startswith("step") else line[0])
+            label = row.case + ("" if math.isnan(row["order"]) else f" ({row['order']:.1f})")
+            pane.loglog(
+                *zip(*line, strict=True), color=colours(k % 20), marker="os^vDP*X"[k % 8],
+                label=label, markersize=4, linewidth=1,
+            )  # fmt: skip
+        sizes = [size for row in shown for size, _ in series(row)]
+        low, high = min(sizes), max(sizes)
+        first, last = (high, low) if over.startswith("step") else (low, high)
+        limits, start = pane.get_ylim(), sorted(error for _, error in ends)[len(ends) // 2]
+        for order in (2, 4):
+            fall = start * (low / high) ** order
+            pane.loglog([first, last], [start, fall], ":", color="0.5", linewidth=1)
+            near = max(fall, 2.0 * limits[0])
+            spot = first * (start / near) ** (math.log(last / first) / math.log(start / fall))
+            pane.text(spot, near, f"order {order}", color="0.4", fontsize=8)
+        pane.set_ylim(limits)
+        pane.set_title(f"item {item}", fontsize=9, loc="left")
+        pane.set_xlabel(over)
+        pane.set_ylabel("error")
+        pane.grid(True, which="major", color="0.9")
+        pane.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+    for pane in axes[len(panes) :]:
+        pane.set_axis_off()
+    figure.suptitle(f"{title} (observed order in brackets)", fontsize=11)
+    return figure
+
+
+def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
+    """Tables and picture; raises OSError when the folder cannot be written."""
+    more = {f"{name}-convergence.csv": to_csv(points(rows))}
+    return files.save(folder, name, table(rows, title), draw(rows, title), more)
