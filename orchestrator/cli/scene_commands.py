@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -60,3 +61,17 @@ def build(
         raise BadInput(f"scene '{scene}' needs no FMU")
     for file in products.build_to(output, wanted):
         print(file)
+
+
+def warm(
+    scenes: Annotated[list[str] | None, typer.Argument(help="scenes; all of the gallery that have FMUs")] = None,
+) -> None:
+    """Compile what scenes need ahead of their first run, in as many processes as there are cores."""
+    from orchestrator.execution.warm import variants
+    from orchestrator.execution.warm import warm as begun
+
+    wanted, failed = variants(scenes or ()), 0
+    for done, (name, message, seconds) in enumerate(begun(wanted), 1):
+        failed += bool(message)
+        print(f"{done}/{len(wanted)} {name}: " + (message or f"starts after {seconds:.1f} s"))
+    sys.exit(min(failed, 1))

@@ -1,0 +1,38 @@
+"""Kernels compiled ahead of the first run: scenes are begun in processes of their own, as many at a time as cores."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+from orchestrator.scene import gallery
+from orchestrator.scene.assembly import TRACKS
+from orchestrator.scene.scene import DirectScene, load
+
+SOON = "run.stop=10 ms"
+
+
+def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str | None]]:
+    """The scenes, or those of the gallery that have FMUs, with each model of track; raises BadInput."""
+    chosen = scenes or [name for name in gallery.names() if not isinstance(load(name), DirectScene)]
+    return [(name, track) for name in chosen for track in TRACKS]
+
+
+def warm(wanted: Sequence[tuple[str, str | None]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
+    """Begin the scenes; yields the name, what went wrong (or nothing) and the start-up time, s, of each that is done."""
+    workers = min(workers or os.cpu_count() or 1, len(wanted))
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for done in as_completed([pool.submit(_begin, *each) for each in wanted]):
+            yield done.result()
+
+
+def _begin(name: str, track: str | None) -> tuple[str, str, float]:
+    from orchestrator.execution.simulate import simulate
+
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        told = simulate(load(name, track, [SOON, "expect={}"]), Path(folder) / "run.mcap", estimated=False)
+    return f"{name}, {track}", "" if told["status"] == "ok" else str(told["message"]), float(told["startup_time"])
