@@ -117,7 +117,7 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> b
     if child.returncode:
         last = (child.stderr.strip() or "no message").splitlines()[-1]
         raise BuildFailed(f"cannot build {script.stem}: {last.removeprefix('fmus.slave.Refused: ')}")
-    return _compress(Path(order["target"]), stage / "packed.fmu").read_bytes()[:-CHECKSUM]
+    return _compress(Path(str(order["target"])), stage / "packed.fmu").read_bytes()[:-CHECKSUM]
 
 
 def _compress(described: Path, packed: Path) -> Path:

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import llvmlite
 import numba
@@ -32,6 +32,7 @@ from numba.extending import overload
 from fmus.cache import cache_folder, keep, kept, own, spared
 
 COMPILED = logging.getLogger("cotrack.kernels")  # is told of each kernel that has to be compiled
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of the function that it is made of
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
 OURS, OWN = "_ZN4fmus", ".own"  # begins the names of our functions as LLVM knows them; ends those of a kernel's copies
 # numba's settings that make other machine code of the same source
@@ -189,7 +190,7 @@ class _Cache(FunctionCache):
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         locator = self._impl.locator
-        self._cache_file = _Overloads(
+        self._cache_file: Any = _Overloads(
             Path(locator.get_cache_path()), self._impl.filename_base, locator.get_source_stamp()
         )
 
@@ -225,13 +226,13 @@ def whole(optimise: Callable[[Any], None]) -> Callable[[Any], None]:
 
 
 if hasattr(CPUCodeLibrary, "_optimize_final_module"):
-    CPUCodeLibrary._optimize_final_module = whole(CPUCodeLibrary._optimize_final_module)
+    CPUCodeLibrary._optimize_final_module = whole(CPUCodeLibrary._optimize_final_module)  # type: ignore[method-assign]
 
 
-OPTIONS = {"error_model": "numpy", "nogil": True, "_nrt": False}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 
 
-def kernel(function: Callable[..., Any]) -> Any:
+def kernel(function: Kernel) -> Kernel:
     """Compile a kernel: no Python objects, no GIL, IEEE division, cached by content.
 
     It makes no arrays and borrows those that it is given: nothing counts references to them, which would cost as much
@@ -239,12 +240,14 @@ def kernel(function: Callable[..., Any]) -> Any:
     Kernels call kernels by import: one that closes over or takes a jitted function is never found again.
     With ``NUMBA_DISABLE_JIT=1`` the function comes back as it is, with ``NUMBA_BOUNDSCHECK=1`` it checks its indices.
     """
-    return _compiled(function, OPTIONS)
+    made: Kernel = _compiled(function, OPTIONS)
+    return made
 
 
-def allocating(function: Callable[..., Any]) -> Any:
+def allocating(function: Kernel) -> Kernel:
     """``kernel`` for those that make arrays or take them from a kernel that does: they count references."""
-    return _compiled(function, OPTIONS | {"_nrt": True})
+    made: Kernel = _compiled(function, OPTIONS | {"_nrt": True})
+    return made
 
 
 def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
@@ -281,7 +284,7 @@ def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Ca
         signature = inspect.signature(stub)
         names = ", ".join(signature.parameters)
         chosen.__signature__ = signature  # type: ignore[attr-defined]
-        overload(plain, jit_options=OPTIONS)(chosen)
+        overload(plain, jit_options=OPTIONS)(chosen)  # type: ignore[arg-type]
         return plain
 
     return decorate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ def from_bytes(content: bytes) -> Saved:
         guid, phase, flags, failure, strings, sizes, checksum = json.loads(content[8:end])
         if zlib.crc32(content[end:]) != checksum:
             raise ValueError("the checksum does not hold")
-        arrays = []
+        arrays: list[Any] = []
         for size, kind in zip(sizes, (np.float64, np.int64, np.float64, np.int64), strict=True):
             arrays.append(np.frombuffer(content, dtype=kind, count=size, offset=end).copy())
             end += 8 * size

@@ -19,7 +19,7 @@ import math
 import sys
 import traceback
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import wraps
 from pathlib import Path
@@ -68,7 +68,7 @@ sys.meta_path.append(SameBuild("fmus", BUILD, _of_another_build))
 class _Access(NamedTuple):
     """What a list of Real value references touches."""
 
-    index: slice | NDArray[np.intp]
+    at: slice | NDArray[np.intp]
     inputs: bool  # only inputs
     outputs: bool  # some output
     links: bool  # some link output
@@ -199,7 +199,7 @@ class Slave(Fmi2Slave):
         if access is None:
             if any(not 0 <= r < len(self._reals) for r in key):
                 raise Refused(f"no Real variable has the value reference {max(key)}")
-            index: slice | NDArray[np.intp] = np.array(key, dtype=np.intp)
+            at: slice | NDArray[np.intp] = np.array(key, dtype=np.intp)
             if key and key == tuple(range(key[0], key[0] + len(key))):
                 index = slice(key[0], key[0] + len(key))
             access = _Access(
@@ -223,7 +223,7 @@ class Slave(Fmi2Slave):
             self._initialise()
         if access.links and self._links_stale:
             self._refresh_links()
-        return self._values[access.index].tolist()
+        return self._values[access.at].tolist()
 
     @_guarded
     def set_real(self, vrs: list[int], values: list[float]) -> None:
@@ -233,14 +233,14 @@ class Slave(Fmi2Slave):
             if access.outputs:
                 raise Refused(f"an output cannot be set ({self._reals[max(vrs)].name} or one set with it)")
             self._parameter_set(self._reals[max(vrs)].name)
-        self._values[access.index] = values
+        self._values[access.at] = values
 
     def _parameter_set(self, name: str) -> None:
         if self._phase == "running":
             raise Refused(f"parameter '{name}' is fixed: set it before the end of initialisation")
         self._stale = True
 
-    def _place(self, reference: int, ports: tuple[Port, ...], first: int, kind: str) -> int:
+    def _place(self, reference: int, ports: Sequence[Port], first: int, kind: str) -> int:
         if not first <= reference < first + len(ports):
             raise Refused(f"no {kind} variable has the value reference {reference}")
         return reference - first

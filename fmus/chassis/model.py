@@ -87,7 +87,8 @@ class Model:
             raise InvalidParameter(f"chassis.sides = {sides} must be ['left', 'right'] or ['left']")
         self._sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
         self.tree = tree(vehicle, len(sides))
-        self._vehicle, self._ground, self._contacts = vehicle, config["chassis"].get("ground"), None
+        self._vehicle, self._ground = vehicle, config["chassis"].get("ground")
+        self._contacts: Any = None
         self._centre = np.array(vehicle["chassis"]["centre"])
         places = [f"{side}.{name}" for side in sides for name in stations(self._wheels)]
         self.ports: tuple[Port, ...] = (

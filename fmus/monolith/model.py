@@ -94,7 +94,7 @@ class Monolith:
         own = [part for part in parts if part.name not in self._mirrored]
         self._chains = [p.name for p in own if p.kind in CHAINS]
         self._drives = [p.name for p in own if p.kind == "SprocketDrive"]
-        self._chassis = next((p.name for p in own if p.kind == "Chassis"), None)
+        self._chassis = next((p.name for p in own if p.kind == "Chassis"), "")
         if not self._chains:
             raise InvalidParameter("a monolith needs a chain")
         if any("ground" in part.config["chassis"] for part in own if part.kind == "Chassis"):
@@ -115,7 +115,7 @@ class Monolith:
         sizes = [chain_parts.size(models[name]) for name in chains]
         body, tree, sides = sum(sizes), None, 0
         stations: list[str] = []
-        if self._chassis is not None:
+        if self._chassis:
             part = next(p for p in own if p.name == self._chassis)
             config = part.config
             if self._mirrored:
@@ -126,7 +126,7 @@ class Monolith:
             stations = [n.removesuffix(".position.x") for n in ports if n.endswith(".position.x")][:-1]
             tree = self._with_spins(chassis.tree, [self.models[name] for name in drives], 2 // sides)
             inputs = [p.name for p in chassis.ports if p.causality == "input" and p.name.endswith(".force.x")]
-        width = chassis.state.size if self._chassis is not None else 0
+        width = chassis.state.size if self._chassis else 0
         self._body, self._spin = body, body + width
         self.x = np.zeros(body + width + SPIN * len(drives))
         self._y, self._k = np.zeros_like(self.x), np.zeros((len(RK4.b), self.x.size))
@@ -164,7 +164,7 @@ class Monolith:
         chain = [wrenches[self._needed(name, "sprocket.force.x")] for name in drives]
         wrenches |= {(name, "mount"): block + d for d, name in enumerate(drives)}
         acting = []
-        if self._chassis is not None:
+        if self._chassis:
             acting = [wrenches[self._needed(self._chassis, name)] for name in inputs]
         units = max([len(acting) * WRENCH, *(STATE * len(p.seen) for p in places)])
         self._plan = Plan(
@@ -218,7 +218,7 @@ class Monolith:
         """The models' start as x."""
         for name, place in zip(self._chains, self._places, strict=True):
             chain_parts.give(self.models[name], self.x[place.start : place.end])
-        if self._chassis is not None:
+        if self._chassis:
             self.x[self._body : self._spin] = self.models[self._chassis].state
         for d, name in enumerate(self._drives):
             self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)] = self.models[name].state[:SPIN]
@@ -252,7 +252,7 @@ class Monolith:
                 raise self._failed(failure, where, begin + done * length / steps)
         for name, place in zip(self._chains, self._places, strict=True):
             chain_parts.take(self.models[name], place, self.x[place.start : place.end], h)
-        if self._chassis is not None:
+        if self._chassis:
             self._take_chassis()
         for d in range(len(self._drives)):
             self._take_drive(d, h)

@@ -37,7 +37,8 @@ class Factors(NamedTuple):
 
 def workspace(n: int, m: int) -> Factors:
     """Room for the factors of ``n`` blocks of size ``m``; a closed chain has n >= 2."""
-    return Factors(*np.zeros((4, n, m, m)), size=(0,) * m)
+    E, G, H, F = np.zeros((4, n, m, m))
+    return Factors(E, G, H, F, (0,) * m)
 
 
 @kernel

@@ -68,7 +68,7 @@ def _often(loop: Callable[[int], None], _: int) -> None:
 
 def _flexible(track: Any, h: float) -> dict[str, Callable[[int], None]]:
     s, w, closed = track.s, track.work, track.closed
-    chain = *track.system(), Motion(s.q, s.v, s.vdot), slopes(track.method.alpha, h), w
+    chain = [*track.system(), Motion(s.q, s.v, s.vdot), slopes(track.method.alpha, h), w]
     _evaluations(1, *chain, True)
     matrix, right = w.A.copy(), w.b.copy()
     return {
@@ -103,7 +103,7 @@ def _solutions(n, right, w, closed):
 
 
 def _rigid(track: Any, h: float) -> dict[str, Callable[[int], None]]:
-    chain = *track.system(), track.s, track.work
+    chain = [*track.system(), track.s, track.work]
     half, ends, by, s = track.link.half, track.link.ends, slopes(track.method.alpha, h), track.work.system
     _residuals(1, *chain, by, True)
     matrix = s.K.copy()

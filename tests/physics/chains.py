@@ -113,7 +113,7 @@ class Flexible:
         """About the origin (3)."""
         total, e, v = np.zeros(3), np.zeros((4, 3)), np.zeros((4, 3))
         cables.mass(self.links, self.w.M)
-        for i in range(self.links.count):
+        for i in range(self.links.n):
             j = (i + 1) % len(self.s.q)
             gather(self.s.q, i, j, e)
             gather(self.s.v, i, j, v)

@@ -34,7 +34,7 @@ def evaluate(links, contacts, env, x, by, w, tangent):
 
     Returns the largest entry of the residual, N, and the link it belongs to.
     """
-    n, l, rows, dims, weight = links.count, length(links), vectors(links), axes(links), matter(links) * env.gravity
+    n, l, rows, dims, weight = links.n, length(links), vectors(links), axes(links), matter(links) * env.gravity
     clear(w, tangent)
     mass(links, w.M)
     if contacts is not None:
@@ -69,7 +69,7 @@ def evaluate(links, contacts, env, x, by, w, tangent):
 @kernel
 def measure(links, env, q, v, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
-    n, l, rows, dims, weight = links.count, length(links), vectors(links), axes(links), matter(links) * env.gravity
+    n, l, rows, dims, weight = links.n, length(links), vectors(links), axes(links), matter(links) * env.gravity
     kinetic = strain_energy = gravity = 0.0
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
@@ -88,6 +88,6 @@ def measure(links, env, q, v, w):
 @kernel
 def axials(links, q, w, tension, stress):
     """Tension, N, and largest axial stress, Pa, of all links into ``tension`` and ``stress`` (n)."""
-    for i in range(links.count):
+    for i in range(links.n):
         gather(links, q, i, i + 1 if i + 1 < q.shape[0] else 0, w.e)
         tension[i], stress[i] = axial(links, w)

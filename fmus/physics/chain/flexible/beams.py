@@ -38,7 +38,7 @@ FIXED = 6  # of a pin those that a pinned end has from the ground: position and 
 class Beams(NamedTuple):
     """The links of a chain, all alike."""
 
-    count: int
+    n: int  # how many
     closed: int
     beam: Beam
     face: float  # contact faces from the pin line, m
@@ -168,7 +168,7 @@ def highest_frequency(links: Beams) -> float:
 
 def straight(links: Beams, pins: Floats, q: Floats) -> None:
     """Straight links between the pins (nodes, 2) of x and z, pins along y, into ``q``."""
-    n, nodes = links.count, len(q)
+    n, nodes = links.n, len(q)
     q[:, 0], q[:, 2], q[:, 4] = pins[:, 0], pins[:, 1], 1.0
     chord = (np.roll(pins, -1, axis=0) - pins)[:n] / links.beam.l
     ends = (np.arange(n) + 1) % nodes

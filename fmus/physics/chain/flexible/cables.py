@@ -35,7 +35,7 @@ FIXED = 3  # of them those that a pinned end has from the ground: the position
 class Cables(NamedTuple):
     """The links of a chain, all alike."""
 
-    count: int
+    n: int  # how many
     closed: int
     cable: Cable  # its class is the elasticity, see ``ancf/element.py``
     face: float  # contact faces from the pin line, m
@@ -149,7 +149,7 @@ def highest_frequency(links: Cables) -> float:
 
 def straight(links: Cables, pins: Floats, q: Floats) -> None:
     """Straight links between the pins (nodes, 2) of x and z, into ``q``."""
-    n, nodes = links.count, len(q)
+    n, nodes = links.n, len(q)
     q[:, 0], q[:, 2] = pins[:, 0], pins[:, 1]
     chord = (np.roll(pins, -1, axis=0) - pins)[:n] / links.cable.l
     q[:n, 5:7] = chord

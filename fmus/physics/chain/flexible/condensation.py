@@ -39,11 +39,9 @@ def layout(begin: list[int], end: list[int], outer: list[int]) -> Layout:
     places = [*begin, *end]
     inner = [k for k in range(len(places)) if k not in outer]
     m = len(outer) // 2
-    parts = outer, inner, [places[k] for k in outer[:m]], [places[k] for k in inner]
     # unsigned where nothing is folded away: an index that may be negative costs a tenth of ``correct``
-    kinds = np.intp, np.intp, np.uintp, np.uintp
-    arrays = (np.array(part, kind) for part, kind in zip(parts, kinds, strict=True))
-    return Layout(*arrays, (0,) * m, (0,) * len(inner))
+    pin, slope = (np.array([places[k] for k in part], dtype=np.uintp) for part in (outer[:m], inner))
+    return Layout(np.array(outer), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner))
 
 
 @kernel

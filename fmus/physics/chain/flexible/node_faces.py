@@ -9,7 +9,7 @@ from fmus.physics.vector import vector
 @kernel
 def count(links, x):
     """See ``faces``."""
-    return links.count, x.q.shape[0]
+    return links.n, x.q.shape[0]
 
 
 @kernel

@@ -33,7 +33,7 @@ FIXED = 2  # of its coordinates those that a pinned end has from the ground: the
 class PlanarCables(NamedTuple):
     """The links of a chain, all alike."""
 
-    count: int
+    n: int  # how many
     closed: int
     cable: Cable  # small deformation, in two axes
     face: float  # contact faces from the pin line, m
@@ -148,7 +148,7 @@ def highest_frequency(links: PlanarCables) -> float:
 
 def straight(links: PlanarCables, pins: Floats, q: Floats) -> None:
     """Straight links between the pins (nodes, 2) of x and z, into ``q``."""
-    n, nodes = links.count, len(q)
+    n, nodes = links.n, len(q)
     q[:, :2] = pins
     chord = (np.roll(pins, -1, axis=0) - pins)[:n] / links.cable.l
     q[:n, 4:6] = chord
