@@ -201,9 +201,9 @@ class Slave(Fmi2Slave):
                 raise Refused(f"no Real variable has the value reference {max(key)}")
             at: slice | NDArray[np.intp] = np.array(key, dtype=np.intp)
             if key and key == tuple(range(key[0], key[0] + len(key))):
-                index = slice(key[0], key[0] + len(key))
+                at = slice(key[0], key[0] + len(key))
             access = _Access(
-                index,
+                at,
                 inputs=all(r < self._inputs.stop for r in key),
                 outputs=any(self._outputs.start <= r < self._links.stop for r in key),
                 links=any(self._links.start <= r < self._links.stop for r in key),

@@ -69,18 +69,18 @@ def _often(loop: Callable[[int], None], _: int) -> None:
 def _flexible(track: Any, h: float) -> dict[str, Callable[[int], None]]:
     s, w, closed = track.s, track.work, track.closed
     chain = [*track.system(), Motion(s.q, s.v, s.vdot), slopes(track.method.alpha, h), w]
-    _evaluations(1, *chain, True)
+    _evaluations(1, True, *chain)
     matrix, right = w.A.copy(), w.b.copy()
     return {
-        "matrix": lambda n: _evaluations(n, *chain, True),
-        "residual": lambda n: _evaluations(n, *chain, False),
+        "matrix": lambda n: _evaluations(n, True, *chain),
+        "residual": lambda n: _evaluations(n, False, *chain),
         "factor": lambda n: _factorings(n, matrix, w, closed),
         "solve": lambda n: _solutions(n, right, w, closed),
     }
 
 
 @kernel
-def _evaluations(n, links, contacts, env, x, by, w, tangent):
+def _evaluations(n, tangent, links, contacts, env, x, by, w):
     for _ in range(n):
         evaluate(links, contacts, env, x, by, w, tangent)
 
@@ -103,20 +103,20 @@ def _solutions(n, right, w, closed):
 
 
 def _rigid(track: Any, h: float) -> dict[str, Callable[[int], None]]:
-    chain = [*track.system(), track.s, track.work]
-    half, ends, by, s = track.link.half, track.link.ends, slopes(track.method.alpha, h), track.work.system
-    _residuals(1, *chain, by, True)
+    chain = [*track.system(), track.s, track.work, slopes(track.method.alpha, h)]
+    half, ends, s = track.link.half, track.link.ends, track.work.system
+    _residuals(1, True, *chain)
     matrix = s.K.copy()
     return {
-        "matrix": lambda n: _residuals(n, *chain, by, True),
-        "residual": lambda n: _residuals(n, *chain, by, False),
+        "matrix": lambda n: _residuals(n, True, *chain),
+        "residual": lambda n: _residuals(n, False, *chain),
         "factor": lambda n: _eliminations(n, matrix, half, ends, s),
         "solve": lambda n: _increments(n, half, ends, s),
     }
 
 
 @kernel
-def _residuals(n, links, contacts, env, s, w, by, tangent):
+def _residuals(n, tangent, links, contacts, env, s, w, by):
     for _ in range(n):
         residual(links, contacts, env, s, w, by, tangent)
 

@@ -23,7 +23,7 @@ def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str | None]]:
 
 
 def warm(wanted: Sequence[tuple[str, str | None]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
-    """Begin the scenes; yields the name, what went wrong (or nothing) and the start-up time, s, of each that is done."""
+    """Begin the scenes; yields the name, what went wrong (or nothing) and the start-up time, s, of each."""
     workers = min(workers or os.cpu_count() or 1, len(wanted))
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         for done in as_completed([pool.submit(_begin, *each) for each in wanted]):
