@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, wraps
 from pathlib import Path
+from threading import Lock
 from typing import Any, TypeVar
 
 import llvmlite
@@ -35,6 +36,7 @@ COMPILED = logging.getLogger("cotrack.kernels")  # is told of each kernel that h
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of the function that it is made of
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
 OURS, OWN = "_ZN4fmus", ".own"  # begins the names of our functions as LLVM knows them; ends those of a kernel's copies
+PARSING = Lock()  # Python 3.11 counts the depth of a tree for all threads together
 # numba's settings that make other machine code of the same source
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
 
@@ -66,7 +68,9 @@ def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
 def _imports(path: Path, package: str) -> tuple[str, ...]:
     """Absolute names that the source at ``path`` imports; of ``from a import b`` both ``a`` and ``a.b``."""
     found: list[str] = []
-    for statement in _statements(ast.parse(path.read_bytes()).body):
+    with PARSING:
+        tree = ast.parse(path.read_bytes())
+    for statement in _statements(tree.body):
         if isinstance(statement, ast.Import):
             found += [alias.name for alias in statement.names]
         elif isinstance(statement, ast.ImportFrom):
