@@ -93,7 +93,7 @@ class Chain:
         elif variant == SOFT:
             track |= {"wheels": [], "ground": False}
         model: Any = _RigidTrack if own is None else _FlexibleTrack
-        self._model = model({"vehicle": _with_poisson(config["vehicle"]), "track": track, "link_outputs": True})
+        self._model = model({"vehicle": _completed(config["vehicle"]), "track": track, "link_outputs": True})
         known = {port.name: port.start for port in self._model.ports if port.causality == "parameter"}
         given = {name: value for name, value in parameters.items() if name in known}
         self._model.initialise(known | given | ({} if own is None else own | MATERIAL[variant]))
@@ -242,12 +242,16 @@ class _RigidTrack(track_rigid.Model):
         pass
 
 
-def _with_poisson(vehicle: Mapping[str, Any]) -> dict[str, Any]:
-    """The table of a vehicle; where no Poisson's ratio belongs to its moduli, which beams refuse, with POISSON."""
+def _completed(vehicle: Mapping[str, Any]) -> dict[str, Any]:
+    """The table of a vehicle; where no Poisson's ratio belongs to its moduli, which beams refuse, with POISSON.
+
+    A table that knows no normal laws, as older ones do, has the linear one.
+    """
     material = dict(vehicle["material"])
     if not 2.0 <= material["youngs_modulus"] / material["shear_modulus"] < 3.0:
         material["shear_modulus"] = material["youngs_modulus"] / (2.0 * (1.0 + POISSON))
-    return {**vehicle, "material": material}
+    contact = {pair: {"law": "linear", **law} for pair, law in vehicle["contact"].items()}
+    return {**vehicle, "material": material, "contact": contact}
 
 
 def _uncondensed(m: Any, x: Floats) -> tuple[Floats, Floats]:
