@@ -233,7 +233,7 @@ if hasattr(CPUCodeLibrary, "_optimize_final_module"):
 
 
 # of a kernel that is called by kernels alone: Python's way in, which looks at every array of every tuple, is left out
-INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 
 
@@ -258,7 +258,7 @@ def allocating(function: Kernel) -> Kernel:
 def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     compiled = numba.njit(**options)(function)
     if compiled is not function:
-        inner = numba.njit(**options | INNER)(function)
+        inner = numba.njit(**options, **INNER)(function)
         for made in (compiled, inner):
             made._cache = _Cache(function, made is inner)  # what numba's cache=True does, with our cache
             made._cache.counting = options["_nrt"]
