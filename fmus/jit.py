@@ -191,11 +191,12 @@ class _Cache(FunctionCache):
             raise TypeError(f"the kernel {self._name} returns an array: it must be ``allocating``")
         super().save_overload(sig, data)
 
-    def __init__(self, function: Callable[..., Any], inner: bool) -> None:
+    def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         locator = self._impl.locator
-        stem = self._impl.filename_base + "-inner" * inner
-        self._cache_file: Any = _Overloads(Path(locator.get_cache_path()), stem, locator.get_source_stamp())
+        self._cache_file: Any = _Overloads(
+            Path(locator.get_cache_path()), self._impl.filename_base, locator.get_source_stamp()
+        )
 
     _guard_against_spurious_io_errors = staticmethod(spared)
 
@@ -232,8 +233,6 @@ if hasattr(CPUCodeLibrary, "_optimize_final_module"):
     CPUCodeLibrary._optimize_final_module = whole(CPUCodeLibrary._optimize_final_module)  # type: ignore[method-assign]
 
 
-# of a kernel that is called by kernels alone: Python's way in, which looks at every array of every tuple, is left out
-INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 
 
@@ -258,15 +257,11 @@ def allocating(function: Kernel) -> Kernel:
 def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     compiled = numba.njit(**options)(function)
     if compiled is not function:
-        inner = numba.njit(**options, **INNER)(function)
-        for made in (compiled, inner):
-            made._cache = _Cache(function, made is inner)  # what numba's cache=True does, with our cache
-            made._cache.counting = options["_nrt"]
+        compiled._cache = _Cache(function)  # what numba's cache=True does, with our cache
+        compiled._cache.counting = options["_nrt"]
         # a constant argument would have a type of its own and be compiled for
-        compiled.get_call_template = lambda args, kws: inner.get_call_template(
-            tuple(map(numba.types.unliteral, args)), kws
-        )
-        compiled.get_overload = inner.get_overload
+        resolve = compiled.get_call_template
+        compiled.get_call_template = lambda args, kws: resolve(tuple(map(numba.types.unliteral, args)), kws)
     return compiled
 
 
@@ -293,7 +288,7 @@ def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Ca
         signature = inspect.signature(stub)
         names = ", ".join(signature.parameters)
         chosen.__signature__ = signature  # type: ignore[attr-defined]
-        overload(plain, jit_options=OPTIONS | INNER)(chosen)  # type: ignore[arg-type]
+        overload(plain, jit_options=OPTIONS)(chosen)  # type: ignore[arg-type]
         return plain
 
     return decorate
