@@ -19,7 +19,7 @@ SOON = "run.stop=10 ms"
 def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str | None]]:
     """The scenes, or those of the gallery that have FMUs, with each model of track; raises BadInput."""
     chosen = scenes or [name for name in gallery.names() if not isinstance(load(name), DirectScene)]
-    return [(name, track) for name in chosen for track in TRACKS]
+    return [(name, track) for name in chosen for track in TRACKS if load(name, track)]
 
 
 def warm(wanted: Sequence[tuple[str, str | None]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
