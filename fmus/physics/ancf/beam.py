@@ -31,10 +31,7 @@ from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 
 ROWS = 8  # vectors of coordinates of an element: position and three gradients at two nodes
-ACROSS = 2  # Gauss points across the width, and across the height
-PLACES = ACROSS * ACROSS + 1  # of a section: the Gauss points of its area, and the axis
 GAUSS = 4  # Gauss points along the element
-PAIRS = np.array([[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]])  # of directions, in the order of the strains
 SEES = np.array(
     [[0, 1], [0, 1], [1, 3], [2, 4]] * 2
 )  # which of a section's five vectors a vector of the element changes (r_x is not changed by a second)
@@ -58,6 +55,12 @@ class Beam(NamedTuple):
 Section = Beam
 
 
+@kernel
+def radii(c):
+    """Of gyration of the section, by y and by z, m: Gauss's two points across it lie there."""
+    return c.width / np.sqrt(12.0), c.height / np.sqrt(12.0)
+
+
 @allocating
 def shape(c, xi, y, z, S):
     """The eight shape functions at the fraction ``xi`` of the length and ``y``, ``z``, m, into ``S`` (8)."""
@@ -70,8 +73,7 @@ def shape(c, xi, y, z, S):
 @allocating
 def mass(c, M):
     """The constant mass matrix as (8, 8) factors of the identity of space, kg."""
-    S, area = np.empty(8), c.width * c.height
-    y, z = c.width / np.sqrt(12.0), c.height / np.sqrt(12.0)  # radii of gyration: exact second moments
+    S, area, (y, z) = np.empty(8), c.width * c.height, radii(c)  # at the radii of gyration: exact second moments
     M[:] = 0.0
     for p in range(4):  # four points integrate the sixth degree of the axis exactly
         for corner in range(4):
@@ -83,17 +85,7 @@ def mass(c, M):
 
 
 @kernel
-def strain(F, E):
-    """Green-Lagrange strains xx, yy, zz and shear angles xy, xz, yz, into ``E`` (6)."""
-    for m in range(6):
-        i, j = PAIRS[m, 0], PAIRS[m, 1]
-        E[m] = F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j]
-        if i == j:
-            E[m] = 0.5 * (E[m] - 1.0)
-
-
-@kernel
-def law(c, axis):
+def moduli(c, axis):
     """Moduli, Pa: direct and lateral of the normal strains, shear with the axis, shear within the section.
 
     Of the volume, or of what it leaves to the axis (``axis``): mean shear, and lateral coupling where it is split.
@@ -111,39 +103,44 @@ def law(c, axis):
 
 
 @kernel
-def hooke(moduli, E, T):
-    """Stresses of the strains ``E``, into ``T`` (6), Pa."""
-    direct, lateral, shear, section = moduli
-    trace = E[0] + E[1] + E[2]
-    for m in range(3):
-        T[m] = (direct - lateral) * E[m] + lateral * trace
-    T[3], T[4], T[5] = shear * E[3], shear * E[4], section * E[5]
+def law(c, C):
+    """Hooke's law of a section into ``C`` (2, 5, 5), Pa: ``C[0]`` of the squares of what it sees, ``C[1]`` of products.
 
-
-@kernel
-def place(c, k):
-    """Of the place ``k`` of a section: ``y``, ``z``, m, its share of the area, its moduli."""
-    if k == PLACES - 1:
-        return 0.0, 0.0, 1.0, law(c, True)
-    i, j = k // ACROSS, k % ACROSS
-    share = WEIGHTS[ACROSS, i] * WEIGHTS[ACROSS, j]
-    return c.width * (POINTS[ACROSS, i] - 0.5), c.height * (POINTS[ACROSS, j] - 0.5), share, law(c, False)
+    The strain xx at y, z is that of the axis, and half the square of y G1 + z G2, and y G0.G1 + z G0.G2: over the area
+    the first two join to the mean, the others stand alone, and so do the shears. The axis adds its own.
+    """
+    direct, lateral, shear, section = moduli(c, False)
+    direct_axis, lateral_axis, shear_axis, _ = moduli(c, True)
+    for i in range(5):
+        for j in range(5):
+            along, other = i < 3, j < 3  # r_x and its slopes make the strain xx; r_y, r_z those of the section
+            C[0, i, j] = direct if i == j or (along and other) else lateral
+            C[1, i, j] = direct if along and other else (shear if along or other else section)
+        C[1, i, i] = 0.0
+    C[0, 0, 0] += direct_axis
+    for i in range(3, 5):
+        C[0, 0, i] += lateral_axis
+        C[0, i, 0] += lateral_axis
+        C[0, i, 7 - i] += lateral_axis
+        C[0, i, i] += direct_axis
+        C[1, 0, i] += shear_axis
+        C[1, i, 0] += shear_axis
 
 
 @kernel
 def basis(c, xi, N):
     """What the section at the fraction ``xi`` of the length sees of an element, G = N e; ``N`` (5, 8).
 
-    That is r_x on the axis, its slopes by y and z, r_y, r_z. The gradients at y, z of the section are G0 + y G1 + z G2,
-    G3, G4: four sections at five places cost a quarter of twenty points that know nothing of each other.
+    That is r_x on the axis, its slopes by y and z times the radii of gyration, r_y, r_z: all that the strains of the
+    section are made of, so that no point of it is looked at.
     """
     N[:] = 0.0
-    ends = N[1]
+    ends, (y, z) = N[1], radii(c)
     cable.shape_slope(c, xi, ends)
     N[0, 0], N[0, 1], N[0, 4], N[0, 5] = ends[0], ends[1], ends[2], ends[3]
     N[1] = 0.0
-    N[1, 2] = N[2, 3] = -1.0 / c.l
-    N[1, 6] = N[2, 7] = 1.0 / c.l
+    N[1, 2], N[2, 3] = -y / c.l, -z / c.l
+    N[1, 6], N[2, 7] = y / c.l, z / c.l
     N[3, 2] = N[4, 3] = 1.0 - xi
     N[3, 6] = N[4, 7] = xi
 
@@ -160,38 +157,57 @@ def seen(N, e, G):
 
 
 @kernel
-def fibre(G, y, z, F):
-    """Gradients at ``y``, ``z`` of a section, in the columns of ``F`` (3, 3)."""
-    for i in range(3):
-        F[i, 0] = G[0, i] + y * G[1, i] + z * G[2, i]
-        F[i, 1], F[i, 2] = G[3, i], G[4, i]
+def strain(G, E):
+    """Green-Lagrange strains of a section into ``E`` (5, 5), above the diagonal: half squares, products of ``G``."""
+    for i in range(5):
+        for j in range(i, 5):
+            E[i, j] = G[i, 0] * G[j, 0] + G[i, 1] * G[j, 1] + G[i, 2] * G[j, 2]
+        E[i, i] = 0.5 * (E[i, i] - (0.0 if i == 1 or i == 2 else 1.0))
 
 
 @kernel
-def rates(F, V, E):
-    """Rates of the strains at gradients ``F`` that change by ``V`` (3, 3) a second, into ``E`` (6)."""
-    for m in range(6):
-        i, j = PAIRS[m, 0], PAIRS[m, 1]
-        E[m] = F[0, i] * V[0, j] + F[1, i] * V[1, j] + F[2, i] * V[2, j]
-        if i != j:
-            E[m] += V[0, i] * F[0, j] + V[1, i] * F[1, j] + V[2, i] * F[2, j]
+def rates(G, H, E):
+    """Rates of the strains where ``G`` changes by ``H`` (5, 3) a second, into ``E``."""
+    for i in range(5):
+        for j in range(i, 5):
+            E[i, j] = G[i, 0] * H[j, 0] + G[i, 1] * H[j, 1] + G[i, 2] * H[j, 2]
+            if i != j:
+                E[i, j] += H[i, 0] * G[j, 0] + H[i, 1] * G[j, 1] + H[i, 2] * G[j, 2]
+
+
+@kernel
+def hooke(C, E, T):
+    """Stresses of the strains ``E``, mean over the section, into ``T`` (5, 5), above the diagonal, Pa."""
+    for i in range(5):
+        T[i, i] = 0.0
+        for j in range(5):
+            T[i, i] += C[0, i, j] * E[j, j]
+        for j in range(i + 1, 5):
+            T[i, j] = C[1, i, j] * E[i, j]
+
+
+@kernel
+def twice(E, T):
+    """Twice the energy of stresses ``T`` at strains ``E``, J/m3."""
+    total = 0.0
+    for i in range(5):
+        for j in range(i, 5):
+            total += E[i, j] * T[i, j]
+    return total
 
 
 @allocating
 def energy(c, e):
     """Strain energy of an element at coordinates ``e`` (8, 3), J."""
-    N, G, F, E, T = np.empty((5, 8)), np.empty((5, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
+    N, G, C, E, T = np.empty((5, 8)), np.empty((5, 3)), np.empty((2, 5, 5)), np.empty((5, 5)), np.empty((5, 5))
     volume, U = c.l * c.width * c.height, 0.0
+    law(c, C)
     for p in range(GAUSS):
         basis(c, POINTS[GAUSS, p], N)
         seen(N, e, G)
-        for k in range(PLACES):
-            y, z, share, moduli = place(c, k)
-            fibre(G, y, z, F)
-            strain(F, E)
-            hooke(moduli, E, T)
-            for m in range(6):
-                U += 0.5 * volume * WEIGHTS[GAUSS, p] * share * E[m] * T[m]
+        strain(G, E)
+        hooke(C, E, T)
+        U += 0.5 * volume * WEIGHTS[GAUSS, p] * twice(E, T)
     return U
 
 
@@ -202,33 +218,29 @@ def react(c, e, v, elastic, Q):
     Returns the power of the latter, W. The paper damps its cable only, (16)-(21); this is (16) for all six strains,
     which no rigid motion changes.
     """
-    N, G, H, P = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((5, 3))
-    F, V, E, T, R = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6), np.empty(6)
+    N, seen_now, square = np.empty((5, 8)), np.empty((3, 5, 3)), np.empty((6, 5, 5))
+    G, H, P = seen_now[0], seen_now[1], seen_now[2]
+    E, T, R, D, C = square[0], square[1], square[2], square[3], square[4:]
     volume, tau, power = c.l * c.width * c.height, c.tau, 0.0
+    law(c, C)
     for p in range(GAUSS):
+        w = volume * WEIGHTS[GAUSS, p]
         basis(c, POINTS[GAUSS, p], N)
         seen(N, e, G)
         seen(N, v, H)
+        strain(G, E)
+        hooke(C, E, T)
+        rates(G, H, R)
+        hooke(C, R, D)
+        power += tau * w * twice(R, D)
         P[:] = 0.0
-        for k in range(PLACES):
-            y, z, share, moduli = place(c, k)
-            w = volume * WEIGHTS[GAUSS, p] * share
-            fibre(G, y, z, F)
-            strain(F, E)
-            hooke(moduli, E, T)
-            fibre(H, y, z, V)
-            rates(F, V, E)
-            hooke(moduli, E, R)
-            for m in range(6):
-                power += tau * w * E[m] * R[m]
-                T[m] = w * (elastic * T[m] + tau * R[m])
-            for i in range(3):
-                along = T[0] * F[i, 0] + T[3] * F[i, 1] + T[4] * F[i, 2]  # first Piola-Kirchhoff
-                P[0, i] += along
-                P[1, i] += y * along
-                P[2, i] += z * along
-                P[3, i] += T[3] * F[i, 0] + T[1] * F[i, 1] + T[5] * F[i, 2]
-                P[4, i] += T[4] * F[i, 0] + T[5] * F[i, 1] + T[2] * F[i, 2]
+        for i in range(5):
+            for j in range(i, 5):
+                s = w * (elastic * T[i, j] + tau * D[i, j])
+                for n in range(3):
+                    P[i, n] += s * G[j, n]
+                    if i != j:
+                        P[j, n] += s * G[i, n]
         for a in range(8):
             first, other = SEES[a, 0], SEES[a, 1]
             for i in range(3):
@@ -249,86 +261,64 @@ def damping(c, e, v, Q):
 
 
 @kernel
-def slope(moduli, T, F, B, A):
-    """Derivatives of the columns of F S by those of F, into ``A`` (9, 9): S of ``T`` (6), its change by rates of ``B``.
+def slope(w, C, T, G, B, H):
+    """Derivative of the forces P_i = T_ij G_j on what a section sees, times ``w``, into ``H`` (15, 15).
 
-    Rows and columns: r_x, r_y, r_z. ``B`` is F where the stress is elastic alone.
+    Stresses of ``T``, their change by what it sees from ``B``, which is ``G`` where the stress is elastic alone.
     """
-    direct, lateral, shear, section = moduli
-    for j in range(3):
-        for k in range(3):
-            s = T[j] if j == k else T[j + k + 2]
-            if j == k:
-                # the two shears of this direction
-                i, l = (j + 1) % 3, (j + 2) % 3
-                g, h = (shear if i + j < 3 else section), (shear if l + j < 3 else section)
-                for n in range(3):
-                    for m in range(3):
-                        A[3 * j + n, 3 * j + m] = (
-                            direct * F[n, j] * B[m, j] + g * F[n, i] * B[m, i] + h * F[n, l] * B[m, l]
-                        )
-            else:
-                g = shear if j + k < 3 else section
-                for n in range(3):
-                    for m in range(3):
-                        A[3 * j + n, 3 * k + m] = lateral * F[n, j] * B[m, k] + g * F[n, k] * B[m, j]
+    for i in range(5):
+        for j in range(5):
+            stress, square, product = w * T[min(i, j), max(i, j)], w * C[0, i, j], w * C[1, i, j]
             for n in range(3):
-                A[3 * j + n, 3 * k + n] += s
-
-
-@kernel
-def gather_section(w, y, z, A, H):
-    """Add ``A`` (9, 9) of a place of a section to ``H`` (15, 15), by what the section sees of the element."""
-    lever = (w, w * y, w * z)
-    for n in range(3):
-        for a in range(3):
-            for b in range(3):
-                s = lever[a] * (1.0 if b == 0 else (y if b == 1 else z))
+                x, y = square * G[i, n], product * G[j, n]
                 for m in range(3):
-                    H[3 * a + n, 3 * b + m] += s * A[n, m]
-            for m in range(3, 9):
-                H[3 * a + n, 6 + m] += lever[a] * A[n, m]
-                H[6 + m, 3 * a + n] += lever[a] * A[m, n]
-    for n in range(3, 9):
-        for m in range(3, 9):
-            H[6 + n, 6 + m] += w * A[n, m]
+                    H[3 * i + n, 3 * j + m] = x * B[j, m] + y * B[i, m]
+                H[3 * i + n, 3 * j + n] += stress
+        for j in range(5):
+            for n in range(3):
+                y = w * C[1, i, j] * G[j, n]
+                for m in range(3):
+                    H[3 * i + n, 3 * i + m] += y * B[j, m]
 
 
 @allocating
 def tangent(c, e, v, by_rate, K):
     """Exact derivative of ``force`` by coordinates and ``by_rate`` 1/s times by rates, written to ``K`` (24, 24)."""
-    N, G, Z, H, Y = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((15, 15)), np.empty((15, 24))
-    F, V, E, T, R, A = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6), np.empty(6), np.empty((9, 9))
+    N, section, square = np.empty((5, 8)), np.empty((3, 5, 3)), np.empty((5, 5, 5))
+    H, Y = np.empty((15, 15)), np.empty((15, 24))
+    G, B, Z = section[0], section[1], section[2]
+    E, R, T, C = square[0], square[1], square[2], square[3:]
     volume, tau = c.l * c.width * c.height, c.tau
+    law(c, C)
     K[:] = 0.0
     for p in range(GAUSS):
         basis(c, POINTS[GAUSS, p], N)
         seen(N, e, G)
         seen(N, v, Z)
-        H[:] = 0.0
-        for k in range(PLACES):
-            y, z, share, moduli = place(c, k)
-            fibre(G, y, z, F)
-            strain(F, E)
-            hooke(moduli, E, T)
-            fibre(Z, y, z, V)
-            rates(F, V, E)
-            hooke(moduli, E, R)
-            for m in range(6):
-                T[m] += tau * R[m]
-            for i in range(3):
-                for j in range(3):
-                    V[i, j] = (1.0 + tau * by_rate) * F[i, j] + tau * V[i, j]
-            slope(moduli, T, F, V, A)
-            gather_section(volume * WEIGHTS[GAUSS, p] * share, y, z, A, H)
+        strain(G, E)
+        rates(G, Z, R)
+        for i in range(5):
+            for j in range(i, 5):
+                E[i, j] += tau * R[i, j]
+            for n in range(3):
+                B[i, n] = (1.0 + tau * by_rate) * G[i, n] + tau * Z[i, n]
+        hooke(C, E, T)
+        slope(volume * WEIGHTS[GAUSS, p], C, T, G, B, H)
         for b in range(8):
             first, other = SEES[b, 0], SEES[b, 1]
+            one, two = N[first, b], N[other, b]
             for m in range(15):
                 for j in range(3):
-                    Y[m, 3 * b + j] = N[first, b] * H[m, 3 * first + j] + N[other, b] * H[m, 3 * other + j]
+                    Y[m, 3 * b + j] = one * H[m, 3 * first + j]
+                    if first:
+                        Y[m, 3 * b + j] += two * H[m, 3 * other + j]
         for a in range(8):
             first, other = SEES[a, 0], SEES[a, 1]
             one, two = N[first, a], N[other, a]
             for i in range(3):
-                for m in range(24):
-                    K[3 * a + i, m] += one * Y[3 * first + i, m] + two * Y[3 * other + i, m]
+                if first:
+                    for m in range(24):
+                        K[3 * a + i, m] += one * Y[3 * first + i, m] + two * Y[3 * other + i, m]
+                else:
+                    for m in range(24):
+                        K[3 * a + i, m] += one * Y[i, m]

@@ -16,7 +16,7 @@ from scipy.linalg import eigh
 
 from fmus.jit import allocating, kernel
 from fmus.physics.ancf import beam
-from fmus.physics.ancf.beam import GAUSS, Beam, basis, seen
+from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, seen
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
@@ -114,8 +114,8 @@ def axial(links, w):
 
     Strains are Green's, at the Gauss points of the axis and at the corners of the section.
     """
-    N, G = np.empty((5, 8)), np.empty((5, 3))
-    y, z = 0.5 * links.beam.width, links.outer_fibre
+    N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), radii(links.beam)
+    y, z = 0.5 * links.beam.width / across, links.outer_fibre / up
     pull = stress = 0.0
     for p in range(GAUSS):
         basis(links.beam, POINTS[GAUSS, p], N)

@@ -64,32 +64,34 @@ def condense(at, w, i, j):
     ``w.left``.
     """
     m, n = len(at.shared), len(at.own)
-    K, A, U, L, inner, right, left, swap = w.K, w.A, w.U, w.L, w.inner[i], w.right[i], w.left[i], w.swap
+    K, inner, right, left, coupling, rest = w.K, w.inner[i], w.right[i], w.left[i], w.coupling, w.rest
     for a in range(n):
         for b in range(n):
             inner[a, b] = K[at.inner[a], at.inner[b]]
         for b in range(2 * m):
             left[b, a] = K[at.outer[b], at.inner[a]]
-    invert(inner, swap, at.own)
+            coupling[a, b] = K[at.inner[a], at.outer[b]]
+    invert(inner, w.swap, at.own)
     for a in range(n):
         for b in range(2 * m):
-            s = 0.0
-            for k in range(n):
-                s += inner[a, k] * K[at.inner[k], at.outer[b]]
-            right[a, b] = s
+            right[a, b] = 0.0
+        for k in range(n):
+            s = inner[a, k]
+            for b in range(2 * m):
+                right[a, b] += s * coupling[k, b]
+    for a in range(2 * m):
+        for b in range(2 * m):
+            rest[a, b] = K[at.outer[a], at.outer[b]]
+        for k in range(n):
+            s = left[a, k]
+            for b in range(2 * m):
+                rest[a, b] -= s * right[k, b]
     for a in range(m):
         for b in range(m):
-            one, two = at.outer[a], at.outer[m + a]
-            s, o, p, r = K[one, at.outer[b]], K[one, at.outer[m + b]], K[two, at.outer[b]], K[two, at.outer[m + b]]
-            for k in range(n):
-                s -= left[a, k] * right[k, b]
-                o -= left[a, k] * right[k, m + b]
-                p -= left[m + a, k] * right[k, b]
-                r -= left[m + a, k] * right[k, m + b]
-            A[i, a, b] += s
-            U[i, a, b] += o
-            L[j, a, b] += p
-            A[j, a, b] += r
+            w.A[i, a, b] += rest[a, b]
+            w.U[i, a, b] += rest[a, m + b]
+            w.L[j, a, b] += rest[m + a, b]
+            w.A[j, a, b] += rest[m + a, m + b]
 
 
 @kernel

@@ -27,6 +27,8 @@ class Work(NamedTuple):
     inner: np.ndarray  # (links, n, n) inverse of its own part
     right: np.ndarray  # (links, n, 2 m) inner^-1 times the coupling to the pins
     left: np.ndarray  # (links, 2 m, n) coupling of the pins to its own part
+    coupling: np.ndarray  # (n, 2 m) of one link's own part to the pins
+    rest: np.ndarray  # (2 m, 2 m) what is left of one link's matrix on its pins
     own: np.ndarray  # (links, n) inner^-1 times its own residual
     swap: np.ndarray  # (n)
     e: np.ndarray  # (rows, axes)
@@ -59,7 +61,8 @@ def work(kit: Any, links: int, nodes: int, wheels: int) -> Work:
         before=views(z(size(sizes)), sizes),
         A=z(block), U=z(block), L=z(block), factors=workspace(nodes, m), b=z((nodes, m)),
         K=z((whole, whole)), R=z((links, *vectors)),
-        inner=z((links, n, n)), right=z((links, n, 2 * m)), left=z((links, 2 * m, n)), own=z((links, n)), swap=z(n),
+        inner=z((links, n, n)), right=z((links, n, 2 * m)), left=z((links, 2 * m, n)),
+        coupling=z((n, 2 * m)), rest=z((2 * m, 2 * m)), own=z((links, n)), swap=z(n),
         e=z(vectors), v=z(vectors), dv=z(vectors), M=z((rows, rows)),
         S=z(rows), C=z(rows), t=z(3),
         moved=moved, flat=moved if axes == 3 else z((wheels, 15)),
