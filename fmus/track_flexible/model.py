@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
-from fmus.physics.ancf.element import ELASTICITIES
+from fmus.physics.ancf.element import ELASTICITIES, highest_frequency
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.assembly import axials, evaluate
@@ -19,6 +19,7 @@ from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.equilibrium import settle
 from fmus.physics.chain.flexible.explicit import LIMIT, NOTHING, accelerations, factor_mass
 from fmus.physics.chain.flexible.newton import CHORD, newton
+from fmus.physics.chain.flexible.places import straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
@@ -118,7 +119,7 @@ class Model(TrackModel):
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list))
-        self.stable = LIMIT / self.kit.highest_frequency(self.link)
+        self.stable = LIMIT / highest_frequency(self.link.element)
         self.factored = False
 
     def _cables(self, element: str, elasticity: str, young: float, tau: float) -> Any:
@@ -229,7 +230,7 @@ class Model(TrackModel):
     def settle_pins(self, pins: Floats) -> None:
         """Straight links between the pins (nodes, 2), at rest."""
         self.state[:] = 0.0
-        self.kit.straight(self.link, pins, self.s.q)
+        straight(self.kit, self.link, pins, self.s.q)
 
     def _stretch(self, spin: float) -> None:
         """Relative equilibrium of a free loop that turns at ``spin`` rad/s."""

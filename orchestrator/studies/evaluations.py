@@ -274,7 +274,7 @@ def _uncondensed(m: Any, x: Floats) -> tuple[Floats, Floats]:
         np.add.at(whole, j, taken[:, shared:])
         for end, held in ((0, m.ends_kind in (PINNED, HELD)), (-1, m.ends_kind == PINNED)):
             if held:  # the ground's
-                whole[end, : m.kit.FIXED] = of_pins[end, : m.kit.FIXED]
+                whole[end, : m.kit.LAYOUT.fixed] = of_pins[end, : m.kit.LAYOUT.fixed]
         g = np.zeros(m.s.q.shape)
         g[:, at.pin] = whole
         np.add.at(g, place, of_links)

@@ -16,8 +16,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.ancf.element import highest_frequency
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible.cables import Cables, highest_frequency
 from orchestrator.execution import summary
 from orchestrator.scene.scene import TrackScene, VehicleScene
 
@@ -120,7 +120,7 @@ def link_frequency(scene: TrackScene) -> float:
     v = scene.vehicle
     E, A, I, line = v.material.youngs_modulus, v.section.area, v.section.bending, v.track.mass / v.track.pitch
     one = Cable(v.track.pitch, line, E * A, E * I, 0.0, 0.0)
-    return highest_frequency(Cables(1, 0, one, 0.0, 0.0, A, I))
+    return highest_frequency(one)
 
 
 def predicted(scene: TrackScene) -> tuple[float, str]:

@@ -7,7 +7,7 @@ import pytest
 import test_track_flexible
 import test_track_rigid
 
-from fmus.physics.chain.flexible.planar_nodes import flatten
+from fmus.physics.chain.flexible.elements import flatten
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rolling import roll
 from fmus.physics.chain.sums import CONTACT, PATCH_POWER, POWER
@@ -33,7 +33,7 @@ def flexible(element: str):
         seen = w.moved
         if element == "planar":
             seen = w.flat
-            flatten(w.moved, seen)
+            flatten(model.link, w)
         motion = Motion(model.s.q, model.s.v, model.s.v)
         roll(model.link, model.contacts, motion, w, seen, 0.0, False)
         into = 0.0

@@ -68,10 +68,12 @@ def test_a_chain_loads_its_own_elasticity_only(elasticity):
     assert (shared <= names) if own else not shared & names
 
 
-def test_a_planar_chain_loads_no_lateral_code():
-    names = loaded("track_flexible", {}, element="planar")
-    assert {"fmus.physics.chain.flexible.planar", "fmus.physics.ancf.cable"} <= names
-    assert not names & {"fmus.physics.chain.flexible.cables", "fmus.physics.chain.flexible.beams"}
+def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
+    planar, cables = loaded("track_flexible", {}, element="planar"), loaded("track_flexible", {})
+    assert {"fmus.physics.chain.flexible.planar", "fmus.physics.ancf.cable"} <= planar
+    assert "fmus.physics.chain.flexible.planar" not in cables
+    names = planar | cables
+    assert not names & {"fmus.physics.chain.flexible.beams", "fmus.physics.ancf.beam"}
     assert not [name for name in names if "contact" in name]
 
 

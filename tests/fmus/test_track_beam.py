@@ -10,10 +10,11 @@ from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging, 
 from fmus.build import build
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import beam as library
+from fmus.physics.ancf.element import massive
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.beam_nodes import gather
-from fmus.physics.chain.flexible.beams import correct, massive
+from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.explicit import NOTHING
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
@@ -150,7 +151,7 @@ def test_a_hanging_chain_finds_the_equilibrium_of_the_library():
     observe(model.link, model.environment, model.s, model.work, model.report)
     steel = hanging(links=16, element="beam")
     assert abs(coordinates(steel) - coordinates(model)).max() > 1e-3
-    part = mesh.Part(library, model.link.beam, coordinates(steel))
+    part = mesh.Part(library, model.link.element, coordinates(steel))
     ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_beam(Y)) for k in range(n - 1)]
     free = joints.pin_beam(Y).own  # r and r_y are the ground's
     whole = mesh.Mesh([part], ties, [mesh.Support((0, 0), free), mesh.Support((n - 1, 1), free)])
@@ -172,7 +173,7 @@ def test_sideways_a_chain_of_pins_is_one_beam():
     model.s.q[-1, 1] += aside
     newton(model, 12, mass=1.0)  # a little mass holds the straight chain, which is free to fold up and down
     force = model.work.R[-1, 4, 1]
-    c, L, area = model.link.beam, n * PITCH, TABLE["section"]["area"]
+    c, L, area = model.link.element, n * PITCH, TABLE["section"]["area"]
     EI = model.link.young * TABLE["section"]["lateral_bending"]
     phi = 12 * EI / (c.shear * 0.5 * model.link.young / (1 + c.nu) * area * L**2)
     expected = 12 * EI * aside / (L**3 * (1 + phi))
@@ -397,7 +398,7 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
 def test_the_explicit_step_and_the_mass():
     model = hanging(links=2, element="beam", start="polygon")
     assert model.stable == pytest.approx(4.347e-6, rel=1e-3)
-    assert massive(model.link).beam.rho == model.link.beam.rho
+    assert massive(model.link.element).rho == model.link.element.rho
     total = model.work.M[np.ix_([0, 4], [0, 4])].sum()
     assert total == pytest.approx(TABLE["track"]["mass"], rel=1e-12)
 

@@ -16,7 +16,7 @@ from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.cable_nodes import gather
-from fmus.physics.chain.flexible.cables import correct
+from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.explicit import NOTHING
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
@@ -89,7 +89,7 @@ def test_force_is_the_gradient_of_the_reported_energy(elasticity):
 def test_the_tangent_is_the_derivative_of_force_and_damping(elasticity):
     """The change of the chord's direction in the bending damping apart, which all three leave out."""
     model = bent(elasticity)
-    link = model.link.cable._replace(nuA=40.0)
+    link = model.link.element._replace(nuA=40.0)
     rng = np.random.default_rng(5)
     e, v, by_rate = coordinates(model)[1], rng.standard_normal((4, 3)), 37.0
     K, M = np.zeros((12, 12)), np.zeros((12, 12))
@@ -109,7 +109,7 @@ def test_the_tangent_is_the_derivative_of_force_and_damping(elasticity):
 @each
 def test_force_and_damping_add_up(elasticity):
     model, kind = bent(elasticity), LIBRARY[elasticity]
-    link = model.link.cable._replace(nuA=40.0, nuI=0.2)
+    link = model.link.element._replace(nuA=40.0, nuI=0.2)
     e = coordinates(model)[2]
     v, Q, f = np.random.default_rng(7).standard_normal((4, 3)), np.zeros((4, 3)), np.zeros((4, 3))
     power = element.force(link, e, v, Q)
@@ -177,7 +177,7 @@ def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
     length, sag, said = LINKS * PITCH, {}, {}
     for name in ELASTICITIES:
         model = hanging(elasticity=name, **SOFT)
-        c = model.link.cable
+        c = model.link.element
         sag[name] = -model.s.q[:, 2].min()
         said[name] = elastic_catenary(LAW[name], c.EA, c.rhoA * 9.81, length, 0.8 * length)
         assert sag[name] == pytest.approx(said[name], rel=3e-4)
@@ -194,7 +194,7 @@ def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
     start = hanging(links=n, elasticity=other, **SOFT)
     assert abs(model.s.q[:, :3] - start.s.q[:, :3]).max() > 1e-3
     found = coordinates(model)
-    part = mesh.Part(LIBRARY[elasticity], model.link.cable, coordinates(start))
+    part = mesh.Part(LIBRARY[elasticity], model.link.element, coordinates(start))
     ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
     held = [mesh.Support((0, 0), joints.held(2)), mesh.Support((n - 1, 1), joints.held(2))]
     whole = mesh.Mesh([part], ties, held)
@@ -215,7 +215,7 @@ def test_tension_and_stress_of_a_stretched_chain(elasticity):
     model.s.q[:] = 0.0
     model.s.q[:, 0] = stretch * PITCH * np.arange(9)
     model.s.q[:, [3, 5]] = stretch
-    c, f = model.link.cable, residual(model)
+    c, f = model.link.element, residual(model)
     carried = c.EA * LAW[elasticity](stretch)
     assert -f[0, 0] == pytest.approx(carried, rel=1e-12)
     observe(model.link, model.environment, model.s, model.work, model.report)
@@ -234,7 +234,7 @@ def test_stress_of_a_bent_link(elasticity):
     for x in (3, 5):
         model.s.q[:, x], model.s.q[:, x + 1] = np.cos(turns), np.sin(turns)
     observe(model.link, model.environment, model.s, model.work, model.report)
-    young = model.link.cable.EA / model.link.area
+    young = model.link.element.EA / model.link.area
     assert model.report[STRESS] == pytest.approx(young * model.link.outer_fibre / radius, rel=1e-4)
 
 
@@ -297,7 +297,7 @@ def test_the_explicit_step_follows_the_elasticity(elasticity):
 def test_the_default_is_small_deformation():
     one, other = hanging(links=8), hanging(links=8, elasticity="small_deformation")
     third = hanging(links=8, elasticity="general")
-    assert type(one.link.cable) is Cable
+    assert type(one.link.element) is Cable
     assert one.state.tobytes() == other.state.tobytes() != third.state.tobytes()
 
 

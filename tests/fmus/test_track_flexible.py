@@ -123,12 +123,12 @@ def test_momentum_goes_where_the_wrenches_say():
         for i in range(LINKS):
             j = (i + 1) % LINKS
             slopes = np.array([model.s.v[i, [5, 7, 6]], model.s.v[j, [3, 7, 4]]])
-            c = model.link.cable
+            c = model.link.element
             ends = model.s.v[i, :3] + model.s.v[j, :3]
             p += c.rhoA * c.l * (ends / 2 + c.l / 12 * (slopes[0] - slopes[1]))
         return p
 
-    c = model.link.cable
+    c = model.link.element
     weight = np.array([0, 0, -LINKS * c.rhoA * c.l * 9.81])
     for k in range(5):
         before, h = momentum(), 2e-3
@@ -142,7 +142,7 @@ def test_a_spinning_loop_carries_its_centrifugal_force():
     """T = m w^2 Rc / (2 sin(pi / N)) for rigid links; the steel loop oscillates about it by its own stretch."""
     links, omega = 64, 5.0
     model = spinning(links, omega)
-    mass = model.link.cable.rhoA * PITCH
+    mass = model.link.element.rhoA * PITCH
     expected = mass * omega**2 * PITCH / (2 * tan(pi / links)) / (2 * sin(pi / links))
     tensions = []
     for k in range(400):
@@ -307,7 +307,7 @@ def test_soft_and_hard_chains_find_their_rest(young):
     """Tension at the ends carries the weight whatever the stiffness; a hundredth of it more would show."""
     model = hanging(**{"material.youngs_modulus": young})
     ends = [model.s.residual[0, 0], -model.s.residual[-1, 2]]
-    weight = 64 * model.link.cable.rhoA * model.pitch * 9.81
+    weight = 64 * model.link.element.rhoA * model.pitch * 9.81
     assert ends[0][2] - ends[1][2] == pytest.approx(weight, rel=1e-6)
     assert ends[0][2] - ends[1][2] != pytest.approx(1.01 * weight, rel=1e-3)
 

@@ -101,7 +101,7 @@ def test_the_matrix_is_the_derivative_of_the_residual(kind):
     if not run.closed:
         d.position[0] = d.axis[0] = 0.0  # the ground's
         flat = flat.copy()
-        flat[0, : model.kit.FIXED] = 0.0
+        flat[0, : model.kit.LAYOUT.fixed] = 0.0
         found = chain.evaluate(state, h, np.concatenate([flat.ravel(), np.zeros(10)]))
 
     def residual(step: float) -> np.ndarray:

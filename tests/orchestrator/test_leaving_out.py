@@ -96,8 +96,8 @@ def test_show_counts_pairs_outputs_and_modules():
     assert "ground: 64 links" in touching
     shown, loaded, left = rest.split("modules of fmus:")
     assert "left_track   60 a step; " in shown
-    assert "planar_faces" in loaded
-    assert "planar_faces" not in left
+    assert "planar" in loaded
+    assert "planar" not in left
     assert "fmus.physics.rigid: augmented, body, pin" in left
     assert "beams" in left
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.physics.ancf.cable import Cable
+from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import march, slopes
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.cable_nodes import gather
+from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.explicit import accelerations, factor_mass
+from fmus.physics.chain.flexible.places import straight
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.flexible.state import shapes as flexible_shapes
 from fmus.physics.chain.flexible.state import views as flexible_views
@@ -65,7 +67,7 @@ class Flexible:
         self.place(np.asarray(pins, float))
 
     def place(self, pins):
-        cables.straight(self.links, pins, self.s.q)
+        straight(cables, self.links, pins, self.s.q)
 
     def evaluate(self, vdot=None, by_acceleration=0.0):
         """At rest, with the matrix."""
@@ -80,7 +82,7 @@ class Flexible:
     def correct(self, vdot, by_acceleration=0.0):
         """Take the step in ``w.b`` at rest; returns the largest change of a pin, m."""
         x = Motion(self.s.q, np.zeros_like(self.s.q), vdot)
-        return cables.correct(self.links, self.w, x, Slopes(0.0, 0.0, by_acceleration), 0.1)
+        return correct(self.links, self.w, x, Slopes(0.0, 0.0, by_acceleration), 0.1)
 
     def release(self):
         """Accelerations of the start."""
@@ -105,14 +107,14 @@ class Flexible:
         return self.s.q[:, :3].copy()
 
     def energy(self):
-        cables.mass(self.links, self.w.M)
+        mass(self.links.element, self.w.M)
         observe(self.links, self.env, self.s, self.w, self.report)
         return self.report[KINETIC : GRAVITY + 1].sum()
 
     def angular_momentum(self):
         """About the origin (3)."""
         total, e, v = np.zeros(3), np.zeros((4, 3)), np.zeros((4, 3))
-        cables.mass(self.links, self.w.M)
+        mass(self.links.element, self.w.M)
         for i in range(self.links.n):
             j = (i + 1) % len(self.s.q)
             gather(self.s.q, i, j, e)

@@ -140,7 +140,7 @@ def test_hoop_strain_of_the_steel_loop():
     e, found = np.zeros((4, 3)), []
     for i in range(LINKS):
         gather(loop.s.q, i, (i + 1) % LINKS, e)
-        found.append(cable.strain(loop.links.cable, e))
+        found.append(cable.strain(loop.links.element, e))
     assert np.ptp(found) < 1e-13
     assert np.mean(found) == pytest.approx(tension / STEEL.EA, rel=5e-4)
     mean = MASS * RATE**2 * P / 4 * (1 / np.tan(np.pi / LINKS) ** 2 + 1 / 3)

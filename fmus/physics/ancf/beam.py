@@ -29,6 +29,7 @@ import numpy as np
 from fmus.jit import allocating, kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
+from fmus.physics.arrays import Floats
 
 ROWS = 8  # vectors of coordinates of an element: position and three gradients at two nodes
 GAUSS = 4  # Gauss points along the element
@@ -53,6 +54,34 @@ class Beam(NamedTuple):
 
 
 Section = Beam
+
+
+@kernel
+def vectors(c):
+    """See ``element``."""
+    return ROWS
+
+
+@kernel
+def axes(c):
+    """See ``element``."""
+    return 3
+
+
+@kernel
+def matter(c):
+    """See ``element``."""
+    return c.rho * c.width * c.height * c.l
+
+
+def massive(c: Beam) -> Beam:
+    """See ``element``."""
+    return c._replace(E=0.0, tau=0.0)
+
+
+def straight(c: Beam) -> Floats:
+    """See ``element``."""
+    return np.vstack([np.zeros(3), np.eye(3), [c.l, 0.0, 0.0], np.eye(3)])
 
 
 @kernel

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
 
 ROWS = 4  # vectors of coordinates of an element: position and slope at two nodes
 
@@ -48,6 +49,36 @@ class EngineeringCable(Cable):
 
 
 Section = Cable
+
+
+@kernel
+def vectors(c):
+    """See ``element``."""
+    return ROWS
+
+
+@kernel
+def axes(c):
+    """See ``element``."""
+    return len(c.axes)
+
+
+@kernel
+def matter(c):
+    """See ``element``."""
+    return c.rhoA * c.l
+
+
+def massive(c: Cable) -> Cable:
+    """See ``element``."""
+    return c._replace(EA=0.0, EI=0.0, nuA=0.0, nuI=0.0)
+
+
+def straight(c: Cable) -> Floats:
+    """See ``element``."""
+    e = np.zeros((ROWS, len(c.axes)))
+    e[1:, 0] = 1.0, c.l, 1.0
+    return e
 
 
 @kernel

@@ -1,12 +1,15 @@
 """The door to an element: the class of its parameters says which, and only that one is imported.
 
 Behind it are ``cable``, ``cable_local`` (cables with a local strain, two elasticities) and ``beam``. What a cable shows
-besides, mass and shape functions, does not depend on its elasticity: it is that of ``cable``.
+besides, its mass above all, does not depend on its elasticity: it is that of ``cable``.
 """
 
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh
 
 from fmus.jit import door
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
@@ -31,6 +34,41 @@ def _of(section: type) -> Any:
     from fmus.physics.ancf import cable_local
 
     return cable_local
+
+
+def _whatever_the_elasticity(section: type) -> Any:
+    """The module of an element, of all cables the one."""
+    return _of(Cable if issubclass(section, Cable) else section)
+
+
+@door(_whatever_the_elasticity)
+def vectors(c):
+    """How many vectors of coordinates there are, rows."""
+
+
+@door(_whatever_the_elasticity)
+def axes(c):
+    """How many components a vector has."""
+
+
+@door(_whatever_the_elasticity)
+def matter(c):
+    """The mass, kg."""
+
+
+@door(_whatever_the_elasticity, shared=True)
+def mass(c, M):
+    """The constant mass matrix as factors of the identity of space into ``M`` (rows, rows), kg."""
+
+
+@door(_whatever_the_elasticity)
+def massive(c):
+    """The same element without stiffness and damping; not for kernels."""
+
+
+@door(_whatever_the_elasticity)
+def straight(c):
+    """Coordinates (rows, axes) of the element at rest along x from the origin; not for kernels."""
 
 
 @door(_of, shared=True)
@@ -67,3 +105,15 @@ def tension(c, e):
 @door(_of, shared=True)
 def end_moments(c, e):
     """Bending moments of a cable at its two ends, N m."""
+
+
+def highest_frequency(c: Any) -> float:
+    """Of one straight free element, rad/s.
+
+    By Rayleigh's bound no mode of a chain of such elements is higher, contacts apart.
+    """
+    e = straight(c)
+    K, M = np.zeros((e.size, e.size)), np.zeros((len(e), len(e)))
+    tangent(c, e, np.zeros_like(e), 0.0, K)
+    mass(c, M)
+    return float(np.sqrt(eigh(K, np.kron(M, np.eye(e.shape[1])), eigvals_only=True)[-1]))

@@ -1,7 +1,7 @@
 """The door from rolling contact to the kinds of links: where the points of their faces are, what a force there does.
 
-The class of the links says which module is behind it: ``flexible.cable_faces``, ``planar_faces``, ``beam_faces`` or
-``rigid.faces``. A chain's motion ``x`` and its arrays ``w`` are what that module makes of them. Vectors are tuples.
+The class of the links says which module is behind it: ``flexible.cable_faces``, ``beam_faces`` or ``rigid.faces``. A
+chain's motion ``x`` and its arrays ``w`` are what that module makes of them. Vectors are tuples.
 """
 
 from __future__ import annotations
@@ -21,10 +21,6 @@ def _of(links: type) -> Any:
         from fmus.physics.chain.flexible import beam_faces
 
         return beam_faces
-    if links.__name__ == "PlanarCables":
-        from fmus.physics.chain.flexible import planar_faces
-
-        return planar_faces
     from fmus.physics.chain.flexible import cable_faces
 
     return cable_faces

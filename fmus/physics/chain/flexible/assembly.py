@@ -5,41 +5,29 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.chain.flexible.condensation import clear
-from fmus.physics.chain.flexible.elements import (
-    axes,
-    axial,
-    condensed,
-    energy,
-    flatten,
-    force,
-    gather,
-    length,
-    mass,
-    matter,
-    reduced,
-    stiffness,
-    vectors,
-)
+from fmus.physics.ancf.element import axes, energy, force, mass, matter, tangent, vectors
+from fmus.physics.chain.flexible.condensation import clear, condense, reduce
+from fmus.physics.chain.flexible.elements import axial, flatten, gather
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass, height, inertia, weigh
 from fmus.physics.chain.sums import POWER
 from fmus.physics.chain.touch import roll
 
 
 @kernel
-def evaluate(links, contacts, env, x, by, w, tangent):
+def evaluate(links, contacts, env, x, by, w, fresh):
     """Residual M vdot + Q - Q_ext of the whole chain in the motion ``x``, condensed to the pins, into ``w.b``; with
-    ``tangent`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``, the derivatives of rates and
+    ``fresh`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``, the derivatives of rates and
     accelerations being ``by``. Contact sums and wrenches on the wheels at ``w.moved``.
 
     Returns the largest entry of the residual, N, and the link it belongs to.
     """
-    n, l, rows, dims, weight = links.n, length(links), vectors(links), axes(links), matter(links) * env.gravity
-    clear(w, tangent)
-    mass(links, w.M)
+    n, c, rows, dims = links.n, links.element, vectors(links.element), axes(links.element)
+    l, weight = c.l, matter(c) * env.gravity
+    clear(w, fresh)
+    mass(c, w.M)
     if contacts is not None:
         flatten(links, w)
-        roll(links, contacts, x, w, w.flat, by.v, tangent)
+        roll(links, contacts, x, w, w.flat, by.v, fresh)
     for i in range(n):
         j = i + 1 if i + 1 < x.q.shape[0] else 0
         gather(links, x.q, i, j, w.e)
@@ -48,28 +36,29 @@ def evaluate(links, contacts, env, x, by, w, tangent):
         r = w.R[i]
         inertia(rows, dims, w.M, w.dv, r)
         weigh(weight, l, rows // 2, dims - 1, r)
-        if tangent:
-            stiffness(links, w, by.v)
+        if fresh:
+            tangent(c, w.e, w.v, by.v, w.K)
             add_mass(rows, dims, w.M, by.vdot, w.K)
-        w.sums[POWER] += force(links, w, r)
+        w.sums[POWER] += force(c, w.e, w.v, r)
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if w.touched[i]:
                 for a in range(rows):
                     for k in range(dims):
                         r[a, k] += w.load[i, a, k]
-                if tangent:
+                if fresh:
                     for a in range(rows * dims):
                         for k in range(rows * dims):
                             w.K[a, k] += w.stiffening[i, a, k]
-        if tangent:
-            condensed(links, w, i, j)
-    return reduced(links, env, x, w, by.v, tangent)
+        if fresh:
+            condense(links, w, i, j)
+    return reduce(links, env, x, w, by.v, fresh)
 
 
 @kernel
 def measure(links, env, q, v, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
-    n, l, rows, dims, weight = links.n, length(links), vectors(links), axes(links), matter(links) * env.gravity
+    n, c, rows, dims = links.n, links.element, vectors(links.element), axes(links.element)
+    l, weight = c.l, matter(c) * env.gravity
     kinetic = strain_energy = gravity = 0.0
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
@@ -77,7 +66,7 @@ def measure(links, env, q, v, w):
         gather(links, q, i, j, w.e)
         gather(links, v, i, j, w.v)
         kinetic = add_kinetic(kinetic, w.M, w.v)
-        strain_energy += energy(links, w)
+        strain_energy += energy(c, w.e)
         gravity += weight * height(l, rows // 2, dims - 1, w.e)
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.ancf.beam import shape
-from fmus.physics.chain.flexible.beam_nodes import gather
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
     begin,
     count,
+    enter,
     last,
-    open_link,
+    length,
     pin_rates,
     pins,
 )
@@ -27,32 +27,17 @@ def across(links):
 
 
 @kernel
-def length(links):
-    """See ``faces``."""
-    return links.beam.l
-
-
-@kernel
 def lift(links, x, i):
     """A pin's ends hang by the rise of its axis."""
     lean = links.lateral * max(abs(x.q[i, 5]), abs(x.q[last(x, i), 5]))
-    return lean + 1.1 * links.face + 0.1 * links.beam.l
-
-
-@kernel
-def enter(links, x, w, i):
-    """Coordinates and rates of the link into ``w.e``, ``w.v``; its loads are zeroed at its first contact."""
-    j = last(x, i)
-    gather(x.q, i, j, w.e)
-    gather(x.v, i, j, w.v)
-    open_link(w, i)
+    return lean + 1.1 * links.face + 0.1 * links.element.l
 
 
 @kernel
 def locate(links, x, w, i, xi, y, z):
     """Leaves shape functions in ``w.S``."""
     S, e, de = w.S, w.e, w.v
-    shape(links.beam, xi, y, z, S)
+    shape(links.element, xi, y, z, S)
     p0 = p1 = p2 = v0 = v1 = v2 = 0.0
     for a in range(8):
         p0 += S[a] * e[a, 0]

@@ -1,5 +1,6 @@
-"""Faces of cable elements; see ``faces``. Motion: q, v (nodes, 8), see ``cable_nodes``.
+"""Faces of cable elements, in space or in their own plane; see ``faces``. Motion: q, v (nodes, 8 or 6).
 
+In the plane all is as in space where y is zero, and what a force does along y is left out: ``up`` is the axis of z.
 Contact points lie on the faces of a link, outside or inside the centreline along the normal r_x x e_y; the change of
 that normal with the slopes is part of the virtual work: with B = S - C t n^T a point moves by B de.
 """
@@ -9,17 +10,16 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.ancf.cable import shape, shape_slope
-from fmus.physics.chain.flexible.cable_nodes import gather
+from fmus.physics.ancf.cable import axes, shape, shape_slope
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
     begin,
     count,
-    last,
-    open_link,
+    enter,
+    in_space,
+    length,
     pin_rates,
     pins,
 )
-from fmus.physics.vector import vector
 
 
 @kernel
@@ -29,75 +29,57 @@ def across(links):
 
 
 @kernel
-def length(links):
-    """See ``faces``."""
-    return links.cable.l
-
-
-@kernel
 def lift(links, x, i):
     """See ``faces``."""
-    return 1.1 * links.face + 0.1 * links.cable.l
-
-
-@kernel
-def enter(links, x, w, i):
-    """Coordinates and rates of the link into ``w.e``, ``w.v``; its loads are zeroed at its first contact."""
-    j = last(x, i)
-    gather(x.q, i, j, w.e)
-    gather(x.v, i, j, w.v)
-    open_link(w, i)
+    return 1.1 * links.face + 0.1 * links.element.l
 
 
 @kernel
 def locate(links, x, w, i, xi, y, z):
     """Leaves shape functions in ``w.S``, z x slopes / |r_x| in ``w.C``, the tangent along x and z in ``w.t``."""
-    S, C, e, de = w.S, w.C, w.e, w.v
-    shape(links.cable, xi, S)
-    shape_slope(links.cable, xi, C)
-    a = b = da = db = 0.0
+    S, C, e, de, up = w.S, w.C, w.e, w.v, axes(links.element) - 1
+    shape(links.element, xi, S)
+    shape_slope(links.element, xi, C)
+    a = b = da = db = p0 = p1 = p2 = v0 = v1 = v2 = 0.0
     for k in range(4):
         a += C[k] * e[k, 0]
-        b += C[k] * e[k, 2]
+        b += C[k] * e[k, up]
         da += C[k] * de[k, 0]
-        db += C[k] * de[k, 2]
+        db += C[k] * de[k, up]
+        p0 += S[k] * e[k, 0]
+        p2 += S[k] * e[k, up]
+        v0 += S[k] * de[k, 0]
+        v2 += S[k] * de[k, up]
+        if up == 2:
+            p1 += S[k] * e[k, 1]
+            v1 += S[k] * de[k, 1]
     rho = np.sqrt(a * a + b * b)
     t0, t2 = a / rho, b / rho
     turn = z * (t0 * db - t2 * da) / rho
     for k in range(4):
         C[k] *= z / rho
     w.t[0], w.t[2] = t0, t2
-    return (
-        (
-            S[0] * e[0, 0] + S[1] * e[1, 0] + S[2] * e[2, 0] + S[3] * e[3, 0] - z * t2,
-            S[0] * e[0, 1] + S[1] * e[1, 1] + S[2] * e[2, 1] + S[3] * e[3, 1],
-            S[0] * e[0, 2] + S[1] * e[1, 2] + S[2] * e[2, 2] + S[3] * e[3, 2] + z * t0,
-        ),
-        (
-            S[0] * de[0, 0] + S[1] * de[1, 0] + S[2] * de[2, 0] + S[3] * de[3, 0] - turn * t0,
-            S[0] * de[0, 1] + S[1] * de[1, 1] + S[2] * de[2, 1] + S[3] * de[3, 1],
-            S[0] * de[0, 2] + S[1] * de[1, 2] + S[2] * de[2, 2] + S[3] * de[3, 2] - turn * t2,
-        ),
-    )
+    return (p0 - z * t2, p1, p2 + z * t0), (v0 - turn * t0, v1, v2 - turn * t2)
 
 
 @kernel
 def along(links, x, w, i):
     """See ``faces``."""
-    l = links.cable.l
+    l = links.element.l
     return l * w.t[0], 0.0, l * w.t[2]
 
 
 @kernel
 def push(links, w, i, push, tangent):
     """Force on residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - C t n^T."""
-    S, C, R, K = w.S, w.C, w.load[i], w.stiffening[i]
-    t0, t2, f = w.t[0], w.t[2], push.f
+    S, C, R, K, dims = w.S, w.C, w.load[i], w.stiffening[i], axes(links.element)
+    t0, t2, f, up = w.t[0], w.t[2], push.f, dims - 1
     a = f[0] * t0 + f[2] * t2
     for k in range(4):
         R[k, 0] -= S[k] * f[0] + C[k] * a * t2
-        R[k, 1] -= S[k] * f[1]
-        R[k, 2] -= S[k] * f[2] - C[k] * a * t0
+        R[k, up] -= S[k] * f[2] - C[k] * a * t0
+        if up == 2:
+            R[k, 1] -= S[k] * f[1]
     if not tangent:
         return
     g00, g01, g02, g10, g11, g12, g20, g21, g22 = push.g
@@ -113,48 +95,52 @@ def push(links, w, i, push, tangent):
         q20, q21, q22 = s * g20 + c * p2 * t2, s * g21, s * g22 - c * p2 * t0
         s0, s1, s2 = s * o0 + c * r * t2, s * o1, s * o2 - c * r * t0
         for a in range(4):
-            s, c0, c2 = S[a], C[a] * t2, C[a] * t0
-            K[3 * a, 3 * b] -= s * q00 + c0 * s0
-            K[3 * a, 3 * b + 1] -= s * q01 + c0 * s1
-            K[3 * a, 3 * b + 2] -= s * q02 + c0 * s2
-            K[3 * a + 1, 3 * b] -= s * q10
-            K[3 * a + 1, 3 * b + 1] -= s * q11
-            K[3 * a + 1, 3 * b + 2] -= s * q12
-            K[3 * a + 2, 3 * b] -= s * q20 - c2 * s0
-            K[3 * a + 2, 3 * b + 1] -= s * q21 - c2 * s1
-            K[3 * a + 2, 3 * b + 2] -= s * q22 - c2 * s2
+            s, c0, c2, row, column = S[a], C[a] * t2, C[a] * t0, dims * a, dims * b
+            K[row, column] -= s * q00 + c0 * s0
+            K[row, column + up] -= s * q02 + c0 * s2
+            K[row + up, column] -= s * q20 - c2 * s0
+            K[row + up, column + up] -= s * q22 - c2 * s2
+            if up == 2:
+                K[row, column + 1] -= s * q01 + c0 * s1
+                K[row + 1, column] -= s * q10
+                K[row + 1, column + 1] -= s * q11
+                K[row + 1, column + 2] -= s * q12
+                K[row + 2, column + 1] -= s * q21 - c2 * s1
 
 
 @kernel
 def resist(links, w, i, push, by_rate, foot, side):
     """K -= B^T r (d rate / d pins) with r = df / d rate; the rate falls as the face moves along its normal."""
-    S, C, K, t0, t2, r = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], push.by_rate
+    S, C, K, t0, t2, r, dims = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], push.by_rate, axes(links.element)
     a = r[0] * t0 + r[2] * t2
     for k in range(4):
         p = S[k] * r[0] + C[k] * a * t2, S[k] * r[1], S[k] * r[2] - C[k] * a * t0
-        for j in range(3):
-            first, last = by_rate * (1.0 - foot) * side[j], by_rate * foot * side[j]
-            K[3 * k, j] += p[0] * first
-            K[3 * k + 1, j] += p[1] * first
-            K[3 * k + 2, j] += p[2] * first
-            K[3 * k, 6 + j] += p[0] * last
-            K[3 * k + 1, 6 + j] += p[1] * last
-            K[3 * k + 2, 6 + j] += p[2] * last
+        for m in range(dims):
+            for j in range(dims):
+                turned = p[_axis(m, dims)] * by_rate * side[_axis(j, dims)]
+                K[dims * k + m, j] += turned * (1.0 - foot)
+                K[dims * k + m, 2 * dims + j] += turned * foot
+
+
+@kernel
+def _axis(k, dims):
+    """The axis of space of a vector's component ``k``: x and z in the plane."""
+    return k if dims == 3 else 2 * k
 
 
 @kernel
 def locate_pin(links, x, w, i, y):
     """See ``faces``."""
-    return vector(x.q[i], 0), vector(x.v[i], 0)
+    return in_space(links, x.q[i]), in_space(links, x.v[i])
 
 
 @kernel
 def push_pin(links, x, w, i, y, push, tangent):
     """Residual into ``w.b``, matrix into ``w.A``."""
-    f, g = push.f, push.g
-    for a in range(3):
-        w.b[i, a] -= f[a]
+    f, g, dims = push.f, push.g, axes(links.element)
+    for a in range(dims):
+        w.b[i, a] -= f[_axis(a, dims)]
     if tangent:
-        for a in range(3):
-            for b in range(3):
-                w.A[i, a, b] -= g[3 * a + b]
+        for a in range(dims):
+            for b in range(dims):
+                w.A[i, a, b] -= g[3 * _axis(a, dims) + _axis(b, dims)]

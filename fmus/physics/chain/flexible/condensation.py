@@ -5,43 +5,18 @@ Of an element's coordinates those of its own, x, meet no other link; those share
     K_xx x + K_xy y = r_x,   K_yx x + K_yy y = r_y   =>   (K_yy - K_yx K_xx^-1 K_xy) y = r_y - K_yx K_xx^-1 r_x
 
 The chain of pins is left, cyclic and block tridiagonal with blocks of m x m. What tells ``cables``, ``planar`` and
-``beams`` apart is their ``Layout``; its sizes travel as lengths of tuples, as in ``block_cyclic``.
+``beams`` apart is their ``link_layout``; its sizes travel as lengths of tuples, as in ``block_cyclic``.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.block_cyclic import invert
 from fmus.physics.chain.environment import HELD, PINNED
+from fmus.physics.chain.flexible.elements import layout, lever
 from fmus.physics.chain.flexible.pins import pin_loads
-
-
-class Layout(NamedTuple):
-    """Where an element's coordinates lie, in its own order and in its pins'; there are m shared ones a pin, n own."""
-
-    outer: np.ndarray  # (2 m) of an element's: those shared, first pin, second pin
-    inner: np.ndarray  # (n) those of its own, likewise
-    pin: np.ndarray  # (m) of a pin's: those shared
-    slope: np.ndarray  # (n) of a pin's: those of one link; first pin, second pin
-    shared: tuple[int, ...]  # of length m
-    own: tuple[int, ...]  # of length n
-
-
-def layout(begin: list[int], end: list[int], outer: list[int]) -> Layout:
-    """The layout of an element whose first half lies in its first pin at ``begin``, the second in the other at ``end``.
-
-    What is not ``outer`` is its own.
-    """
-    places = [*begin, *end]
-    inner = [k for k in range(len(places)) if k not in outer]
-    m = len(outer) // 2
-    # unsigned where nothing is folded away: an index that may be negative costs a tenth of ``correct``
-    pin, slope = (np.array([places[k] for k in part], dtype=np.uintp) for part in (outer[:m], inner))
-    return Layout(np.array(outer), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner))
 
 
 @kernel
@@ -57,12 +32,13 @@ def clear(w, tangent):
 
 
 @kernel
-def condense(at, w, i, j):
+def condense(links, w, i, j):
     """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``, scatter the rest to its pins ``i``, ``j``.
 
     Leaves the inverse of its own part in ``w.inner``, that times the coupling in ``w.right``, and the coupling in
     ``w.left``.
     """
+    at = layout(links)
     m, n = len(at.shared), len(at.own)
     K, inner, right, left, coupling, rest = w.K, w.inner[i], w.right[i], w.left[i], w.coupling, w.rest
     for a in range(n):
@@ -121,8 +97,8 @@ def _spread(at, R, inner, own, b, x):
 
 
 @kernel
-def _reduce(at, env, held, left, own, b, worst, where):
-    """Condense the residual ``b`` of the pins; what is ``held`` of pinned ends has none.
+def _reduce(at, env, left, own, b, worst, where):
+    """Condense the residual ``b`` of the pins; what pinned ends have from the ground has none.
 
     Returns the largest entry, N, before that and of ``worst``, and the link it belongs to.
     """
@@ -140,35 +116,36 @@ def _reduce(at, env, held, left, own, b, worst, where):
                 second -= left[i, m + k, a] * own[i, a]
             b[i, k], b[j, k] = first, second
     if env.ends == PINNED or env.ends == HELD:
-        b[0, :held] = 0.0
+        b[0, : at.fixed] = 0.0
     if env.ends == PINNED:
-        b[nodes - 1, :held] = 0.0
+        b[nodes - 1, : at.fixed] = 0.0
     return worst, where
 
 
 @kernel
-def reduce(at, fixed, closed, env, x, w, by_rate, tangent):
-    """Residuals of all links and what acts on the pins, condensed; ends that are held keep ``fixed`` coordinates.
+def reduce(links, env, x, w, by_rate, tangent):
+    """Residuals of all links and what acts on the pins, condensed.
 
     Returns the largest entry, N, and the link it belongs to.
     """
+    at = layout(links)
     worst, where = _spread(at, w.R, w.inner, w.own, w.b, w.swap)
-    pin_loads(closed, env, fixed, x, w, by_rate, tangent)
-    return _reduce(at, env, fixed, w.left, w.own, w.b, worst, where)
+    pin_loads(links.closed, env, at.fixed, x, w, by_rate, tangent)
+    return _reduce(at, env, w.left, w.own, w.b, worst, where)
 
 
 @kernel
-def correct(at, lever, w, x, by, longest):
+def correct(links, w, x, by, longest):
     """Take the Newton step from the solution ``w.b``, at most ``longest`` m; returns the largest change of a pin, m.
 
-    A change of a shared coordinate counts by its ``lever`` (m).
+    A change of a shared coordinate counts by its lever (m).
     """
-    right, own, b = w.right, w.own, w.b
+    at, levers, right, own, b = layout(links), lever(links), w.right, w.own, w.b
     links, nodes, m, n = own.shape[0], b.shape[0], len(at.shared), len(at.own)
     q, v, vdot, size = x.q, x.v, x.vdot, 0.0
     for i in range(nodes):
         for k in range(m):
-            change = abs(b[i, k]) * lever[k]
+            change = abs(b[i, k]) * levers[k]
             if not change < np.inf:
                 return np.inf
             size = max(size, change)

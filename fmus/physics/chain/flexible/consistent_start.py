@@ -42,7 +42,7 @@ class Chain:
         self.order = np.concatenate(parts)
         self.own, *self.shared = (at.reshape(n, -1)[:, part] for part in parts)  # shared at each pin
         self.free = np.ones((n + 1, m - axes), dtype=bool)  # of the shared coordinates of each pin
-        self.free[[0, -1] if pinned else 0] = axes == kit.FIXED
+        self.free[[0, -1] if pinned else 0] = axes == kit.LAYOUT.fixed
         self.plane, self.second = at[:, :, [0, axes - 1]], len(mass) // 2
         self.shift = np.zeros(len(mass))  # of a link's vectors those that are positions
         self.shift[[0, self.second]] = 1.0

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
+from fmus.physics.ancf.element import axes
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
 from fmus.physics.chain.flexible.assembly import measure
-from fmus.physics.chain.flexible.elements import axes
 from fmus.physics.chain.flexible.explicit import close, derivative  # noqa: F401 - behind the door
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.report import SPEED, write
@@ -26,7 +26,7 @@ def end_work(links, env, h, s, w):
 @kernel
 def speed(links, env, s, w):
     """See ``kinds``."""
-    n = axes(links)
+    n = axes(links.element)
     return chain_speed(s.q[:, :n], s.v[:, :n], links.closed == 1, carrier(w.moved, env.mount))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from fmus.jit import allocating
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.elements import correct
+from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, STALLED, Outcome
 from fmus.physics.chain.state import copy

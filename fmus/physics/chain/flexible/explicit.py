@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.ancf.element import massive
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.elements import correct, kit
+from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.state import Motion, State
 from fmus.physics.integrate.generalized_alpha import Slopes
 
@@ -27,7 +28,8 @@ def factor_mass(links: Any, contacts: Any, env: Environment, s: State, w: Any) -
     w.moved[:] = 1e9
     partners = contacts and contacts._replace(ground=0)
     x, by = Motion(s.q, w.still, w.still), Slopes(0.0, 0.0, 1.0)
-    evaluate(kit(type(links)).massive(links), partners, env._replace(transverse=0.0), x, by, w, True)
+    bare = links._replace(element=massive(links.element))
+    evaluate(bare, partners, env._replace(transverse=0.0), x, by, w, True)
     return int(factor(w.A, w.U, w.L, w.factors, links.closed == 1))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from fmus.jit import allocating
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.elements import correct, length
+from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
@@ -41,7 +41,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
             return SINGULAR, where, worst
         solve(w.A, w.U, w.factors, links.closed == 1, w.b)
         counters[ITERATIONS] += 1
-        last, size = size, correct(links, w, x, by, 0.5 * length(links))
+        last, size = size, correct(links, w, x, by, 0.5 * links.element.l)
         if not size < FASTEST:
             break
         if size < method.tolerance:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
-from fmus.physics.vector import vector
+from fmus.physics.ancf.element import axes
+from fmus.physics.chain.flexible.elements import gather
 
 
 @kernel
@@ -19,15 +20,27 @@ def last(x, i):
 
 
 @kernel
+def in_space(links, a):
+    """The vector at the beginning of ``a``: of a chain in the plane without y."""
+    return (a[0], a[1], a[2]) if axes(links.element) == 3 else (a[0], 0.0, a[1])
+
+
+@kernel
 def pins(links, x, w, i):
-    """See ``faces``; in space."""
-    return vector(x.q[i], 0), vector(x.q[last(x, i)], 0)
+    """See ``faces``."""
+    return in_space(links, x.q[i]), in_space(links, x.q[last(x, i)])
 
 
 @kernel
 def pin_rates(links, x, w, i):
-    """See ``faces``; in space."""
-    return vector(x.v[i], 0), vector(x.v[last(x, i)], 0)
+    """See ``faces``."""
+    return in_space(links, x.v[i]), in_space(links, x.v[last(x, i)])
+
+
+@kernel
+def length(links):
+    """See ``faces``."""
+    return links.element.l
 
 
 @kernel
@@ -37,8 +50,11 @@ def begin(links, x, w):
 
 
 @kernel
-def open_link(w, i):
-    """Zero the loads of a link at its first contact."""
+def enter(links, x, w, i):
+    """Coordinates and rates of the link into ``w.e``, ``w.v``; its loads are zeroed at its first contact."""
+    j = last(x, i)
+    gather(links, x.q, i, j, w.e)
+    gather(links, x.v, i, j, w.v)
     if not w.touched[i]:
         w.touched[i] = True
         w.load[i] = 0.0

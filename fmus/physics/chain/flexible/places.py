@@ -29,3 +29,14 @@ def across(vectors: Floats) -> Floats:
 def in_plane(vectors: Floats) -> Floats:
     """The components along x and z of vectors (..., axes)."""
     return vectors[..., [0, -1]]
+
+
+def straight(kit: Any, links: Any, pins: Floats, q: Floats) -> None:
+    """Straight links between the pins (nodes, 2) of x and z, pins along y, into ``q`` (nodes, width)."""
+    n, (place, *vectors) = links.n, kit.PLANE
+    own = len(vectors) // 2  # of each of the two links that a pin joins
+    q[:, place], q[:, kit.PIN_AXIS] = pins, 1.0
+    chord = (np.roll(pins, -1, axis=0) - pins)[:n] / links.element.l
+    for ending, beginning, vector in zip(vectors[-2 * own :], vectors[-own:], (chord, across(chord)), strict=False):
+        q[:n, beginning] = vector
+        q[np.ix_((np.arange(n) + 1) % len(q), ending)] = vector

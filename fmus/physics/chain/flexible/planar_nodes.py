@@ -13,14 +13,3 @@ def gather(q, i, j, e):
     for k in range(2):
         e[0, k], e[1, k] = q[i, k], q[i, 4 + k]
         e[2, k], e[3, k] = q[j, k], q[j, 2 + k]
-
-
-@kernel
-def flatten(rows, flat):
-    """Wheels (m, 15) whose middle and axis are taken to keep the plane, into ``flat``."""
-    for k in range(rows.shape[0]):
-        for i in range(rows.shape[1]):
-            flat[k, i] = rows[k, i]
-        for i in (1, 4, 6, 8, 9, 11, 13):
-            flat[k, i] = 0.0
-        flat[k, 10] = 1.0

@@ -1,0 +1,32 @@
+"""Where the coordinates of a link lie: which it shares with its pins, which are its own."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Layout(NamedTuple):
+    """Where an element's coordinates lie, in its own order and in its pins'; there are m shared ones a pin, n own."""
+
+    outer: np.ndarray  # (2 m) of an element's: those shared, first pin, second pin
+    inner: np.ndarray  # (n) those of its own, likewise
+    pin: np.ndarray  # (m) of a pin's: those shared
+    slope: np.ndarray  # (n) of a pin's: those of one link; first pin, second pin
+    shared: tuple[int, ...]  # of length m
+    own: tuple[int, ...]  # of length n
+    fixed: int  # of the shared ones those that a pinned end has from the ground, the first of them
+
+
+def arranged(begin: list[int], end: list[int], outer: list[int], fixed: int) -> Layout:
+    """The layout of an element whose first half lies in its first pin at ``begin``, the second in the other at ``end``.
+
+    What is not ``outer`` is its own.
+    """
+    places = [*begin, *end]
+    inner = [k for k in range(len(places)) if k not in outer]
+    m = len(outer) // 2
+    # unsigned where nothing is folded away: an index that may be negative costs a tenth of ``correct``
+    pin, slope = (np.array([places[k] for k in part], dtype=np.uintp) for part in (outer[:m], inner))
+    return Layout(np.array(outer), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner), fixed)
