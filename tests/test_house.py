@@ -46,7 +46,8 @@ GENERIC = (
     "execution/replays.py",
 )
 DOORS = {
-    "fmus.build", "fmus.cache", "fmus.contents", "fmus.vehicle", "fmus.ports", "fmus.tensioning", "fmus.monolith.model",
+    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.contents", "fmus.vehicle", "fmus.ports", "fmus.tensioning",
+    "fmus.monolith.model",
 }  # fmt: skip
 # scenes without an FMU, studies of the mechanics and the motion that other codes are given need the mechanics
 TO_PHYSICS = {"without_fmu", "studies", "bench"}

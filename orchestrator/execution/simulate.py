@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -12,6 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from fmus.ahead import begun
 from fmus.build import BuildFailed
 from orchestrator.cosim import master
 from orchestrator.cosim.component import Component, ComponentFailed
@@ -189,8 +191,13 @@ def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
 def opened(scene: Scene, stack: ExitStack, logger: Logger | None) -> tuple[Scene, System, Mapping[str, Recorded]]:
     """The scene with its wheels in place, its graph, and what is stepped."""
     if isinstance(scene, TrackScene):
-        scene = placed(scene)
-        graph = system(assemble(scene))
+        beside = _compiled_beside(scene)
+        try:
+            scene = placed(scene)
+            graph = system(assemble(scene))
+        finally:
+            for process in beside:
+                process.wait()
         return scene, graph, load_components(graph, scene.run.stop, stack, logger)
     from orchestrator.without_fmu.models import (  # the mechanics, only for scenes that need them here
         ModelComponent,
@@ -199,6 +206,18 @@ def opened(scene: Scene, stack: ExitStack, logger: Logger | None) -> tuple[Scene
 
     name = scene.assembly
     return scene, System((Instance(name, None, {}, 0),), ()), {name: ModelComponent(name, model_of(scene))}
+
+
+def _compiled_beside(scene: TrackScene) -> list[subprocess.Popen[str]]:
+    """Processes that compile kernels of the scene while the search for the idler's place compiles those of cables."""
+    if scene.placed:
+        return []
+    parts = reversed(assemble(scene).parts)  # of a kind the first one, which stands where its inputs start
+    kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
+    kinds.pop("TrackFlexible", None)
+    rigid = [kinds.pop("TrackRigid")] if "TrackRigid" in kinds else []
+    groups = (rigid, list(kinds.values())) if kinds else ()
+    return [process for group in groups if (process := begun(group)) is not None]
 
 
 def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:

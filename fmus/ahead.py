@@ -1,0 +1,77 @@
+"""Kernels compiled in a process beside: components' models are started and take a step, as their FMUs will do.
+
+What it compiles is found in the cache. What it cannot do, the FMUs will say.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmus.cache import Untrusted, cache_folder, keep, kept, own
+from fmus.jit import ROOT, source_hash
+
+STEP = 1e-3  # s
+Part = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
+
+
+def begun(parts: Sequence[Part]) -> subprocess.Popen[str] | None:
+    """A process that compiles what the parts need; None where there is nothing to compile."""
+    missing = [part for part in parts if not _done(part[0])]
+    if not missing:
+        return None
+    child = subprocess.Popen(
+        [sys.executable, "-m", "fmus.ahead"],
+        stdin=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": str(ROOT.parent)},
+        text=True,
+    )
+    assert child.stdin is not None
+    with child.stdin as orders:
+        json.dump(missing, orders)
+    return child
+
+
+def _mark(kind: str) -> Path:
+    """The file that says that the kernels of these sources were compiled here for a kind of component."""
+    return cache_folder() / "kernels" / "ahead" / f"{kind}-{source_hash()[:20]}"
+
+
+def _done(kind: str) -> bool:
+    try:
+        return kept(_mark(kind)) is not None
+    except FileNotFoundError:
+        return False
+    except (OSError, Untrusted):  # nothing would be kept
+        return True
+
+
+def _child() -> None:
+    from fmus.build import KINDS  # which the parent has no use for
+
+    for kind, config, parameters in json.load(sys.stdin):
+        with suppress(Exception):
+            model = import_module(f"fmus.{KINDS[kind].partition('/')[0]}.model").Model(config)
+            reals = [port for port in model.ports if isinstance(port.start, float)]
+            given = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+            model.initialise(given | parameters)
+            model.step(0.0, STEP, np.array([port.start for port in reals if port.causality == "input"]))
+            model.outputs(np.zeros(sum(port.causality == "output" for port in reals) - model.link_ports))
+            if model.link_ports:
+                model.link_outputs(np.zeros(model.link_ports))
+            own(_mark(kind).parent)
+            keep(_mark(kind), b"")
+
+
+if __name__ == "__main__":
+    _child()
