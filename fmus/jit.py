@@ -234,6 +234,7 @@ if hasattr(CPUCodeLibrary, "_optimize_final_module"):
 
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
+INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def kernel(function: Kernel) -> Kernel:
@@ -251,6 +252,23 @@ def kernel(function: Kernel) -> Kernel:
 def allocating(function: Kernel) -> Kernel:
     """``kernel`` for those that make arrays or take them from a kernel that does: they count references."""
     made: Kernel = _compiled(function, OPTIONS | {"_nrt": True})
+    return made
+
+
+def inner(function: Kernel) -> Kernel:
+    """``kernel`` for those that kernels alone call: Python has no way in, which takes half a second to compile.
+
+    That way looks at every array of every tuple, for a chain some fifty. A call from Python raises TypeError.
+    """
+    compiled: Any = _compiled(function, OPTIONS | INNER)
+    if compiled is not function:
+
+        def refused(*args: Any, **kwargs: Any) -> None:
+            raise TypeError(f"the kernel {function.__name__} is called by kernels alone")
+
+        compiled._compile_for_args = refused
+        compiled.add_overload = lambda found: compiled.overloads.update({tuple(found.signature.args): found})
+    made: Kernel = compiled
     return made
 
 
@@ -288,7 +306,7 @@ def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Ca
         signature = inspect.signature(stub)
         names = ", ".join(signature.parameters)
         chosen.__signature__ = signature  # type: ignore[attr-defined]
-        overload(plain, jit_options=OPTIONS)(chosen)  # type: ignore[arg-type]
+        overload(plain, jit_options=OPTIONS | INNER)(chosen)  # type: ignore[arg-type]
         return plain
 
     return decorate

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import inner, kernel
 
 
 class Factors(NamedTuple):
@@ -79,7 +79,7 @@ def invert(A, swap, size=()):
     return True
 
 
-@kernel
+@inner
 def _product(C, A, B, sign, size):
     """C = sign A B."""
     m = len(size)
@@ -92,7 +92,7 @@ def _product(C, A, B, sign, size):
                 C[r, c] += s * B[k, c]
 
 
-@kernel
+@inner
 def _subtract(C, A, B, size):
     """C -= A B."""
     m = len(size)

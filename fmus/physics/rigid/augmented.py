@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import inner, kernel
 from fmus.physics import block_cyclic
 from fmus.physics.rigid import pin
 
@@ -72,7 +72,7 @@ def system(n: int, closed: bool) -> System:
     )
 
 
-@kernel
+@inner
 def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
     """Add a link's B K^-1 B^T: its pin before (it is Q; rows 0-4 of P), its pin after (it is P; rows 5-9)."""
     for k in range(3):
@@ -195,7 +195,7 @@ def solve(half, ends, s):
             dx[i, a] = y
 
 
-@kernel
+@inner
 def _apply(half, A, WQ, WP, x, before, after):
     """Add a link's B x to the rows of the pins ``before`` and ``after`` (5)."""
     for k in range(3):

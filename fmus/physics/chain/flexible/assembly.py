@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import inner, kernel
 from fmus.physics.ancf.element import axes, energy, force, mass, matter, tangent, vectors
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.elements import axial, flatten, gather
@@ -54,7 +54,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
     return reduce(links, env, x, w, by.v, fresh)
 
 
-@kernel
+@inner
 def measure(links, env, q, v, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, rows, dims = links.n, links.element, vectors(links.element), axes(links.element)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import inner, kernel
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid.explicit import close, derivative  # noqa: F401 - behind the door
@@ -47,7 +47,7 @@ def observe(links, env, s, w, report):
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], (low, mean, high, 0.0), energy)
 
 
-@kernel
+@inner
 def tension(links, env, s, w, i):
     """Of link ``i``, N."""
     pull = 0.0
@@ -65,7 +65,7 @@ def tensions(links, env, s, w, tension_of):
         tension_of[i] = tension(links, env, s, w, i)
 
 
-@kernel
+@inner
 def stretching(links, env, s, i, k):
     """Along the axis ``k`` the forces that stretch link ``i``, N: of its first pin, reversed, and of its last one.
 
