@@ -67,8 +67,9 @@ def refusals() -> tuple[type[Exception], ...]:
     from orchestrator.cosim.coupling.scheme import CouplingFailed
     from orchestrator.cosim.graph import Miswired
     from orchestrator.execution.replays import Unfit
-    from orchestrator.log.reader import LogUnreadable, NoSuchSignal
-    from orchestrator.log.recorder import LogFailed
+    from orchestrator.log.container_reader import LogUnreadable
+    from orchestrator.log.container_writer import LogFailed
+    from orchestrator.log.reader import NoSuchSignal
     from orchestrator.results.run_data import Missing
 
     return (

@@ -12,8 +12,9 @@ import numpy as np
 
 from orchestrator.cosim.component import Component
 from orchestrator.log.bitwise import Difference, first_difference
-from orchestrator.log.reader import Floats, Log, Series
+from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
+from orchestrator.log.time_series import Floats, Series
 
 Parameters = Mapping[str, float | int | str]
 

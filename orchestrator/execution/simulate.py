@@ -24,8 +24,10 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.execution import estimate, summary
 from orchestrator.execution.manifest import STATS_PERIOD, manifest, strides
-from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.recorder import LogFailed, Recorder, check_writable
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container_writer import LogFailed, check_writable
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import Scene, TrackScene

@@ -7,7 +7,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from fmus.vehicle import sentence
-from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.reader import Log
 
 Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
 

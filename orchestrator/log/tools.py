@@ -15,8 +15,12 @@ from typing import Any, NamedTuple, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log.reader import Log, LogUnreadable, Messages, NoSuchSignal, Series
-from orchestrator.log.recorder import LogFailed, Recorder, check_writable
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container_writer import LogFailed, check_writable, reason
+from orchestrator.log.messages import Messages
+from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.recorder import Recorder
+from orchestrator.log.time_series import Series
 
 WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes
 
@@ -82,7 +86,7 @@ class _Tally:
         if len(wrong):
             before, after = sequence[wrong[0] : wrong[0] + 2]
             found.append(f"{messages.topic}: step {after} follows step {before}")
-        t = messages.decode()[0]
+        t = messages.decode().t
         with np.errstate(invalid="ignore", over="ignore"):
             times = np.rint(t * 1e9).astype(np.uint64)
         if not (np.array_equal(messages.log_time, times) and np.array_equal(messages.publish_time, times)):
@@ -189,7 +193,7 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     reached = 0.0
     with Recorder(fresh, topics, attachments, log.metadata, every=every) as recorder:
         for messages in chain.from_iterable(log.intact()):
-            t, h, values = messages.decode()
+            t, h, _, values = messages.decode()
             kept = slice(None) if steps is None else np.isin(_steps(messages), steps)
             ends = t + h if _is_input(messages.topic) else t
             for row in np.arange(len(t))[kept].tolist():
@@ -385,5 +389,4 @@ def _writing(file: Path) -> Iterator[TextIO]:
         with file.open("w", newline="", encoding="utf-8") as stream:
             yield stream
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise LogFailed(f"{file} cannot be written: {reason[:1].lower()}{reason[1:]}") from None
+        raise LogFailed(f"{file} cannot be written: {reason(error)}") from None

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator.log.reader import Series
+from orchestrator.log.time_series import Series
 from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Window, vectors
 
 Block = Mapping[str, Series]  # of each topic the messages of the same steps

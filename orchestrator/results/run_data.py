@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.described import system_of
-from orchestrator.log.reader import Log, Series
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Series
 
 Floats = NDArray[np.float64]
 Made = TypeVar("Made")

@@ -13,8 +13,11 @@ from mutated import Content
 from recorded import ATTACHMENTS, STEP, TOPICS, record, record_in_chunks
 
 from orchestrator.log import recorder as module
-from orchestrator.log.reader import Log, LogUnreadable, NoSuchSignal
-from orchestrator.log.recorder import PREFIX, LogFailed, Recorder
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container_writer import LogFailed
+from orchestrator.log.messages import PREFIX
+from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, export, info, recover, verify
 
 
@@ -242,7 +245,7 @@ def test_results_of_the_closing_record_are_kept(tmp_path):
     with Log(tmp_path / "whole.mcap") as log:
         closing = log.closing
         assert closing["results"] == results
-        indexes = log._data_end + 13 + 20
+        indexes = log._file.data_end + 13 + 20
     for change in (lambda data: data[:indexes], lambda data: data[:indexes] + b"\xff" * 9 + data[indexes + 9 :]):
         (tmp_path / "bad.mcap").write_bytes(change(data))
         assert verify(tmp_path / "bad.mcap").code == BROKEN
