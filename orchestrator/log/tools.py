@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,44 +32,13 @@ class Verdict(NamedTuple):
     sentences: list[str]
 
 
-class TopicInfo(NamedTuple):
-    """One topic of a log."""
-
-    topic: str
-    signals: int
-    messages: int
-    every: int  # one step in ``every`` is recorded
-    first: float  # s; nan without messages
-    last: float  # s; nan without messages
-    bytes: int  # of its messages before compression
-
-
-class Info(NamedTuple):
-    """A log at a glance."""
-
-    path: Path
-    bytes: int
-    complete: bool
-    faults: list[str]
-    status: str  # of the closing record; "cut off" without one
-    message: str
-    warnings: list[dict[str, Any]]  # of the components: component, text, time in s, count
-    steps: int | None  # communication steps done; None where the log was cut off
-    start: float  # s; nan without messages
-    end: float  # s; nan without messages
-    digest: str  # empty where a part is damaged
-    topics: list[TopicInfo]
-    attachments: list[tuple[str, int]]  # name, bytes
-    metadata: dict[str, dict[str, str]]
-
-
-class _Tally:
+class Tally:
     """What passes by of one topic: its steps and times."""
 
     def __init__(self) -> None:
         self.messages = 0
-        self.bytes = 0
-        self.first = self.last = float("nan")
+        self.bytes = 0  # before compression
+        self.first = self.last = float("nan")  # s
         self.newest: int | None = None  # sequence
         self.hash = hashlib.sha256()
 
@@ -100,6 +69,17 @@ class _Tally:
         return found
 
 
+class Info(NamedTuple):
+    """A log at a glance."""
+
+    log: Log  # closed: what it says of itself
+    start: float  # s; nan without messages
+    end: float  # s; nan without messages
+    digest: str  # empty where a part is damaged
+    topics: dict[str, Tally]
+    attachments: dict[str, int]  # bytes by name
+
+
 def verify(path: str | os.PathLike[str]) -> Verdict:
     """Whether a log is whole: every checksum, every step, every sha256, the closing record."""
     try:
@@ -118,7 +98,7 @@ def verify(path: str | os.PathLike[str]) -> Verdict:
 
 def _faults(log: Log) -> list[str]:
     """All that is wrong with a log, in sentences."""
-    tallies = {topic: _Tally() for topic in log.topics}
+    tallies = {topic: Tally() for topic in log.topics}
     faults = [
         fault
         for messages in chain.from_iterable(log.intact())
@@ -260,36 +240,18 @@ def _attachment(log: Log, name: str) -> bytes | None:
 def info(path: str | os.PathLike[str]) -> Info:
     """A log at a glance; reads all of it. Raises LogUnreadable."""
     with Log(path) as log:
-        tallies = {topic: _Tally() for topic in log.topics}
+        tallies = {topic: Tally() for topic in log.topics}
         for messages in chain.from_iterable(log.intact()):
             tallies[messages.topic].add(messages, None)
         try:
             digest = log.digest()
         except LogUnreadable:
             digest = ""
-        attachments = [(name, len(_attachment(log, name) or b"")) for name in log.attachments]
-        topics = [
-            TopicInfo(topic, len(about.names), tally.messages, about.every, tally.first, tally.last, tally.bytes)
-            for (topic, about), tally in zip(log.topics.items(), tallies.values(), strict=True)
-        ]
-        written = [topic for topic in topics if topic.messages]
-        closing = log.closing
-        return Info(
-            path=log.path,
-            bytes=log.size,
-            complete=log.complete and not log.faults,
-            faults=list(log.faults),
-            status=closing["status"] if closing else "cut off",
-            message=closing["message"] if closing else "",
-            warnings=closing["warnings"] if closing else [],
-            steps=closing["steps"] if closing else None,
-            start=min((topic.first for topic in written), default=float("nan")),
-            end=max((topic.last for topic in written), default=float("nan")),
-            digest=digest,
-            topics=topics,
-            attachments=attachments,
-            metadata=log.metadata,
-        )
+        attachments = {name: len(_attachment(log, name) or b"") for name in log.attachments}
+        written = [tally for tally in tallies.values() if tally.messages]
+        start = min((tally.first for tally in written), default=float("nan"))
+        end = max((tally.last for tally in written), default=float("nan"))
+        return Info(log, start, end, digest, tallies, attachments)
 
 
 def export(
@@ -375,18 +337,12 @@ def _matches(pattern: str, text: str) -> bool:
 def _write(file: Path, header: list[str], parts: Sequence[tuple[Series, list[int]]]) -> None:
     t = parts[0][0].t
     table = np.concatenate([t[:, None], *(series.values[:, columns] for series, columns in parts)], axis=1)
-    with _writing(file) as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(header)
-        for start in range(0, len(table), 1000):
-            writer.writerows(table[start : start + 1000].tolist())
-
-
-@contextmanager
-def _writing(file: Path) -> Iterator[TextIO]:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with file.open("w", newline="", encoding="utf-8") as stream:
-            yield stream
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(header)
+            for start in range(0, len(table), 1000):
+                writer.writerows(table[start : start + 1000].tolist())
     except OSError as error:
         raise LogFailed(f"{file} cannot be written: {reason(error)}") from None
