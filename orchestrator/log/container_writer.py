@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 import zstandard
@@ -44,6 +44,14 @@ except ImportError:  # Windows does not let go of open files in any case
     fcntl = None  # type: ignore[assignment]
 
 COMPRESSION_LEVEL = 1  # of zstandard
+SUMMARY = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
 
 
 class LogFailed(RuntimeError):
@@ -59,12 +67,8 @@ class ContainerWriter:
         self._stream = path.open("wb" if path.exists() else "xb", buffering=0)  # exists: a device
         _lock(self._stream)
         self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
-        self._schemas: list[Schema] = []
-        self._channels: list[Channel] = []
-        self._chunks: list[ChunkIndex] = []
-        self._attachments: list[AttachmentIndex] = []
-        self._metadata: list[MetadataIndex] = []
-        self._counts: dict[int, int] = {}
+        self._indexed: dict[Opcode, list[Any]] = {opcode: [] for opcode in SUMMARY}  # records of the summary
+        self._counts: dict[int, int] = {}  # messages of each channel
         try:
             self._append(MCAP0_MAGIC + _bytes(Header(profile="", library="cotrack")))
         except OSError:
@@ -75,7 +79,7 @@ class ContainerWriter:
         """A record of texts."""
         offset = self.size
         self._append(_bytes(Metadata(name, dict(entries))))
-        self._metadata.append(MetadataIndex(offset=offset, length=self.size - offset, name=name))
+        self._indexed[Opcode.METADATA_INDEX].append(MetadataIndex(offset=offset, length=self.size - offset, name=name))
 
     def attachment(self, name: str, content: bytes) -> None:
         """A whole file."""
@@ -84,15 +88,15 @@ class ContainerWriter:
         offset = self.size
         self._append(_bytes(record))
         index = AttachmentIndex(offset, self.size - offset, 0, 0, len(content), name, kind)
-        self._attachments.append(index)
+        self._indexed[Opcode.ATTACHMENT_INDEX].append(index)
 
     def channel(self, number: int, topic: str, kind: str, description: bytes, about: dict[str, str]) -> None:
         """A topic and the message type that ``description`` describes; both have the channel's number."""
         described = Schema(number, description, SchemaEncoding.Protobuf, kind)
         channel = Channel(number, topic, MessageEncoding.Protobuf, about, schema_id=number)
         self._append(_bytes(described, channel))
-        self._schemas.append(described)
-        self._channels.append(channel)
+        self._indexed[Opcode.SCHEMA].append(described)
+        self._indexed[Opcode.CHANNEL].append(channel)
         self._counts[number] = 0
 
     def chunk(self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]]) -> None:
@@ -122,7 +126,7 @@ class ContainerWriter:
         self._append(head + indexes)
         for number, rows, _ in parts:
             self._counts[number] += len(rows)
-        self._chunks.append(
+        self._indexed[Opcode.CHUNK_INDEX].append(
             ChunkIndex(
                 chunk_length=len(head),
                 chunk_start_offset=offset,
@@ -138,28 +142,22 @@ class ContainerWriter:
 
     def finish(self) -> None:
         """End of data, summary, footer: one write, so that a full disk leaves the data as they are."""
+        chunks = self._indexed[Opcode.CHUNK_INDEX]
         statistics = Statistics(
-            attachment_count=len(self._attachments),
-            channel_count=len(self._channels),
+            attachment_count=len(self._indexed[Opcode.ATTACHMENT_INDEX]),
+            channel_count=len(self._indexed[Opcode.CHANNEL]),
             channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
+            chunk_count=len(chunks),
             message_count=sum(self._counts.values()),
-            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
-            metadata_count=len(self._metadata),
-            schema_count=len(self._schemas),
+            message_end_time=max((chunk.message_end_time for chunk in chunks), default=0),
+            message_start_time=min((chunk.message_start_time for chunk in chunks), default=0),
+            metadata_count=len(self._indexed[Opcode.METADATA_INDEX]),
+            schema_count=len(self._indexed[Opcode.SCHEMA]),
         )
         data_end = _bytes(DataEnd(self._crc))
         start = self.size + len(data_end)
         summary, offsets = bytearray(), []
-        for opcode, group in (
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
-        ):
+        for opcode, group in (self._indexed | {Opcode.STATISTICS: [statistics]}).items():
             content = _bytes(*group)
             if content:
                 offsets.append(SummaryOffset(opcode, start + len(summary), len(content)))
