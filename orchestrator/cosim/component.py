@@ -12,11 +12,10 @@ import shutil
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from ctypes import POINTER, byref, c_double, c_int, c_size_t, c_uint, create_string_buffer
+from contextlib import AbstractContextManager, suppress
+from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, create_string_buffer
 from pathlib import Path
 from time import perf_counter
-from types import TracebackType
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
@@ -43,6 +42,13 @@ Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a 
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")  # an angle has no dimension
 LINK_FAMILIES = ("link[", "joint[")  # outputs of every link: read and recorded at a rate of their own
+SETTERS: dict[str, tuple[str, Any, Any]] = {  # of a type: the function, what it takes, what may be given
+    "Real": ("fmi2SetReal", c_double, int | float),
+    "Integer": ("fmi2SetInteger", c_int, int),
+    "Enumeration": ("fmi2SetInteger", c_int, int),
+    "Boolean": ("fmi2SetBoolean", c_int, bool),
+    "String": ("fmi2SetString", c_char_p, str),
+}
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
 _BYTECODE = "__pycache__"
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
@@ -176,7 +182,7 @@ def _bar(bytecode: Path) -> None:
 # ------------------------------------------------------------------ component
 
 
-class Component:
+class Component(AbstractContextManager["Component"]):
     """An FMU instance with arrays: write ``u``, step, read ``y``. Use it in a ``with``.
 
     Methods may be called from any thread, one at a time; the GIL is free while the FMU computes, as far as
@@ -342,24 +348,15 @@ class Component:
             hint = f" (did you mean '{near[0]}'?)" if near else ""
             raise ComponentFailed(f"{self.name}: there is no parameter '{name}'{hint}")
         variable = self._variables[name]
-        kind = variable.type
-        reference = (c_uint * 1)(variable.valueReference)
-        fmu = self._library
-        if kind == "Real" and isinstance(value, int | float) and not isinstance(value, bool):
-            self._call(fmu.fmi2SetReal, reference, 1, (c_double * 1)(value))
-        elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
-            self._call(fmu.fmi2SetInteger, reference, 1, (c_int * 1)(value))
-        elif kind == "Boolean" and isinstance(value, bool):
-            self._call(fmu.fmi2SetBoolean, reference, 1, (c_int * 1)(value))
-        elif kind == "String" and isinstance(value, str):
-            self._call(fmu.fmi2SetString, reference, 1, (fmpy.c_char_p * 1)(value.encode()))
-        else:
-            raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: must be of type {kind}")
+        setter, c_type, allowed = SETTERS[variable.type]
+        if not isinstance(value, allowed) or isinstance(value, bool) != (variable.type == "Boolean"):
+            raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: must be of type {variable.type}")
+        content = (c_type * 1)(value.encode() if isinstance(value, str) else value)
+        self._call(getattr(self._library, setter), (c_uint * 1)(variable.valueReference), 1, content)
 
     def write(self) -> None:
         """``u`` goes into the FMU."""
-        if self.inputs:
-            self._call(self._library.fmi2SetReal, *self._u)
+        self._exchange(self._library.fmi2SetReal, self._u)
 
     def step(self, t: float, h: float) -> None:
         """From t to t + h, both in s."""
@@ -368,17 +365,17 @@ class Component:
 
     def read(self) -> None:
         """The Real outputs go into ``y``, but for those of links."""
-        self._get(self._library.fmi2GetReal, self._y)
+        self._exchange(self._library.fmi2GetReal, self._y)
 
     def read_links(self) -> None:
         """The outputs of links go into ``y_links``."""
-        self._get(self._library.fmi2GetReal, self._y_links)
+        self._exchange(self._library.fmi2GetReal, self._y_links)
 
     def read_counters(self) -> None:
         """The Integer outputs go into ``counters``."""
-        self._get(self._library.fmi2GetInteger, self._counters)
+        self._exchange(self._library.fmi2GetInteger, self._counters)
 
-    def _get(self, function: Callable[..., Any], group: tuple[Any, int, Any]) -> None:
+    def _exchange(self, function: Callable[..., Any], group: tuple[Any, int, Any]) -> None:
         if group[1]:
             self._call(function, *group)
 
@@ -425,8 +422,7 @@ class Component:
         self._call(fmu.fmi2DeSerializeFMUstate, create_string_buffer(content, size), size, byref(handle))
         self._call(fmu.fmi2SetFMUstate, handle)
         self._phase = "running"
-        if self.inputs:
-            self._get(fmu.fmi2GetReal, self._u)
+        self._exchange(fmu.fmi2GetReal, self._u)
         self.read()
         self.read_links()
         self.read_counters()
@@ -454,12 +450,7 @@ class Component:
         self._handle = None
         _components.pop(self._number, None)
 
-    def __enter__(self) -> Component:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *ended: object) -> None:
         self.close()
 
 

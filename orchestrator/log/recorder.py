@@ -15,9 +15,8 @@ import os
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +30,7 @@ CHUNK = 1 << 20  # bytes of messages that make a chunk
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too
 
 
-class Recorder:
+class Recorder(AbstractContextManager["Recorder"]):
     """An open log; closes itself when left, with status "failed" unless ``close`` was called before.
 
     :param path: the file; its folder is made, an older log is replaced, any other file is refused.
@@ -85,12 +84,7 @@ class Recorder:
         self._thread = threading.Thread(target=self._drain, name="recorder", daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> Recorder:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if not self._closed:
             message = str(error) or (kind.__name__ if kind else "the run ended without saying how")
             with suppress(LogFailed) if error else nullcontext():  # the first error is the one to hear of
