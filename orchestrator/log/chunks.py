@@ -20,31 +20,24 @@ _SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
 
 
 class Chunks:
-    """The chunks of a log; iterating gives their offsets in the file."""
+    """The chunks of a log.
+
+    ``spans``: offset of each in the file -> first and last time in it, s. ``unpacked``: of those in memory, by offset,
+    their messages.
+    """
 
     def __init__(self, file: ContainerReader, channels: Mapping[int, Recorded]) -> None:
         self._file = file
         self._channels = channels
-        self._spans: dict[int, tuple[float, float]] = {}  # offset of a chunk -> first and last time in it, s
-        self._unpacked: dict[int, list[Messages]] = {}  # offset of a chunk -> its messages
+        self.spans: dict[int, tuple[float, float]] = {}
+        self.unpacked: dict[int, list[Messages]] = {}
         self._inside: dict[int, list[tuple[int, Sequence[int]]]] = {}  # offset of a chunk -> where messages are in it
         self._room = KEEP
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self._spans)
-
-    def __reversed__(self) -> Iterator[int]:
-        return reversed(self._spans)
-
-    @property
-    def kept(self) -> int:
-        """How many are in memory."""
-        return len(self._unpacked)
 
     def add(self, offset: int) -> None:
         """Note the chunk at ``offset``, and when it begins and ends as it says itself."""
         first, last = _SPAN.unpack(self._file.body(offset, _SPAN.size).ljust(_SPAN.size, b"\0"))
-        self._spans[offset] = 1e-9 * first, 1e-9 * last
+        self.spans[offset] = 1e-9 * first, 1e-9 * last
         self._file.let_go(offset)
 
     def passing(
@@ -52,14 +45,14 @@ class Chunks:
     ) -> Iterator[Messages]:
         """The messages of topics in the chunks at these offsets that have any of a time in the window, s; not kept."""
         for offset in offsets:
-            first, last = self._spans[offset]
+            first, last = self.spans[offset]
             if first <= window[1] + 1e-6 and last >= window[0] - 1e-6:
                 yield from (messages for messages in self.read(offset, keep=False) if messages.topic in topics)
 
     def read(self, offset: int, keep: bool = True) -> list[Messages]:
         """The message records of a chunk by channel; raises LogUnreadable."""
-        if offset in self._unpacked:
-            return self._unpacked[offset]
+        if offset in self.unpacked:
+            return self.unpacked[offset]
         try:
             content = _content(self._file.record(Chunk, offset))
             if offset not in self._inside:
@@ -74,12 +67,8 @@ class Chunks:
             self._file.let_go(offset)
         elif len(content) <= self._room:  # a log is read topic by topic, a chunk unpacked once
             self._room -= len(content)
-            self._unpacked[offset] = piece
+            self.unpacked[offset] = piece
         return piece
-
-    def forget(self) -> None:
-        """Keep none any longer."""
-        self._unpacked.clear()
 
     def _together(self, content: bytes, number: int, offsets: list[int]) -> tuple[int, Sequence[int]]:
         """A channel and where its messages are; where they stand together, in no more room than a range takes."""

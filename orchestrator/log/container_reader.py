@@ -27,6 +27,11 @@ from orchestrator.log.container_writer import reason
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
 AROUND = 16 * mmap.PAGESIZE  # bytes that a system may map when one of them is touched
+INDEXES: dict[int, tuple[Any, str]] = {  # records of the summary that say where another one is
+    Opcode.CHUNK_INDEX: (ChunkIndex, "chunk_start_offset"),
+    Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
+    Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
+}
 DAMAGE = (
     McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError, OverflowError,
     RecursionError,
@@ -107,12 +112,9 @@ class ContainerReader:
             found.append(offset - HEAD.size - 4)  # end of data
             while offset < self.size - FOOTER:
                 opcode, length = HEAD.unpack_from(self._data, offset)
-                if opcode == Opcode.CHUNK_INDEX:
-                    found.append(self.record(ChunkIndex, offset).chunk_start_offset)
-                elif opcode == Opcode.ATTACHMENT_INDEX:
-                    found.append(self.record(AttachmentIndex, offset).offset)
-                elif opcode == Opcode.METADATA_INDEX:
-                    found.append(self.record(MetadataIndex, offset).offset)
+                if opcode in INDEXES:
+                    kind, where = INDEXES[opcode]
+                    found.append(getattr(self.record(kind, offset), where))
                 offset += HEAD.size + length
         except DAMAGE:
             return []

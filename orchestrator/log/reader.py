@@ -14,6 +14,7 @@ import os
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,7 @@ class Log(AbstractContextManager["Log"]):
 
     def close(self) -> None:
         """Give the file back; arrays that were read stay."""
-        self._chunks.forget()
+        self._chunks.unpacked.clear()
         self._file.close()
 
     @property
@@ -117,7 +118,7 @@ class Log(AbstractContextManager["Log"]):
     def select(self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER) -> dict[str, Series]:
         """Some columns of topics in a closed interval of time, s; raises NoSuchSignal, LogUnreadable."""
         found = {topic: [self._nothing(topic).columns(columns)] for topic, columns in wanted.items()}
-        for messages in self._chunks.passing(wanted, self._chunks, window):
+        for messages in self._chunks.passing(wanted, self._chunks.spans, window):
             series = messages.decode().columns(wanted[messages.topic])
             inside = (series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)
             found[messages.topic].append(series.rows(inside))
@@ -126,7 +127,7 @@ class Log(AbstractContextManager["Log"]):
     def ends(self, topic: str) -> Series:
         """The first and the last message of a topic; none where there is none. Raises NoSuchSignal, LogUnreadable."""
         ends = [self._nothing(topic)]
-        for chunks, end in ((self._chunks, slice(1)), (reversed(self._chunks), slice(-1, None))):
+        for chunks, end in ((self._chunks.spans, slice(1)), (reversed(self._chunks.spans), slice(-1, None))):
             found = next(self._chunks.passing([topic], chunks), None)
             if found is not None:
                 ends.append(found.decode().rows(end))
@@ -139,7 +140,7 @@ class Log(AbstractContextManager["Log"]):
         lies in its file, its blocks are the same. Raises NoSuchSignal, LogUnreadable.
         """
         held = {topic: [self._nothing(topic)] for topic in topics}
-        for offset in self._chunks:
+        for offset in self._chunks.spans:
             for messages in self._chunks.passing(topics, [offset]):
                 held[messages.topic].append(messages.decode())
             while min(sum(len(part.t) for part in parts) for parts in held.values()) >= size + max(more, 1):
@@ -151,7 +152,7 @@ class Log(AbstractContextManager["Log"]):
     def lengths(self) -> dict[str, int]:
         """Number of messages by topic; raises LogUnreadable."""
         found = dict.fromkeys(self.topics, 0)
-        for messages in self._chunks.passing(self.topics, self._chunks):
+        for messages in self._chunks.passing(self.topics, self._chunks.spans):
             found[messages.topic] += len(messages.rows)
         return found
 
@@ -188,25 +189,22 @@ class Log(AbstractContextManager["Log"]):
 
     def chunks(self) -> Iterator[list[Messages]]:
         """The log piece by piece, by topic, as recorded; raises LogUnreadable at a damaged piece."""
-        for offset in self._chunks:
+        for offset in self._chunks.spans:
             yield self._chunks.read(offset)
 
-    def intact(self) -> Iterator[list[Messages]]:
-        """The log piece by piece without the damaged pieces, which go to ``faults``."""
-        for offset in self._chunks:
+    def intact(self) -> Iterator[Messages]:
+        """All messages, piece by piece and by topic, without the damaged pieces, which go to ``faults``."""
+        for offset in self._chunks.spans:
             try:
-                piece = self._chunks.read(offset)
+                yield from self._chunks.read(offset)
             except LogUnreadable as damage:
                 self._file.fault(str(damage))
-            else:
-                yield piece
 
     def hashes(self) -> dict[str, str]:
         """A sha256 by topic over sequence, times and data of its messages; raises LogUnreadable."""
         found = {topic: hashlib.sha256() for topic in self.topics}
-        for piece in self.chunks():
-            for messages in piece:
-                found[messages.topic].update(messages.digestible())
+        for messages in chain.from_iterable(self.chunks()):
+            found[messages.topic].update(messages.digestible())
         return {topic: value.hexdigest() for topic, value in found.items()}
 
     def digest(self) -> str:
@@ -268,7 +266,7 @@ class Log(AbstractContextManager["Log"]):
         return nothing(self.topics[self.known_topic(topic)].names)
 
     def _of(self, topic: str) -> Iterator[Messages]:
-        return (messages for piece in self.chunks() for messages in piece if messages.topic == topic)
+        return (messages for messages in chain.from_iterable(self.chunks()) if messages.topic == topic)
 
 
 def _owner(topic: str) -> str:

@@ -90,11 +90,6 @@ class Recorder(AbstractContextManager["Recorder"]):
             with suppress(LogFailed) if error else nullcontext():  # the first error is the one to hear of
                 self.close("failed", message, self._last)
 
-    @property
-    def size(self) -> int:
-        """Bytes in the file so far."""
-        return self._file.size
-
     def together(self, topics: Sequence[str]) -> str:
         """Let topics recorded at the same steps be written by one ``write``, under the name that is returned."""
         channels = [self._channels[topic] for topic in topics]

@@ -8,7 +8,6 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -101,7 +100,7 @@ def _faults(log: Log) -> list[str]:
     tallies = {topic: Tally() for topic in log.topics}
     faults = [
         fault
-        for messages in chain.from_iterable(log.intact())
+        for messages in log.intact()
         for fault in tallies[messages.topic].add(messages, _stride(log, messages.topic))
     ]
     faults = [*log.faults, *log.checksums(), *faults]
@@ -172,7 +171,7 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     steps = None if untouched else _whole_steps(log, closing["messages"])
     reached = 0.0
     with Recorder(fresh, topics, attachments, log.metadata, every=every) as recorder:
-        for messages in chain.from_iterable(log.intact()):
+        for messages in log.intact():
             t, h, _, values = messages.decode()
             kept = slice(None) if steps is None else np.isin(_steps(messages), steps)
             ends = t + h if _is_input(messages.topic) else t
@@ -202,15 +201,12 @@ def _whole_steps(log: Log, recorded: Mapping[str, int]) -> NDArray[np.int64] | N
 
     An input belongs to the step that it leads to.
     """
-    found: dict[str, list[NDArray[np.int64]]] = {topic: [] for topic in log.topics if _stride(log, topic)}
-    count = dict.fromkeys(log.topics, 0)
-    for messages in chain.from_iterable(log.intact()):
-        count[messages.topic] += len(messages.rows)
-        if messages.topic in found:
-            found[messages.topic].append(_steps(messages))
-    if count == recorded:
+    found = {topic: [np.empty(0, np.int64)] for topic in log.topics}
+    for messages in log.intact():
+        found[messages.topic].append(_steps(messages))
+    if {topic: sum(map(len, parts)) for topic, parts in found.items()} == recorded:
         return None
-    of = {topic: np.unique(np.concatenate([np.empty(0, np.int64), *parts])) for topic, parts in found.items()}
+    of = {topic: np.unique(np.concatenate(parts)) for topic, parts in found.items() if _stride(log, topic)}
     steps = np.unique(np.concatenate([np.empty(0, np.int64), *of.values()]))
     whole = np.ones(len(steps), bool)
     for topic, its in of.items():
@@ -241,7 +237,7 @@ def info(path: str | os.PathLike[str]) -> Info:
     """A log at a glance; reads all of it. Raises LogUnreadable."""
     with Log(path) as log:
         tallies = {topic: Tally() for topic in log.topics}
-        for messages in chain.from_iterable(log.intact()):
+        for messages in log.intact():
             tallies[messages.topic].add(messages, None)
         try:
             digest = log.digest()

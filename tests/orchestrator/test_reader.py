@@ -104,7 +104,7 @@ def test_a_cut_log_reads_as_far_as_it_goes(chunked, fraction):
                 m = len(series.t)
                 assert np.array_equal(series.t, whole[topic].t[:m])
                 assert np.array_equal(series.values, whole[topic].values[:m])
-            later = [chunk for chunk in log._chunks if chunk >= end]
+            later = [chunk for chunk in log._chunks.spans if chunk >= end]
             assert not later
 
 
@@ -184,7 +184,7 @@ def test_what_is_selected_is_what_is_read_and_is_not_kept(chunked):
             assert np.array_equal(ends.t, series.t[[0, -1]])
             assert np.array_equal(ends.values, series.values[[0, -1]])
             assert log.lengths()[topic] == len(series.t)
-        assert not log._chunks.kept
+        assert not log._chunks.unpacked
         with pytest.raises(NoSuchSignal, match="no topic '/left/out'"):
             log.select({"/left/out": [0]})
 
