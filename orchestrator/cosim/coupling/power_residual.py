@@ -39,7 +39,6 @@ Dimension = tuple[float, ...]
 class Bond(NamedTuple):
     """What two components exchange: ``there`` feeds b with what a shows, ``back`` feeds a with what b shows."""
 
-    name: str
     a: Member
     b: Member
     there: Feed
@@ -53,7 +52,7 @@ def bonds(members: Sequence[Member]) -> tuple[Bond, ...]:
         for feed in member.feeds:
             if feed.bond:
                 ends.setdefault(feed.bond, []).append((member, feed))
-    return tuple(Bond(name, back[0], there[0], there[1], back[1]) for name, (back, there) in ends.items())
+    return tuple(Bond(back[0], there[0], there[1], back[1]) for back, there in ends.values())
 
 
 def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dimension | None]) -> None:
