@@ -62,10 +62,7 @@ class State(NamedTuple):
     """A saved state of a component with the values of its arrays and its warnings; good until freed."""
 
     handle: fmi2FMUstate
-    u: Floats
-    y: Floats
-    y_links: Floats
-    counters: NDArray[np.int32]
+    arrays: tuple[NDArray[Any], ...]  # u, y, y_links, counters
     warned: Mapping[str, Warned]
 
 
@@ -222,6 +219,7 @@ class Component(AbstractContextManager["Component"]):
         self.y = np.zeros(len(self.outputs))
         self.y_links = np.zeros(len(self.links))
         self.counters = np.zeros(len(self.integers), dtype=np.int32)
+        self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
         self._u = self._group(self.inputs, self.u, c_double)
         self._y = self._group(self.outputs, self.y, c_double)
         self._y_links = self._group(self.links, self.y_links, c_double)
@@ -388,8 +386,7 @@ class Component(AbstractContextManager["Component"]):
         return self._state(handle)
 
     def _state(self, handle: fmi2FMUstate) -> State:
-        arrays = (self.u.copy(), self.y.copy(), self.y_links.copy(), self.counters.copy())
-        state = State(handle, *arrays, self._warnings.save())
+        state = State(handle, tuple(array.copy() for array in self._arrays), self._warnings.save())
         self._states.append(state)
         return state
 
@@ -397,7 +394,8 @@ class Component(AbstractContextManager["Component"]):
         """Back to a saved state, bit for bit; it stays good for another time."""
         self._call(self._able("canGetAndSetFMUstate", "restore a state").fmi2SetFMUstate, state.handle)
         self._phase = "running"
-        self.u[:], self.y[:], self.y_links[:], self.counters[:] = state[1:5]
+        for array, saved in zip(self._arrays, state.arrays, strict=True):
+            array[:] = saved
         self._warnings.restore(state.warned)
 
     def free(self, state: State) -> None:

@@ -55,11 +55,12 @@ def run(
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Outcome:
     """Step initialised components to the end, a failure or an interruption; observers see k = 0 as well."""
-    k, t = 0, 0.0
+    k, t, h = 0, 0.0, pace.step
     with scheme:
-        observe(observers, k, t, pace.step)
         steps = pace.walk(scheme)
         while True:
+            for observer in observers:
+                observer(k, t, h)
             if interrupted():
                 return Outcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
             try:
@@ -69,10 +70,3 @@ def run(
             if not h:
                 return Outcome("ok", "", k, t)
             k += 1
-            observe(observers, k, t, h)
-
-
-def observe(observers: Sequence[Observer], k: int, t: float, h: float) -> None:
-    """Show the state after k steps to everyone who looks on."""
-    for observer in observers:
-        observer(k, t, h)

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import Series
+from orchestrator.log.time_series import Floats, Series
 
-Floats = NDArray[np.float64]
 Made = TypeVar("Made")
 BLOCK = 1000  # steps that are in memory at once
 KEPT = 4  # records of links that are kept: measures of a scene ask for the same ones
