@@ -6,7 +6,7 @@ import json
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 
 from fmus.build import BuildFailed
 from orchestrator.cosim import master
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import SCHEMES, power_residual
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
@@ -34,8 +34,6 @@ from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
 QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
-
-Logger = Callable[[str, int, str], None]
 
 
 def simulate(
