@@ -67,9 +67,8 @@ def refusals() -> tuple[type[Exception], ...]:
     from orchestrator.cosim.coupling.scheme import CouplingFailed
     from orchestrator.cosim.graph import Miswired
     from orchestrator.execution.replays import Unfit
-    from orchestrator.log.container_reader import LogUnreadable
-    from orchestrator.log.container_writer import LogFailed
-    from orchestrator.log.reader import NoSuchSignal
+    from orchestrator.log.reader import LogUnreadable, NoSuchSignal
+    from orchestrator.log.recorder import LogFailed
     from orchestrator.results.run_data import Missing
 
     return (
@@ -97,11 +96,6 @@ def tell(message: str, status: int) -> int:
 def leave(message: str, status: int) -> NoReturn:
     """End the command with a message."""
     sys.exit(tell(message, status))
-
-
-def model(track: TrackModel | None) -> str | None:
-    """The name of a track model, or none."""
-    return track.value if track else None
 
 
 def warn(instance: str, status: int, message: str) -> None:

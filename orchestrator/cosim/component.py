@@ -6,7 +6,6 @@ import atexit
 import difflib
 import hashlib
 import io
-import itertools
 import math
 import shutil
 import zipfile
@@ -68,8 +67,7 @@ class State(NamedTuple):
 
 # ------------------------------------------------------------------ messages
 
-_components: dict[int, Component] = {}
-_numbers = itertools.count(1)
+_components: dict[int, Component] = {}  # by identity
 
 
 def _receive(environment: int | None, name: bytes, status: int, category: bytes | None, message: bytes) -> None:
@@ -83,12 +81,12 @@ def _receive(environment: int | None, name: bytes, status: int, category: bytes 
 _receiver = fmi2CallbackLoggerTYPE(_receive)  # lives as long as the process
 
 
-def _callbacks(number: int) -> fmi2CallbackFunctions:
+def _callbacks(environment: int) -> fmi2CallbackFunctions:
     functions = fmi2CallbackFunctions()
     functions.logger = _receiver
     functions.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
     functions.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
-    functions.componentEnvironment = number
+    functions.componentEnvironment = environment
     addLoggerProxy(byref(functions))  # formats the printf arguments, which ctypes cannot take
     return functions
 
@@ -247,10 +245,8 @@ class Component(AbstractContextManager["Component"]):
         # without fmpy's wrapper round each call, which costs as much as an exchange
         self._library = self._fmu.dll
         _libraries[library] = self._library  # never unloaded: Python modules may hold on to it
-        number = next(_numbers)
-        _components[number] = self
-        self._number = number
-        self._callbacks = _callbacks(number)
+        _components[id(self)] = self
+        self._callbacks = _callbacks(id(self))
         handle = self._fmu.fmi2Instantiate(
             self.name.encode(),
             1,  # co-simulation
@@ -261,7 +257,7 @@ class Component(AbstractContextManager["Component"]):
             True,  # without logging there are no messages either
         )
         if not handle:
-            del _components[number]
+            del _components[id(self)]
             raise ComponentFailed(f"{self.name}: {self._complaint() or 'the FMU cannot be instantiated'}")
         self._handle = handle
         self._phase = "instantiated"
@@ -446,7 +442,7 @@ class Component(AbstractContextManager["Component"]):
                     self._call(self._library.fmi2Terminate)
             self._fmu.fmi2FreeInstance(self._handle)
         self._handle = None
-        _components.pop(self._number, None)
+        _components.pop(id(self), None)
 
     def __exit__(self, *ended: object) -> None:
         self.close()

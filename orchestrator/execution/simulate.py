@@ -24,10 +24,8 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.execution import estimate, summary
 from orchestrator.execution.manifest import STATS_PERIOD, manifest, strides
-from orchestrator.log.container_reader import LogUnreadable
-from orchestrator.log.container_writer import LogFailed, check_writable
-from orchestrator.log.reader import Log
-from orchestrator.log.recorder import Recorder
+from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import Scene, TrackScene
@@ -237,8 +235,8 @@ def cost(component: Recorded) -> dict[str, float | int]:
     counters = {
         name.removeprefix("solver."): int(value)
         for name, value in zip(component.integers, component.counters, strict=True)
+        if name != "status"
     }
-    counters.pop("status", None)
     blank = dict.fromkeys(("steps", "evaluations", "iterations", "rejected"), 0)
     return {"wall_time": component.wall_time, **blank, **counters}
 

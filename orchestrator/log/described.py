@@ -7,8 +7,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from fmus.vehicle import sentence
-from orchestrator.log.container_reader import LogUnreadable
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, LogUnreadable
 
 Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
 

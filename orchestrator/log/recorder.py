@@ -92,12 +92,12 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     def together(self, topics: Sequence[str]) -> str:
         """Let topics recorded at the same steps be written by one ``write``, under the name that is returned."""
-        channels = [self._channels[topic] for topic in topics]
-        if len({channel.every for channel in channels}) > 1:
+        members = [self._channels[topic] for topic in topics]
+        if len({channel.every for channel in members}) > 1:
             raise ValueError(f"{', '.join(topics)} are not recorded at the same steps")
         name = " ".join(topics)
         self._pages = {topic: page for topic, page in self._pages.items() if topic not in topics}
-        self._pages[name] = _Page(channels)
+        self._pages[name] = _Page(members)
         return name
 
     def due(self, topic: str, sequence: int) -> bool:
