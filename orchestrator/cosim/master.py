@@ -28,15 +28,11 @@ class Clock(NamedTuple):
     step: float  # H, s
     steps: int
 
-    def time(self, k: int) -> float:
-        """Time after k steps, s."""
-        return k * self.step
-
     def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
         """Step after step."""
         for k in range(self.steps):
-            scheme.advance(self.time(k), self.step)
-            yield self.time(k + 1), self.step
+            scheme.advance(k * self.step, self.step)
+            yield (k + 1) * self.step, self.step
 
 
 class Outcome(NamedTuple):

@@ -31,7 +31,7 @@ class Chunks:
         self._channels = channels
         self.spans: dict[int, tuple[float, float]] = {}
         self.unpacked: dict[int, list[Messages]] = {}
-        self._inside: dict[int, list[tuple[int, Sequence[int]]]] = {}  # offset of a chunk -> where messages are in it
+        self._inside: dict[int, list[tuple[Recorded, Sequence[int]]]] = {}  # where messages are in a chunk, by offset
         self._room = KEEP
 
     def add(self, offset: int) -> None:
@@ -57,8 +57,12 @@ class Chunks:
             content = _content(self._file.record(Chunk, offset))
             if offset not in self._inside:
                 found = offsets_by_channel(content)
-                self._inside[offset] = [self._together(content, *at) for at in found.items() if at[0] in self._channels]
-            piece = [self._messages(content, *at) for at in self._inside[offset]]
+                self._inside[offset] = [
+                    (self._channels[number], _together(content, self._channels[number], where))
+                    for number, where in found.items()
+                    if number in self._channels
+                ]
+            piece = [_messages(content, *at) for at in self._inside[offset]]
         except DAMAGE as damage:
             raise LogUnreadable(
                 f"{self._file.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
@@ -70,23 +74,23 @@ class Chunks:
             self.unpacked[offset] = piece
         return piece
 
-    def _together(self, content: bytes, number: int, offsets: list[int]) -> tuple[int, Sequence[int]]:
-        """A channel and where its messages are; where they stand together, in no more room than a range takes."""
-        topic, _, layout = self._channels[number]
-        size = size_of(layout)
-        if not all_of_size(content, offsets, size):
-            raise ValueError(f"a message of {topic} does not have {size} bytes")
-        together = offsets[-1] - offsets[0] == size * (len(offsets) - 1)
-        return number, range(offsets[0], offsets[-1] + 1, size) if together else offsets
 
-    def _messages(self, content: bytes, number: int, offsets: Sequence[int]) -> Messages:
-        topic, about, layout = self._channels[number]
-        size = size_of(layout)
-        if isinstance(offsets, range):
-            rows = np.frombuffer(content, np.uint8, size * len(offsets), offsets[0])
-        else:
-            rows = np.frombuffer(b"".join(content[offset : offset + size] for offset in offsets), np.uint8)
-        return Messages(topic, about.names, layout, rows.reshape(-1, size))
+def _together(content: bytes, channel: Recorded, offsets: list[int]) -> Sequence[int]:
+    """Where the messages of a channel are; where they stand together, in no more room than a range takes."""
+    size = size_of(channel.layout)
+    if not all_of_size(content, offsets, size):
+        raise ValueError(f"a message of {channel.topic} does not have {size} bytes")
+    together = offsets[-1] - offsets[0] == size * (len(offsets) - 1)
+    return range(offsets[0], offsets[-1] + 1, size) if together else offsets
+
+
+def _messages(content: bytes, channel: Recorded, offsets: Sequence[int]) -> Messages:
+    size = size_of(channel.layout)
+    if isinstance(offsets, range):
+        rows = np.frombuffer(content, np.uint8, size * len(offsets), offsets[0])
+    else:
+        rows = np.frombuffer(b"".join(content[offset : offset + size] for offset in offsets), np.uint8)
+    return Messages(channel.topic, channel.about.names, channel.layout, rows.reshape(-1, size))
 
 
 def _content(chunk: Chunk) -> bytes:
