@@ -321,7 +321,7 @@ class Component(AbstractContextManager["Component"]):
         if self._phase != "instantiated":
             self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
-            self._warnings.clear()
+            self._warnings = Warnings(self.name)
         self._time = start
         for name, value in parameters.items():
             self._set_parameter(name, value)
