@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from fmus.build import build_shell
-from orchestrator.log.messages import Messages
+from orchestrator.log.message_records import Messages
 
 # how long an example takes says something of the machine, not of the code
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from orchestrator.log import schema
-from orchestrator.log.messages import MOST_STEPS
+from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.log.time_series import Topic
 
 

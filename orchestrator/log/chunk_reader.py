@@ -10,9 +10,9 @@ import numpy as np
 import zstandard
 from mcap.records import Chunk
 
-from orchestrator.log.channels import Recorded
+from orchestrator.log.channel_metadata import Recorded
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
-from orchestrator.log.messages import Messages, all_of_size, offsets_by_channel, size_of
+from orchestrator.log.message_records import Messages, all_of_size, offsets_by_channel, size_of
 from orchestrator.log.time_series import EVER
 
 KEEP = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory

@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from orchestrator.log.messages import MOST_STEPS
+from orchestrator.log.message_records import MOST_STEPS
 
 NAME = "closing"  # of the metadata record
 _WARNED = {"component": str, "text": str, "time": float, "count": int}  # ``warned.Warned``

@@ -23,10 +23,10 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
 
-from orchestrator.log import channels, closing_record
-from orchestrator.log.chunks import Chunks
+from orchestrator.log import channel_metadata, closing_record
+from orchestrator.log.chunk_reader import Chunks
 from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parsed
-from orchestrator.log.messages import Messages
+from orchestrator.log.message_records import Messages
 from orchestrator.log.time_series import EVER, Floats, Series, Topic, joined, nothing
 
 
@@ -59,7 +59,7 @@ class Log(AbstractContextManager["Log"]):
         self.closing: dict | None = None
         self._attachments: dict[str, int] = {}  # name -> offset
         self._schemas: dict[int, bytes] = {}
-        self._channels: dict[int, channels.Recorded] = {}
+        self._channels: dict[int, channel_metadata.Recorded] = {}
         self._chunks = Chunks(self._file, self._channels)
         self._series: dict[str, Series] = {}
         self._file.walk(self._note)
@@ -256,7 +256,7 @@ class Log(AbstractContextManager["Log"]):
         """A topic and how its messages are laid out; one that was not recorded by recorder.py is left out."""
         if channel.id in self._channels or "places" not in channel.metadata:
             return
-        recorded = channels.recorded(channel.topic, channel.metadata, self._schemas[channel.schema_id])
+        recorded = channel_metadata.recorded(channel.topic, channel.metadata, self._schemas[channel.schema_id])
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
             raise ValueError(f"{channel.topic} is described twice, not alike")
         self._channels[channel.id] = recorded

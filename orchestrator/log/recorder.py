@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log import channels, closing_record, schema
+from orchestrator.log import channel_metadata, closing_record, schema
 from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
-from orchestrator.log.messages import IDENTITY, LONGEST, PREFIX, prefix, size_of
+from orchestrator.log.message_records import IDENTITY, LONGEST, PREFIX, prefix, size_of
 
 CHUNK = 1 << 20  # bytes of messages that make a chunk
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too
@@ -197,7 +197,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._file.attachment(name, content)
         for topic, channel in self._channels.items():
             kind = schema.type_name(topic)
-            about = channels.texts(topics[topic], channel.every)
+            about = channel_metadata.texts(topics[topic], channel.every)
             self._file.channel(channel.number, topic, kind, schema.descriptor(kind, channel.layout.fields), about)
 
     def _hand_over(self) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.container_writer import LogFailed, check_writable, reason
-from orchestrator.log.messages import Messages
+from orchestrator.log.message_records import Messages
 from orchestrator.log.reader import Log, LogUnreadable, NoSuchSignal
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.time_series import Series

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from orchestrator.log.closing_record import NAME as CLOSING
 from orchestrator.log.container_writer import ContainerWriter
-from orchestrator.log.messages import PREFIX
+from orchestrator.log.message_records import PREFIX
 from orchestrator.log.reader import Log
 
 DIGITS = int("9" * 400)

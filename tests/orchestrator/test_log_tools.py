@@ -15,7 +15,7 @@ from recorded import ATTACHMENTS, STEP, TOPICS, record, record_in_chunks
 from orchestrator.log import recorder as module
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.container_writer import LogFailed
-from orchestrator.log.messages import PREFIX
+from orchestrator.log.message_records import PREFIX
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, export, info, recover, verify
