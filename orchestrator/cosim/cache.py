@@ -56,7 +56,7 @@ def check(*folders: Path) -> None:
     for folder in folders:
         with suppress(FileNotFoundError):
             about = folder.stat()
-            if about.st_uid not in (0, os.geteuid()):
+            if not _mine(about):
                 raise Untrusted(
                     f"{folder} belongs to another user ({about.st_uid}); name a folder of your own in COTRACK_CACHE"
                 )
@@ -65,6 +65,10 @@ def check(*folders: Path) -> None:
                     f"others can write into {folder} (mode {about.st_mode & 0o777:o}); chmod -R go-w it, "
                     "or name another folder in COTRACK_CACHE"
                 )
+
+
+def _mine(about: os.stat_result) -> bool:
+    return os.name == "nt" or about.st_uid in (0, os.geteuid())
 
 
 @cache
