@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from fmus.build import build_shell
-from orchestrator.log.reader import Messages
+from orchestrator.log.message_records import Messages
 
 # how long an example takes says something of the machine, not of the code
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -70,10 +70,10 @@ def scaled(monkeypatch):
         column, decode = log.topics[topic].names.index(name), Messages.decode
 
         def changed(messages):
-            t, h, values = decode(messages)
+            series = decode(messages)
             if messages.topic == topic:
-                values[:, column] *= factor
-            return t, h, values
+                series.values[:, column] *= factor
+            return series
 
         monkeypatch.setattr(Messages, "decode", changed)
 

@@ -98,11 +98,6 @@ def leave(message: str, status: int) -> NoReturn:
     sys.exit(tell(message, status))
 
 
-def model(track: TrackModel | None) -> str | None:
-    """The name of a track model, or none."""
-    return track.value if track else None
-
-
 def warn(instance: str, status: int, message: str) -> None:
     """Warnings of components, each when it first comes; what is worse ends the run and is its message."""
     if status == FMI_WARNING:

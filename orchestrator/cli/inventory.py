@@ -58,7 +58,7 @@ def _of_fmus(scene: TrackScene) -> tuple[list[str], list[str]]:
         given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
         size = f"{_size(scene, part)}; {taken} values in, {given} out a step"
         present.append(f"{part.name:12} {part.kind:13} {size}")
-    return present, list(_absent(scene, assembly))
+    return present, _absent(scene, assembly)
 
 
 def _without_fmu(scene: Scene) -> tuple[list[str], list[str]]:
@@ -71,13 +71,10 @@ def _without_fmu(scene: Scene) -> tuple[list[str], list[str]]:
         CHASSIS_PARTS,
         "drives",
         *CONTACTS,
+        *(() if "energy.kinetic" in it.outputs else ("inertia: static equilibrium at every instant",)),
+        *(() if getattr(getattr(scene, scene.assembly), "gravity", 0.0) else ("gravity",)),
     ]
-    if "energy.kinetic" not in it.outputs:
-        absent += ["inertia: static equilibrium at every instant"]
-    if not getattr(getattr(scene, scene.assembly), "gravity", 0.0):
-        absent += ["gravity"]
-    present = f"{scene.assembly:12} {it.about}; {len(it.outputs)} outputs, {it.count} points"
-    return [present], absent
+    return [f"{scene.assembly:12} {it.about}; {len(it.outputs)} outputs, {it.count} points"], absent
 
 
 def _size(scene: TrackScene, part: Part) -> str:
@@ -101,31 +98,26 @@ def _size(scene: TrackScene, part: Part) -> str:
     return f"1 hull, {arms * sides} arms with wheels, {sides} idlers, {sides} mounts{mirrored}"
 
 
-def _absent(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
+def _absent(scene: TrackScene, assembly: Assembly) -> list[str]:
     kinds = {part.kind for part in assembly.parts}
     tracks = [part.config["track"] for part in assembly.parts if part.stage == TRACK]
     other = "rigid" if scene.track.model == "flexible" else "flexible"
-    yield f"the {other} track model ({TRACKS[other]})"
-    if "Chassis" not in kinds:
-        yield CHASSIS_PARTS
-    if "SprocketDrive" not in kinds:
-        yield "drives"
-    if not any(track["wheels"] for track in tracks):
-        yield CONTACTS[0]
-    elif len(tracks[0]["wheels"]) == 1:
-        yield "contact with wheels other than the sprocket"
-    if not any(track["ground"] for track in tracks):
-        yield CONTACTS[1]
-    if tracks and all(isclose(track["gravity"], 0.0) for track in tracks):
-        yield "gravity"
-    if isinstance(scene, VehicleScene) and scene.symmetric:
-        yield "the right track, drive and ports: the right half mirrors the left"
-    elif len(tracks) == 1:
-        yield "a second track"
-    if scene.planar:
-        yield "lateral dofs of the chain: y of pins, lateral slopes, lateral parts of the contact laws"
-    if not scene.track.link_outputs:
-        yield "outputs per link"
+    wheels = max((len(track["wheels"]) for track in tracks), default=0)
+    mirrored = isinstance(scene, VehicleScene) and scene.symmetric
+    absent = {
+        f"the {other} track model ({TRACKS[other]})": True,
+        CHASSIS_PARTS: "Chassis" not in kinds,
+        "drives": "SprocketDrive" not in kinds,
+        CONTACTS[0]: wheels == 0,
+        "contact with wheels other than the sprocket": wheels == 1,
+        CONTACTS[1]: not any(track["ground"] for track in tracks),
+        "gravity": tracks and all(isclose(track["gravity"], 0.0) for track in tracks),
+        "the right track, drive and ports: the right half mirrors the left": mirrored,
+        "a second track": len(tracks) == 1 and not mirrored,
+        "lateral dofs of the chain: y of pins, lateral slopes, lateral parts of the contact laws": scene.planar,
+        "outputs per link": not scene.track.link_outputs,
+    }
+    return [what for what, is_absent in absent.items() if is_absent]
 
 
 def _evaluated(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
@@ -153,16 +145,14 @@ def pairs(scene: TrackScene, part: Part) -> list[str]:
     links, kinds = track["links"], [wheel["kind"] for wheel in track["wheels"]]
     pins, rims = links + (0 if track["closed"] else 1), kinds.count("rim")
     solid = scene.track.model == "rigid" or scene.track.element == "beam"  # two by two across a link
-    found = []
-    if "teeth" in kinds:
-        found.append(f"teeth: {kinds.count('teeth')} sprocket x {pins} pins")
-    if rims:
-        found.append(f"rims: {rims} wheels x {links} links, {4 if solid else 2} points where they touch")
-        if solid:
-            found.append(f"guides: {rims} wheels x {links} links")
-    if track["ground"]:
-        found.append(f"ground: {links} links, {4 if solid else 2} points each")
-    return found
+    points = 4 if solid else 2
+    found = {
+        f"teeth: {kinds.count('teeth')} sprocket x {pins} pins": "teeth" in kinds,
+        f"rims: {rims} wheels x {links} links, {points} points where they touch": rims,
+        f"guides: {rims} wheels x {links} links": rims and solid,
+        f"ground: {links} links, {points} points each": track["ground"],
+    }
+    return [pair for pair, is_there in found.items() if is_there]
 
 
 def _folded(modules: Iterable[str]) -> Iterator[str]:

@@ -21,21 +21,22 @@ def info(log: LogPath) -> None:
     from orchestrator.log import tools
 
     about = tools.info(log)
-    steps = "" if about.steps is None else f" after {about.steps} steps"
+    held, closing = about.log, about.log.closing or {"message": "", "warnings": []}
+    ended = f"{closing['status']} after {closing['steps']} steps" if held.closing else "cut off"
     lines = [
-        f"{about.path}: {about.bytes / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {about.status}{steps}",
-        *(f"  {sentence}" for sentence in (about.message, *about.faults) if sentence),
-        *(f"  {printed.warning(each)}" for each in about.warnings),
+        f"{held.path}: {held.size / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {ended}",
+        *(f"  {sentence}" for sentence in (closing["message"], *held.faults) if sentence),
+        *(f"  {printed.warning(each)}" for each in closing["warnings"]),
         *(
             f"  {record}: {', '.join(f'{key} = {value}' for key, value in entries.items())}"
-            for record, entries in about.metadata.items()
+            for record, entries in held.metadata.items()
         ),
         *(
-            f"  {topic.topic:22} {topic.signals:5} signals, {topic.messages:7} messages,"
-            f" one step in {topic.every}, {topic.bytes / 1e6:.2f} MB"
-            for topic in about.topics
+            f"  {topic:22} {len(held.topics[topic].names):5} signals, {tally.messages:7} messages,"
+            f" one step in {held.topics[topic].every}, {tally.bytes / 1e6:.2f} MB"
+            for topic, tally in about.topics.items()
         ),
-        *(f"  attached: {name}, {size} bytes" for name, size in about.attachments),
+        *(f"  attached: {name}, {size} bytes" for name, size in about.attachments.items()),
         f"  digest {about.digest or 'none: a part is damaged'}",
     ]
     for line in lines:

@@ -86,36 +86,48 @@ def warning(told: dict[str, Any]) -> str:
     return f"warning: {told['component']} at {told['time']:.6g} s{times}: {told['text']}"
 
 
+def _balance(energy: dict[str, Any]) -> str:
+    lost, work = abs(energy["residual_relative"]), energy["work"]
+    worked = f" ({work / 1e3:.4g} kJ of work)" if work else ""
+    return f"energy balance: {lost * 100:.2g} % unaccounted for{worked}"
+
+
+def _ledger(energy: dict[str, Any]) -> str:
+    return (
+        f"ledger: work {energy['work']:.6g} J = change {energy['change']:.6g} + dissipated {energy['dissipated']:.6g}"
+        f" + covered {energy['covered']:.4g} + residual {energy['residual']:.4g}"
+        f" ({energy['residual_relative'] * 100:.3g} %; ports {energy['port']:.4g} J)"
+    )
+
+
+def _check(name: str, check: dict[str, Any]) -> str:
+    expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"
+    note = f" ({check['note']})" if check["note"] else ""
+    return f"{'ok ' if check['ok'] else 'NOT'} {name} = {check['value']:.7g}, expected {expected}{note}"
+
+
+def _cost(name: str, cost: dict[str, Any]) -> str:
+    counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
+    return f"{name:12} {cost['wall_time']:8.3f} s  {counts}"
+
+
 def summary(result: dict[str, Any]) -> None:
     """A run's summary, on stdout: in words, then check by check, the energy ledger, the cost of each component."""
     r = result
+    lines = [
+        _pace(r),
+        _observables(r["observables"]),
+        _error(r["error"]) if r["error"] else "",
+        _balance(r["energy"]) if r["energy"] else "",
+        *(warning(told) for told in r["warnings"]),
+        f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"
+        if r["rejected_steps"]
+        else "",
+        *(_check(*each) for each in r["checks"].items()),
+        _ledger(r["energy"]) if r["energy"] else "",
+        *(_cost(*each) for each in r["components"].items()),
+        f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)",
+    ]
     print(_headline(r))
-    print(f"  {_pace(r)}")
-    if told := _observables(r["observables"]):
-        print(f"  {told}")
-    if r["error"]:
-        print(f"  {_error(r['error'])}")
-    if r["energy"]:
-        lost, work = abs(r["energy"]["residual_relative"]), r["energy"]["work"]
-        worked = f" ({work / 1e3:.4g} kJ of work)" if work else ""
-        print(f"  energy balance: {lost * 100:.2g} % unaccounted for{worked}")
-    for told in r["warnings"]:
-        print(f"  {warning(told)}")
-    if r["rejected_steps"]:
-        print(f"  {r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back")
-    for name, check in r["checks"].items():
-        mark = "ok " if check["ok"] else "NOT"
-        expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"
-        note = f" ({check['note']})" if check["note"] else ""
-        print(f"  {mark} {name} = {check['value']:.7g}, expected {expected}{note}")
-    if r["energy"]:
-        e = r["energy"]
-        print(
-            f"  ledger: work {e['work']:.6g} J = change {e['change']:.6g} + dissipated {e['dissipated']:.6g}"
-            f" + covered {e['covered']:.4g} + residual {e['residual']:.4g}"
-            f" ({e['residual_relative'] * 100:.3g} %; ports {e['port']:.4g} J)"
-        )
-    for name, cost in r["components"].items():
-        counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
-        print(f"  {name:12} {cost['wall_time']:8.3f} s  {counts}")
-    print(f"  log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)")
+    for line in filter(None, lines):
+        print(f"  {line}")

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from orchestrator.cli import printed
-from orchestrator.cli.common import SceneName, Settings, TrackOption, ended_by, leave, model, narration, tell, warn
+from orchestrator.cli.common import SceneName, Settings, TrackOption, ended_by, leave, narration, tell, warn
 
 
 def run(
@@ -39,17 +39,17 @@ def run(
     from orchestrator.execution import summary
     from orchestrator.scene.scene import load
 
-    result, status = summary.empty(scene, model(track)), 2
+    result, status = summary.empty(scene, track), 2
     told = (("stop", stop), ("step", step), ("coupling", coupling))
     changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in told if v is not None)]
     try:
-        resolved = load(scene, model(track), changes)
+        resolved = load(scene, track, changes)
         if error is not None:
             from orchestrator.execution.precision import cheapest, fraction
 
             chosen = cheapest(resolved.name, resolved.variant or "none", fraction(error)).settings
             print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
-            resolved = load(scene, model(track), [*chosen, *changes])
+            resolved = load(scene, track, [*chosen, *changes])
         from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
@@ -90,7 +90,7 @@ def truth(
     from orchestrator.scene.scene import TrackScene, load, of_one_scene
 
     changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
-    resolved = load(scene, model(track), changes)
+    resolved = load(scene, track, changes)
     if against:
         with Log(against) as log:
             own = placed(resolved) if isinstance(resolved, TrackScene) else resolved

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from fmus.vehicle import BadInput
-from orchestrator.cli.common import SceneName, Settings, TrackOption, model
+from orchestrator.cli.common import SceneName, Settings, TrackOption
 
 
 def scenes() -> None:
@@ -25,7 +25,7 @@ def show(scene: SceneName, track: TrackOption = None, settings: Settings = None)
     from orchestrator.cli.inventory import lines
     from orchestrator.scene.scene import load
 
-    for line in lines(load(scene, model(track), settings or ())):
+    for line in lines(load(scene, track, settings or ())):
         print(line)
 
 
@@ -50,13 +50,13 @@ def build(
     if scene is not None and everything:
         raise BadInput("give a scene or --all, not both")
     changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
-    models = [track.value] if track else list(TRACKS)
+    models = [track] if track else list(TRACKS)
     if everything:
         wanted = products.of_gallery(models, changes)
     elif scene is None:
         wanted = products.of_scenes([load(products.STANDARD, model, changes) for model in models])
     else:
-        wanted = products.of_scenes([load(scene, model(track), changes)])
+        wanted = products.of_scenes([load(scene, track, changes)])
     if not wanted:
         raise BadInput(f"scene '{scene}' needs no FMU")
     for file in products.build_to(output, wanted):

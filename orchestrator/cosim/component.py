@@ -6,17 +6,15 @@ import atexit
 import difflib
 import hashlib
 import io
-import itertools
 import math
 import shutil
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from ctypes import POINTER, byref, c_double, c_int, c_size_t, c_uint, create_string_buffer
+from contextlib import AbstractContextManager, suppress
+from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, create_string_buffer
 from pathlib import Path
 from time import perf_counter
-from types import TracebackType
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
@@ -43,6 +41,13 @@ Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a 
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")  # an angle has no dimension
 LINK_FAMILIES = ("link[", "joint[")  # outputs of every link: read and recorded at a rate of their own
+SETTERS: dict[str, tuple[str, Any, Any]] = {  # of a type: the function, what it takes, what may be given
+    "Real": ("fmi2SetReal", c_double, int | float),
+    "Integer": ("fmi2SetInteger", c_int, int),
+    "Enumeration": ("fmi2SetInteger", c_int, int),
+    "Boolean": ("fmi2SetBoolean", c_int, bool),
+    "String": ("fmi2SetString", c_char_p, str),
+}
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
 _BYTECODE = "__pycache__"
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
@@ -56,17 +61,13 @@ class State(NamedTuple):
     """A saved state of a component with the values of its arrays and its warnings; good until freed."""
 
     handle: fmi2FMUstate
-    u: Floats
-    y: Floats
-    y_links: Floats
-    counters: NDArray[np.int32]
+    arrays: tuple[NDArray[Any], ...]  # u, y, y_links, counters
     warned: Mapping[str, Warned]
 
 
 # ------------------------------------------------------------------ messages
 
-_components: dict[int, Component] = {}
-_numbers = itertools.count(1)
+_components: dict[int, Component] = {}  # by identity
 
 
 def _receive(environment: int | None, name: bytes, status: int, category: bytes | None, message: bytes) -> None:
@@ -80,12 +81,12 @@ def _receive(environment: int | None, name: bytes, status: int, category: bytes 
 _receiver = fmi2CallbackLoggerTYPE(_receive)  # lives as long as the process
 
 
-def _callbacks(number: int) -> fmi2CallbackFunctions:
+def _callbacks(environment: int) -> fmi2CallbackFunctions:
     functions = fmi2CallbackFunctions()
     functions.logger = _receiver
     functions.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
     functions.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
-    functions.componentEnvironment = number
+    functions.componentEnvironment = environment
     addLoggerProxy(byref(functions))  # formats the printf arguments, which ctypes cannot take
     return functions
 
@@ -176,7 +177,7 @@ def _bar(bytecode: Path) -> None:
 # ------------------------------------------------------------------ component
 
 
-class Component:
+class Component(AbstractContextManager["Component"]):
     """An FMU instance with arrays: write ``u``, step, read ``y``. Use it in a ``with``.
 
     Methods may be called from any thread, one at a time; the GIL is free while the FMU computes, as far as
@@ -216,6 +217,7 @@ class Component:
         self.y = np.zeros(len(self.outputs))
         self.y_links = np.zeros(len(self.links))
         self.counters = np.zeros(len(self.integers), dtype=np.int32)
+        self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
         self._u = self._group(self.inputs, self.u, c_double)
         self._y = self._group(self.outputs, self.y, c_double)
         self._y_links = self._group(self.links, self.y_links, c_double)
@@ -243,10 +245,8 @@ class Component:
         # without fmpy's wrapper round each call, which costs as much as an exchange
         self._library = self._fmu.dll
         _libraries[library] = self._library  # never unloaded: Python modules may hold on to it
-        number = next(_numbers)
-        _components[number] = self
-        self._number = number
-        self._callbacks = _callbacks(number)
+        _components[id(self)] = self
+        self._callbacks = _callbacks(id(self))
         handle = self._fmu.fmi2Instantiate(
             self.name.encode(),
             1,  # co-simulation
@@ -257,7 +257,7 @@ class Component:
             True,  # without logging there are no messages either
         )
         if not handle:
-            del _components[number]
+            del _components[id(self)]
             raise ComponentFailed(f"{self.name}: {self._complaint() or 'the FMU cannot be instantiated'}")
         self._handle = handle
         self._phase = "instantiated"
@@ -321,7 +321,7 @@ class Component:
         if self._phase != "instantiated":
             self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
-            self._warnings.clear()
+            self._warnings = Warnings(self.name)
         self._time = start
         for name, value in parameters.items():
             self._set_parameter(name, value)
@@ -342,24 +342,15 @@ class Component:
             hint = f" (did you mean '{near[0]}'?)" if near else ""
             raise ComponentFailed(f"{self.name}: there is no parameter '{name}'{hint}")
         variable = self._variables[name]
-        kind = variable.type
-        reference = (c_uint * 1)(variable.valueReference)
-        fmu = self._library
-        if kind == "Real" and isinstance(value, int | float) and not isinstance(value, bool):
-            self._call(fmu.fmi2SetReal, reference, 1, (c_double * 1)(value))
-        elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
-            self._call(fmu.fmi2SetInteger, reference, 1, (c_int * 1)(value))
-        elif kind == "Boolean" and isinstance(value, bool):
-            self._call(fmu.fmi2SetBoolean, reference, 1, (c_int * 1)(value))
-        elif kind == "String" and isinstance(value, str):
-            self._call(fmu.fmi2SetString, reference, 1, (fmpy.c_char_p * 1)(value.encode()))
-        else:
-            raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: must be of type {kind}")
+        setter, c_type, allowed = SETTERS[variable.type]
+        if not isinstance(value, allowed) or isinstance(value, bool) != (variable.type == "Boolean"):
+            raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: must be of type {variable.type}")
+        content = (c_type * 1)(value.encode() if isinstance(value, str) else value)
+        self._call(getattr(self._library, setter), (c_uint * 1)(variable.valueReference), 1, content)
 
     def write(self) -> None:
         """``u`` goes into the FMU."""
-        if self.inputs:
-            self._call(self._library.fmi2SetReal, *self._u)
+        self._exchange(self._library.fmi2SetReal, self._u)
 
     def step(self, t: float, h: float) -> None:
         """From t to t + h, both in s."""
@@ -368,17 +359,17 @@ class Component:
 
     def read(self) -> None:
         """The Real outputs go into ``y``, but for those of links."""
-        self._get(self._library.fmi2GetReal, self._y)
+        self._exchange(self._library.fmi2GetReal, self._y)
 
     def read_links(self) -> None:
         """The outputs of links go into ``y_links``."""
-        self._get(self._library.fmi2GetReal, self._y_links)
+        self._exchange(self._library.fmi2GetReal, self._y_links)
 
     def read_counters(self) -> None:
         """The Integer outputs go into ``counters``."""
-        self._get(self._library.fmi2GetInteger, self._counters)
+        self._exchange(self._library.fmi2GetInteger, self._counters)
 
-    def _get(self, function: Callable[..., Any], group: tuple[Any, int, Any]) -> None:
+    def _exchange(self, function: Callable[..., Any], group: tuple[Any, int, Any]) -> None:
         if group[1]:
             self._call(function, *group)
 
@@ -391,8 +382,7 @@ class Component:
         return self._state(handle)
 
     def _state(self, handle: fmi2FMUstate) -> State:
-        arrays = (self.u.copy(), self.y.copy(), self.y_links.copy(), self.counters.copy())
-        state = State(handle, *arrays, self._warnings.save())
+        state = State(handle, tuple(array.copy() for array in self._arrays), self._warnings.save())
         self._states.append(state)
         return state
 
@@ -400,7 +390,8 @@ class Component:
         """Back to a saved state, bit for bit; it stays good for another time."""
         self._call(self._able("canGetAndSetFMUstate", "restore a state").fmi2SetFMUstate, state.handle)
         self._phase = "running"
-        self.u[:], self.y[:], self.y_links[:], self.counters[:] = state[1:5]
+        for array, saved in zip(self._arrays, state.arrays, strict=True):
+            array[:] = saved
         self._warnings.restore(state.warned)
 
     def free(self, state: State) -> None:
@@ -425,8 +416,7 @@ class Component:
         self._call(fmu.fmi2DeSerializeFMUstate, create_string_buffer(content, size), size, byref(handle))
         self._call(fmu.fmi2SetFMUstate, handle)
         self._phase = "running"
-        if self.inputs:
-            self._get(fmu.fmi2GetReal, self._u)
+        self._exchange(fmu.fmi2GetReal, self._u)
         self.read()
         self.read_links()
         self.read_counters()
@@ -452,14 +442,9 @@ class Component:
                     self._call(self._library.fmi2Terminate)
             self._fmu.fmi2FreeInstance(self._handle)
         self._handle = None
-        _components.pop(self._number, None)
+        _components.pop(id(self), None)
 
-    def __enter__(self) -> Component:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *ended: object) -> None:
         self.close()
 
 

@@ -28,15 +28,11 @@ class Clock(NamedTuple):
     step: float  # H, s
     steps: int
 
-    def time(self, k: int) -> float:
-        """Time after k steps, s."""
-        return k * self.step
-
     def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
         """Step after step."""
         for k in range(self.steps):
-            scheme.advance(self.time(k), self.step)
-            yield self.time(k + 1), self.step
+            scheme.advance(k * self.step, self.step)
+            yield (k + 1) * self.step, self.step
 
 
 class Outcome(NamedTuple):
@@ -55,11 +51,12 @@ def run(
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Outcome:
     """Step initialised components to the end, a failure or an interruption; observers see k = 0 as well."""
-    k, t = 0, 0.0
+    k, t, h = 0, 0.0, pace.step
     with scheme:
-        observe(observers, k, t, pace.step)
         steps = pace.walk(scheme)
         while True:
+            for observer in observers:
+                observer(k, t, h)
             if interrupted():
                 return Outcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
             try:
@@ -69,10 +66,3 @@ def run(
             if not h:
                 return Outcome("ok", "", k, t)
             k += 1
-            observe(observers, k, t, h)
-
-
-def observe(observers: Sequence[Observer], k: int, t: float, h: float) -> None:
-    """Show the state after k steps to everyone who looks on."""
-    for observer in observers:
-        observer(k, t, h)

@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import TracebackType
 
 PATIENCE = 4.0  # s without a word
 KERNELS = "cotrack.kernels"  # the logger that is told of each kernel that has to be compiled
@@ -38,9 +37,7 @@ class Narration(logging.Handler):
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *ended: object) -> None:
         logging.getLogger(KERNELS).removeHandler(self)
         self._over.set()
         if self._thread is not None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from types import TracebackType
 
 import numpy as np
 from rich.console import Console
@@ -69,15 +68,11 @@ class ProgressBar:
     def __enter__(self) -> ProgressBar:
         if self._bar.console.is_terminal:
             self._shown.enter_context(self._narration.elsewhere())
-            self._bar.start()
+            self._shown.enter_context(self._bar)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar.console.is_terminal:
-            self._bar.stop()
-            self._shown.close()
+    def __exit__(self, *ended: object) -> None:
+        self._shown.close()
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Show time t, a few times a second."""
@@ -89,5 +84,4 @@ class ProgressBar:
             factor = t / (now - self._began)
             self._narration.note(f"{t:.4g} of {self._stop:g} s simulated, {factor:.2f} x real time")
             self._bar.update(self._task, completed=t, factor=factor)
-            if self._bar.console.is_terminal:
-                self._bar.refresh()
+            self._bar.refresh()

@@ -52,7 +52,3 @@ class Warnings:
     def restore(self, saved: Mapping[str, Warned]) -> None:
         """Back to what there was."""
         self._known = {key: saved.get(key, replace(one, count=0)) for key, one in self._known.items()}
-
-    def clear(self) -> None:
-        """A new start."""
-        self._known.clear()

@@ -74,12 +74,8 @@ def describe(graph: System) -> dict[str, Any]:
 
 def strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
     """Every how many steps a topic is recorded."""
-    result = {}
-    for name, component in components.items():
-        result[f"/{name}/out"] = scene.run.outputs
-        if component.links:
-            result[f"/{name}/links"] = scene.run.links
-    return result
+    every = {"out": scene.run.outputs, "links": scene.run.links}
+    return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}
 
 
 def description(fmu: Path) -> bytes:

@@ -14,8 +14,9 @@ from fmus.monolith.model import Monolith, Part
 from fmus.ports import Port
 from orchestrator.cosim import master
 from orchestrator.cosim.component import LINK_FAMILIES, ComponentFailed
-from orchestrator.cosim.coupling.tracks_first import TracksFirst
-from orchestrator.cosim.graph import Member, System, wire
+from orchestrator.cosim.coupling.input_hold import Outputs
+from orchestrator.cosim.coupling.scheme import Scheme
+from orchestrator.cosim.graph import Stages, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.execution.manifest import STATS_PERIOD, manifest, strides
@@ -47,12 +48,6 @@ class Shown:
         """Unit of a variable."""
         return self._units.get(name, "1")
 
-    def write(self) -> None:
-        """The inputs are only shown."""
-
-    def step(self, t: float, h: float) -> None:
-        """The whole steps, not its parts."""
-
     def read(self) -> None:
         """The model's outputs into ``y``; raises ComponentFailed where one is not finite."""
         self._model.outputs(self.y)
@@ -69,45 +64,35 @@ class Shown:
         self.counters[:-1] = np.minimum(self._model.counters, np.iinfo(np.int32).max)
 
 
-class Whole:
-    """The monolith as the only thing that the master steps: its parts follow."""
+class Whole(Scheme):
+    """The monolith as the coupling of its parts: all of them advance at once."""
 
-    def __init__(self, monolith: Monolith, graph: System) -> None:
-        self.name = "monolith"
-        self.inputs: tuple[str, ...] = ()
-        self.outputs: tuple[str, ...] = ()
-        self.u, self.y = np.zeros(0), np.zeros(0)
+    NAME = "monolithic"
+
+    def __init__(self, stages: Stages, monolith: Monolith) -> None:
+        super().__init__(stages, threads=False)
         self._monolith = monolith
-        self.parts = {name: Shown(name, model) for name, model in monolith.models.items()}
-        parts: Any = self.parts
-        self._stages = wire(graph, parts)
         self._feed(early=True)
 
-    def write(self) -> None:
-        """Nothing comes from outside."""
-
-    def step(self, t: float, h: float) -> None:
-        """Advance all parts; raises ComponentFailed."""
+    def exchange(self, t: float, h: float, now: Outputs) -> None:
+        """The step, with the mean wrenches of it as inputs of the parts that take them."""
         self._feed(early=True)
         began = time.perf_counter()
         try:
             self._monolith.advance(t, h)
         except RuntimeError as failure:
             raise ComponentFailed(str(failure)) from None
-        spent = (time.perf_counter() - began) / len(self.parts)
-        for part in self.parts.values():
+        spent = (time.perf_counter() - began) / len(self.members)
+        for member in self.members:
+            part: Any = member.component
             part.wall_time += spent
-
-    def read(self) -> None:
-        """What the parts show, and the mean wrenches of the step as inputs of those that take them."""
-        for part in self.parts.values():
             part.read()
         self._feed(early=False)
 
     def _feed(self, early: bool) -> None:
         """The inputs that a log holds for a step: motions at its beginning (``early``), means over it."""
         done: set[str] = set()
-        for stage in self._stages:
+        for stage in self.stages:
             for member in stage:
                 for feed in member.feeds:
                     if (feed.source.name not in done) == early:
@@ -139,8 +124,8 @@ def run(
         monolith = Monolith(parts_of(assembly), assembly.connections, refine)
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None
-    whole = Whole(monolith, graph)
-    parts: Any = whole.parts
+    parts: Any = {name: Shown(name, model) for name, model in monolith.models.items()}
+    whole = Whole(wire(graph, parts), monolith)
     clock = master.Clock(scene.run.step, scene.run.steps)
     step = clock.step / np.ceil(clock.step / monolith.step - 1e-9)
     topics, attachments, metadata = manifest(scene, graph, parts)
@@ -149,8 +134,6 @@ def run(
         "integrator": "runge_kutta",
         "internal_step": repr(float(step)),
     }
-    part: Any = whole
-    scheme = TracksFirst(((Member(part, ()),),))
     with ExitStack() as stack:
         recorder = stack.enter_context(Recorder(path, topics, attachments, metadata, every=strides(scene, parts)))
         stats_every = max(1, round(STATS_PERIOD / clock.step))
@@ -158,7 +141,7 @@ def run(
         if narration:
             observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
         began = time.perf_counter()
-        outcome = master.run(scheme, clock, observers, interrupted)
+        outcome = master.run(whole, clock, observers, interrupted)
         wall = time.perf_counter() - began
         recorder.close(outcome.status, outcome.message, outcome.steps)
     return outcome, {"internal_step": float(step), "wall_time": wall}

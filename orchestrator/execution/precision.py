@@ -38,13 +38,17 @@ def own() -> Path:
 
 def read(*files: Path) -> list[Setting]:
     """All settings; of a scene and track those of the last file that knows them."""
-    found: dict[tuple[str, str], list[Setting]] = {}
+    found: list[Setting] = []
     for file in files or (SHIPPED, own()):
         rows = _rows(file)
-        known = {(row.scene, row.track) for row in rows}
-        for key in known:
-            found[key] = [row for row in rows if (row.scene, row.track) == key]
-    return [row for rows in found.values() for row in rows]
+        found = _of_others(found, rows) + rows
+    return found
+
+
+def _of_others(settings: list[Setting], new: Iterable[Setting]) -> list[Setting]:
+    """Those of the scenes and tracks of which the new ones say nothing."""
+    known = {(one.scene, one.track) for one in new}
+    return [one for one in settings if (one.scene, one.track) not in known]
 
 
 def _rows(file: Path) -> list[Setting]:
@@ -91,8 +95,8 @@ def write(settings: Iterable[Setting], file: Path) -> None:
     new: dict[tuple[str, str], list[Setting]] = {}
     for one in settings:
         new.setdefault((one.scene, one.track), []).append(one)
-    kept = [row for row in read(file) if (row.scene, row.track) not in new]
-    rows = [row._asdict() for row in kept + [row for key in sorted(new) for row in front(new[key])]]
+    fronts = [one for key in sorted(new) for one in front(new[key])]
+    rows = [one._asdict() for one in _of_others(read(file), fronts) + fronts]
     make(file.parent)
     put(file, (json.dumps({"rows": rows, "sha256": _checksum(rows)}, indent=1) + "\n").encode())
 

@@ -6,13 +6,13 @@ have the hash that the log names.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput, shown
-from orchestrator.cosim.component import Component
+from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
 from orchestrator.execution.manifest import as_json, describe, description, sha256
@@ -20,8 +20,6 @@ from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, placed
 from orchestrator.scene.scene import TrackScene, from_table
-
-Logger = Callable[[str, int, str], None]
 
 
 class Model(NamedTuple):
@@ -66,13 +64,7 @@ class Again(NamedTuple):
             attachments["scene.json"] = as_json(self.model.scene.resolved())
         links = log.topics.get(f"/{name}/links")
         every = links.every if links else self.model.scene.run.links if self.model.scene else 1
-        rows = replays.answer(log, self.component, self.parameters, path, attachments, every)
-        head = f"{'signal':28} {'unit':5} {'mean, log':>12} {'mean, now':>12} {'rms, log':>12} {'rms, now':>12}"
-        return [head] + [
-            f"{row.name:28} {row.unit:5} {row.recorded_mean:12.1f} {row.replayed_mean:12.1f}"
-            f" {row.recorded_rms:12.1f} {row.replayed_rms:12.1f}"
-            for row in rows
-        ]
+        return replays.answer(log, self.component, self.parameters, path, attachments, every)
 
 
 @contextmanager

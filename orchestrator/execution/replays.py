@@ -12,8 +12,9 @@ import numpy as np
 
 from orchestrator.cosim.component import Component
 from orchestrator.log.bitwise import Difference, first_difference
-from orchestrator.log.reader import Floats, Log, Series
+from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
+from orchestrator.log.time_series import Floats, Series
 
 Parameters = Mapping[str, float | int | str]
 
@@ -44,17 +45,6 @@ class Verdict(NamedTuple):
         return f"different: {self.difference}"
 
 
-class Row(NamedTuple):
-    """One signal of two track models under the same wheel motion."""
-
-    name: str
-    unit: str
-    recorded_mean: float
-    replayed_mean: float
-    recorded_rms: float
-    replayed_rms: float
-
-
 def check(component: Component, inputs: Series) -> None:
     """Whether a component can be driven by recorded inputs; raises Unfit."""
     if tuple(component.inputs) != tuple(inputs.names):
@@ -82,31 +72,27 @@ def verify(log: Log, component: Component, parameters: Parameters) -> Verdict:
     """Step the component again and compare every recorded output and link output, bit by bit; raises Unfit."""
     inputs = log.read(f"/{component.name}/in")
     check(component, inputs)
-    recorded = {
-        kind: log.read(topic) for kind in ("out", "links") if (topic := f"/{component.name}/{kind}") in log.topics
-    }
-    every = {kind: log.topics[f"/{component.name}/{kind}"].every for kind in recorded}
-    for kind in recorded:
-        topic, due = f"/{component.name}/{kind}", np.arange(0, len(inputs.t) + 1, every[kind])
-        if not np.array_equal(log.sequence(topic), due):
+    out, links = (f"/{component.name}/{kind}" for kind in ("out", "links"))
+    shown = {out: (component.outputs, component.y), links: (component.links, component.y_links)}
+    recorded = {topic: log.read(topic) for topic in shown if topic in log.topics}
+    for topic, series in recorded.items():
+        if not np.array_equal(log.sequence(topic), np.arange(0, len(inputs.t) + 1, log.topics[topic].every)):
             raise Unfit(
                 f"{topic} does not hold the steps that the inputs lead to: 'cotrack log recover' leaves whole steps"
             )
-        if recorded[kind].names != (component.outputs if kind == "out" else component.links):
+        if series.names != shown[topic][0]:
             raise Unfit(f"{component.name}: its outputs are not those of the log")
-    rows: dict[str, list[Floats]] = {kind: [] for kind in recorded}
+    rows: dict[str, list[Floats]] = {topic: [] for topic in recorded}
     for k, _ in drive(component, inputs, parameters):
-        if "out" in rows and k % every["out"] == 0:
-            rows["out"].append(component.y.copy())
-        if "links" in rows and k % every["links"] == 0:
-            component.read_links()
-            rows["links"].append(component.y_links.copy())
-    differences = []
-    for kind, series in recorded.items():
-        found = series._replace(
-            names=component.outputs if kind == "out" else component.links, values=np.array(rows[kind])
-        )
-        differences.append(first_difference(component.name, series, found))
+        for topic in recorded:
+            if k % log.topics[topic].every == 0:
+                if topic == links:
+                    component.read_links()
+                rows[topic].append(shown[topic][1].copy())
+    differences = [
+        first_difference(component.name, series, series._replace(values=np.array(rows[topic])))
+        for topic, series in recorded.items()
+    ]
     first = min((d for d in differences if d is not None), key=lambda d: d.t, default=None)
     return Verdict(len(inputs.t), sum(series.values.size for series in recorded.values()), first)
 
@@ -118,8 +104,8 @@ def answer(
     path: Path,
     attachments: Mapping[str, bytes],
     links_every: int,
-) -> list[Row]:
-    """Another model under the recorded inputs: its answer goes to the log ``path``, forces side by side.
+) -> list[str]:
+    """Another model under the recorded inputs: its answer goes to the log ``path``; lines with forces side by side.
 
     The answer names the log that it is an answer to, and that log's digest. Raises Unfit.
     """
@@ -153,16 +139,17 @@ def answer(
     return _table(recorded, component, np.array(answers)[::every_out])
 
 
-def _table(recorded: Series, component: Component, answers: Floats) -> list[Row]:
+def _table(recorded: Series, component: Component, answers: Floats) -> list[str]:
     """Tensions and wheel forces, mean and RMS, over the steps that the log holds."""
     mine = {name: i for i, name in enumerate(component.outputs)}
-    rows = []
+    lines = [f"{'signal':28} {'unit':5} {'mean, log':>12} {'mean, now':>12} {'rms, log':>12} {'rms, now':>12}"]
     for i, name in enumerate(recorded.names):
         if not len(recorded.t) or name not in mine or not (name.startswith("tension.") or ".force." in name):
             continue
         theirs, ours = recorded.values[:, i], answers[: len(recorded.t), mine[name]]
-        rows.append(Row(name, component.unit(name), float(theirs.mean()), float(ours.mean()), _rms(theirs), _rms(ours)))
-    return rows
+        figures = theirs.mean(), ours.mean(), _rms(theirs), _rms(ours)
+        lines.append(f"{name:28} {component.unit(name):5} {' '.join(f'{figure:12.1f}' for figure in figures)}")
+    return lines
 
 
 def _rms(values: Floats) -> float:

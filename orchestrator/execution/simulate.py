@@ -7,7 +7,7 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import Any
 from fmus.ahead import begun
 from fmus.build import BuildFailed
 from orchestrator.cosim import master
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import SCHEMES, power_residual
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
@@ -34,8 +34,6 @@ from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
 QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
-
-Logger = Callable[[str, int, str], None]
 
 
 def simulate(
@@ -256,8 +254,8 @@ def cost(component: Recorded) -> dict[str, float | int]:
     counters = {
         name.removeprefix("solver."): int(value)
         for name, value in zip(component.integers, component.counters, strict=True)
+        if name != "status"
     }
-    counters.pop("status", None)
     blank = dict.fromkeys(("steps", "evaluations", "iterations", "rejected"), 0)
     return {"wall_time": component.wall_time, **blank, **counters}
 

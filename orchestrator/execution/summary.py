@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,16 +17,6 @@ from orchestrator.scene.tables import Check
 
 LAST = 1.0  # s: observables are means over the end of a run
 OPEN = 0.05  # of the work: an energy ledger that leaves more is worth a word
-
-
-class CheckResult(NamedTuple):
-    """A check that was made."""
-
-    value: float
-    expected: float
-    tolerance: float  # absolute
-    ok: bool
-    note: str  # why there is no value, else empty
 
 
 def empty(scene: str, track: str | None) -> dict[str, Any]:
@@ -57,12 +47,12 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
 def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
     """Energy, checks and observables of a log that covers ``simulated`` s of the scene."""
     try:
-        energy: dict[str, Any] | None = ledger(run).as_json()
+        energy: dict[str, Any] | None = ledger(run)._asdict()
     except Missing:
         energy = None
     return {
         "energy": energy,
-        "checks": {name: result._asdict() for name, result in checks(run, scene, simulated).items()},
+        "checks": checks(run, scene, simulated),
         "observables": observables(run, scene, simulated),
     }
 
@@ -77,8 +67,8 @@ def energy_warning(energy: dict[str, Any] | None) -> str:
     )
 
 
-def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, CheckResult]:
-    """Results of the checks whose window the run covers."""
+def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, dict[str, Any]]:
+    """Results of the checks whose window the run covers; tolerances are absolute, a note says why there is no value."""
     results = {}
     for name, check in scene.expect.items():
         end = scene.run.stop if check.end is None else check.end
@@ -87,8 +77,13 @@ def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, CheckResul
             continue
         value, note = _value(run, check, Window(check.start, end))
         tolerance = check.tolerance * (abs(check.expected) if check.relative else 1.0)
-        ok = bool(abs(value - check.expected) <= tolerance)  # false for a NaN
-        results[name] = CheckResult(value, check.expected, tolerance, ok, note)
+        results[name] = {
+            "value": value,
+            "expected": check.expected,
+            "tolerance": tolerance,
+            "ok": bool(abs(value - check.expected) <= tolerance),  # false for a NaN
+            "note": note,
+        }
     return results
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -122,9 +121,8 @@ def key(scene: TrackScene) -> str:
 def _build(scene: TrackScene, folder: Path, narration: Narration | None) -> dict[str, Any]:
     """Both runs side by side and what they differ in; each file is put in its place at once, the figures last."""
     stop = threading.Event()
-    fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix="fresh-"))
-    logs = [fresh / name for name in LOGS]
-    try:
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="fresh-", ignore_cleanup_errors=True) as fresh:
+        logs = [Path(fresh) / name for name in LOGS]
         with ThreadPoolExecutor(2) as pool:
             runs = [
                 pool.submit(monolithic.run, scene, log, refine, shown, stop.is_set)
@@ -141,14 +139,12 @@ def _build(scene: TrackScene, folder: Path, narration: Narration | None) -> dict
             "internal_step": results[0][1]["internal_step"],
             "wall_time": max(cost["wall_time"] for _, cost in results),
             "difference": {name: one._asdict() for name, one in differences_of_logs(logs[1], logs[0]).items()},
-            "sha256": _hashes(fresh),
+            "sha256": _hashes(Path(fresh)),
         }
         for log in logs:
             log.replace(folder / log.name)
         keep(folder / FIGURES, json.dumps(figures).encode())
         return figures
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.log.reader import Series
+from orchestrator.log.time_series import Series
 
 
 class Difference(NamedTuple):

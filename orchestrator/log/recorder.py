@@ -6,73 +6,31 @@ killed run loses no more than that. In a chunk the messages of a topic stand tog
 simulation time, and what depends on the wall clock goes to ``/stats/<instance>`` only: two equal runs write
 equal messages. The last record, the metadata ``closing``, says how the run ended and holds a sha256 per
 topic; a log without it was cut off.
-
-MCAP is written here record by record (https://mcap.dev/spec) rather than with ``mcap.writer``, which costs 3
-to 16 us a message on the caller's thread and cannot go on after a full disk.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
-import mimetypes
 import os
-import struct
 import threading
-import zlib
 from collections import deque
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import zstandard
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
-from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from orchestrator.log import schema
-
-try:
-    import fcntl
-except ImportError:  # Windows does not let go of open files in any case
-    fcntl = None  # type: ignore[assignment]
+from orchestrator.log import channel_metadata, closing_record, schema
+from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
+from orchestrator.log.message_records import IDENTITY, LONGEST, PREFIX, prefix, size_of
 
 CHUNK = 1 << 20  # bytes of messages that make a chunk
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too
-CLOSING = "closing"  # name of the metadata record that ends a log
-COMPRESSION_LEVEL = 1  # of zstandard
-MOST_STEPS = 2**32 - 1  # a message counts them in 32 bits
-LONGEST = 2**64 / 1e9  # s: a message counts nanoseconds in 64 bits
-PREFIX = 31  # bytes of a message record before its data: opcode, length, channel, sequence, two times
-IDENTITY = 11  # bytes of it that depend on the file: opcode, length, channel; the rest is in the digest
 
 
-class LogFailed(RuntimeError):
-    """The log cannot be written; the message is one sentence."""
-
-
-class Recorder:
+class Recorder(AbstractContextManager["Recorder"]):
     """An open log; closes itself when left, with status "failed" unless ``close`` was called before.
 
     :param path: the file; its folder is made, an older log is replaced, any other file is refused.
@@ -115,41 +73,31 @@ class Recorder:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self.path.is_file():  # a reader that has the older file open keeps it
                 self.path.unlink()
-            self._file = _File(self.path)
+            self._file = ContainerWriter(self.path)
         except OSError as error:
-            raise _failed(self.path, error) from None
+            raise failed(self.path, error) from None
         try:
             self._begin(topics, attachments, metadata)
         except OSError as error:
             self._file.close()
-            raise _failed(self.path, error) from None
+            raise failed(self.path, error) from None
         self._thread = threading.Thread(target=self._drain, name="recorder", daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> Recorder:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if not self._closed:
             message = str(error) or (kind.__name__ if kind else "the run ended without saying how")
             with suppress(LogFailed) if error else nullcontext():  # the first error is the one to hear of
                 self.close("failed", message, self._last)
 
-    @property
-    def size(self) -> int:
-        """Bytes in the file so far."""
-        return self._file.size
-
     def together(self, topics: Sequence[str]) -> str:
         """Let topics recorded at the same steps be written by one ``write``, under the name that is returned."""
-        channels = [self._channels[topic] for topic in topics]
-        if len({channel.every for channel in channels}) > 1:
+        members = [self._channels[topic] for topic in topics]
+        if len({channel.every for channel in members}) > 1:
             raise ValueError(f"{', '.join(topics)} are not recorded at the same steps")
         name = " ".join(topics)
         self._pages = {topic: page for topic, page in self._pages.items() if topic not in topics}
-        self._pages[name] = _Page(channels)
+        self._pages[name] = _Page(members)
         return name
 
     def due(self, topic: str, sequence: int) -> bool:
@@ -225,13 +173,12 @@ class Recorder:
         if self._failure is not None:
             status, message = "failed", message or str(self._failure)
         try:
-            record = self._closing_record(status, message, steps)
-            record |= {f"result:{name}": text for name, text in (results or {}).items()}
-            record["warnings"] = json.dumps(list(warnings))
-            self._file.metadata(CLOSING, record)
+            written = {topic: (channel.messages, channel.hash.hexdigest()) for topic, channel in self._channels.items()}
+            record = closing_record.texts(status, message, steps, written, results or {}, warnings)
+            self._file.metadata(closing_record.NAME, record)
             self._file.finish()
         except OSError as error:
-            self._failure = self._failure or _failed(self.path, error)
+            self._failure = self._failure or failed(self.path, error)
         finally:
             self._file.close()
         if self._failure is not None and self._failure is not known:
@@ -249,22 +196,9 @@ class Recorder:
         for name, content in attachments.items():
             self._file.attachment(name, content)
         for topic, channel in self._channels.items():
-            names = [name for name, _ in topics[topic]]
             kind = schema.type_name(topic)
-            about = {
-                "names": json.dumps(names),
-                "units": json.dumps([unit for _, unit in topics[topic]]),
-                "places": json.dumps(schema.places(names)),
-                "every": str(channel.every),
-            }
+            about = channel_metadata.texts(topics[topic], channel.every)
             self._file.channel(channel.number, topic, kind, schema.descriptor(kind, channel.layout.fields), about)
-
-    def _closing_record(self, status: str, message: str, steps: int) -> dict[str, str]:
-        record = {"status": status, "message": message, "steps": str(steps)}
-        for topic, channel in self._channels.items():
-            record[f"messages:{topic}"] = str(channel.messages)
-            record[f"sha256:{topic}"] = channel.hash.hexdigest()
-        return record
 
     def _hand_over(self) -> None:
         """Queue the filled blocks as one chunk and go on with empty ones; the caller holds the lock."""
@@ -293,7 +227,7 @@ class Recorder:
                 self._write_chunk(filled)
             except Exception as error:  # whatever it is, the run must hear of it
                 with self._turn:
-                    self._failure = _failed(self.path, error)
+                    self._failure = failed(self.path, error)
                     self._backlog.clear()
                     self._turn.notify_all()
                 return
@@ -332,10 +266,10 @@ class _Channel:
         self.every = every
         self.width = len(variables)
         self.layout = schema.layout(schema.places([name for name, _ in variables]))
-        self.size = PREFIX + len(self.layout.template)  # bytes of a message record
+        self.size = size_of(self.layout)  # bytes of a message record
         self.hash = hashlib.sha256()
         self.messages = 0
-        self._prefix = struct.pack("<BQHIQQ", Opcode.MESSAGE, self.size - 9, number, 0, 0, 0)
+        self._prefix = prefix(number, self.size)
 
     def pack(self, block: _Block, columns: slice) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
         """Message records (m, size), and their times in ns, of the topic's columns of a block."""
@@ -379,186 +313,3 @@ class _Page:
             _Filled(channel, filled, slice(end - channel.width, end))
             for channel, end in zip(self.channels, self._ends, strict=True)
         ]
-
-
-class _File:
-    """An MCAP file being written. A record that does not fit on the disk is taken back whole."""
-
-    def __init__(self, path: Path) -> None:
-        self.size = 0
-        self._crc = 0  # of all bytes so far
-        self._stream = path.open("wb" if path.exists() else "xb", buffering=0)  # exists: a device
-        _lock(self._stream)
-        self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
-        self._schemas: list[Schema] = []
-        self._channels: list[Channel] = []
-        self._chunks: list[ChunkIndex] = []
-        self._attachments: list[AttachmentIndex] = []
-        self._metadata: list[MetadataIndex] = []
-        self._counts: dict[int, int] = {}
-        try:
-            self._append(MCAP0_MAGIC + _bytes(Header(profile="", library="cotrack")))
-        except OSError:
-            self.close()
-            raise
-
-    def metadata(self, name: str, entries: Mapping[str, str]) -> None:
-        offset = self.size
-        self._append(_bytes(Metadata(name, dict(entries))))
-        self._metadata.append(MetadataIndex(offset=offset, length=self.size - offset, name=name))
-
-    def attachment(self, name: str, content: bytes) -> None:
-        kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
-        record = Attachment(create_time=0, log_time=0, name=name, media_type=kind, data=content)
-        offset = self.size
-        self._append(_bytes(record))
-        index = AttachmentIndex(offset, self.size - offset, 0, 0, len(content), name, kind)
-        self._attachments.append(index)
-
-    def channel(self, number: int, topic: str, kind: str, description: bytes, about: dict[str, str]) -> None:
-        described = Schema(number, description, SchemaEncoding.Protobuf, kind)
-        channel = Channel(number, topic, MessageEncoding.Protobuf, about, schema_id=number)
-        self._append(_bytes(described, channel))
-        self._schemas.append(described)
-        self._channels.append(channel)
-        self._counts[number] = 0
-
-    def chunk(self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]]) -> None:
-        """Write message records (m, size) with their times (ns), by channel number, as one chunk."""
-        content = b"".join(rows.data for _, rows, _ in parts)
-        start = min(int(times.min()) for _, _, times in parts)
-        end = max(int(times.max()) for _, _, times in parts)
-        record = Chunk(
-            compression="zstd",
-            data=self._compressor.compress(content),
-            message_end_time=end,
-            message_start_time=start,
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
-        )
-        head = _bytes(record)
-        indexes, offsets, within = bytearray(), {}, 0
-        for number, rows, times in parts:
-            offsets[number] = self.size + len(head) + len(indexes)
-            entries = np.empty((len(rows), 2), "<u8")
-            entries[:, 0] = times
-            entries[:, 1] = within + rows.shape[1] * np.arange(len(rows), dtype=np.uint64)
-            within += rows.size
-            indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, number, entries.nbytes)
-            indexes += entries.tobytes()
-        offset = self.size
-        self._append(head + indexes)
-        for number, rows, _ in parts:
-            self._counts[number] += len(rows)
-        self._chunks.append(
-            ChunkIndex(
-                chunk_length=len(head),
-                chunk_start_offset=offset,
-                compression=record.compression,
-                compressed_size=len(record.data),
-                message_end_time=end,
-                message_index_length=len(indexes),
-                message_index_offsets=offsets,
-                message_start_time=start,
-                uncompressed_size=record.uncompressed_size,
-            )
-        )
-
-    def finish(self) -> None:
-        """End of data, summary, footer: one write, so that a full disk leaves the data as they are."""
-        statistics = Statistics(
-            attachment_count=len(self._attachments),
-            channel_count=len(self._channels),
-            channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
-            message_count=sum(self._counts.values()),
-            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
-            metadata_count=len(self._metadata),
-            schema_count=len(self._schemas),
-        )
-        data_end = _bytes(DataEnd(self._crc))
-        start = self.size + len(data_end)
-        summary, offsets = bytearray(), []
-        for opcode, group in (
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
-        ):
-            content = _bytes(*group)
-            if content:
-                offsets.append(SummaryOffset(opcode, start + len(summary), len(content)))
-            summary += content
-        offset_start = start + len(summary)
-        summary += _bytes(*offsets)
-        footer = _bytes(Footer(start, offset_start, 0))
-        crc = zlib.crc32(footer[:-4], zlib.crc32(summary))
-        self._append(data_end + summary + footer[:-4] + struct.pack("<I", crc) + MCAP0_MAGIC)
-
-    def close(self) -> None:
-        self._stream.close()
-
-    def _append(self, data: bytes | bytearray) -> None:
-        """Write whole records, or none of them."""
-        rest = memoryview(data)
-        try:
-            while rest:
-                rest = rest[self._stream.write(rest) :]
-        except OSError:
-            with suppress(OSError):  # what cannot be cut back stays behind as a cut record
-                self._stream.truncate(self.size)
-                self._stream.seek(self.size)
-            raise
-        self.size += len(data)
-        self._crc = zlib.crc32(data, self._crc)
-
-
-def check_writable(path: Path) -> None:
-    """Whether a log can be written there, as far as can be said now; raises LogFailed."""
-    reason = ""
-    if path.is_dir():
-        reason = "it is a directory"
-    elif path.is_file():
-        try:
-            with path.open("rb") as stream:
-                if not MCAP0_MAGIC.startswith(stream.read(len(MCAP0_MAGIC))):
-                    reason = "there is a file that is no log"
-                elif not _lock(stream):
-                    reason = "another run is writing it"
-        except OSError as error:
-            raise _failed(path, error) from None
-    elif not path.exists():
-        above = next(folder for folder in path.absolute().parents if folder.exists())
-        if not above.is_dir():
-            reason = f"{above} is no folder"
-        elif not os.access(above, os.W_OK):
-            reason = f"the folder {above} is read-only"
-    if reason:
-        raise LogFailed(f"the log {path} cannot be written: {reason}")
-
-
-def _lock(stream: IO[bytes]) -> bool:
-    """Take the file for oneself until it is closed; False: someone else has it."""
-    if fcntl is not None:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:  # a file system without locks
-            pass
-    return True
-
-
-def _bytes(*records: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    return builder.end()
-
-
-def _failed(path: Path, error: Exception) -> LogFailed:
-    reason = (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
-    return LogFailed(f"the log {path} cannot be written: {reason[:1].lower()}{reason[1:]}")

@@ -8,15 +8,17 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log.reader import Log, LogUnreadable, Messages, NoSuchSignal, Series
-from orchestrator.log.recorder import LogFailed, Recorder, check_writable
+from orchestrator.log.container_writer import LogFailed, check_writable, reason
+from orchestrator.log.message_records import Messages
+from orchestrator.log.reader import Log, LogUnreadable, NoSuchSignal
+from orchestrator.log.recorder import Recorder
+from orchestrator.log.time_series import Series
 
 WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes
 
@@ -28,44 +30,13 @@ class Verdict(NamedTuple):
     sentences: list[str]
 
 
-class TopicInfo(NamedTuple):
-    """One topic of a log."""
-
-    topic: str
-    signals: int
-    messages: int
-    every: int  # one step in ``every`` is recorded
-    first: float  # s; nan without messages
-    last: float  # s; nan without messages
-    bytes: int  # of its messages before compression
-
-
-class Info(NamedTuple):
-    """A log at a glance."""
-
-    path: Path
-    bytes: int
-    complete: bool
-    faults: list[str]
-    status: str  # of the closing record; "cut off" without one
-    message: str
-    warnings: list[dict[str, Any]]  # of the components: component, text, time in s, count
-    steps: int | None  # communication steps done; None where the log was cut off
-    start: float  # s; nan without messages
-    end: float  # s; nan without messages
-    digest: str  # empty where a part is damaged
-    topics: list[TopicInfo]
-    attachments: list[tuple[str, int]]  # name, bytes
-    metadata: dict[str, dict[str, str]]
-
-
-class _Tally:
+class Tally:
     """What passes by of one topic: its steps and times."""
 
     def __init__(self) -> None:
         self.messages = 0
-        self.bytes = 0
-        self.first = self.last = float("nan")
+        self.bytes = 0  # before compression
+        self.first = self.last = float("nan")  # s
         self.newest: int | None = None  # sequence
         self.hash = hashlib.sha256()
 
@@ -82,7 +53,7 @@ class _Tally:
         if len(wrong):
             before, after = sequence[wrong[0] : wrong[0] + 2]
             found.append(f"{messages.topic}: step {after} follows step {before}")
-        t = messages.decode()[0]
+        t = messages.decode().t
         with np.errstate(invalid="ignore", over="ignore"):
             times = np.rint(t * 1e9).astype(np.uint64)
         if not (np.array_equal(messages.log_time, times) and np.array_equal(messages.publish_time, times)):
@@ -94,6 +65,17 @@ class _Tally:
         self.bytes += messages.rows.nbytes
         self.hash.update(messages.digestible())
         return found
+
+
+class Info(NamedTuple):
+    """A log at a glance."""
+
+    log: Log  # closed: what it says of itself
+    start: float  # s; nan without messages
+    end: float  # s; nan without messages
+    digest: str  # empty where a part is damaged
+    topics: dict[str, Tally]
+    attachments: dict[str, int]  # bytes by name
 
 
 def verify(path: str | os.PathLike[str]) -> Verdict:
@@ -114,10 +96,10 @@ def verify(path: str | os.PathLike[str]) -> Verdict:
 
 def _faults(log: Log) -> list[str]:
     """All that is wrong with a log, in sentences."""
-    tallies = {topic: _Tally() for topic in log.topics}
+    tallies = {topic: Tally() for topic in log.topics}
     faults = [
         fault
-        for messages in chain.from_iterable(log.intact())
+        for messages in log.intact()
         for fault in tallies[messages.topic].add(messages, _stride(log, messages.topic))
     ]
     faults = [*log.faults, *log.checksums(), *faults]
@@ -188,8 +170,8 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     steps = None if untouched else _whole_steps(log, closing["messages"])
     reached = 0.0
     with Recorder(fresh, topics, attachments, log.metadata, every=every) as recorder:
-        for messages in chain.from_iterable(log.intact()):
-            t, h, values = messages.decode()
+        for messages in log.intact():
+            t, h, _, values = messages.decode()
             kept = slice(None) if steps is None else np.isin(_steps(messages), steps)
             ends = t + h if _is_input(messages.topic) else t
             for row in np.arange(len(t))[kept].tolist():
@@ -218,15 +200,12 @@ def _whole_steps(log: Log, recorded: Mapping[str, int]) -> NDArray[np.int64] | N
 
     An input belongs to the step that it leads to.
     """
-    found: dict[str, list[NDArray[np.int64]]] = {topic: [] for topic in log.topics if _stride(log, topic)}
-    count = dict.fromkeys(log.topics, 0)
-    for messages in chain.from_iterable(log.intact()):
-        count[messages.topic] += len(messages.rows)
-        if messages.topic in found:
-            found[messages.topic].append(_steps(messages))
-    if count == recorded:
+    found = {topic: [np.empty(0, np.int64)] for topic in log.topics}
+    for messages in log.intact():
+        found[messages.topic].append(_steps(messages))
+    if {topic: sum(map(len, parts)) for topic, parts in found.items()} == recorded:
         return None
-    of = {topic: np.unique(np.concatenate([np.empty(0, np.int64), *parts])) for topic, parts in found.items()}
+    of = {topic: np.unique(np.concatenate(parts)) for topic, parts in found.items() if _stride(log, topic)}
     steps = np.unique(np.concatenate([np.empty(0, np.int64), *of.values()]))
     whole = np.ones(len(steps), bool)
     for topic, its in of.items():
@@ -256,36 +235,18 @@ def _attachment(log: Log, name: str) -> bytes | None:
 def info(path: str | os.PathLike[str]) -> Info:
     """A log at a glance; reads all of it. Raises LogUnreadable."""
     with Log(path) as log:
-        tallies = {topic: _Tally() for topic in log.topics}
-        for messages in chain.from_iterable(log.intact()):
+        tallies = {topic: Tally() for topic in log.topics}
+        for messages in log.intact():
             tallies[messages.topic].add(messages, None)
         try:
             digest = log.digest()
         except LogUnreadable:
             digest = ""
-        attachments = [(name, len(_attachment(log, name) or b"")) for name in log.attachments]
-        topics = [
-            TopicInfo(topic, len(about.names), tally.messages, about.every, tally.first, tally.last, tally.bytes)
-            for (topic, about), tally in zip(log.topics.items(), tallies.values(), strict=True)
-        ]
-        written = [topic for topic in topics if topic.messages]
-        closing = log.closing
-        return Info(
-            path=log.path,
-            bytes=log.size,
-            complete=log.complete and not log.faults,
-            faults=list(log.faults),
-            status=closing["status"] if closing else "cut off",
-            message=closing["message"] if closing else "",
-            warnings=closing["warnings"] if closing else [],
-            steps=closing["steps"] if closing else None,
-            start=min((topic.first for topic in written), default=float("nan")),
-            end=max((topic.last for topic in written), default=float("nan")),
-            digest=digest,
-            topics=topics,
-            attachments=attachments,
-            metadata=log.metadata,
-        )
+        attachments = {name: len(_attachment(log, name) or b"") for name in log.attachments}
+        written = [tally for tally in tallies.values() if tally.messages]
+        start = min((tally.first for tally in written), default=float("nan"))
+        end = max((tally.last for tally in written), default=float("nan"))
+        return Info(log, start, end, digest, tallies, attachments)
 
 
 def export(
@@ -371,19 +332,12 @@ def _matches(pattern: str, text: str) -> bool:
 def _write(file: Path, header: list[str], parts: Sequence[tuple[Series, list[int]]]) -> None:
     t = parts[0][0].t
     table = np.concatenate([t[:, None], *(series.values[:, columns] for series, columns in parts)], axis=1)
-    with _writing(file) as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(header)
-        for start in range(0, len(table), 1000):
-            writer.writerows(table[start : start + 1000].tolist())
-
-
-@contextmanager
-def _writing(file: Path) -> Iterator[TextIO]:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with file.open("w", newline="", encoding="utf-8") as stream:
-            yield stream
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(header)
+            for start in range(0, len(table), 1000):
+                writer.writerows(table[start : start + 1000].tolist())
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise LogFailed(f"{file} cannot be written: {reason[:1].lower()}{reason[1:]}") from None
+        raise LogFailed(f"{file} cannot be written: {reason(error)}") from None

@@ -9,7 +9,7 @@ they count by mean and RMS over windows of a second, and link by link only up to
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -181,17 +181,12 @@ def _links(run: RunData, window: Window, start: str, *ends: str) -> list[Signal]
             raise Missing(f"the log has no outputs per link of '{track}'")
         names = run.log.topics[topic].names
         wanted[topic] = [[i for i, n in enumerate(names) if n.startswith(start) and n.endswith(end)] for end in ends]
-    found = run.log.select(
-        {topic: [i for columns in groups for i in columns] for topic, groups in wanted.items()}, window
-    )
-    signals = []
-    for number in range(len(ends)):
-        parts = []
-        for topic, groups in wanted.items():
-            first = sum(len(columns) for columns in groups[:number])
-            parts.append((found[topic].t, found[topic].values[:, first : first + len(groups[number])]))
-        signals.append(_together(parts))
-    return signals
+    found = run.log.select({topic: [*chain(*groups)] for topic, groups in wanted.items()}, window)
+    parts = {
+        topic: np.split(found[topic].values, np.cumsum([len(columns) for columns in groups])[:-1], axis=1)
+        for topic, groups in wanted.items()
+    }
+    return [_together([(found[topic].t, parts[topic][number]) for topic in wanted]) for number in range(len(ends))]
 
 
 def _axes(run: RunData, what: str, window: Window) -> list[Signal]:

@@ -13,11 +13,11 @@ What is covered is what contacts spread along a link lose (or gain) as they come
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.log.reader import Series
+from orchestrator.log.time_series import Series
 from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Window, vectors
 
 Block = Mapping[str, Series]  # of each topic the messages of the same steps
@@ -45,10 +45,6 @@ class Ledger(NamedTuple):
     residual_relative: float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
     port: float  # the part of the residual that the ports make
     integration: dict[str, float]  # the part of each component, of one where the vehicle has two
-
-    def as_json(self) -> dict[str, Any]:
-        """For the summary."""
-        return self._asdict()
 
 
 def ledger(run: RunData) -> Ledger:

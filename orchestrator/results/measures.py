@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from orchestrator.results.energy import drift, ledger, ports
-from orchestrator.results.run_data import BLOCK, EVER, Floats, Links, RunData, Window, mean, vectors
+from orchestrator.results.run_data import BLOCK, EVER, Floats, Links, RunData, Window, mean, pitch_radius, vectors
 
 Measure = Callable[[RunData, str, Window], float]
 
@@ -19,24 +19,20 @@ AT_REST = 0.01  # m/s of chain speed
 RUN_REACH = 0.2  # m: a run between two wheels is sampled this far about its middle
 
 
+REDUCTIONS: dict[str, Callable[[Floats, Floats], float]] = {
+    "mean": mean,
+    "min": lambda t, values: values.min(),
+    "max": lambda t, values: values.max(),
+    "last": lambda t, values: values[-1],
+    "drop": lambda t, values: values[0] - values[-1],
+    "ripple": lambda t, values: np.ptp(values) / abs(mean(t, values)),  # peak to peak over the mean
+    "rms": lambda t, values: mean(t, values**2) ** 0.5,
+}
+
+
 def reduce(t: Floats, values: Floats, how: str) -> float:
     """One number from the samples of a window; a mean weighs each by the time since the one before it."""
-    match how:
-        case "mean":
-            return mean(t, values)
-        case "min":
-            return float(values.min())
-        case "max":
-            return float(values.max())
-        case "last":
-            return float(values[-1])
-        case "drop":
-            return float(values[0] - values[-1])
-        case "ripple":  # peak to peak over the mean
-            return float(np.ptp(values) / abs(mean(t, values)))
-        case "rms":
-            return mean(t, values**2) ** 0.5
-    raise ValueError(f"no reduction '{how}'")
+    return float(REDUCTIONS[how](t, values))
 
 
 # --- chain between pins ----------------------------------------------------------------------------
@@ -107,7 +103,7 @@ def pins_passed(run: RunData, of: str, window: Window) -> float:
     links = run.links(_track(run, of), window)
     angle = np.arctan2(links.up, links.forward)
     radius = np.hypot(links.up, links.forward)
-    near = (links.forward > 0) & (radius < 1.5 * _pitch_radius(run))
+    near = (links.forward > 0) & (radius < 1.5 * pitch_radius(run.scene["vehicle"]))
     above = np.where(near & (angle >= 0), angle, np.inf).argmin(axis=1)  # the next pin to pass
     below = np.where(near & (angle < 0), angle, -np.inf).argmax(axis=1)  # the last that passed
     rows = np.arange(len(above))
@@ -338,11 +334,6 @@ def _drive(run: RunData, of: str) -> str:
     if f"{of}_drive" in run.instances:
         return f"{of}_drive"
     return f"{run.sides[0]}_drive" if run.sides else "drive"
-
-
-def _pitch_radius(run: RunData) -> float:
-    vehicle = run.scene["vehicle"]
-    return float(vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
 
 
 NAMES: dict[str, Measure] = {

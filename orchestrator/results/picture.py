@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from fmus.vehicle import BadInput, sentence
 from orchestrator.log.reader import Log
-from orchestrator.results.run_data import Floats, Links, RunData, Window, within
+from orchestrator.results.run_data import Floats, Links, RunData, Window, pitch_radius, within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -171,7 +171,7 @@ def _teeth(run: RunData, track: str, t: float) -> Floats:
     """Outline of the sprocket (n, 2) about its centre, turned as it is at ``t``; simplified."""
     vehicle = run.scene["vehicle"]
     sprocket, number = vehicle["sprocket"], vehicle["sprocket"]["teeth"]
-    root = vehicle["track"]["pitch"] / (2 * np.sin(np.pi / number)) - sprocket["pin_radius"]
+    root = pitch_radius(vehicle) - sprocket["pin_radius"]
     times, q = run.vectors(track, "in", "sprocket.orientation", "wxyz")
     w, x, y, z = q[np.abs(times - t).argmin()]
     heading = np.array([np.cos(run.scene["start"]["heading"]), np.sin(run.scene["start"]["heading"])])
@@ -196,13 +196,12 @@ def _ground(run: RunData, track: str, t: float) -> float:
 def _wheels(run: RunData, track: str, t: float) -> list[tuple[str, tuple[float, float], float]]:
     """Name, centre in the plane of the track, and radius, of every wheel."""
     vehicle = run.scene["vehicle"]
-    pitch_radius = vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"]))
     inputs = run.log.topics[run.log.known_topic(f"/{track}/in")].names
     names = [n.removesuffix(".position.x") for n in inputs if n.endswith(".position.x")]
     found = []
     for name in (name for name in names if name.partition("[")[0] in WHEELS):
         centre = run.in_plane(track, name, t)
-        radius = pitch_radius if name == "sprocket" else vehicle[name.partition("[")[0]]["radius"]
+        radius = pitch_radius(vehicle) if name == "sprocket" else vehicle[name.partition("[")[0]]["radius"]
         found.append((name, centre, float(radius)))
     return found
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.described import system_of
-from orchestrator.log.reader import Log, Series
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats, Series
 
-Floats = NDArray[np.float64]
 Made = TypeVar("Made")
 BLOCK = 1000  # steps that are in memory at once
 KEPT = 4  # records of links that are kept: measures of a scene ask for the same ones
@@ -90,24 +90,28 @@ class RunData:
 
     def signal(self, name: str, window: Window | None = None) -> tuple[Floats, Floats]:
         """Times and values of ``instance.variable``, within the window; raises Missing."""
-        try:
-            if window is None:
-                return self.log.signal(name)
-            topic, column = self.log.find(name)
-        except LookupError:
-            raise Missing(f"the log has no signal '{name}'") from None
-        series = self.log.select({topic: [column]}, window)[topic]
-        if not len(series.t) and window != EVER:
+        topic, column = self._place(name)
+        series = self._read(topic, [column], window)
+        if not len(series.t) and window not in (None, EVER):
             raise Missing(f"'{name}' was not recorded between {window.start:g} and {window.end:g} s")
         return series.t, series.values[:, 0]
+
+    def _place(self, name: str) -> tuple[str, int]:
+        try:
+            return self.log.find(name)
+        except LookupError:
+            raise Missing(f"the log has no signal '{name}'") from None
+
+    def _read(self, topic: str, columns: Sequence[int], window: Window | None) -> Series:
+        if window is None:
+            return self.log.read(topic).columns(columns)
+        return self.log.select({topic: columns}, window)[topic]
 
     def largest(self, names: Sequence[str]) -> float:
         """The largest value of some outputs over the run; raises Missing, and ValueError where there is none."""
         wanted: dict[str, list[int]] = {}
         for name in names:
-            if not self.has(name):
-                raise Missing(f"the log has no signal '{name}'")
-            topic, column = self.log.find(name)
+            topic, column = self._place(name)
             wanted.setdefault(topic, []).append(column)
         return max(
             float(block[topic].values[:, columns].max())
@@ -117,10 +121,7 @@ class RunData:
 
     def ends(self, name: str) -> tuple[float, float]:
         """First and last value of ``instance.variable``; raises Missing."""
-        try:
-            topic, column = self.log.find(name)
-        except LookupError:
-            raise Missing(f"the log has no signal '{name}'") from None
+        topic, column = self._place(name)
         values = self.log.ends(topic).values[:, column]
         if not len(values):
             raise Missing(f"the log holds no value of '{name}'")
@@ -136,11 +137,8 @@ class RunData:
         """Times and ``prefix.{parts}`` of a topic as (m, len(parts))."""
         where = self.log.known_topic(f"/{instance}/{topic}")
         columns = _columns(self.log.topics[where].names, instance, prefix, parts)
-        if window is not None:
-            series = self.log.select({where: columns}, window)[where]
-            return series.t, series.values
-        series = self.log.read(where)
-        return series.t, series.values[:, columns]
+        series = self._read(where, columns, window)
+        return series.t, series.values
 
     def links(self, track: str, window: Window | None = None) -> Links:
         """Per-link records of a track, seen from its sprocket axle (or the start position without one)."""
@@ -154,8 +152,7 @@ class RunData:
         topic = f"/{track}/links"
         if topic not in self.log.topics:
             raise Missing(f"the log has no outputs per link of '{track}'")
-        columns = range(len(self.log.topics[topic].names))
-        series = self.log.read(topic) if window is None else self.log.select({topic: columns}, window)[topic]
+        series = self._read(topic, range(len(self.log.topics[topic].names)), window)
         names = {name: column for column, name in enumerate(series.names)}
         pins = sum(name.startswith("joint[") and name.endswith("].position.x") for name in names)
         links = sum(name.endswith("].tension") for name in names)
@@ -216,6 +213,11 @@ def since(t: Floats) -> Floats:
 def mean(t: Floats, values: Floats) -> float:
     """Of samples (m,), each weighed by the time since the one before it: steps may vary."""
     return float(np.average(values, weights=since(t)))
+
+
+def pitch_radius(vehicle: dict[str, Any]) -> float:
+    """Of the pins on the sprocket of a vehicle table, m."""
+    return float(vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
 
 
 def vectors(series: Series, instance: str, prefix: str, parts: str = "xyz") -> Floats:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
@@ -79,8 +79,6 @@ class TrackScene(Scene):
     placed: bool = False  # whether the idler stands already where the chain carries its static tension
     planar: bool = False  # chains of cables without their lateral dofs: all motion is in the plane of the track
 
-    drives: ClassVar[tuple[str, ...]] = ()  # the fields that describe drives
-
     @model_validator(mode="after")
     def _in_its_plane(self) -> TrackScene:
         if not self.planar:
@@ -111,7 +109,6 @@ class BenchScene(TrackScene):
     assembly: Literal["bench"]
     bench: Bench
     drive: Drive
-    drives = ("drive",)
 
 
 class RigScene(TrackScene):
@@ -121,7 +118,6 @@ class RigScene(TrackScene):
     rig: Rig
     drive: Drive
     idler_drive: Drive
-    drives = ("drive", "idler_drive")
 
 
 class VehicleScene(TrackScene):
@@ -133,7 +129,6 @@ class VehicleScene(TrackScene):
     ground: Ground = Ground()
     drive: Drive  # of both sides
     symmetric: bool = False  # only the left half runs, the right one mirrors it in the vehicle's own plane
-    drives = ("drive",)
 
     @field_validator("tracks")
     @classmethod

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from fmus.vehicle import Distance, Force, In, Mass
 from fmus.vehicle import Part as Table
-from orchestrator.log.recorder import MOST_STEPS
+from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
 from orchestrator.scene.gallery import hint
 

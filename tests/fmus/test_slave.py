@@ -143,7 +143,7 @@ def test_restore_brings_back_inputs_outputs_and_link_outputs(component):
     component.read_counters()
     assert np.array_equal((*component.y, *component.y_links, *component.counters), trace[-1])
     component.u[0] = 0.0
-    component._get(component._fmu.fmi2GetReal, component._u)  # the FMU's own memory of its input
+    component._exchange(component._fmu.fmi2GetReal, component._u)  # the FMU's own memory of its input
     assert component.u[0] == force
 
 

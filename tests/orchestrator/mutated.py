@@ -10,8 +10,10 @@ from typing import Any
 
 from mcap.reader import make_reader
 
+from orchestrator.log.closing_record import NAME as CLOSING
+from orchestrator.log.container_writer import ContainerWriter
+from orchestrator.log.message_records import PREFIX
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import CLOSING, PREFIX, _File
 
 DIGITS = int("9" * 400)
 VALUES = (
@@ -43,7 +45,7 @@ class Content:
 
     def write(self, path: Path) -> Path:
         """A log of it; raises UnicodeEncodeError for text that no record can hold."""
-        file = _File(path)
+        file = ContainerWriter(path)
         try:
             for name, entries in self.metadata.items():
                 if name != CLOSING:

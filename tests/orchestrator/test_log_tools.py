@@ -13,8 +13,11 @@ from mutated import Content
 from recorded import ATTACHMENTS, STEP, TOPICS, record, record_in_chunks
 
 from orchestrator.log import recorder as module
-from orchestrator.log.reader import Log, LogUnreadable, NoSuchSignal
-from orchestrator.log.recorder import PREFIX, LogFailed, Recorder
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container_writer import LogFailed
+from orchestrator.log.message_records import PREFIX
+from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, export, info, recover, verify
 
 
@@ -242,7 +245,7 @@ def test_results_of_the_closing_record_are_kept(tmp_path):
     with Log(tmp_path / "whole.mcap") as log:
         closing = log.closing
         assert closing["results"] == results
-        indexes = log._data_end + 13 + 20
+        indexes = log._file.data_end + 13 + 20
     for change in (lambda data: data[:indexes], lambda data: data[:indexes] + b"\xff" * 9 + data[indexes + 9 :]):
         (tmp_path / "bad.mcap").write_bytes(change(data))
         assert verify(tmp_path / "bad.mcap").code == BROKEN
@@ -278,7 +281,7 @@ def test_warnings_that_are_none_damage_their_record(small, tmp_path, told):
     content.metadata["closing"]["warnings"] = told if isinstance(told, str) else json.dumps(told)
     path = content.write(tmp_path / "bad.mcap")
     assert "is cut off or damaged" in verify(path).sentences[0]
-    assert info(path).warnings == []
+    assert info(path).log.closing is None
     assert recover(path, tmp_path / "saved.mcap").code == RECOVERED
 
 
@@ -358,11 +361,11 @@ def test_recovering_does_not_overwrite_the_log(small):
 
 def test_info(small):
     about = info(small)
-    assert (about.complete, about.status, about.steps, about.start, about.end) == (True, "ok", 100, 0.0, 0.1)
-    assert about.bytes == small.stat().st_size
-    links = next(topic for topic in about.topics if topic.topic == "/left_track/links")
-    assert (links.signals, links.messages, links.every, links.last) == (128, 21, 5, 0.1)
-    assert about.attachments == [(name, len(content)) for name, content in ATTACHMENTS.items()]
+    assert (about.log.complete, about.log.closing["steps"], about.start, about.end) == (True, 100, 0.0, 0.1)
+    assert about.log.size == small.stat().st_size
+    links = about.topics["/left_track/links"]
+    assert (links.messages, links.last) == (21, 0.1)
+    assert about.attachments == {name: len(content) for name, content in ATTACHMENTS.items()}
     with Log(small) as log:
         assert about.digest == log.digest()
 
@@ -370,8 +373,8 @@ def test_info(small):
 def test_info_of_a_cut_log(chunked, tmp_path):
     (tmp_path / "cut.mcap").write_bytes(chunked.read_bytes()[:200_000])
     about = info(tmp_path / "cut.mcap")
-    assert (about.complete, about.status, about.steps) == (False, "cut off", None)
-    assert about.faults
+    assert (about.log.complete, about.log.closing) == (False, None)
+    assert about.log.faults
 
 
 def table(path):

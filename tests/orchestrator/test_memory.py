@@ -25,5 +25,5 @@ def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path):
     with Log(path) as log, Log(path) as other:
         found = differences(RunData(log), RunData(other))
         assert max(one.relative for one in found.values()) == pytest.approx(0.0, abs=1e-12)
-        assert not log._unpacked
+        assert not log._chunks.unpacked
         assert not log._series

@@ -11,7 +11,9 @@ from mcap.writer import CompressionType, Writer
 from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, record, record_in_chunks, values
 
 from orchestrator.log.bitwise import first_difference
-from orchestrator.log.reader import Log, LogUnreadable, NoSuchSignal, Series
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.time_series import Series
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +104,7 @@ def test_a_cut_log_reads_as_far_as_it_goes(chunked, fraction):
                 m = len(series.t)
                 assert np.array_equal(series.t, whole[topic].t[:m])
                 assert np.array_equal(series.values, whole[topic].values[:m])
-            later = [chunk for chunk in log._chunks if chunk >= end]
+            later = [chunk for chunk in log._chunks.spans if chunk >= end]
             assert not later
 
 
@@ -158,13 +160,14 @@ def test_first_difference():
 
 
 def test_who_knows_mcap_and_protobuf():
-    """Only recorder and reader know MCAP, only the schema knows protobuf."""
+    """Only what handles a log's file, its chunks and their messages knows MCAP, only the schema knows protobuf."""
     users = {"mcap": set(), "google.protobuf": set()}
     for path in Path(__file__).parents[2].glob("orchestrator/**/*.py"):
         for package, found in users.items():
             if re.search(rf"^\s*(from|import) {re.escape(package)}\b", path.read_text(), re.MULTILINE):
                 found.add(path.name)
-    assert users == {"mcap": {"recorder.py", "reader.py"}, "google.protobuf": {"schema.py"}}
+    mcap = {"container_writer.py", "container_reader.py", "chunk_reader.py", "message_records.py", "reader.py"}
+    assert users == {"mcap": mcap, "google.protobuf": {"schema.py"}}
 
 
 def test_what_is_selected_is_what_is_read_and_is_not_kept(chunked):
@@ -181,7 +184,7 @@ def test_what_is_selected_is_what_is_read_and_is_not_kept(chunked):
             assert np.array_equal(ends.t, series.t[[0, -1]])
             assert np.array_equal(ends.values, series.values[[0, -1]])
             assert log.lengths()[topic] == len(series.t)
-        assert not log._unpacked
+        assert not log._chunks.unpacked
         with pytest.raises(NoSuchSignal, match="no topic '/left/out'"):
             log.select({"/left/out": [0]})
 

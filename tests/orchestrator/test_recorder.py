@@ -22,8 +22,9 @@ from recorded import STEP, TOPICS, record, values, write_steps
 
 from orchestrator.log import recorder as module
 from orchestrator.log import schema
+from orchestrator.log.container_writer import LogFailed
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import LogFailed, Recorder
+from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 
 ODD_BITS = [

@@ -86,7 +86,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
 def places(whole, count):
     """So many places all over the messages, and the borders of the chunks."""
     with Log(whole) as log:
-        end = log._data_end
+        end = log._file.data_end
     edges = borders(whole.read_bytes())
     return sorted({*np.linspace(edges[0], end - 1, count).astype(int).tolist(), *edges, end})
 

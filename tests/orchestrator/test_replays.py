@@ -13,7 +13,8 @@ from fmus.vehicle import BadInput
 from orchestrator.execution import replay_model, replays
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import tools
-from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results.difference import differences

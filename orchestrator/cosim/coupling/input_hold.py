@@ -49,11 +49,6 @@ def extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
     return y + reach * (y - past.outputs[feed.source.name][feed.outputs])
 
 
-def values_extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
-    """Values for the middle of the step, all else as of t: what comes with its rate is extrapolated by the receiver."""
-    return extrapolated(feed, now, past, h) if feed.carries == "value" else constant(feed, now)
-
-
 def at_end(feed: Feed, now: Outputs) -> Floats:
     """As the source, which has stepped, shows it at t + h; a state is always of t."""
     return constant(feed, now) if feed.carries == "state" else feed.source.y[feed.outputs]

@@ -25,7 +25,7 @@ import numpy as np
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
-from orchestrator.cosim.graph import Connection, Feed, Floats, Member, Miswired
+from orchestrator.cosim.graph import Connection, Feed, Member, Miswired
 
 WATT = (1, 2, -3, 0, 0, 0, 0, 0)  # exponents of kg, m, s, A, K, mol, cd, 10
 SAFETY = 0.8
@@ -39,7 +39,6 @@ Dimension = tuple[float, ...]
 class Bond(NamedTuple):
     """What two components exchange: ``there`` feeds b with what a shows, ``back`` feeds a with what b shows."""
 
-    name: str
     a: Member
     b: Member
     there: Feed
@@ -53,7 +52,7 @@ def bonds(members: Sequence[Member]) -> tuple[Bond, ...]:
         for feed in member.feeds:
             if feed.bond:
                 ends.setdefault(feed.bond, []).append((member, feed))
-    return tuple(Bond(name, back[0], there[0], there[1], back[1]) for name, (back, there) in ends.items())
+    return tuple(Bond(back[0], there[0], there[1], back[1]) for back, there in ends.values())
 
 
 def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dimension | None]) -> None:
@@ -81,7 +80,7 @@ def works(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
     """J that went from a to b over the step just done: as a felt it, and as b did; ``now``: outputs at its start."""
     shown, felt = input_hold.interpolated(bond.there, now), bond.b.component.u[bond.there.inputs]
     answer, seen = input_hold.interpolated(bond.back, now), bond.a.component.u[bond.back.inputs]
-    return h * _dot(shown, seen), h * _dot(felt, answer)
+    return h * float(shown @ seen), h * float(felt @ answer)
 
 
 class PowerResidual:
@@ -130,7 +129,3 @@ class PowerResidual:
             error = max(error, TINY)
             wanted = SAFETY * error**-I_GAIN * (before / error) ** P_GAIN
             h, before = h * min(max(wanted, LEAST), MOST), error
-
-
-def _dot(one: Floats, other: Floats) -> float:
-    return float(one @ other)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
-from types import TracebackType
 from typing import Any, ClassVar, NamedTuple
 
 from orchestrator.cosim.component import ComponentFailed
@@ -54,9 +53,7 @@ class Scheme:
             self._pool = ThreadPoolExecutor(width - 1, "step")
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *ended: object) -> None:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None

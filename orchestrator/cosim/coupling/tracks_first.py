@@ -20,8 +20,10 @@ class TracksFirst(Staged):
     ORDER = 2
 
     def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """Moved on by its velocity."""
-        return input_hold.values_extrapolated(feed, now, self.past, h)
+        """Values for the middle of the step, all else as of t: the receiver moves on what comes with its rate."""
+        if feed.carries == "value":
+            return input_hold.extrapolated(feed, now, self.past, h)
+        return input_hold.constant(feed, now)
 
     def late(self, feed: Feed, now: Outputs) -> Floats:
         """The mean."""

@@ -1,0 +1,61 @@
+"""The last record of a log: how the run ended, results, warnings, and by topic a count of messages and a sha256.
+
+A log without it was cut off. MCAP's metadata hold texts alone: ``texts`` makes them, ``read`` reads them again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from orchestrator.log.message_records import MOST_STEPS
+
+NAME = "closing"  # of the metadata record
+_WARNED = {"component": str, "text": str, "time": float, "count": int}  # ``warned.Warned``
+
+
+def texts(
+    status: str,
+    message: str,
+    steps: int,
+    topics: Mapping[str, tuple[int, str]],
+    results: Mapping[str, str],
+    warnings: Sequence[Mapping[str, object]],
+) -> dict[str, str]:
+    """The record; ``topics``: messages and sha256 of each."""
+    record = {"status": status, "message": message, "steps": str(steps)}
+    for topic, (messages, sha256) in topics.items():
+        record |= {f"messages:{topic}": str(messages), f"sha256:{topic}": sha256}
+    record |= {f"result:{name}": text for name, text in results.items()}
+    return record | {"warnings": json.dumps(list(warnings))}
+
+
+def read(record: Mapping[str, str]) -> dict[str, Any]:
+    """With numbers as numbers and the entries by topic in dicts of their own; raises ValueError, RecursionError."""
+    by_topic = {
+        kind: {key.partition(":")[2]: value for key, value in record.items() if key.startswith(f"{kind}:")}
+        for kind in ("messages", "sha256", "result")
+    }
+    return {
+        "status": record.get("status", ""),
+        "message": record.get("message", ""),
+        "steps": int(record.get("steps", 0)),
+        "messages": {topic: int(value) for topic, value in by_topic["messages"].items()},
+        "sha256": by_topic["sha256"],
+        "results": by_topic["result"],
+        "warnings": _warnings(record.get("warnings", "[]")),
+    }
+
+
+def _warnings(text: str) -> list[dict[str, Any]]:
+    found = json.loads(text)
+    if not isinstance(found, list):
+        raise ValueError("warnings are no list")
+    for each in found:
+        if not isinstance(each, dict) or {key: type(value) for key, value in each.items()} != _WARNED:
+            raise ValueError("a warning is not told as one")
+        if not 0 < each["count"] <= MOST_STEPS:
+            raise ValueError("a warning was not told so often")
+        f"{each['component']}{each['text']}".encode()  # half a surrogate pair is JSON, but no text
+    return found

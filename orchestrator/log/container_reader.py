@@ -1,0 +1,159 @@
+"""An MCAP file, mapped into memory and walked from its beginning, record by record.
+
+One that a killed run left without its end reads as far as it goes, and after a damaged record the walk goes on with the
+next one that the indexes at the end know, where there are any; ``faults`` says what is missing.
+"""
+
+from __future__ import annotations
+
+import io
+import mmap
+import os
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataIndex
+from mcap.writer import MCAP0_MAGIC
+
+from orchestrator.log.container_writer import reason
+
+HEAD = struct.Struct("<BQ")  # opcode and length before every record
+FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
+AROUND = 16 * mmap.PAGESIZE  # bytes that a system may map when one of them is touched
+INDEXES: dict[int, tuple[Any, str]] = {  # records of the summary that say where another one is
+    Opcode.CHUNK_INDEX: (ChunkIndex, "chunk_start_offset"),
+    Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
+    Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
+}
+DAMAGE = (
+    McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError, OverflowError,
+    RecursionError,
+)  # fmt: skip
+
+
+class LogUnreadable(RuntimeError):
+    """A log, or the part of it that was asked for, cannot be read; the message is one sentence."""
+
+
+class ContainerReader:
+    """An open file; raises LogUnreadable for one that is missing or no MCAP file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._data = _mapped(path)
+        self.size = len(self._data)
+        self.faults: list[str] = []  # sentences
+        self.data_end: int | None = None  # offset of the record that ends the data
+        self.ended = False
+
+    def close(self) -> None:
+        """Give the file back."""
+        self._data.close()
+
+    def fault(self, sentence: str) -> None:
+        """Note what is wrong, once."""
+        if sentence not in self.faults:
+            self.faults.append(sentence)
+
+    def body(self, offset: int, most: int | None = None) -> bytes:
+        """The bytes of a record after its length, or the first of them."""
+        _, length = HEAD.unpack_from(self._data, offset)
+        return self._data[offset + HEAD.size : offset + HEAD.size + (length if most is None else min(length, most))]
+
+    def record(self, kind: Any, offset: int) -> Any:
+        """The record of a class of ``mcap.records``; raises one of DAMAGE."""
+        return parsed(kind, self.body(offset))
+
+    def walk(self, note: Callable[[int, int], None]) -> None:
+        """Tell ``note`` opcode and offset of every record of data; it may raise one of DAMAGE."""
+        offset = len(MCAP0_MAGIC)
+        while offset < self.size:
+            following = self._step(offset, note)
+            if following is None:
+                following = next((indexed for indexed in self._indexed() if indexed > offset), self.size)
+                self.fault(f"{self.path}: the record at byte {offset} of {self.size} is cut off or damaged")
+            offset = following
+        if self.data_end is None:
+            self.fault(f"{self.path}: the log was cut off at byte {self.size}")
+        elif not self.ended:
+            self.fault(f"{self.path}: the end of the file is missing or damaged")
+
+    def _step(self, offset: int, note: Callable[[int, int], None]) -> int | None:
+        """Past the record at ``offset``; the offset of the next one, or None where this one is no good."""
+        if offset + HEAD.size > self.size:
+            return None
+        opcode, length = HEAD.unpack_from(self._data, offset)
+        following = offset + HEAD.size + length
+        if following > self.size or not Opcode.HEADER <= opcode <= Opcode.DATA_END:
+            return None
+        if opcode == Opcode.FOOTER and length == 20:
+            self.ended = following + len(MCAP0_MAGIC) == self.size and self._data[following:] == MCAP0_MAGIC
+            return self.size if self.ended else None
+        if opcode == Opcode.DATA_END and length == 4:
+            self.data_end = offset
+        try:
+            note(opcode, offset)
+        except DAMAGE:
+            return None
+        return following
+
+    def _indexed(self) -> list[int]:
+        """Offsets of the records that the summary at the end knows; empty where there is none."""
+        found = []
+        try:
+            offset = self.record(Footer, self.size - FOOTER).summary_start
+            found.append(offset - HEAD.size - 4)  # end of data
+            while offset < self.size - FOOTER:
+                opcode, length = HEAD.unpack_from(self._data, offset)
+                if opcode in INDEXES:
+                    kind, where = INDEXES[opcode]
+                    found.append(getattr(self.record(kind, offset), where))
+                offset += HEAD.size + length
+        except DAMAGE:
+            return []
+        return sorted(found)
+
+    def let_go(self, offset: int) -> None:
+        """Of the file's pages that hold the record at ``offset``: what is mapped counts as memory."""
+        if hasattr(mmap, "MADV_DONTNEED"):
+            start = max(0, offset - offset % AROUND - AROUND)  # what was touched since the chunk before it, too
+            _, length = HEAD.unpack_from(self._data, offset)
+            self._data.madvise(mmap.MADV_DONTNEED, start, offset + HEAD.size + length - start)
+
+    def data_sound(self) -> bool:
+        """Whether all bytes but the indexes at the end are as they were written."""
+        if self.data_end is None:
+            return False
+        return self.record(DataEnd, self.data_end).data_section_crc == self._crc(0, self.data_end)
+
+    def indexes_sound(self) -> bool:
+        """Whether those at the end, which is there, are as they were written."""
+        footer = self.record(Footer, self.size - FOOTER)
+        return footer.summary_crc == self._crc(footer.summary_start, self.size - FOOTER + HEAD.size + 16)
+
+    def _crc(self, start: int, end: int) -> int:
+        with memoryview(self._data) as whole, whole[start:end] as part:
+            return zlib.crc32(part)
+
+
+def parsed(kind: Any, body: bytes) -> Any:
+    """The record of a class of ``mcap.records``; raises one of DAMAGE."""
+    return kind.read(ReadDataStream(io.BytesIO(body)))
+
+
+def _mapped(path: Path) -> mmap.mmap:
+    try:
+        with path.open("rb") as stream:
+            size = os.fstat(stream.fileno()).st_size
+            if size < len(MCAP0_MAGIC) or stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                raise LogUnreadable(f"{path} is not a log: it does not begin as an MCAP file does")
+            return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    except OSError as error:
+        raise LogUnreadable(f"the log {path} cannot be read: {reason(error)}") from None

@@ -1,0 +1,241 @@
+"""An MCAP file being written, record by record (https://mcap.dev/spec), safe against a full disk.
+
+``mcap.writer`` costs 3 to 16 us a message on the caller's thread and cannot go on after a full disk.
+"""
+
+from __future__ import annotations
+
+import mimetypes
+import os
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
+
+try:
+    import fcntl
+except ImportError:  # Windows does not let go of open files in any case
+    fcntl = None  # type: ignore[assignment]
+
+COMPRESSION_LEVEL = 1  # of zstandard
+SUMMARY = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
+
+
+class LogFailed(RuntimeError):
+    """The log cannot be written; the message is one sentence."""
+
+
+class ContainerWriter:
+    """An MCAP file being written. A record that does not fit on the disk is taken back whole."""
+
+    def __init__(self, path: Path) -> None:
+        self.size = 0
+        self._crc = 0  # of all bytes so far
+        self._stream = path.open("wb" if path.exists() else "xb", buffering=0)  # exists: a device
+        _lock(self._stream)
+        self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
+        self._indexed: dict[Opcode, list[Any]] = {opcode: [] for opcode in SUMMARY}  # records of the summary
+        self._counts: dict[int, int] = {}  # messages of each channel
+        try:
+            self._append(MCAP0_MAGIC + _bytes(Header(profile="", library="cotrack")))
+        except OSError:
+            self.close()
+            raise
+
+    def metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """A record of texts."""
+        offset = self.size
+        self._append(_bytes(Metadata(name, dict(entries))))
+        self._indexed[Opcode.METADATA_INDEX].append(MetadataIndex(offset=offset, length=self.size - offset, name=name))
+
+    def attachment(self, name: str, content: bytes) -> None:
+        """A whole file."""
+        kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
+        record = Attachment(create_time=0, log_time=0, name=name, media_type=kind, data=content)
+        offset = self.size
+        self._append(_bytes(record))
+        index = AttachmentIndex(offset, self.size - offset, 0, 0, len(content), name, kind)
+        self._indexed[Opcode.ATTACHMENT_INDEX].append(index)
+
+    def channel(self, number: int, topic: str, kind: str, description: bytes, about: dict[str, str]) -> None:
+        """A topic and the message type that ``description`` describes; both have the channel's number."""
+        described = Schema(number, description, SchemaEncoding.Protobuf, kind)
+        channel = Channel(number, topic, MessageEncoding.Protobuf, about, schema_id=number)
+        self._append(_bytes(described, channel))
+        self._indexed[Opcode.SCHEMA].append(described)
+        self._indexed[Opcode.CHANNEL].append(channel)
+        self._counts[number] = 0
+
+    def chunk(self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]]) -> None:
+        """Write message records (m, size) with their times (ns), by channel number, as one chunk."""
+        content = b"".join(rows.data for _, rows, _ in parts)
+        start = min(int(times.min()) for _, _, times in parts)
+        end = max(int(times.max()) for _, _, times in parts)
+        record = Chunk(
+            compression="zstd",
+            data=self._compressor.compress(content),
+            message_end_time=end,
+            message_start_time=start,
+            uncompressed_crc=zlib.crc32(content),
+            uncompressed_size=len(content),
+        )
+        head = _bytes(record)
+        indexes, offsets, within = bytearray(), {}, 0
+        for number, rows, times in parts:
+            offsets[number] = self.size + len(head) + len(indexes)
+            entries = np.empty((len(rows), 2), "<u8")
+            entries[:, 0] = times
+            entries[:, 1] = within + rows.shape[1] * np.arange(len(rows), dtype=np.uint64)
+            within += rows.size
+            indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, number, entries.nbytes)
+            indexes += entries.tobytes()
+        offset = self.size
+        self._append(head + indexes)
+        for number, rows, _ in parts:
+            self._counts[number] += len(rows)
+        self._indexed[Opcode.CHUNK_INDEX].append(
+            ChunkIndex(
+                chunk_length=len(head),
+                chunk_start_offset=offset,
+                compression=record.compression,
+                compressed_size=len(record.data),
+                message_end_time=end,
+                message_index_length=len(indexes),
+                message_index_offsets=offsets,
+                message_start_time=start,
+                uncompressed_size=record.uncompressed_size,
+            )
+        )
+
+    def finish(self) -> None:
+        """End of data, summary, footer: one write, so that a full disk leaves the data as they are."""
+        chunks = self._indexed[Opcode.CHUNK_INDEX]
+        statistics = Statistics(
+            attachment_count=len(self._indexed[Opcode.ATTACHMENT_INDEX]),
+            channel_count=len(self._indexed[Opcode.CHANNEL]),
+            channel_message_counts=self._counts,
+            chunk_count=len(chunks),
+            message_count=sum(self._counts.values()),
+            message_end_time=max((chunk.message_end_time for chunk in chunks), default=0),
+            message_start_time=min((chunk.message_start_time for chunk in chunks), default=0),
+            metadata_count=len(self._indexed[Opcode.METADATA_INDEX]),
+            schema_count=len(self._indexed[Opcode.SCHEMA]),
+        )
+        data_end = _bytes(DataEnd(self._crc))
+        start = self.size + len(data_end)
+        summary, offsets = bytearray(), []
+        for opcode, group in (self._indexed | {Opcode.STATISTICS: [statistics]}).items():
+            content = _bytes(*group)
+            if content:
+                offsets.append(SummaryOffset(opcode, start + len(summary), len(content)))
+            summary += content
+        offset_start = start + len(summary)
+        summary += _bytes(*offsets)
+        footer = _bytes(Footer(start, offset_start, 0))
+        crc = zlib.crc32(footer[:-4], zlib.crc32(summary))
+        self._append(data_end + summary + footer[:-4] + struct.pack("<I", crc) + MCAP0_MAGIC)
+
+    def close(self) -> None:
+        """Give the file back."""
+        self._stream.close()
+
+    def _append(self, data: bytes | bytearray) -> None:
+        """Write whole records, or none of them."""
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._stream.write(rest) :]
+        except OSError:
+            with suppress(OSError):  # what cannot be cut back stays behind as a cut record
+                self._stream.truncate(self.size)
+                self._stream.seek(self.size)
+            raise
+        self.size += len(data)
+        self._crc = zlib.crc32(data, self._crc)
+
+
+def check_writable(path: Path) -> None:
+    """Whether a log can be written there, as far as can be said now; raises LogFailed."""
+    why = ""
+    if path.is_dir():
+        why = "it is a directory"
+    elif path.is_file():
+        try:
+            with path.open("rb") as stream:
+                if not MCAP0_MAGIC.startswith(stream.read(len(MCAP0_MAGIC))):
+                    why = "there is a file that is no log"
+                elif not _lock(stream):
+                    why = "another run is writing it"
+        except OSError as error:
+            raise failed(path, error) from None
+    elif not path.exists():
+        above = next(folder for folder in path.absolute().parents if folder.exists())
+        if not above.is_dir():
+            why = f"{above} is no folder"
+        elif not os.access(above, os.W_OK):
+            why = f"the folder {above} is read-only"
+    if why:
+        raise LogFailed(f"the log {path} cannot be written: {why}")
+
+
+def _lock(stream: IO[bytes]) -> bool:
+    """Take the file for oneself until it is closed; False: someone else has it."""
+    if fcntl is not None:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:  # a file system without locks
+            pass
+    return True
+
+
+def _bytes(*records: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()
+
+
+def failed(path: Path, error: Exception) -> LogFailed:
+    """What is said of a log that cannot be written."""
+    return LogFailed(f"the log {path} cannot be written: {reason(error)}")
+
+
+def reason(error: Exception) -> str:
+    """Why a file cannot be read or written, as the end of a sentence."""
+    text = (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+    return text[:1].lower() + text[1:]

@@ -1,0 +1,87 @@
+"""Message records: those of one topic in one chunk, as they stand in the file, decoded by the thousand."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from orchestrator.log.schema import Layout
+from orchestrator.log.time_series import Series
+
+MOST_STEPS = 2**32 - 1  # a message counts them in 32 bits
+LONGEST = 2**64 / 1e9  # s: a message counts nanoseconds in 64 bits
+PREFIX = 31  # bytes of a message record before its data: opcode, length, channel, sequence, two times
+IDENTITY = 11  # bytes of it that depend on the file: opcode, length, channel; the rest is in the digest
+_PREFIX = struct.Struct("<BQHIQQ")
+_IDENTITY = struct.Struct("<BQH")
+_HEAD = 9  # bytes of opcode and length, which the length does not count
+
+
+class Messages(NamedTuple):
+    """Message records of one topic in one chunk, as they stand in the file."""
+
+    topic: str
+    names: tuple[str, ...]  # variables
+    layout: Layout
+    rows: NDArray[np.uint8]  # (m, bytes)
+
+    def decode(self) -> Series:
+        """What they say, as arrays."""
+        t, h, values = self.layout.unpack(self.rows, PREFIX)
+        return Series(t, h, self.names, values)
+
+    def digestible(self) -> memoryview:
+        """The bytes that a topic's sha256 is made of: sequence, times and data."""
+        return np.ascontiguousarray(self.rows[:, IDENTITY:]).data
+
+    @property
+    def sequence(self) -> NDArray[np.uint32]:
+        """Number of the step (m,)."""
+        return self._column(11, 15, "<u4")
+
+    @property
+    def log_time(self) -> NDArray[np.uint64]:
+        """Simulation time (m,), ns."""
+        return self._column(15, 23, "<u8")
+
+    @property
+    def publish_time(self) -> NDArray[np.uint64]:
+        """The same once more (m,), ns."""
+        return self._column(23, 31, "<u8")
+
+    def _column(self, start: int, end: int, kind: str) -> NDArray:
+        return np.ascontiguousarray(self.rows[:, start:end]).view(kind)[:, 0]
+
+
+def size_of(layout: Layout) -> int:
+    """Bytes of a message record."""
+    return PREFIX + len(layout.template)
+
+
+def prefix(channel: int, size: int) -> bytes:
+    """What all message records of a channel begin with, sequence and times zero; ``size``: bytes of a record."""
+    return _PREFIX.pack(Opcode.MESSAGE, size - _HEAD, channel, 0, 0, 0)
+
+
+def offsets_by_channel(content: bytes) -> dict[int, list[int]]:
+    """Where the message records of each channel begin in the content of a chunk; raises ValueError, struct.error."""
+    found: dict[int, list[int]] = {}
+    offset, end = 0, len(content)
+    while offset < end:
+        opcode, length, channel = _IDENTITY.unpack_from(content, offset)
+        if opcode == Opcode.MESSAGE:
+            found.setdefault(channel, []).append(offset)
+        offset += _HEAD + length
+    if offset != end:
+        raise ValueError("its last message is cut off")
+    return found
+
+
+def all_of_size(content: bytes, offsets: Sequence[int], size: int) -> bool:
+    """Whether each of the message records at ``offsets`` has so many bytes."""
+    return all(_IDENTITY.unpack_from(content, offset)[1] == size - _HEAD for offset in offsets)
