@@ -272,35 +272,25 @@ def system(b: Bodies, r: Rail, s: State, h: float, z: tuple[Floats, Floats, Floa
     push, pull = b.G @ mean, b.G @ X1  # (elements, N, 3)
     A[:n, :n] = _spread(inertia + 0.5 * stiff)
     A[:n, :n] += push.reshape(-1, n).T @ ((0.5 * b.EA / b.l)[:, None] * pull.reshape(-1, n))
-    # difference quotients of the constraint
+    # difference quotients of the constraint: of the position, and where a cable slides of the slope
     u0, u1 = s.w[0], w1[0]
-    S = 0.5 * (row(r, u0, 0) + row(r, u1, 0)) - r.point
-    D, D_u = quotient(r, u0, u1, 0)
-    f = lam[:3]
-    along = D @ mean
-    force += np.outer(S, f)
-    R[n] = along @ f + r.drag * (u1 - u0) / h
-    A[:n, n] = 0.5 * np.outer(row(r, u1, 1), f).ravel()
-    A[n, :n] = 0.5 * np.outer(D, f).ravel()
-    A[n, n] = (D_u @ mean) @ f + r.drag / h
-    A[:n, n + k : n + k + 3] = _spread(S).T
-    A[n, n + k : n + k + 3] = along
-    if r.slope.size:
-        m1, g, f = w1[1], r.slope @ mean, lam[3:]
-        turn = 0.5 * (row(r, u0, 1) + row(r, u1, 1)) - 0.5 * (s.w[1] + m1) * r.slope
-        D, D_u = quotient(r, u0, u1, 1)
-        bend = D @ mean
-        force += np.outer(turn, f)
-        R[n] += bend @ f
-        R[n + 1] = -(g @ f)
-        A[:n, n] += 0.5 * np.outer(row(r, u1, 2), f).ravel()
-        A[:n, n + 1] = -0.5 * np.outer(r.slope, f).ravel()
+    R[n], A[n, n] = r.drag * (u1 - u0) / h, r.drag / h
+    taken = [r.point, 0.5 * (s.w[1] + w1[1]) * r.slope] if r.slope.size else [r.point]
+    for order, own in enumerate(taken):
+        f, at = lam[3 * order : 3 * order + 3], slice(n + k + 3 * order, n + k + 3 * order + 3)
+        S = 0.5 * (row(r, u0, order) + row(r, u1, order)) - own
+        D, D_u = quotient(r, u0, u1, order)
+        force += np.outer(S, f)
+        R[n] += (D @ mean) @ f
+        A[:n, n] += 0.5 * np.outer(row(r, u1, order + 1), f).ravel()
         A[n, :n] += 0.5 * np.outer(D, f).ravel()
         A[n, n] += (D_u @ mean) @ f
-        A[n + 1, :n] = -0.5 * np.outer(r.slope, f).ravel()
-        A[:n, n + k + 3 :] = _spread(turn).T
-        A[n, n + k + 3 :] = bend
-        A[n + 1, n + k + 3 :] = -g
+        A[:n, at] = _spread(S).T
+        A[n, at] = D @ mean
+    if r.slope.size:
+        g, f = r.slope @ mean, lam[3:]
+        R[n + 1], A[n + 1, n + k + 3 :] = -(g @ f), -g
+        A[:n, n + 1] = A[n + 1, :n] = -0.5 * np.outer(r.slope, f).ravel()
     R[:n] = force.ravel()
     R[n + k :] = constraint(r, X1, w1)
     A[n + k :, :n], A[n + k :, n : n + k] = jacobian(r, X1, w1)
