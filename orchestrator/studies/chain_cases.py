@@ -92,7 +92,7 @@ def swings_of_steel() -> list[Row]:
     """Linearised about the loaded equilibrium, in the plane."""
     mesh = chain(cable, TRACK, np.full(LINKS, -np.pi / 2), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
-    q = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-13).q
+    q = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-13)
     plane = np.flatnonzero(abs(mesh.B[1::3]).sum(axis=0) == 0.0)
     K = mesh.tangent(q).toarray()[np.ix_(plane, plane)]
     M = mesh.M.toarray()[np.ix_(plane, plane)]

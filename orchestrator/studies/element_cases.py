@@ -27,7 +27,7 @@ from orchestrator.without_fmu.meshes import (
     TRACK,
     Y,
     chain,
-    corner_section,
+    cornered,
     deflection,
     elastica,
     frame_tip,
@@ -260,8 +260,8 @@ def sections() -> list[Row]:
         ("cables in their plane", cable, TRACK, (Y,)),
     )
     for name, kind, c, axes in kinds:
-        for shape in SECTIONS:
-            mesh = corner_section(kind, c, shape)
+        for shape, angles in SECTIONS.items():
+            mesh = cornered(kind, [c] * (1 + len(angles)), angles, 2)
             places = (turned(mesh.e0, rotation(axis, angle)) for angle, axis in enumerate(axes, 1))
             energy, misfit = _turned_as_one(mesh, places)
             what = f"{shape} section of {name} turned as one body"

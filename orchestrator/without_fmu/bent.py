@@ -12,7 +12,6 @@ from orchestrator.without_fmu.ancf import loads, statics
 from orchestrator.without_fmu.ancf.mesh import Mesh
 
 CLOSE = 1e-11  # last correction of Newton's iteration, m
-MOST = 30  # iterations
 
 
 class Bent:
@@ -29,7 +28,7 @@ class Bent:
 
     def advance(self, t: float, h: float) -> None:
         """The equilibrium at t + h from that at t."""
-        found = statics.newton(self.mesh, self.q, self.rate * (t + h), CLOSE, MOST)
+        found = statics.newton(self.mesh, self.q, self.rate * (t + h), CLOSE)
         if found is None:
             force = self.full * self.rate * (t + h)
             raise ArithmeticError(f"Newton: no equilibrium found under {force:.6g} N, take shorter steps")
