@@ -24,7 +24,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import TRACK, assemble
 from orchestrator.scene.scene import TrackScene
-from orchestrator.studies.chain_states import FARTHEST, FASTEST, Kept, keep
+from orchestrator.studies.chain_states import FARTHEST, FASTEST, Completed, Kept, completed, keep
 from orchestrator.studies.evaluations import Chain
 from orchestrator.studies.extreme import FAMILIES, loaded
 
@@ -77,20 +77,10 @@ class Gathered(NamedTuple):
     parameters: Mapping[str, Any]
     kept: Kept
 
-    @property
-    def pitch(self) -> float:
-        """Of the links, m."""
-        return float(self.config["vehicle"]["track"]["pitch"])
-
-    @property
-    def closed(self) -> bool:
-        """Whether it is a loop."""
-        return bool(self.config["track"]["closed"])
-
-    @property
-    def seed(self) -> int:
-        """Of what is drawn to complete the states."""
-        return zlib.crc32(self.name.encode())
+    def completed(self) -> Completed:
+        """The states with all that an evaluation needs, drawn by the name."""
+        pitch, closed = self.config["vehicle"]["track"]["pitch"], self.config["track"]["closed"]
+        return completed(self.kept, float(pitch), bool(closed), zlib.crc32(self.name.encode()))
 
 
 def sources() -> Iterator[Source]:
