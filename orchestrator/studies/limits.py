@@ -49,12 +49,10 @@ def explicit_limit(frequency: float, relaxation: float = 0.0) -> float:
         z = [h * one for one in roots]
         return max(abs(1 + s + s**2 / 2 + s**3 / 6 + s**4 / 24) for s in z) - 1.0
 
-    guess = 0.9 * RUNGE_KUTTA / max(abs(one) for one in roots)
-    high = guess
+    high = 0.9 * RUNGE_KUTTA / max(abs(one) for one in roots)  # stable whatever the damping
     while growth(high) <= 0.0:
         high *= 1.01
-    low = high / 1.01 if high > guess else 0.0
-    return float(brentq(growth, low, high, rtol=1e-9)) if low else guess
+    return float(brentq(growth, high / 1.01, high, rtol=1e-9))
 
 
 def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
