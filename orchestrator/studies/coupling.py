@@ -210,7 +210,9 @@ def steps_at_equal_error(tolerances: tuple[float, ...]) -> list[Row]:
 
 def cases(quick: bool) -> list[Case]:
     """All couplings at all cuts; quick: fewer tolerances of the variable step."""
-    found = [Case("orders", f"{v}, {cut}, order", accuracy, (v, cut)) for cut, v in MEMBERS]
-    found += [Case("limits", f"{v}, {cut}, limit", limit, (v, cut), 5.0) for cut, v in MEMBERS]
     tolerances = TOLERANCES[1:3] if quick else TOLERANCES
-    return [*found, Case("variable step", "work and precision", steps_at_equal_error, (tolerances,), 20.0)]
+    return [
+        *(Case("orders", f"{v}, {cut}, order", accuracy, (v, cut)) for cut, v in MEMBERS),
+        *(Case("limits", f"{v}, {cut}, limit", limit, (v, cut), 5.0) for cut, v in MEMBERS),
+        Case("variable step", "work and precision", steps_at_equal_error, (tolerances,), 20.0),
+    ]

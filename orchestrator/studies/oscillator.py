@@ -205,12 +205,11 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
     ua, ub = foreseen(0, yb, pb), foreseen(1, ya, pa)
     if scheme == "energy_corrected":
         ua = ua + missed
-    if scheme in ("tracks_first", "gauss_seidel", "energy_corrected"):
-        ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     if scheme == "iterative":  # u_a = y_b + w (y_b' - y_b), where y_b' depends on u_a through y_a'
         gain = within[0] * (Sb @ (within[1] * Sa))
         rest = yb + within[0] * (Rb @ xb + Sb @ (ya + within[1] * (Ra @ xa - ya)) - yb)
         ua = np.asarray(np.linalg.solve(np.eye(len(gain)) - gain, rest), dtype=np.float64)
+    if scheme != "jacobi":
         ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     ya_after, yb_after = Ra @ xa + Sa @ ua, Rb @ xb + Sb @ ub
     returned = np.array([[scheme == "energy_corrected" and kind == "value"] for kind in a.given])
