@@ -10,6 +10,7 @@ from orchestrator.scene import tables
 from orchestrator.without_fmu import meshes
 from orchestrator.without_fmu.ancf import loads, statics
 from orchestrator.without_fmu.ancf.mesh import Mesh
+from orchestrator.without_fmu.models import xyz
 
 CLOSE = 1e-11  # last correction of Newton's iteration, m
 
@@ -17,12 +18,12 @@ CLOSE = 1e-11  # last correction of Newton's iteration, m
 class Bent:
     """A mesh under ``rate`` times t of its loads."""
 
+    outputs = {"load": "N"} | xyz("tip.displacement", "m") | {"energy.strain": "J", "energy.work": "J"}
+
     def __init__(self, mesh: Mesh, tip: tuple[int, int], full: float, rate: float) -> None:
         self.mesh, self.tip, self.full, self.rate = mesh, tip, full, rate
         self.q = self.start = mesh.start()
         self.load = self.work = 0.0  # N, J
-        self.outputs = {"load": "N"} | {f"tip.displacement.{axis}": "m" for axis in "xyz"}
-        self.outputs |= {"energy.strain": "J", "energy.work": "J"}
         self.count = len(meshes.points(mesh, self.q))
         self.counters = np.zeros(4, np.int32)
 

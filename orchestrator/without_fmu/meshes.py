@@ -107,8 +107,7 @@ def angular_momentum(mesh: Mesh, q: Floats, v: Floats) -> Floats:
 def points(mesh: Mesh, q: Floats) -> Floats:
     """Positions (m, 3) of the first node and of every element's second one."""
     e = mesh.coordinates(q)
-    places = [mesh.ends[0], *mesh.ends[1::2]]
-    return np.array([e[place.start : place.start + 3] for place in places])
+    return np.array([e[place.start : place.start + 3] for place in (mesh.ends[0], *mesh.ends[1::2])])
 
 
 # Chains ------------------------------------------------------------------------------------------------------------

@@ -88,7 +88,7 @@ def chain_map(n: int, l: float, smooth: bool = False) -> Floats:
 
 
 def bodies(
-    parts: list[tuple[Cable, Floats]], points: list[float], gravity: float, held: Floats | None = None
+    parts: list[tuple[Cable, Floats]], points: list[float], gravity: float, held: Floats
 ) -> tuple[Bodies, list[Floats]]:
     """Meshes ``parts`` (a cable and its T (n, 4, N_i)) and mass ``points`` kg, in one set of coordinates.
 
@@ -98,7 +98,7 @@ def bodies(
     sizes = [T.shape[2] for _, T in parts]
     N = sum(sizes) + len(points)
     M, K, load = np.zeros((N, N)), np.zeros((N, N)), np.zeros((N, 3))
-    G, EA, lengths, maps, at = [], [], [], [], 0
+    G, maps, at = [], [], 0
     shift = np.ones(N)
     for (c, T), size in zip(parts, sizes, strict=True):
         wide = np.zeros((len(T), 4, N))
@@ -116,18 +116,12 @@ def bodies(
             K += t.T @ bend @ t
             load[:, 2] -= weight @ t
             G.append(t.T @ g @ t)
-            EA.append(c.EA)
-            lengths.append(c.l)
-    for mass in points:
-        M[at, at] += mass
-        load[at, 2] -= mass * gravity
-        at += 1
-    free = np.ones((N, 3), dtype=bool)
-    if held is not None:
-        for row in held:
-            free[np.flatnonzero(row)] = False
-    stretch = np.array(G).reshape(-1, N, N)
-    return Bodies(M, K, stretch, np.array(EA), np.array(lengths), load, free.ravel(), shift), maps
+    M[at:, at:] = np.diag(points)
+    load[at:, 2] = -gravity * np.array(points)
+    free = np.repeat(~held.any(axis=0), 3)
+    elements = [c for c, T in parts for _ in T]
+    EA, lengths = np.array([c.EA for c in elements]), np.array([c.l for c in elements])
+    return Bodies(M, K, np.array(G), EA, lengths, load, free, shift), maps
 
 
 def rail(c: Cable, T: Floats, point: Floats, slope: Floats | None = None, drag: float = 0.0) -> Rail:
@@ -145,9 +139,9 @@ def element(r: Rail, u: float) -> int:
     return min(max(int(np.searchsorted(r.nodes, u, side="right")) - 1, 0), len(r.powers) - 1)
 
 
-def row(r: Rail, u: float, order: int, k: int | None = None) -> Floats:
-    """(N): the derivative of ``order`` of r(u) is this times X; of element ``k`` at a node."""
-    k = element(r, u) if k is None else k
+def row(r: Rail, u: float, order: int) -> Floats:
+    """(N): the derivative of ``order`` of r(u) is this times X."""
+    k = element(r, u)
     l = r.nodes[k + 1] - r.nodes[k]
     return polynomial((u - r.nodes[k]) / l, order) / l**order @ r.powers[k]
 
