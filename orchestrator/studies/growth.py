@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -69,9 +70,7 @@ def trajectory(pair: Pair, stop: float, settings: Sequence[str] = ()) -> tuple[F
 
 def changed(pair: Pair, key: str) -> tuple[str, ...]:
     """The setting that changes a number of the vehicle by one ulp."""
-    value = load(pair.scene, pair.track).resolved()["vehicle"]
-    for part in key.split("."):
-        value = value[part]
+    value = attrgetter(f"vehicle.{key}")(load(pair.scene, pair.track))
     return (f"vehicle.{key}={math.nextafter(value, math.inf)!r}",)
 
 
