@@ -55,8 +55,7 @@ def elements(knots: Floats) -> Floats:
 
 def _polar(knots: Floats, span: int, arguments: tuple[float, float, float]) -> Floats:
     """Weights (control points) of the polar form of the cubic on [knots[span], knots[span + 1]]: de Boor's scheme."""
-    count = len(knots) - DEGREE - 1
-    rows = np.eye(count)[span - DEGREE : span + 1]
+    rows = np.eye(control_points(len(knots)))[span - DEGREE : span + 1]
     for r, x in enumerate(arguments, 1):
         left = knots[span - DEGREE + r : span + 1]
         right = knots[span + 1 : span + 1 + len(left)]
@@ -85,13 +84,12 @@ def to_cable(spline: BSpline) -> tuple[Floats, Floats]:
 
 def jumps(e: Floats, l: Floats) -> Floats:
     """(n - 1, 4): largest jump of the derivatives 0 to 3 at each inner node, each times l^k to make it a length."""
-    scale = np.minimum(l[:-1], l[1:])
-    found = np.zeros((len(l) - 1, DEGREE + 1))
-    for k in range(DEGREE + 1):
-        end = np.einsum("na,nai->ni", _derivatives(l, 1.0, k), e)[:-1]
-        begin = np.einsum("na,nai->ni", _derivatives(l, 0.0, k), e)[1:]
-        found[:, k] = np.abs(end - begin).max(axis=1) * scale**k
-    return found
+
+    def derivatives(xi: float) -> Floats:
+        return np.stack([np.einsum("na,nai->ni", _derivatives(l, xi, k), e) for k in range(DEGREE + 1)], axis=1)
+
+    apart = np.abs(derivatives(1.0)[:-1] - derivatives(0.0)[1:]).max(axis=2)
+    return np.asarray(apart * np.minimum(l[:-1], l[1:])[:, None] ** np.arange(DEGREE + 1))
 
 
 def polynomial(xi: float, k: int) -> Floats:
@@ -134,9 +132,8 @@ def from_cable(e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None) 
             )
     nodes = np.concatenate([[0.0], np.cumsum(l)])
     knots = np.repeat(nodes, np.concatenate([[4], inner, [4]]))
-    count = len(knots) - DEGREE - 1
-    points = np.empty((count, e.shape[2]))
-    for i in range(count):
+    points = np.empty((control_points(len(knots)), e.shape[2]))
+    for i in range(len(points)):
         # the element nearest to the middle of the control point's own knots: the least extrapolation
         at = float(np.clip(knots[i + 1 : i + 4].mean(), nodes[0], nodes[-1]))
         low, high = np.searchsorted(nodes, knots[i], "left"), np.searchsorted(nodes, knots[i + 4], "left") - 1

@@ -64,9 +64,7 @@ def nodes(element, start: ArrayLike, frame: ArrayLike, l: float, n: int) -> Floa
     rows = element.ROWS // 2
     e = np.empty((n, 2, rows, 3))
     e[:, :, 1:] = frame.T[: rows - 1]
-    for k in range(n):
-        for end in range(2):
-            e[k, end, 0] = start + (k + end) * l * frame[:, 0]
+    e[:, :, 0] = start + np.add.outer(np.arange(n), np.arange(2))[..., None] * l * frame[:, 0]
     return e.reshape(n, 2 * rows, 3)
 
 

@@ -79,8 +79,7 @@ class State(NamedTuple):
 def chain_map(n: int, l: float, smooth: bool = False) -> Floats:
     """T (n, 4, N) of a straight mesh of ``n`` elements: coordinates r, r_x at the nodes, or spline control points."""
     if smooth:
-        knots = l * np.concatenate([[0.0] * 3, np.arange(n + 1.0), [n] * 3])
-        return bspline.extraction(knots)
+        return bspline.extraction(l * np.concatenate([[0.0] * 3, np.arange(n + 1.0), [n] * 3]))
     T = np.zeros((n, 4, 2 * (n + 1)))
     for k in range(n):
         T[k, np.arange(4), 2 * k + np.arange(4)] = 1.0
