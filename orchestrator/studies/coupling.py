@@ -195,9 +195,8 @@ TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 
 def steps_at_equal_error(tolerances: tuple[float, ...]) -> list[Row]:
     """Steps that a fixed communication step would need for the error of the variable one; and their ratio."""
-    fixed = [run_struck("gauss_seidel linear", Clock(h, round(STRUCK_END / h))) for h in FIXED]
     rows = []
-    errors, costs = np.array(fixed).T
+    errors, costs = np.array([run_struck("gauss_seidel linear", Clock(h, round(STRUCK_END / h))) for h in FIXED]).T
     for tolerance in tolerances:
         pace = VariableStep(STRUCK_END, 0.02, tolerance, 1e-5, 1.0)
         error, cost = run_struck("gauss_seidel linear", pace)

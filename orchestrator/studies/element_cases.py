@@ -61,8 +61,7 @@ def _over_elements(case: str, ns: tuple[int, ...], values: list[float], referenc
     """The value with the last number of elements, the errors of all, the order of the values among themselves."""
     scale = abs(reference) or 1.0
     series = tuple((float(n), abs(value - reference) / scale) for n, value in zip(ns, values, strict=True))
-    order = order_of(ns, values)
-    return checked("", case, values[-1], reference, tolerance, order=order, over=ELEMENTS, series=series)
+    return checked("", case, values[-1], reference, tolerance, order=order_of(ns, values), over=ELEMENTS, series=series)
 
 
 def _element(name: str) -> tuple[str, Any, dict[str, Any]]:
@@ -132,10 +131,10 @@ def frequencies(name: str, ends: str) -> list[Row]:
     errors = [np.abs(f / exact - 1.0) for f in found]
     k = int(errors[-1].argmax())
     worst = [float(e[k]) for e in errors]
-    what = f"frequencies, {element}, {ends}, beta L of mode {k + 1}"
-    series = tuple(zip(map(float, ns), worst, strict=True))
-    order = rate_of(ns, worst)
-    row = checked("", what, found[-1][k], exact[k], tolerance, worst[-1], order=order, over=ELEMENTS, series=series)
+    row = checked(
+        "", f"frequencies, {element}, {ends}, beta L of mode {k + 1}", found[-1][k], exact[k], tolerance, worst[-1],
+        order=rate_of(ns, worst), over=ELEMENTS, series=tuple(zip(map(float, ns), worst, strict=True)),
+    )  # fmt: skip
     return [of_order(row, 3.7, 4.3) if slim else of_order(row, 1.9, 2.2)]
 
 

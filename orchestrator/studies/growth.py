@@ -85,5 +85,4 @@ def ratios(known: Grown, values: Floats) -> Floats:
     """How far signals (T', N) are from the known ones, over the growth of one ulp; of the first T' instants."""
     rows = len(values)
     least = LEAST * abs(known.values).max(axis=0)
-    found: Floats = abs(values - known.values[:rows]) / (known.growth[:rows] + least)
-    return found
+    return np.asarray(abs(values - known.values[:rows]) / (known.growth[:rows] + least))

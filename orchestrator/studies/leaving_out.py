@@ -139,9 +139,15 @@ def compare(scene: str, sides: tuple[Side, Side], pairs: int) -> list[Row]:
     spent = np.median(costs, axis=0)
     ratios = costs[:, 1] / costs[:, 0]
     spreads = np.array([np.median(ratios, axis=0), ratios.min(axis=0), ratios.max(axis=0)])  # by CPU and wall time
-    logs = [size / 1000 for size in timed["log"]]
     ok = motion <= MOTION and force <= FORCE
-    figures = [*spent[:, 0].tolist(), *spreads.T.ravel().tolist(), *peaks, *logs, motion, force]
+    figures = [
+        *spent[:, 0].tolist(),
+        *spreads.T.ravel().tolist(),
+        *peaks,
+        *(size / 1000 for size in timed["log"]),
+        motion,
+        force,
+    ]
     return [Row("", "", dict(zip(KEYS, figures, strict=True)), ok)]
 
 
@@ -180,7 +186,7 @@ def difference(one: Path, other: Path) -> tuple[float, float]:
 # --- runs, in a process of their own ---------------------------------------------------------------
 
 
-def _child(task: dict[str, Any]) -> dict[str, Any]:
+def _child(task: dict[str, Any]) -> Any:
     done = subprocess.run(
         [sys.executable, "-m", "orchestrator.studies.leaving_out"],
         input=json.dumps(task),
@@ -189,8 +195,7 @@ def _child(task: dict[str, Any]) -> dict[str, Any]:
     )
     if done.returncode:
         raise RuntimeError((done.stderr.strip() or "no message").splitlines()[-1])
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return found
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def _main() -> None:

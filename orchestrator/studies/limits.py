@@ -41,15 +41,13 @@ def explicit_limit(frequency: float, relaxation: float = 0.0) -> float:
 
     x'' + relaxation w^2 x' + w^2 x = 0, the damping of a material with that relaxation time, s.
     """
-    decay = 0.5 * relaxation * frequency**2
-    root = -decay + np.sqrt(complex(decay**2 - frequency**2))
-    roots = (root, -2.0 * decay - root)
+    roots = np.roots([1.0, relaxation * frequency**2, frequency**2])
 
     def growth(h: float) -> float:
-        z = [h * one for one in roots]
-        return max(abs(1 + s + s**2 / 2 + s**3 / 6 + s**4 / 24) for s in z) - 1.0
+        z = h * roots
+        return float(abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24).max()) - 1.0
 
-    high = 0.9 * RUNGE_KUTTA / max(abs(one) for one in roots)  # stable whatever the damping
+    high = 0.9 * RUNGE_KUTTA / float(abs(roots).max())  # stable whatever the damping
     while growth(high) <= 0.0:
         high *= 1.01
     return float(brentq(growth, high / 1.01, high, rtol=1e-9))

@@ -184,8 +184,7 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
     a, b = sides(cut, o)
     (Pa, Qa, Ra, Sa), (Pb, Qb, Rb, Sb) = a.map(h), b.map(h)
     sizes = [len(a.x), len(b.x), len(a.C), len(b.C), len(a.C), len(b.C), len(b.C)]
-    unit = np.eye(sum(sizes))
-    xa, xb, ya, yb, pa, pb, missed = np.split(unit, np.cumsum(sizes)[:-1])
+    xa, xb, ya, yb, pa, pb, missed = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
 
     def column(side: Side, value: float, mean: float, rate: float) -> Floats:
         """Weights of each input by what it carries; a state has none."""
