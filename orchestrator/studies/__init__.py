@@ -1,20 +1,27 @@
 """Studies: cases(quick) -> rows -> tables and a picture.
 
-A study is a module with what ``Study`` lists; its cases run side by side in processes or on a Dask cluster
+A study is a module of this folder with
+
+    TITLE
+    cases(quick) -> list[Case]                          of one scene: cases(quick, scene), and WORKERS
+    table(rows) -> Table
+    write(folder, name, rows, title) -> list[Path]      the files that were made
+
+``compared`` has the last two for figures with a reference. Cases run side by side in processes or on a Dask cluster
 (``pool``), and what is done stays done (``store``). A study may use ``fmus.physics`` itself: a study of the mechanics
 needs the mechanics.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import import_module
-from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from types import ModuleType
+from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput
 from orchestrator.scene.gallery import hint
-from orchestrator.studies.tables import Row, Table
+from orchestrator.studies.tables import Row
 
 STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
@@ -40,19 +47,8 @@ class Case(NamedTuple):
     limit: float = 1800.0  # s after which it is ended and recorded as failed
 
 
-class Study(Protocol):
-    """What a module of this folder offers; ``compared`` has the last two for figures with a reference."""
-
-    TITLE: str
-
-    def cases(self, quick: bool) -> list[Case]: ...  # noqa: D102
-    def table(self, rows: Sequence[Row]) -> Table: ...  # noqa: D102
-    def write(self, folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]: ...  # noqa: D102
-
-
-def find(name: str) -> Study:
-    """A study by its name; raises BadInput."""
+def find(name: str) -> ModuleType:
+    """A study by its name, the module that it is; raises BadInput."""
     if name not in STUDIES:
         raise BadInput(f"no study '{name}': {hint(name, STUDIES, 'there are')}")
-    study: Any = import_module(f"orchestrator.studies.{name.replace('-', '_')}")
-    return study
+    return import_module(f"orchestrator.studies.{name.replace('-', '_')}")

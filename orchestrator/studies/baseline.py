@@ -29,7 +29,6 @@ from fmus.physics.arrays import Floats
 from fmus.vehicle import BadInput
 from orchestrator.studies import Case, baseline_file, files, growth
 from orchestrator.studies.baseline_file import FILE, Baseline
-from orchestrator.studies.chain_states import completed
 from orchestrator.studies.compared import checked, series, table
 from orchestrator.studies.evaluations import KINDS
 from orchestrator.studies.gathering import Gathered, Source, gather, sources
@@ -56,11 +55,12 @@ def cases(quick: bool, file: Path | None = None) -> list[Case]:
     file = file or baseline_file.FILE
     commit = baseline_file.load(file).made["commit"]
     known = (str(file), commit, file.stat().st_mtime_ns, quick)
-    wanted = [Case("a", kind, one_kind, (kind, *known), 20.0) for kind in KINDS]
-    wanted += [Case("b", pair.name, one_run, (k, *known), 10.0) for k, pair in enumerate(RUNS)]
-    if not quick:
-        wanted += [Case("c", w.name, one_error, (k, *known), w.seconds) for k, w in enumerate(WINDOWS)]
-    return wanted
+    windows = () if quick else WINDOWS
+    return [
+        *(Case("a", kind, one_kind, (kind, *known), 20.0) for kind in KINDS),
+        *(Case("b", pair.name, one_run, (k, *known), 10.0) for k, pair in enumerate(RUNS)),
+        *(Case("c", w.name, one_error, (k, *known), w.seconds) for k, w in enumerate(windows)),
+    ]
 
 
 # --- comparing -------------------------------------------------------------------------------------
@@ -87,12 +87,11 @@ def deviations(
     ``brief``: so many states of a run; ``every``: one run in so many. A number that is none any more is infinitely far.
     """
     found, places = [], []
-    for i, (run, before, most) in enumerate(zip(known.runs, known.numbers[kind], known.most[kind], strict=True)):
-        if i % every:
-            continue
+    runs = list(enumerate(zip(known.runs, known.numbers[kind], known.most[kind], strict=True)))
+    for i, (run, before, most) in runs[::every]:
         chosen = _chosen(len(before), i, brief)
-        now = numbers(kind, run, _states(run), chosen, most)
-        apart = abs(now.values - before[chosen]) / now.sizes
+        now, sizes = numbers(kind, run, run.completed(), chosen, most)
+        apart = abs(now - before[chosen]) / sizes
         touches_nothing = np.isnan(before[chosen])
         found.append(np.where(touches_nothing, 0.0, np.where(np.isnan(apart), np.inf, apart)))
         places += [(run.name, int(k)) for k in chosen]
@@ -104,10 +103,6 @@ def _chosen(count: int, run: int, brief: int | None) -> NDArray[np.int64]:
     if brief is None or brief >= count:
         return np.arange(count)
     return np.unique((np.linspace(0, count, brief, endpoint=False).astype(int) + 5 * run) % count)
-
-
-def _states(run: Gathered) -> Any:
-    return completed(run.kept, run.pitch, run.closed, run.seed)
 
 
 def one_run(k: int, file: str, commit: str, made: int, quick: bool) -> list[Row]:
@@ -123,10 +118,7 @@ def one_run(k: int, file: str, commit: str, made: int, quick: bool) -> list[Row]
         note = f"to {stop:g} s; farthest at {known.t[worst]:.3g} s, by {apart[worst]:.2g}"
         case = f"{pair.name}: {name}, over the growth of one ulp"
         of_time = tuple((float(t), float(ratio)) for t, ratio in zip(known.t[1:], column[1:], strict=False))
-        row = checked(
-            "", case, column[worst], 0.0, FACTOR, column[worst], note, over="time, s", series=of_time
-        )  # fmt: skip
-        rows.append(row)
+        rows.append(checked("", case, column[worst], 0.0, FACTOR, column[worst], note, over="time, s", series=of_time))
     return rows
 
 
@@ -197,9 +189,10 @@ def _signals(pair: Pair, settings: Sequence[str]) -> Floats:
 
 def _numbers(kind: str, run: Gathered) -> tuple[Floats, Floats]:
     """Numbers of all states of a run, and what its outputs are relative to."""
-    states = _states(run)
+    states = run.completed()
     most = shown(kind, run, states)
-    return numbers(kind, run, states, np.arange(len(states.step)), most).values, most
+    values, _ = numbers(kind, run, states, np.arange(len(states.step)), most)
+    return values, most
 
 
 def _all(title: str, tasks: Sequence[Task], workers: int) -> list[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -51,16 +52,16 @@ class Baseline(NamedTuple):
 
 def save(path: Path, baseline: Baseline) -> None:
     """Write it, whole or not at all; raises OSError."""
-    arrays: dict[str, NDArray[Any]] = {}
-    for field in Kept._fields:
-        arrays[f"{STATE}.{field}"] = np.concatenate([_packed(field, run).ravel() for run in baseline.runs])
+    arrays: dict[str, NDArray[Any]] = {
+        f"{STATE}.{field}": np.concatenate([_packed(field, run).ravel() for run in baseline.runs])
+        for field in Kept._fields
+    }
     for kind, found in baseline.numbers.items():
         arrays[f"{NUMBERS}.{kind}"] = _rounded(np.concatenate(found))
         arrays[f"{MOST}.{kind}"] = _rounded(np.array(baseline.most[kind]))
     for k, grown in enumerate(baseline.grown):
-        for field in ("t", "values"):
-            arrays[f"{GROWN}.{k}.{field}"] = getattr(grown, field)
-        arrays[f"{GROWN}.{k}.growth"] = grown.growth.astype(np.float32)
+        for field, kind_of in (("t", np.float64), ("values", np.float64), ("growth", np.float32)):
+            arrays[f"{GROWN}.{k}.{field}"] = getattr(grown, field).astype(kind_of)
     runs = [
         {"name": run.name, "config": run.config, "parameters": run.parameters, "states": len(run.kept.stretch),
          "links": run.kept.turned.shape[1], "wheels": run.kept.spin.shape[1]}
@@ -90,15 +91,14 @@ def load(path: Path) -> Baseline:
             arrays = {name: _array(file[name], np.dtype(kind), shape) for name, (kind, shape) in head["arrays"].items()}
     except (OSError, ValueError, KeyError) as error:
         raise BadInput(f"the baseline {path} cannot be read: {error}") from None
-    runs, at = [], dict.fromkeys(Kept._fields, 0)
+    runs, rest = [], {field: arrays[f"{STATE}.{field}"] for field in Kept._fields}
     for run in head["runs"]:
         n, links, wheels = run["states"], run["links"], run["wheels"]
         of_chain, of_wheels = ((n, 2), (n, 2), (n,), (n, links), (n, links)), ((n, wheels, 2), (n, wheels))
         parts = []
         for field, shape in zip(Kept._fields, (*of_chain, *of_wheels, *of_wheels), strict=True):
-            size = int(np.prod(shape))
-            parts.append(_unpacked(field, arrays[f"{STATE}.{field}"][at[field] : at[field] + size].reshape(shape)))
-            at[field] += size
+            flat, rest[field] = np.split(rest[field], [math.prod(shape)])
+            parts.append(_unpacked(field, flat.reshape(shape)))
         runs.append(Gathered(run["name"], run["config"], run["parameters"], Kept(*parts)))
     ends = np.cumsum([run["states"] for run in head["runs"]])[:-1]
     kinds = [name.removeprefix(f"{NUMBERS}.") for name in arrays if name.startswith(NUMBERS)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -76,28 +76,26 @@ SWINGS = (1.20242178, 2.76073253, 4.33154065, 5.91226122)  # omega sqrt(L/g) of 
 
 def swings_of_rods() -> list[Row]:
     """From the angular accelerations of links let go a little off the vertical, one at a time."""
-    stiff, d = np.empty((LINKS, LINKS)), 1e-5
-    for k in range(LINKS):
-        ends = []
-        for turn in (d, -d):
-            angles = np.full(LINKS, -np.pi / 2)
-            angles[k] += turn
-            ends.append(Rods(of_angles(angles), held=True).release()[:, 4].copy())
-        stiff[:, k] = (ends[0] - ends[1]) / (2 * d)  # angles count from x to z, that is about -y
-    squares = np.sort(np.linalg.eigvals(stiff).real)[:4]
-    return _swings("rods", squares)
+    d = 1e-5
+
+    def released(k: int, turn: float) -> Floats:
+        angles = np.full(LINKS, -np.pi / 2)
+        angles[k] += turn
+        return Rods(of_angles(angles), held=True).release()[:, 4]  # angles count from x to z, that is about -y
+
+    stiff = np.stack([(released(k, d) - released(k, -d)) / (2 * d) for k in range(LINKS)], axis=1)
+    return _swings("rods", np.sort(np.linalg.eigvals(stiff).real)[:4])
 
 
 def swings_of_steel() -> list[Row]:
     """Linearised about the loaded equilibrium, in the plane."""
     mesh = chain(cable, TRACK, np.full(LINKS, -np.pi / 2), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
-    q = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-13).q
+    q = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-13)
     plane = np.flatnonzero(abs(mesh.B[1::3]).sum(axis=0) == 0.0)
     K = mesh.tangent(q).toarray()[np.ix_(plane, plane)]
     M = mesh.M.toarray()[np.ix_(plane, plane)]
-    squares = 1.0 / eigh(M, 0.5 * (K + K.T), eigvals_only=True)[::-1][:4]
-    return _swings("steel links", squares)
+    return _swings("steel links", 1.0 / eigh(M, 0.5 * (K + K.T), eigvals_only=True)[::-1][:4])
 
 
 def _swings(what: str, squares: Floats) -> list[Row]:
@@ -178,26 +176,27 @@ ORDERS = {EXPLICIT: 4, IMPLICIT: 2}
 WEAK = 2e5  # Pa: links whose own modes an explicit method can follow
 
 
-def _drift_rows(
-    name: str, hs: tuple[float, ...], drifts: Callable[[float], Iterable[tuple[float, float]]], order: int, time: float
-) -> list[Row]:
-    """``drifts`` of energy and angular momentum during a run in steps of h, relative.
+def drift(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
+    """Of energy and angular momentum, relative, during runs in steps of each h.
 
     Runge-Kutta of order 4 loses energy at order 5 where the motion is slow.
     """
-    largest = np.array([np.max(list(drifts(h)), axis=0) for h in hs])
+    drifts = _drifts_of_rods(integrator, time) if what == "rods" else _drifts_of_mesh(what, integrator, time)
+    largest, order = np.array([np.max(list(drifts(h)), axis=0) for h in hs]), ORDERS[integrator]
     rows = []
-    for what, errors, tolerance in zip(("energy", "angular momentum"), largest.T.tolist(), (1e-4, 1e-5), strict=True):
-        series = tuple(zip(hs, errors, strict=True))
+    for kept, errors, tolerance in zip(("energy", "angular momentum"), largest.T.tolist(), (1e-4, 1e-5), strict=True):
         row = checked(
-            "", f"free chain, {name}, {what} drift over {time:g} s", errors[-1], 0.0, tolerance,
-            order=rate_of(hs, errors), over=STEP, series=series,
+            "", f"free chain, {what}, {integrator}, {kept} drift over {time:g} s", errors[-1], 0.0, tolerance,
+            order=rate_of(hs, errors), over=STEP, series=tuple(zip(hs, errors, strict=True)),
         )  # fmt: skip
         rows.append(of_order(row, order - 0.4, order + (0.4 if order == 2 else 1.5)))
     return rows
 
 
-def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
+Drifts = Callable[[float], Iterator[tuple[float, float]]]  # of energy and angular momentum in the course of a run
+
+
+def _drifts_of_rods(integrator: str, time: float) -> Drifts:
     """All three components."""
     pins = of_angles(ZIGZAG)
 
@@ -209,10 +208,10 @@ def drift_of_rods(integrator: str, hs: tuple[float, ...], time: float) -> list[R
             off = np.abs(rods.angular_momentum() - L).max()
             yield abs(rods.energy() / energy - 1.0), float(off / np.linalg.norm(L))
 
-    return _drift_rows(f"rods, {integrator}", hs, drifts, ORDERS[integrator], time)
+    return drifts
 
 
-def drift_of_mesh(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
+def _drifts_of_mesh(what: str, integrator: str, time: float) -> Drifts:
     """Cables about the pin axis alone; beams about all axes."""
     link = STEEL if what == "steel cables" else STEEL._replace(EA=WEAK * AREA, EI=WEAK * SECOND)
     if what == "soft beams":
@@ -233,7 +232,7 @@ def drift_of_mesh(what: str, integrator: str, hs: tuple[float, ...], time: float
                 off = np.abs(angular_momentum(mesh, q, v) - L)[axes].max()
                 yield abs((mesh.energy(q) + mesh.kinetic(v)) / energy - 1.0), float(off / np.linalg.norm(L))
 
-    return _drift_rows(f"{what}, {integrator}", hs, drifts, ORDERS[integrator], time)
+    return drifts
 
 
 # All of it ---------------------------------------------------------------------------------------------------------
@@ -243,16 +242,7 @@ def cases(quick: bool) -> list[Case]:
     """``quick`` leaves the two long chains and the long windows out."""
     window = 2.0 if quick else 10.0
     coarse = (2.5e-3, 1.25e-3, 6.25e-4)
-    found = [
-        Case("5", "released rods", released_rods, (), 2),
-        Case("5", "released steel", released_steel, ((1e-3, 5e-4, 2.5e-4),), 60),
-        Case("6", "swings of rods", swings_of_rods, (), 2),
-        Case("6", "swings of steel", swings_of_steel, (), 2),
-        Case("7", "spinning loop", spinning_loop, (), 5),
-    ]
-    for links in (17, 33) if quick else (17, 33, 65, 129):
-        found.append(Case("8", f"folded chain of {links}", folded_chain, (links,), links / 4))
-    for what, integrator, hs in (
+    free: tuple[tuple[str, str, tuple[float, ...]], ...] = (
         ("rods", IMPLICIT, (5e-3, 2.5e-3, 1.25e-3)),
         ("rods", EXPLICIT, (2e-2, 1e-2, 5e-3)),
         ("steel cables", IMPLICIT, coarse),
@@ -260,10 +250,18 @@ def cases(quick: bool) -> list[Case]:
         ("soft cables", EXPLICIT, (4e-3, 2e-3, 1e-3)),
         ("soft beams", IMPLICIT, coarse),
         ("soft beams", EXPLICIT, (1e-3, 5e-4, 2.5e-4)),
-    ):
-        name, long = f"drift of {what}, {integrator}", 10 * window if integrator == IMPLICIT else window
-        if what == "rods":
-            found.append(Case("13", name, drift_of_rods, (integrator, hs, window), long))
-        else:
-            found.append(Case("13", name, drift_of_mesh, (what, integrator, hs, window), long))
-    return found
+    )
+    folded = (17, 33) if quick else (17, 33, 65, 129)
+    long = {IMPLICIT: 10 * window, EXPLICIT: window}
+    return [
+        Case("5", "released rods", released_rods, (), 2),
+        Case("5", "released steel", released_steel, ((1e-3, 5e-4, 2.5e-4),), 60),
+        Case("6", "swings of rods", swings_of_rods, (), 2),
+        Case("6", "swings of steel", swings_of_steel, (), 2),
+        Case("7", "spinning loop", spinning_loop, (), 5),
+        *(Case("8", f"folded chain of {links}", folded_chain, (links,), links / 4) for links in folded),
+        *(
+            Case("13", f"drift of {what}, {integrator}", drift, (what, integrator, hs, window), long[integrator])
+            for what, integrator, hs in free
+        ),
+    ]

@@ -9,7 +9,7 @@ fixed order: a kept state is the same to the last bit on every machine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -258,7 +258,7 @@ def _elastic(plane: _Plane, lateral: _Lateral, strain: Floats, pitch: float) -> 
     )
     begin_normal, end_normal = (n - bend * t + give * drawn(links, 3) + roll[..., None] * across for bend in bends)
     # a pin's axis is square to the links that it joins
-    mean_t, mean_n, mean_phi, mean_roll = _of_pins([t, n, phi[..., None], roll[..., None]], nodes)
+    mean_t, mean_n, mean_phi, mean_roll = (_of_pins(part, nodes) for part in (t, n, phi[..., None], roll[..., None]))
     axis = across - mean_phi * mean_t - mean_roll * mean_n + give * drawn(nodes, 3)
     sideways = mean_phi[..., 0] + 1e-4 * askew * drawn(nodes)
     coordinates = Elastic(_in_space(places, y), begin, end, sideways, axis, begin_normal, end_normal)
@@ -274,17 +274,14 @@ def _elastic(plane: _Plane, lateral: _Lateral, strain: Floats, pitch: float) -> 
     return coordinates, rates
 
 
-def _of_pins(parts: Sequence[Floats], nodes: int) -> list[Floats]:
+def _of_pins(part: Floats, nodes: int) -> Floats:
     """Means over the links of each pin of what links have (S, links, ...)."""
-    before, after = _joined(parts[0].shape[1], nodes)
+    before, after = _joined(part.shape[1], nodes)
     count = np.bincount(before, minlength=nodes) + np.bincount(after, minlength=nodes)
-    found = []
-    for part in parts:
-        total = np.zeros((len(part), nodes, part.shape[-1]))
-        total[:, before] += part
-        total[:, after] += part
-        found.append(total / count[:, None])
-    return found
+    total = np.zeros((len(part), nodes, part.shape[-1]))
+    total[:, before] += part
+    total[:, after] += part
+    return total / count[:, None]
 
 
 def _rigid(plane: _Plane, lateral: _Lateral, position: Floats, velocity: Floats) -> Rigid:
@@ -294,7 +291,7 @@ def _rigid(plane: _Plane, lateral: _Lateral, position: Floats, velocity: Floats)
     before, after = _joined(links, nodes)
     spin = np.stack([0.1 * askew * drawn(links), -plane.omega, 0.1 * askew * drawn(links)], axis=-1)
     pull = PULL * 0.5 * (1.0 + drawn(1)) * (1.0 + 0.1 * drawn(nodes))
-    (along,) = _of_pins([_in_space(plane.t, 0.0)], nodes)
+    along = _of_pins(_in_space(plane.t, 0.0), nodes)
     forces = pull[..., None] * along + 500.0 * drawn(nodes, 3)
     forces[..., 1] *= askew
     return Rigid(

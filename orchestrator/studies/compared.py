@@ -82,7 +82,6 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
     down = -(-len(panes) // across) or 1
     figure = Figure(figsize=(8.0 * across, 7.0 * down), layout="constrained")
     axes = figure.subplots(down, across, squeeze=False).ravel()
-    colours = colormaps["tab20"]
     for pane, ((item, over), shown) in zip(axes, panes.items(), strict=False):
         ends = []
         for k, row in enumerate(shown):
@@ -90,7 +89,7 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
             ends.append(line[-1] if over.startswith("step") else line[0])
             label = row.case + ("" if math.isnan(row["order"]) else f" ({row['order']:.1f})")
             pane.loglog(
-                *zip(*line, strict=True), color=colours(k % 20), marker="os^vDP*X"[k % 8],
+                *zip(*line, strict=True), color=colormaps["tab20"](k % 20), marker="os^vDP*X"[k % 8],
                 label=label, markersize=4, linewidth=1,
             )  # fmt: skip
         sizes = [size for row in shown for size, _ in series(row)]

@@ -27,7 +27,7 @@ from orchestrator.without_fmu.meshes import (
     TRACK,
     Y,
     chain,
-    corner_section,
+    cornered,
     deflection,
     elastica,
     frame_tip,
@@ -61,8 +61,7 @@ def _over_elements(case: str, ns: tuple[int, ...], values: list[float], referenc
     """The value with the last number of elements, the errors of all, the order of the values among themselves."""
     scale = abs(reference) or 1.0
     series = tuple((float(n), abs(value - reference) / scale) for n, value in zip(ns, values, strict=True))
-    order = order_of(ns, values)
-    return checked("", case, values[-1], reference, tolerance, order=order, over=ELEMENTS, series=series)
+    return checked("", case, values[-1], reference, tolerance, order=order_of(ns, values), over=ELEMENTS, series=series)
 
 
 def _element(name: str) -> tuple[str, Any, dict[str, Any]]:
@@ -132,10 +131,10 @@ def frequencies(name: str, ends: str) -> list[Row]:
     errors = [np.abs(f / exact - 1.0) for f in found]
     k = int(errors[-1].argmax())
     worst = [float(e[k]) for e in errors]
-    what = f"frequencies, {element}, {ends}, beta L of mode {k + 1}"
-    series = tuple(zip(map(float, ns), worst, strict=True))
-    order = rate_of(ns, worst)
-    row = checked("", what, found[-1][k], exact[k], tolerance, worst[-1], order=order, over=ELEMENTS, series=series)
+    row = checked(
+        "", f"frequencies, {element}, {ends}, beta L of mode {k + 1}", found[-1][k], exact[k], tolerance, worst[-1],
+        order=rate_of(ns, worst), over=ELEMENTS, series=tuple(zip(map(float, ns), worst, strict=True)),
+    )  # fmt: skip
     return [of_order(row, 3.7, 4.3) if slim else of_order(row, 1.9, 2.2)]
 
 
@@ -217,14 +216,17 @@ def pin_counts() -> list[Row]:
     return rows
 
 
-def _turned_as_one(mesh: Mesh, places: Iterable[Floats]) -> tuple[float, float]:
-    """Largest strain energy, J, and misfit of the joints, m, at element coordinates that nothing strains."""
+def _unstrained(what: str, mesh: Mesh, places: Iterable[Floats], over: str, scale: float, off: str) -> list[Row]:
+    """Largest strain energy ``over`` a ``scale`` in J, and misfit of the joints, at places that nothing strains."""
     energy = misfit = 0.0
     for x in places:
         q = mesh.fit(x)
         misfit = max(misfit, float(abs(mesh.coordinates(q) - x.ravel()).max()))
         energy = max(energy, mesh.energy(q))
-    return energy, misfit
+    return [
+        checked("", f"{what}, strain energy / {over}", energy / scale, 0.0, 1e-24),
+        checked("", f"{what}, {off}, m", misfit, 0.0, 1e-14),
+    ]
 
 
 def pin_turns(name: str) -> list[Row]:
@@ -241,12 +243,8 @@ def pin_turns(name: str) -> list[Row]:
         x[1, [0, half]] += middle
         return turned(x, rotation([3, -1, 2] if kind is beam else Y, 1.0))
 
-    energy, misfit = _turned_as_one(mesh, map(folded, np.radians(np.arange(0, 361, 15))))
-    strain = energy / (MODULUS * AREA * PITCH)
-    return [
-        checked("", f"pin of the {name} through 360 degrees, strain energy / EA l", strain, 0.0, 1e-24),
-        checked("", f"pin of the {name} through 360 degrees, misfit of the joint, m", misfit, 0.0, 1e-14),
-    ]
+    what, places = f"pin of the {name} through 360 degrees", map(folded, np.radians(np.arange(0, 361, 15)))
+    return _unstrained(what, mesh, places, "EA l", MODULUS * AREA * PITCH, "misfit of the joint")
 
 
 # 11. Corners -------------------------------------------------------------------------------------------------------
@@ -254,21 +252,17 @@ def pin_turns(name: str) -> list[Row]:
 
 def sections() -> list[Row]:
     """T, L and V turned as one body: strain energy over EA, and how far the joints are off."""
-    rows = []
+    rows: list[Row] = []
     kinds: tuple[tuple[str, Any, Any, tuple[Any, ...]], ...] = (
         ("beams", beam, SHOE, ([0, 1, 0], [1, 2, 3], [1, 0, 0])),
         ("cables in their plane", cable, TRACK, (Y,)),
     )
     for name, kind, c, axes in kinds:
-        for shape in SECTIONS:
-            mesh = corner_section(kind, c, shape)
+        for shape, angles in SECTIONS.items():
+            mesh = cornered(kind, [c] * (1 + len(angles)), angles, 2)
             places = (turned(mesh.e0, rotation(axis, angle)) for angle, axis in enumerate(axes, 1))
-            energy, misfit = _turned_as_one(mesh, places)
             what = f"{shape} section of {name} turned as one body"
-            rows += [
-                checked("", f"{what}, strain energy / EA", energy / (MODULUS * AREA), 0.0, 1e-24),
-                checked("", f"{what}, misfit, m", misfit, 0.0, 1e-14),
-            ]
+            rows += _unstrained(what, mesh, places, "EA", MODULUS * AREA, "misfit")
     return rows
 
 
@@ -345,21 +339,17 @@ def splines() -> list[Row]:
 
 def cases() -> list[Case]:
     """Every element, joint and corner; each takes seconds."""
-    found = [Case("2", f"elastica, {_element(name)[0]}", elastica_of, (name,), 4) for name in (*CABLES, *CURES)]
-    found += [Case("2", f"order of the elastica, {name}", elastica_order, (name,), 3) for name in (*CABLES, *CURES)]
-    found.append(Case("2", "elastica without a cure", elastica_without_cure, (), 5))
-    found += [
-        Case("3", f"frequencies, {name}, {ends}", frequencies, (name, ends), 2)
-        for name in (*CABLES, *CURES)
-        for ends in ENDS
+    both, framed = (*CABLES, *CURES), ("beam", "small deformation (11)-(15)", "general (8)-(10)")
+    return [
+        *(Case("2", f"elastica, {_element(name)[0]}", elastica_of, (name,), 4) for name in both),
+        *(Case("2", f"order of the elastica, {name}", elastica_order, (name,), 3) for name in both),
+        Case("2", "elastica without a cure", elastica_without_cure, (), 5),
+        *(Case("3", f"frequencies, {name}, {ends}", frequencies, (name, ends), 2) for name in both for ends in ENDS),
+        *(Case("4", f"rotating cable, {name}", rotating_cable, (name,), 8) for name in CABLES),
+        *(Case("9", f"sliding {slider}", sliding_joint, (slider,), 5) for slider in ("point", "cable")),
+        Case("10", "pins counted", pin_counts, (), 2),
+        *(Case("10", f"pin of the {name} turned", pin_turns, (name,)) for name in ("cable", "beam")),
+        Case("11", "sections", sections),
+        *(Case("11", f"L-frame, {name}", l_frame, (name,), 2) for name in framed),
+        Case("12", "splines", splines),
     ]
-    found += [Case("4", f"rotating cable, {name}", rotating_cable, (name,), 8) for name in CABLES]
-    found += [Case("9", f"sliding {slider}", sliding_joint, (slider,), 5) for slider in ("point", "cable")]
-    found.append(Case("10", "pins counted", pin_counts, (), 2))
-    found += [Case("10", f"pin of the {name} turned", pin_turns, (name,)) for name in ("cable", "beam")]
-    found.append(Case("11", "sections", sections))
-    found += [
-        Case("11", f"L-frame, {name}", l_frame, (name,), 2)
-        for name in ("beam", "small deformation (11)-(15)", "general (8)-(10)")
-    ]
-    return [*found, Case("12", "splines", splines)]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from orchestrator.execution.truth import ORDER, truth
 from orchestrator.results.difference import differences_of_logs, worst
 from orchestrator.scene.scene import ChainScene, TrackScene, load
 from orchestrator.studies import Case
-from orchestrator.studies.runs import Runs, sampled
+from orchestrator.studies.runs import record, sampled
 from orchestrator.studies.tables import Row
 from orchestrator.studies.work_precision import table, write
 
@@ -121,16 +120,15 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
 def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
     """The truth held against its own coarser half."""
     found = truth(load(scene, track, base))
-    between = differences_of_logs(found.coarse_log, found.log)
     share = 1.0 / (2.0**ORDER - 1.0)
     figures = {
         "track": track,
         "method": "truth",
         "settings": base,
         "wall_time": found.wall_time,  # s; the truth has an error of its own
-        "error": share * worst(between),
-        "errors": {name: share * one.relative for name, one in between.items()},
-        "absolute": {name: share * one.absolute for name, one in between.items()},
+        "error": share * worst(found.difference),
+        "errors": {name: share * one.relative for name, one in found.difference.items()},
+        "absolute": {name: share * one.absolute for name, one in found.difference.items()},
     }
     return [Row("", "", figures, note=f"internal step {found.internal_step * 1e6:.3g} us")]
 
@@ -139,13 +137,13 @@ def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: 
     """One run, timed, against the truth, with its own estimate."""
     exact = truth(load(scene, track, base))
     timed = sampled(load(scene, track, settings))
-    told = _runs().record(timed)
+    told = record(timed)
     way = {"track": track, "method": method, "settings": settings}  # the curve it lies on, how it is run
     if told["status"] != "ok":
         return [Row("", "", way, note=told["message"])]  # of a long step that is a result
     log = Path(told["log"])
     off = differences_of_logs(log, exact.log)
-    own = estimate(timed, log, told, _runs().record)
+    own = estimate(timed, log, told, record)
     figures = {
         "wall_time": told["wall_time"],  # s
         "cpu_time": told["cpu_time"],  # s, of all threads
@@ -156,9 +154,3 @@ def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: 
         "absolute": {name: one.absolute for name, one in off.items()},
     }
     return [Row("", "", way | figures, note=own["message"])]
-
-
-@cache
-def _runs() -> Runs:
-    """Those of this process."""
-    return Runs()

@@ -31,7 +31,7 @@ from fmus.physics.wheels import read_states
 from fmus.ports import STATE, WRENCH
 from fmus.track_flexible import model as track_flexible
 from fmus.track_rigid import model as track_rigid
-from orchestrator.studies.chain_states import Completed, Elastic
+from orchestrator.studies.chain_states import Completed, Elastic, Rigid
 
 # Kinds of links: the parameters of the flexible track, None for the rigid one.
 KINDS: dict[str, dict[str, str] | None] = {
@@ -116,7 +116,6 @@ class Chain:
                 (field, np.ix_(rows.get(field[0], np.arange(nodes)), np.array(columns)), axes)
                 for field, columns, axes in LAYOUTS[self._model.element]
             ]
-        self._evaluate = self._rigid if own is None else self._flexible
 
     def evaluate(self, state: Completed, step: float, vector: Floats, sharp: bool = False) -> Found:
         """Residual, iteration matrix of a step of ``step`` s times the ``vector``, and what is shown, of a state.
@@ -125,8 +124,28 @@ class Chain:
         between -1 and 1, at least as many as there are coordinates.
         """
         m = self._model
+        s, w, by = m.s, m.work, slopes(coefficients(RADIUS), step)
         self._place(state.wheels)
-        return self._evaluate(m, state, slopes(coefficients(RADIUS), step), vector, sharp)
+        w.moved[:] = m.rows
+        kernel: Any
+        if self.kind == "rigid":
+            self._take_rigid(state.rigid)
+            kernel, system, axes = evaluate_rigid, (*m.system(), s, w, by, True), [0, 1, 2]
+        else:
+            for q, given in ((s.q, state.coordinates), (s.v, state.rates), (s.vdot, state.accelerations)):
+                self._take(q, given)
+            kernel, system = evaluate_flexible, (*m.system(), Motion(s.q, s.v, s.vdot), by, w, True)
+            axes = list(m.kit.AXES)
+        w.contact.sharp[0] = 0
+        if sharp:
+            sharpen(w.contact)
+            velocity = s.v.copy()
+            s.v[:, : len(axes)] += state.jump[: len(velocity), axes]
+            kernel(*system)
+            s.v[:] = velocity
+        kernel(*system)
+        x = vector[: s.v.size].reshape(s.v.shape)
+        return Found(*(_of_rigid(m, x) if self.kind == "rigid" else self._of_flexible(m, x)), *self._shown(m))
 
     def _place(self, wheels: Floats) -> None:
         """The wheels (m, 13) of the track's frame as inputs in the world's, and read by the model."""
@@ -164,26 +183,10 @@ class Chain:
 
     # ------------------------------------------------------------ flexible links
 
-    def _flexible(self, m: Any, state: Completed, by: Any, vector: Floats, sharp: bool) -> Found:
-        s, w, kit = m.s, m.work, m.kit
-        w.moved[:] = m.rows
-        self._take(s.q, state.coordinates)
-        self._take(s.v, state.rates)
-        self._take(s.vdot, state.accelerations)
-        system = *m.system(), Motion(s.q, s.v, s.vdot), by, w, True
-        w.contact.sharp[0] = 0
-        if sharp:
-            sharpen(w.contact)
-            axes = kit.AXES
-            s.v[:, : len(axes)] += state.jump[:, axes]
-            evaluate_flexible(*system)
-            self._take(s.v, state.rates)
-        evaluate_flexible(*system)
-        x = vector[: s.q.size].reshape(s.q.shape)
+    def _of_flexible(self, m: Any, x: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Residual and matrix times ``x`` in the order of the fields; there are no equations of pins."""
         residual, product = _uncondensed(m, x)
-        none = np.zeros(0)
-        wrenches, powers, report, links = self._shown(m)
-        return Found(self._flat(residual), self._flat(product), none, none, wrenches, powers, report, links)
+        return self._flat(residual), self._flat(product), np.zeros(0), np.zeros(0)
 
     def _take(self, q: Floats, given: Elastic) -> None:
         """Coordinates, rates or accelerations into those of the pins (nodes, width)."""
@@ -198,9 +201,10 @@ class Chain:
 
     # ------------------------------------------------------------ rigid links
 
-    def _rigid(self, m: Any, state: Completed, by: Any, vector: Floats, sharp: bool) -> Found:
-        s, w, given = m.s, m.work, state.rigid
-        w.moved[:] = m.rows
+    def _take_rigid(self, given: Rigid) -> None:
+        """Motion of the links and multipliers of their pins into the state, and where the ground holds the ends."""
+        m = self._model
+        s, w = m.s, m.work
         s.q[:, :3], s.q[:, 3:] = given.centre, given.turn
         s.v[:], s.vdot[:], s.lam[:], w.x[:] = given.velocity, given.acceleration, given.pull, given.increment
         if not m.closed:
@@ -209,23 +213,15 @@ class Chain:
                 place = ends["first" if k == 0 else "last"] if m.ends_kind == PINNED or k == 0 else [0.0, 0.0]
                 w.ground[k, [0, 2]] = place if m.ends_kind in (PINNED, HELD) else [0.0, 0.0]
                 w.ground[k, 0] += side * m.link.half
-        system = *m.system(), s, w, by, True
-        w.contact.sharp[0] = 0
-        if sharp:
-            sharpen(w.contact)
-            n = m.links_count
-            s.v[:, :3] += state.jump[:n]
-            evaluate_rigid(*system)
-            s.v[:] = given.velocity
-        evaluate_rigid(*system)
-        y = w.system
-        residual, misfit = y.r.copy(), y.C.copy()
-        x = vector[: s.v.size].reshape(s.v.shape)
-        product = np.einsum("nab,nb->na", y.K, x)
-        augmented.rates(m.link.half, m.link.ends, y, x)
-        wrenches, powers, report, links = self._shown(m)
-        parts = residual.ravel(), product.ravel(), misfit.ravel(), y.C.ravel().copy()
-        return Found(*parts, wrenches, powers, report, links)
+
+
+def _of_rigid(m: Any, x: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Residual, matrix times ``x``, misfit of the pins and its derivative times ``x``."""
+    y = m.work.system
+    residual, misfit = y.r.copy(), y.C.copy()
+    product = np.einsum("nab,nb->na", y.K, x)
+    augmented.rates(m.link.half, m.link.ends, y, x)
+    return residual.ravel(), product.ravel(), misfit.ravel(), y.C.ravel().copy()
 
 
 class _FlexibleTrack(track_flexible.Model):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -21,9 +22,8 @@ def _last(run: RunData, seconds: float = 1.0) -> Window:
     return Window(max(0.0, end - seconds), end)
 
 
-def weight(run: RunData, scene: TrackScene, within: float = 0.03) -> Answer:
+def weight(run: RunData, scene: VehicleScene, within: float = 0.03) -> Answer:
     """The mean ground reaction of the last second is the weight."""
-    assert isinstance(scene, VehicleScene)
     heavy = summary.weight(scene)
     return measures.ground_force(run, "", _last(run)), heavy, within * heavy
 
@@ -43,32 +43,29 @@ def stays(run: RunData, scene: TrackScene) -> Answer:
     return run.mean("chassis.speed", _last(run)), 0.0, 0.03
 
 
-def sliding(run: RunData, scene: TrackScene) -> Answer:
+def sliding(run: RunData, scene: VehicleScene) -> Answer:
     """With locked sprockets the vehicle slides: its deceleration is friction times gravity."""
-    assert isinstance(scene, VehicleScene)
     t, v = run.signal("chassis.speed", Window(float(scene.drive.stop or 0.0) + 0.3, scene.run.stop))
     moving = v > 0.3
     wanted = scene.vehicle.contact.ground.friction * scene.vehicle.gravity
     return float(-np.polyfit(t[moving], v[moving], 1)[0]), wanted, 0.1 * wanted
 
 
-def climbs(run: RunData, scene: TrackScene) -> Answer:
+def climbs(run: RunData, scene: VehicleScene) -> Answer:
     """The centre of mass rises by most of the obstacle's height, or more where the nose rears up, and gets across."""
-    assert isinstance(scene, VehicleScene)
     assert scene.ground.bump
     rise = scene.ground.bump.rise
     across = float(run.signal("chassis.distance")[1][-1]) > scene.ground.bump.start + 2.0
     return (float(-run.signal("chassis.settlement")[1].min()) if across else 0.0), rise, 0.35 * rise
 
 
-def at_rest(run: RunData, scene: TrackScene) -> Answer:
+def at_rest(run: RunData, scene: VehicleScene) -> Answer:
     """It ends lying still, but for the contacts' last swings."""
     return weight(run, scene, 0.06)
 
 
-def sag(run: RunData, scene: TrackScene) -> Answer:
+def sag(run: RunData, scene: ChainScene) -> Answer:
     """Sag of the discrete catenary of rigid links: tan(angle) = weight from the middle on over the pull."""
-    assert isinstance(scene, ChainScene)
     n, pitch = scene.chain.links, scene.vehicle.track.pitch
     from_middle = np.arange(n) - 0.5 * (n - 1)
     pull = brentq(
@@ -78,17 +75,15 @@ def sag(run: RunData, scene: TrackScene) -> Answer:
     return measures.sag(run, "", _last(run)), float(depth), 2e-3 * float(depth)
 
 
-def hoop(run: RunData, scene: TrackScene) -> Answer:
+def hoop(run: RunData, scene: ChainScene) -> Answer:
     """Force in the pins of a free loop of rigid links: m omega^2 Rc / (2 sin(pi/N)), Rc = p / (2 tan(pi/N))."""
-    assert isinstance(scene, ChainScene)
     track, half = scene.vehicle.track, math.pi / scene.chain.links
     force = track.mass * scene.chain.spin**2 * track.pitch / (4.0 * math.tan(half) * math.sin(half))
     return measures.joint_force(run, "", _last(run)), force, 1e-3 * force
 
 
-def rides(run: RunData, scene: TrackScene) -> Answer:
+def rides(run: RunData, scene: RigScene) -> Answer:
     """Chain speed over teeth x pitch x omega / 2 pi of the last ten teeth that pass."""
-    assert isinstance(scene, RigScene)
     pace = scene.vehicle.sprocket.teeth * scene.vehicle.track.pitch / (2.0 * math.pi)
     window = _last(run, 2.0 * math.pi / scene.drive.speed)
     return run.mean("track.speed", window) / (pace * run.mean("drive.speed", window)), 1.0, 0.005
@@ -99,7 +94,7 @@ def ledger(run: RunData, scene: TrackScene) -> Answer:
     return 0.0, 0.0, 0.0
 
 
-ASKED: dict[str, tuple[Callable[[RunData, TrackScene], Answer], str]] = {
+ASKED: dict[str, tuple[Callable[[RunData, Any], Answer], str]] = {  # each asks scenes of its own kind
     "weight": (weight, "ground reaction, last second, N: the weight, 3 %"),
     "afloat": (afloat, "largest way up or down, m: 0 to 0.05"),
     "speed": (speed, "speed over that of the sprocket, less 1, last 0.5 s"),

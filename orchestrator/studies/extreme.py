@@ -62,8 +62,7 @@ def _obstacle(rise: float) -> list[str]:
 
 
 def _stepped(ms: float) -> list[str]:
-    stop = 2.0 if ms >= 0.2 else 0.5
-    return [*HALF, f"run.stop={stop}", f"run.step={ms} ms"]
+    return [*HALF, f"run.stop={2.0 if ms >= 0.2 else 0.5}", f"run.step={ms} ms"]
 
 
 def _link_count(n: float) -> list[str]:

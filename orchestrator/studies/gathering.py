@@ -24,7 +24,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import TRACK, assemble
 from orchestrator.scene.scene import TrackScene
-from orchestrator.studies.chain_states import FARTHEST, FASTEST, Kept, keep
+from orchestrator.studies.chain_states import FARTHEST, FASTEST, Completed, Kept, completed, keep
 from orchestrator.studies.evaluations import Chain
 from orchestrator.studies.extreme import FAMILIES, loaded
 
@@ -77,20 +77,10 @@ class Gathered(NamedTuple):
     parameters: Mapping[str, Any]
     kept: Kept
 
-    @property
-    def pitch(self) -> float:
-        """Of the links, m."""
-        return float(self.config["vehicle"]["track"]["pitch"])
-
-    @property
-    def closed(self) -> bool:
-        """Whether it is a loop."""
-        return bool(self.config["track"]["closed"])
-
-    @property
-    def seed(self) -> int:
-        """Of what is drawn to complete the states."""
-        return zlib.crc32(self.name.encode())
+    def completed(self) -> Completed:
+        """The states with all that an evaluation needs, drawn by the name."""
+        pitch, closed = self.config["vehicle"]["track"]["pitch"], self.config["track"]["closed"]
+        return completed(self.kept, float(pitch), bool(closed), zlib.crc32(self.name.encode()))
 
 
 def sources() -> Iterator[Source]:
@@ -109,8 +99,8 @@ def gather(source: Source) -> Gathered | str:
     """The states of a run, also of one that fails on its way; a sentence where there are none."""
     try:
         scene = loaded(source.scene, source.track, (*source.settings, *WATCHED))
-        run = scene.run.model_copy(update={"stop": min(scene.run.stop, source.longest)})
-        scene = scene.model_copy(update={"run": run})
+        stop = min(scene.run.stop, source.longest)
+        scene = scene.model_copy(update={"run": scene.run.model_copy(update={"stop": stop})})
         tracks = [part for part in assemble(scene).parts if part.stage == TRACK]
         if not tracks:
             return f"{source.name}: no track"
@@ -137,8 +127,8 @@ def _states(source: Source, scene: TrackScene, part: Any, log: Log) -> Gathered 
     velocities = (pins[k + 1] - pins[k - 1]) / (links.t[k + 1] - links.t[k - 1])[:, None, None]
     at = np.clip(np.searchsorted(inputs.t, links.t[k] + 1e-9) - 1, 0, len(inputs.t) - 1)
     wheels = _wheels(inputs.values[at].reshape(len(k), -1, STATE), frame)
-    size = np.abs(pins[k]).max(axis=(1, 2)), np.abs(velocities).max(axis=(1, 2))
-    good = (size[0] < FARTHEST) & (size[1] < FASTEST)  # not NaN either
+    near, slow = np.abs(pins[k]).max(axis=(1, 2)) < FARTHEST, np.abs(velocities).max(axis=(1, 2)) < FASTEST
+    good = near & slow  # not NaN either
     if good.sum() < NEEDED:
         return f"{source.name}: nothing that could be kept"
     shape = scene.vehicle.track.pitch, bool(part.config["track"]["closed"])

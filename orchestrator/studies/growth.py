@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -69,9 +70,7 @@ def trajectory(pair: Pair, stop: float, settings: Sequence[str] = ()) -> tuple[F
 
 def changed(pair: Pair, key: str) -> tuple[str, ...]:
     """The setting that changes a number of the vehicle by one ulp."""
-    value = load(pair.scene, pair.track).resolved()["vehicle"]
-    for part in key.split("."):
-        value = value[part]
+    value = attrgetter(f"vehicle.{key}")(load(pair.scene, pair.track))
     return (f"vehicle.{key}={math.nextafter(value, math.inf)!r}",)
 
 
@@ -86,5 +85,4 @@ def ratios(known: Grown, values: Floats) -> Floats:
     """How far signals (T', N) are from the known ones, over the growth of one ulp; of the first T' instants."""
     rows = len(values)
     least = LEAST * abs(known.values).max(axis=0)
-    found: Floats = abs(values - known.values[:rows]) / (known.growth[:rows] + least)
-    return found
+    return np.asarray(abs(values - known.values[:rows]) / (known.growth[:rows] + least))

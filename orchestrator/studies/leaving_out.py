@@ -124,14 +124,13 @@ def cases(quick: bool, scene: str | None = None) -> list[Case]:
         stop = brief if quick else long
         common = (f"run.stop={stop} s", "run.outputs=1", *base)
         for thing, *sides in things:
-            pair = [side._replace(settings=(*common, *side.settings)) for side in sides]
-            found.append(Case(name, thing, compare, (name, *pair, 3 if quick else PAIRS), 20.0 * stop))
+            pair = tuple(side._replace(settings=(*common, *side.settings)) for side in sides)
+            found.append(Case(name, thing, compare, (name, pair, 3 if quick else PAIRS), 20.0 * stop))
     return found
 
 
-def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
+def compare(scene: str, sides: tuple[Side, Side], pairs: int) -> list[Row]:
     """Both sides timed in turn, each one's memory, and what their logs differ in."""
-    sides = (Side(*first), Side(*second))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         timed = _child({"scene": scene, "sides": sides, "pairs": pairs, "folder": folder})
         peaks = [_child({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
@@ -140,9 +139,15 @@ def compare(scene: str, first: Side, second: Side, pairs: int) -> list[Row]:
     spent = np.median(costs, axis=0)
     ratios = costs[:, 1] / costs[:, 0]
     spreads = np.array([np.median(ratios, axis=0), ratios.min(axis=0), ratios.max(axis=0)])  # by CPU and wall time
-    logs = [size / 1000 for size in timed["log"]]
     ok = motion <= MOTION and force <= FORCE
-    figures = [*spent[:, 0].tolist(), *spreads.T.ravel().tolist(), *peaks, *logs, motion, force]
+    figures = [
+        *spent[:, 0].tolist(),
+        *spreads.T.ravel().tolist(),
+        *peaks,
+        *(size / 1000 for size in timed["log"]),
+        motion,
+        force,
+    ]
     return [Row("", "", dict(zip(KEYS, figures, strict=True)), ok)]
 
 
@@ -181,7 +186,7 @@ def difference(one: Path, other: Path) -> tuple[float, float]:
 # --- runs, in a process of their own ---------------------------------------------------------------
 
 
-def _child(task: dict[str, Any]) -> dict[str, Any]:
+def _child(task: dict[str, Any]) -> Any:
     done = subprocess.run(
         [sys.executable, "-m", "orchestrator.studies.leaving_out"],
         input=json.dumps(task),
@@ -190,8 +195,7 @@ def _child(task: dict[str, Any]) -> dict[str, Any]:
     )
     if done.returncode:
         raise RuntimeError((done.stderr.strip() or "no message").splitlines()[-1])
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return found
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def _main() -> None:
@@ -207,8 +211,7 @@ def _main() -> None:
         run(task["scene"], brief, Path(task["folder"]) / "warm.mcap")
     costs = []
     for k in range(task["pairs"]):
-        order = (0, 1) if k % 2 == 0 else (1, 0)
-        cost = {i: run(task["scene"], sides[i], paths[i]) for i in order}
+        cost = {i: run(task["scene"], sides[i], paths[i]) for i in ((0, 1), (1, 0))[k % 2]}
         costs.append([cost[0], cost[1]])
     json.dump({"costs": costs, "log": [path.stat().st_size for path in paths]}, sys.stdout)
 

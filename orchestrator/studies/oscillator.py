@@ -68,49 +68,38 @@ class Side(NamedTuple):
 def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
     """Side a, which steps first where there is an order, and side b."""
     x1, v1, x2, v2 = o.start
-    mass2 = np.array([[0.0, 1.0], [-o.k2 / o.m2, -o.c2 / o.m2]])
-    none = np.zeros((1, 1))
     if cut == "mass":
-        both = []
-        for m, k, c, x, v, own, other in (
-            (o.m1, o.k1, o.c1, x1, v1, "1", "2"), (o.m2, o.k2, o.c2, x2, v2, "2", "1"),
-        ):  # fmt: skip
-            A = np.array([[0.0, 1.0], [-(k + o.k) / m, -(c + o.c) / m]])
-            B = np.array([[0.0, 0.0], [o.k / m, o.c / m]])
-            zero = np.zeros((2, 2))
-            names = (f"x{other}", f"v{other}"), (f"x{own}", f"v{own}")
-            both.append(Side(A, B, np.eye(2), np.array([x, v]), zero, zero, False, *names, ("value", "value")))
-        return both[0], both[1]
+        return (
+            _joined(o, o.m1, o.k1, o.c1, x1, v1, ("x2", "v2"), ("x1", "v1")),
+            _joined(o, o.m2, o.k2, o.c2, x2, v2, ("x1", "v1"), ("x2", "v2")),
+        )
+    none = np.zeros((1, 1))
     b = Side(
-        mass2, np.array([[0.0], [1.0 / o.m2]]), np.eye(2), np.array([x2, v2]), np.zeros((2, 1)), none, False,
+        np.array([[0.0, 1.0], [-o.k2 / o.m2, -o.c2 / o.m2]]), np.array([[0.0], [1.0 / o.m2]]), np.eye(2),
+        np.array([x2, v2]), np.zeros((2, 1)), none, False,
         ("force",), ("x", "v"), ("mean",) if cut == "wrench" else ("value",),
     )  # fmt: skip
     if cut == "wrench":
-        A = np.array([[0.0, 1.0], [-(o.k1 + o.k) / o.m1, -(o.c1 + o.c) / o.m1]])
-        B = np.array([[0.0, 0.0], [o.k / o.m1, o.c / o.m1]])
+        a = _joined(o, o.m1, o.k1, o.c1, x1, v1, ("x", "v"), ("force",))
         moving = np.array([[0.0, 1.0], [0.0, 0.0]])
-        C, D = np.array([[o.k, o.c]]), np.array([[-o.k, -o.c]])
-        a = Side(
-            A,
-            B,
-            C,
-            np.array([x1, v1]),
-            D,
-            moving,
-            True,
-            ("x", "v"),
-            ("force",),
-            ("state", "rate"),
-        )
-    else:
-        A = np.array([[0.0, 1.0, 0.0], [-o.k1 / o.m1, -o.c1 / o.m1, -o.k / o.m1], [0.0, 1.0, 0.0]])
-        B = np.array([[0.0], [0.0], [-1.0]])
-        a = Side(
-            A, B, np.array([[0.0, 0.0, o.k]]), np.array([x1, v1, x1 - x2]), none, none, False,
-            ("v",), ("force",), ("value",),
-        )  # fmt: skip
-        b = b._replace(C=np.array([[0.0, 1.0]]), D=none, outputs=("v",))
-    return a, b
+        force, back = np.array([[o.k, o.c]]), np.array([[-o.k, -o.c]])
+        return a._replace(C=force, D=back, E=moving, mean=True, given=("state", "rate")), b
+    a = Side(
+        np.array([[0.0, 1.0, 0.0], [-o.k1 / o.m1, -o.c1 / o.m1, -o.k / o.m1], [0.0, 1.0, 0.0]]),
+        np.array([[0.0], [0.0], [-1.0]]), np.array([[0.0, 0.0, o.k]]), np.array([x1, v1, x1 - x2]), none, none, False,
+        ("v",), ("force",), ("value",),
+    )  # fmt: skip
+    return a, b._replace(C=np.array([[0.0, 1.0]]), D=none, outputs=("v",))
+
+
+def _joined(
+    o: Oscillator, m: float, k: float, c: float, x: float, v: float, inputs: tuple[str, ...], outputs: tuple[str, ...]
+) -> Side:
+    """A mass on its wall's spring ``k`` and damper ``c`` and on those of the coupling, whose other end is the input."""
+    A = np.array([[0.0, 1.0], [-(k + o.k) / m, -(c + o.c) / m]])
+    B = np.array([[0.0, 0.0], [o.k / m, o.c / m]])
+    zero = np.zeros((2, 2))
+    return Side(A, B, np.eye(2), np.array([x, v]), zero, zero, False, inputs, outputs, ("value", "value"))
 
 
 class Slave:
@@ -151,42 +140,23 @@ class Slave:
         """Nothing to do."""
 
 
-def start(a: Side, b: Side) -> tuple[Floats, Floats]:
-    """What both sides show at t = 0: a force that depends on the input sees the true one."""
-    shown = b.C @ b.x
-    return a.C @ a.x + (a.D @ shown if a.mean else 0.0), shown
-
-
 def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[Stages, Slave, Slave]:
     """Both sides, wired; force and velocity are a power bond."""
     a, b = sides(cut, o)
-    ya, yb = start(a, b)
+    yb = b.C @ b.x  # what both sides show at t = 0: a force that depends on the input sees the true one
+    ya = a.C @ a.x + (a.D @ yb if a.mean else 0.0)
     one, two = Slave("a", a, yb, ya), kind_of_b("b", b, ya, yb)
     connections = [
-        Connection(source, (output,), target, (name,), kind, bond=_bond(cut, output))
+        Connection(
+            source, (output,), target, (name,), kind,
+            rates=(output.replace("x", "v"),) if output in ("x1", "x2") else (),  # positions of the cut at the masses
+            bond="spring" if output in ("force", "v") else "",
+        )
         for source, target, side, peer in (("b", "a", a, b), ("a", "b", b, a))
         for output, name, kind in zip(peer.outputs, side.inputs, side.given, strict=True)
-    ]
-    if cut == "mass":  # positions come with their rates
-        connections = [
-            c._replace(rates=(f"v{c.outputs[0][1]}",)) if c.outputs[0].startswith("x") else c for c in connections
-        ]
+    ]  # fmt: skip
     system = System((Instance("a", None, {}, 0), Instance("b", None, {}, 1)), tuple(connections))  # type: ignore[arg-type]
     return wire(system, {"a": one, "b": two}), one, two
-
-
-def _bond(cut: str, output: str) -> str:
-    return "spring" if cut != "mass" and output in ("force", "v") else ""
-
-
-def exact_maps(A: Floats) -> Callable[[float], Floats]:
-    """exp(A h), made once for every h."""
-
-    @cache
-    def over(h: float) -> Floats:
-        return np.asarray(expm(A * h))
-
-    return over
 
 
 def whole(o: Oscillator) -> Floats:
@@ -214,8 +184,7 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
     a, b = sides(cut, o)
     (Pa, Qa, Ra, Sa), (Pb, Qb, Rb, Sb) = a.map(h), b.map(h)
     sizes = [len(a.x), len(b.x), len(a.C), len(b.C), len(a.C), len(b.C), len(b.C)]
-    unit = np.eye(sum(sizes))
-    xa, xb, ya, yb, pa, pb, missed = np.split(unit, np.cumsum(sizes)[:-1])
+    xa, xb, ya, yb, pa, pb, missed = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
 
     def column(side: Side, value: float, mean: float, rate: float) -> Floats:
         """Weights of each input by what it carries; a state has none."""
@@ -235,12 +204,11 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
     ua, ub = foreseen(0, yb, pb), foreseen(1, ya, pa)
     if scheme == "energy_corrected":
         ua = ua + missed
-    if scheme in ("tracks_first", "gauss_seidel", "energy_corrected"):
-        ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     if scheme == "iterative":  # u_a = y_b + w (y_b' - y_b), where y_b' depends on u_a through y_a'
         gain = within[0] * (Sb @ (within[1] * Sa))
         rest = yb + within[0] * (Rb @ xb + Sb @ (ya + within[1] * (Ra @ xa - ya)) - yb)
         ua = np.asarray(np.linalg.solve(np.eye(len(gain)) - gain, rest), dtype=np.float64)
+    if scheme != "jacobi":
         ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     ya_after, yb_after = Ra @ xa + Sa @ ua, Rb @ xb + Sb @ ub
     returned = np.array([[scheme == "energy_corrected" and kind == "value"] for kind in a.given])
@@ -256,36 +224,30 @@ def radius(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> float:
 # Quiet and violent --------------------------------------------------------------------------------------------------
 
 
-class Hammer(NamedTuple):
-    """Half a sine of force on mass 2, between communication points."""
-
-    time: float = 10.0037  # s
-    duration: float = 0.2  # s
-    impulse: float = 1.0  # N s
-
-    def pieces(self, t: float, h: float) -> list[tuple[float, float, bool]]:
-        """Start, length, and whether it strikes, of the parts of [t, t + h]."""
-        first, last = self.time, self.time + self.duration
-        edges = [t, *(e for e in (first, last) if t < e < t + h), t + h]
-        return [(a, b - a, first < 0.5 * (a + b) < last) for a, b in pairwise(edges)]
-
-    def moved(self, A: Floats, x: Floats, place: int, t: float, h: float) -> Floats:
-        """Solve x' = A x exactly under the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``."""
-        w, n = np.pi / self.duration, len(A)
-        for a, length, strikes in self.pieces(t, h):
-            if not strikes:
-                x = expm(A * length) @ x
-                continue
-            driven = np.zeros((n + 2, n + 2))  # with sine and cosine
-            driven[:n, :n] = A
-            driven[place, n] = 0.5 * w * self.impulse
-            driven[n, n + 1], driven[n + 1, n] = w, -w
-            phase = w * (a - self.time)
-            x = (expm(driven * length) @ np.array([*x, np.sin(phase), np.cos(phase)]))[:n]
-        return x
+# A hammer: half a sine of force on mass 2, between communication points.
+STRIKE, DURATION, IMPULSE = 10.0037, 0.2, 1.0  # s, s, N s
 
 
-HAMMER = Hammer()
+def pieces(t: float, h: float) -> list[tuple[float, float, bool]]:
+    """Start, length, and whether the hammer strikes, of the parts of [t, t + h]."""
+    edges = [t, *(e for e in (STRIKE, STRIKE + DURATION) if t < e < t + h), t + h]
+    return [(a, b - a, STRIKE < 0.5 * (a + b) < STRIKE + DURATION) for a, b in pairwise(edges)]
+
+
+def hammered(A: Floats, x: Floats, place: int, t: float, h: float) -> Floats:
+    """Solve x' = A x exactly under the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``."""
+    w, n = np.pi / DURATION, len(A)
+    for a, length, strikes in pieces(t, h):
+        if not strikes:
+            x = expm(A * length) @ x
+            continue
+        driven = np.zeros((n + 2, n + 2))  # with sine and cosine
+        driven[:n, :n] = A
+        driven[place, n] = 0.5 * w * IMPULSE
+        driven[n, n + 1], driven[n + 1, n] = w, -w
+        phase = w * (a - STRIKE)
+        x = (expm(driven * length) @ np.array([*x, np.sin(phase), np.cos(phase)]))[:n]
+    return x
 
 
 class Struck(Slave):
@@ -293,12 +255,12 @@ class Struck(Slave):
 
     def step(self, t: float, h: float) -> None:
         """Exact for what is given."""
-        if not any(strikes for *_, strikes in HAMMER.pieces(t, h)):
+        if not any(strikes for *_, strikes in pieces(t, h)):
             super().step(t, h)
             return
         A = np.zeros((3, 3))
         A[:2, :2], A[:2, 2:] = self.side.A, self.side.B
-        self.x = HAMMER.moved(A, np.array([*self.x, *self.u]), 1, t, h)[:2]
+        self.x = hammered(A, np.array([*self.x, *self.u]), 1, t, h)[:2]
         self._after = self.side.C @ self.x
         self.steps += 1
 
@@ -306,12 +268,12 @@ class Struck(Slave):
 def struck(o: Oscillator) -> tuple[Stages, Slave, Slave, Callable[[float], Floats]]:
     """The wrench cut under the hammer, and the exact motion, to be asked forward in time."""
     stages, a, b = coupled("wrench", o, Struck)
-    now, x, ahead = 0.0, np.array(o.start), exact_maps(whole(o))
+    now, x, A = 0.0, np.array(o.start), whole(o)
 
     def truth(t: float) -> Floats:
         nonlocal now, x
-        for start, length, strikes in HAMMER.pieces(now, t - now) if t > now else ():
-            x = HAMMER.moved(whole(o), x, 3, start, length) if strikes else ahead(length) @ x
+        if t > now:
+            x = hammered(A, x, 3, now, t - now)
         now = t
         return x
 

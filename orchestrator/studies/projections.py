@@ -20,7 +20,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,13 +53,6 @@ SLOPES, INERTIA = 300.0, 1e-2  # of a soft chain: its strains and accelerations 
 SHARP = 3  # one state in so many has its bare matrix in the sharp branch of friction
 
 
-class Numbers(NamedTuple):
-    """Of S states and G groups."""
-
-    values: Floats  # (S, G); NaN where a chain touches nothing
-    sizes: Floats  # (S, G) that differences are relative to
-
-
 @cache
 def weights(group: str, size: int) -> Floats:
     """Of the entries of a group, the same for ever."""
@@ -89,8 +81,13 @@ def shown(kind: str, run: Gathered, states: Completed) -> Floats:
     return np.concatenate(sizes).astype(np.float32).astype(float)
 
 
-def numbers(kind: str, run: Gathered, states: Completed, chosen: NDArray[np.int64], most: Floats) -> Numbers:
-    """The numbers of the ``chosen`` states of a run, outputs relative to ``most`` (``shown``)."""
+def numbers(
+    kind: str, run: Gathered, states: Completed, chosen: NDArray[np.int64], most: Floats
+) -> tuple[Floats, Floats]:
+    """The numbers (S, G) of S ``chosen`` states of a run, outputs relative to ``most`` (``shown``), of G groups.
+
+    NaN where a chain touches nothing. With them the sizes (S, G) that differences are relative to.
+    """
     chains = _chains(kind, run)
     values, sizes = np.full((2, len(chosen), len(GROUPS[kind])), np.nan)
     for row, k in enumerate(chosen):
@@ -101,7 +98,7 @@ def numbers(kind: str, run: Gathered, states: Completed, chosen: NDArray[np.int6
             sizes[row, column] = max(float(np.sqrt(array @ array)), least)
             if group.endswith("matrix"):
                 sizes[row, column] *= max(1.0, SLOW / chains[STEEL].friction_velocity)
-    return Numbers(values, sizes)
+    return values, sizes
 
 
 def _chains(kind: str, run: Gathered) -> dict[str, Chain]:

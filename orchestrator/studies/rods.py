@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -37,7 +37,7 @@ def of_angles(angles: Floats) -> Floats:
 class Rods:
     """Links between ``pins`` (n + 1, or n of a closed chain; 2) in the plane y = 0, which move in space.
 
-    The first pin may hold to the ground. ``inertia`` (3) about a link's own axes, that of thin rods unless given.
+    The first pin may hold to the ground. Links have the inertia of thin rods about their own axes.
     """
 
     def __init__(
@@ -46,15 +46,14 @@ class Rods:
         held: bool = False,
         closed: bool = False,
         gravity: float = G,
-        inertia: Sequence[float] | None = None,
         pitch: float = P,
         mass: float = MASS,
         radius: float = RADIUS,
     ) -> None:
         n = len(pins) if closed else len(pins) - 1
-        thin = (0.25, mass * pitch**2 / 12.0, mass * pitch**2 / 12.0)  # 0.25 in roll
+        thin = np.array([0.25, mass * pitch**2 / 12.0, mass * pitch**2 / 12.0])  # 0.25 in roll
         ends, sizes = Ends(closed, held, False), shapes(n, closed, 0)
-        self.links = RigidLinks(0.5 * pitch, FACE, LATERAL, mass, np.array(inertia or thin), ends)
+        self.links = RigidLinks(0.5 * pitch, FACE, LATERAL, mass, thin, ends)
         self.env = Environment(gravity, HELD if held else LOOP, np.zeros((2, 3)), 0.0, -1)
         self.method = Method(coefficients(radius), FORCE, True)
         self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, closed, 0)

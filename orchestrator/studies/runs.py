@@ -6,6 +6,7 @@ import json
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,23 +37,27 @@ def sampled(scene: Scene) -> Scene:
     return scene.model_copy(update={"run": scene.run.model_copy(update={"outputs": 1, "links": every})})
 
 
-class Runs:
-    """Logs and summaries by scene, kept as long as the process."""
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    """Of the logs of this process, which goes with it."""
+    return tempfile.TemporaryDirectory(prefix="cotrack-runs-")
 
-    def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="cotrack-runs-")
-        self._known: dict[str, dict[str, Any]] = {}
 
-    def record(self, scene: Scene, path: Path | None = None) -> dict[str, Any]:
-        """The summary of a run, its log where ``log`` says; raises KeyboardInterrupt when it is interrupted."""
-        key = json.dumps(scene.resolved(), sort_keys=True)
-        if key not in self._known:
-            path = Path(self._folder.name) / f"{len(self._known)}.mcap"
-            try:
-                told = simulate(scene, path)
-            except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
-                told = {"status": "failed", "message": str(failure), "wall_time": 0.0}
-            if told["message"].startswith("interrupted"):
-                raise KeyboardInterrupt
-            self._known[key] = told
-        return self._known[key]
+_known: dict[str, dict[str, Any]] = {}  # summaries by scene
+
+
+def record(scene: Scene, path: Path | None = None) -> dict[str, Any]:
+    """The summary of a run, made once in this process, its log where ``log`` says.
+
+    Raises KeyboardInterrupt when it is interrupted.
+    """
+    key = json.dumps(scene.resolved(), sort_keys=True)
+    if key not in _known:
+        try:
+            told = simulate(scene, Path(_folder().name) / f"{len(_known)}.mcap")
+        except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
+            told = {"status": "failed", "message": str(failure), "wall_time": 0.0}
+        if told["message"].startswith("interrupted"):
+            raise KeyboardInterrupt
+        _known[key] = told
+    return _known[key]

@@ -53,6 +53,7 @@ def errors(window: Window) -> dict[str, dict[str, float]]:
     exact = truth(scene)
     with logged(sampled(scene), window.name) as path:
         off = differences_of_logs(path, exact.log)
-    between = differences_of_logs(exact.coarse_log, exact.log)
     share = 1.0 / (2.0**ORDER - 1.0)
-    return {name: {"error": one.relative, "doubt": share * between[name].relative} for name, one in off.items()}
+    return {
+        name: {"error": one.relative, "doubt": share * exact.difference[name].relative} for name, one in off.items()
+    }

@@ -44,9 +44,9 @@ def ended(row: Row, verdict: str, note: str) -> Row:
 def judged(scene: TrackScene, asked: str, row: Row | None = None) -> Row:
     """Run a scene and judge it; nothing but the row is kept, with what it has already."""
     began = time.perf_counter()
-    row = row or Row("", "")
+    row = (row or Row("", "")).having(asked=ASKED[asked][1])
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        row = _judged(scene, asked, row.having(asked=ASKED[asked][1]), Path(folder) / "run.mcap")
+        row = _judged(scene, asked, row, Path(folder) / "run.mcap")
     return row.having(seconds=time.perf_counter() - began)
 
 

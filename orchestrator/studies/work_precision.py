@@ -198,10 +198,12 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
     for pane in axes[len(names) :]:
         pane.set_axis_off()
     keys = [
-        Line2D([], [], color=colormaps["tab10"](k % 10), marker=MARKERS[k % len(MARKERS)], label=method)
-        for k, method in enumerate(methods)
+        *(
+            Line2D([], [], color=colormaps["tab10"](k % 10), marker=MARKERS[k % len(MARKERS)], label=method)
+            for k, method in enumerate(methods)
+        ),
+        *(Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in lines.items()),
     ]
-    keys += [Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in lines.items()]
     figure.legend(handles=keys, loc="outside lower center", ncols=min(4, len(keys)), fontsize=10)
     figure.suptitle(f"{title} (rings: Pareto front of a track model)", fontsize=12)
     return figure

@@ -10,26 +10,26 @@ from orchestrator.scene import tables
 from orchestrator.without_fmu import meshes
 from orchestrator.without_fmu.ancf import loads, statics
 from orchestrator.without_fmu.ancf.mesh import Mesh
+from orchestrator.without_fmu.models import xyz
 
 CLOSE = 1e-11  # last correction of Newton's iteration, m
-MOST = 30  # iterations
 
 
 class Bent:
     """A mesh under ``rate`` times t of its loads."""
 
+    outputs = {"load": "N"} | xyz("tip.displacement", "m") | {"energy.strain": "J", "energy.work": "J"}
+
     def __init__(self, mesh: Mesh, tip: tuple[int, int], full: float, rate: float) -> None:
         self.mesh, self.tip, self.full, self.rate = mesh, tip, full, rate
         self.q = self.start = mesh.start()
         self.load = self.work = 0.0  # N, J
-        self.outputs = {"load": "N"} | {f"tip.displacement.{axis}": "m" for axis in "xyz"}
-        self.outputs |= {"energy.strain": "J", "energy.work": "J"}
         self.count = len(meshes.points(mesh, self.q))
         self.counters = np.zeros(4, np.int32)
 
     def advance(self, t: float, h: float) -> None:
         """The equilibrium at t + h from that at t."""
-        found = statics.newton(self.mesh, self.q, self.rate * (t + h), CLOSE, MOST)
+        found = statics.newton(self.mesh, self.q, self.rate * (t + h), CLOSE)
         if found is None:
             force = self.full * self.rate * (t + h)
             raise ArithmeticError(f"Newton: no equilibrium found under {force:.6g} N, take shorter steps")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -62,15 +63,14 @@ def deflection(kind: Any, n: int, alpha: float, slender: float, **kind_of: Any) 
     """w/L of the cantilever under a dead tip load."""
     mesh = cantilever(kind, n, slender, **kind_of)
     mesh = mesh.loaded(loads.point_force(mesh, (n - 1, 1), [0, 0, alpha]))
-    return float(mesh.end(statics.equilibrium(mesh, mesh.start(), steps=4).q, (n - 1, 1))[0, 2])
+    return float(mesh.end(statics.equilibrium(mesh, mesh.start(), steps=4), (n - 1, 1))[0, 2])
 
 
 def opening(kind: Any, n: int, slender: float, **kind_of: Any) -> float:
     """Distance of tip and clamp under the end moment that closes the circle; of beams it turns the director r_z."""
     mesh = cantilever(kind, n, slender, **kind_of)
     mesh = mesh.loaded(loads.couple(mesh, (n - 1, 1), [0, -2 * np.pi, 0], 3 if kind is beam else 1))
-    found = statics.equilibrium(mesh, mesh.start(), steps=8)
-    return float(np.linalg.norm(mesh.end(found.q, (n - 1, 1))[0]))
+    return float(np.linalg.norm(mesh.end(statics.equilibrium(mesh, mesh.start(), steps=8), (n - 1, 1))[0]))
 
 
 def round_cable(l: float, area: float, modulus: float, density: float) -> Cable:
@@ -107,8 +107,7 @@ def angular_momentum(mesh: Mesh, q: Floats, v: Floats) -> Floats:
 def points(mesh: Mesh, q: Floats) -> Floats:
     """Positions (m, 3) of the first node and of every element's second one."""
     e = mesh.coordinates(q)
-    places = [mesh.ends[0], *mesh.ends[1::2]]
-    return np.array([e[place.start : place.start + 3] for place in places])
+    return np.array([e[place.start : place.start + 3] for place in (mesh.ends[0], *mesh.ends[1::2])])
 
 
 # Chains ------------------------------------------------------------------------------------------------------------
@@ -174,16 +173,19 @@ def spinning(n: int, omega: float) -> tuple[Mesh, Floats]:
 SECTIONS = {"T": (90.0, -90.0), "L": (90.0,), "V": (40.0,)}
 
 
-def corner_section(kind: Any, c: Any, name: str, n: int = 2) -> Mesh:
-    """A first member along x and others at angles about -y at its end, rigidly connected."""
-    frames = [np.eye(3), *(rotation([0, -1, 0], np.radians(angle)) for angle in SECTIONS[name])]
-    parts = [Part(kind, c, nodes(kind, [0, 0, 0], frames[0], c.l, n))]
-    ties = in_a_row(kind.ROWS // 2, n)
-    for k, frame in enumerate(frames[1:], start=1):
-        parts.append(Part(kind, c, nodes(kind, [n * c.l, 0, 0], frame, c.l, n)))
-        joint = joints.rigid_beam(frames[0], frame) if kind is beam else joints.rigid_cable(frame)
-        ties += [Tie((n - 1, 1), (k * n, 0), joint), *in_a_row(kind.ROWS // 2, n, k * n)]
-    return Mesh(parts, ties)
+def cornered(kind: Any, sections: Sequence[Any], angles: Iterable[float], n: int, clamped: bool = False) -> Mesh:
+    """A first member along x from the origin and others at ``angles`` (degrees about -y) at its end, rigidly connected.
+
+    Each has ``n`` elements of its own section; the first one may be clamped.
+    """
+    first, rows = sections[0], kind.ROWS // 2
+    parts, ties = [Part(kind, first, nodes(kind, [0, 0, 0], np.eye(3), first.l, n))], in_a_row(rows, n)
+    for k, (c, angle) in enumerate(zip(sections[1:], angles, strict=True), start=1):
+        frame = rotation([0, -1, 0], np.radians(angle))
+        parts.append(Part(kind, c, nodes(kind, [n * first.l, 0, 0], frame, c.l, n)))
+        joint = joints.rigid_beam(np.eye(3), frame) if kind is beam else joints.rigid_cable(frame)
+        ties += [Tie((n - 1, 1), (k * n, 0), joint), *in_a_row(rows, n, k * n)]
+    return Mesh(parts, ties, [Support((0, 0), joints.clamped(rows))] if clamped else [])
 
 
 def frame_load(h: float) -> float:
@@ -198,24 +200,14 @@ def frame(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Mes
     """
     L1, L2, E, shear, P = 1.0, 0.8, 1e7, 5 / 6, frame_load(h)
     A, inertia, kGA = h * h, h**4 / 12, shear * 0.5 * E * h * h
-    one: Any
-    two: Any
+    sections: list[Any]
     if kind is beam:
         twist = torsion.factor(h, h)
-        one, two = (beam.Beam(L / n, h, h, 1000.0, E, 0.0, shear, twist, False, 0.0) for L in (L1, L2))
+        sections = [beam.Beam(L / n, h, h, 1000.0, E, 0.0, shear, twist, False, 0.0) for L in (L1, L2)]
     else:
         kGA = np.inf
-        one, two = (Cable(L / n, 1.0, E * A, E * inertia, 0.0, 0.0) for L in (L1, L2))
-    rows, up = kind.ROWS // 2, rotation([0, -1, 0], np.pi / 2)
-    joint = joints.rigid_beam(np.eye(3), up) if kind is beam else joints.rigid_cable(up)
-    mesh = Mesh(
-        [
-            Part(kind, one, nodes(kind, [0, 0, 0], np.eye(3), one.l, n)),
-            Part(kind, two, nodes(kind, [L1, 0, 0], up, two.l, n)),
-        ],
-        [*in_a_row(rows, n), Tie((n - 1, 1), (n, 0), joint), *in_a_row(rows, n, n)],
-        [Support((0, 0), joints.clamped(rows))],
-    )
+        sections = [Cable(L / n, 1.0, E * A, E * inertia, 0.0, 0.0) for L in (L1, L2)]
+    mesh = cornered(kind, sections, [90.0], n, clamped=True)
     mesh = mesh.loaded(loads.point_force(mesh, (2 * n - 1, 1), [P, 0, P]))
     if kind is beam and rigid:
         mesh = mesh.sprung(corner.block(mesh, (n - 1, 1), h**3, rigid * E))
@@ -231,7 +223,7 @@ def frame_tip(kind: Any, n: int, rigid: float = 100.0) -> tuple[Floats, Floats]:
     """Tip displacements (x, z) of ``frame``, and Timoshenko's."""
     mesh, exact = frame(kind, n, rigid=rigid)
     q, tip = mesh.start(), (2 * n - 1, 1)
-    bent = statics.equilibrium(mesh, q, steps=1, tolerance=1e-11).q
+    bent = statics.equilibrium(mesh, q, steps=1, tolerance=1e-11)
     return (mesh.end(bent, tip) - mesh.end(q, tip))[0, [0, 2]], exact
 
 

@@ -19,6 +19,11 @@ from orchestrator.cosim.warned import Warned
 COUNTERS = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 
 
+def xyz(name: str, unit: str) -> dict[str, str]:
+    """Three outputs."""
+    return {f"{name}.{axis}": unit for axis in "xyz"}
+
+
 class Model(Protocol):
     """What moves."""
 
@@ -104,8 +109,5 @@ def model_of(scene: Any) -> Model:
     from orchestrator.without_fmu.bent import Cantilever, Frame
     from orchestrator.without_fmu.moved import Pendulum, Slider
 
-    kinds: dict[str, Any] = {
-        "pendulum": Pendulum, "cantilever": Cantilever, "frame": Frame, "slider": Slider,
-    }  # fmt: skip
-    made: Model = kinds[scene.assembly](getattr(scene, scene.assembly))
-    return made
+    kinds: dict[str, Any] = {"pendulum": Pendulum, "cantilever": Cantilever, "frame": Frame, "slider": Slider}
+    return kinds[scene.assembly](getattr(scene, scene.assembly))

@@ -9,13 +9,9 @@ from fmus.physics.arrays import Floats
 from orchestrator.scene import tables
 from orchestrator.without_fmu import meshes
 from orchestrator.without_fmu.ancf import dynamics, sliding
+from orchestrator.without_fmu.models import xyz
 
 STAGES = 4  # of Runge-Kutta
-
-
-def xyz(name: str, unit: str) -> dict[str, str]:
-    """Three outputs."""
-    return {f"{name}.{axis}": unit for axis in "xyz"}
 
 
 ENERGIES = {f"energy.{kind}": "J" for kind in ("kinetic", "strain", "gravity")}

@@ -87,7 +87,7 @@ def test_a_state_that_is_not_finite_is_not_kept():
 def test_the_matrix_is_the_derivative_of_the_residual(kind):
     """Of all coordinates, along a direction; so the adapter takes nothing from the condensation but arithmetic."""
     run = gather(SHORT[2])
-    states = completed(run.kept, run.pitch, run.closed, run.seed)
+    states = run.completed()
     state, chain, h = states.at(1), Chain(kind, run.config, run.parameters, SOFT), 2e-2
     by = evaluations.slopes(evaluations.coefficients(evaluations.RADIUS), h)
     found = chain.evaluate(state, h, vector())
@@ -98,7 +98,7 @@ def test_the_matrix_is_the_derivative_of_the_residual(kind):
     for field, place, axes in at:
         part = getattr(d, field)
         part[(..., axes) if axes else ...] = flat[place] if axes else flat[place][:, 0]
-    if not run.closed:
+    if not run.config["track"]["closed"]:
         d.position[0] = d.axis[0] = 0.0  # the ground's
         flat = flat.copy()
         flat[0, : model.kit.LAYOUT.fixed] = 0.0

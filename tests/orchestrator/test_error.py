@@ -18,7 +18,7 @@ from orchestrator.results.difference import Difference, Observable, Signal, alig
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
 from orchestrator.studies import Case, error_runtime, work_precision
-from orchestrator.studies.runs import Runs
+from orchestrator.studies.runs import record
 from orchestrator.studies.tables import Row
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
@@ -136,9 +136,8 @@ def test_a_companion_that_cannot_be_right_estimates_nothing(tmp_path):
 
 
 def test_a_study_makes_no_run_twice():
-    runs = Runs()
     scene, other = (load("hanging_chain", "flexible", (*SWING, f"run.step={h} ms")) for h in (4, 2))
-    first, again, second = runs.record(scene), runs.record(scene.model_copy()), runs.record(other)
+    first, again, second = record(scene), record(scene.model_copy()), record(other)
     assert again is first
     assert second["log"] != first["log"]
     assert second["communication_steps"] == 2 * first["communication_steps"]

@@ -27,7 +27,7 @@ def tip(mesh, *pushes, steps=1):
     """Vectors r, r_x, r_y, r_z of the tip in equilibrium with ``pushes`` on them."""
     end = (len(mesh.parts[0].e) - 1, 1)
     mesh = mesh.loaded(*(push(mesh, end) for push in pushes))
-    return mesh.end(statics.equilibrium(mesh, mesh.start(), steps=steps, tolerance=1e-11).q, end)
+    return mesh.end(statics.equilibrium(mesh, mesh.start(), steps=steps, tolerance=1e-11), end)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ Coordinates are (elements, 4, d) as in fmus/physics/ancf/cable.py: position, slo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,9 @@ from fmus.physics.arrays import Floats
 
 DEGREE = 3
 SPACE = 3  # components of a position
+# Of the size of a curve: smaller jumps are rounding. A difference of derivatives costs digits (the third of a fine mesh
+# most), so that a bound near rounding would find too many knots.
+SMOOTH = 1e-9
 # powers of the fraction xi in the shape functions of a cable of unit length: rows 1, xi, xi^2, xi^3
 POWERS = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
 FALLING = np.array([[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]])  # derivative of order k of xi^p: factor
@@ -51,8 +55,7 @@ def elements(knots: Floats) -> Floats:
 
 def _polar(knots: Floats, span: int, arguments: tuple[float, float, float]) -> Floats:
     """Weights (control points) of the polar form of the cubic on [knots[span], knots[span + 1]]: de Boor's scheme."""
-    count = len(knots) - DEGREE - 1
-    rows = np.eye(count)[span - DEGREE : span + 1]
+    rows = np.eye(control_points(len(knots)))[span - DEGREE : span + 1]
     for r, x in enumerate(arguments, 1):
         left = knots[span - DEGREE + r : span + 1]
         right = knots[span + 1 : span + 1 + len(left)]
@@ -81,13 +84,12 @@ def to_cable(spline: BSpline) -> tuple[Floats, Floats]:
 
 def jumps(e: Floats, l: Floats) -> Floats:
     """(n - 1, 4): largest jump of the derivatives 0 to 3 at each inner node, each times l^k to make it a length."""
-    scale = np.minimum(l[:-1], l[1:])
-    found = np.zeros((len(l) - 1, DEGREE + 1))
-    for k in range(DEGREE + 1):
-        end = np.einsum("na,nai->ni", _derivatives(l, 1.0, k), e)[:-1]
-        begin = np.einsum("na,nai->ni", _derivatives(l, 0.0, k), e)[1:]
-        found[:, k] = np.abs(end - begin).max(axis=1) * scale**k
-    return found
+
+    def derivatives(xi: float) -> Floats:
+        return np.stack([np.einsum("na,nai->ni", _derivatives(l, xi, k), e) for k in range(DEGREE + 1)], axis=1)
+
+    apart = np.abs(derivatives(1.0)[:-1] - derivatives(0.0)[1:]).max(axis=2)
+    return np.asarray(apart * np.minimum(l[:-1], l[1:])[:, None] ** np.arange(DEGREE + 1))
 
 
 def polynomial(xi: float, k: int) -> Floats:
@@ -100,18 +102,17 @@ def _derivatives(l: Floats, xi: float, k: int) -> Floats:
     return polynomial(xi, k) @ POWERS * l[:, None] ** np.array([-k, 1 - k, -k, 1 - k])
 
 
-def multiplicities(e: Floats, l: Floats, tolerance: float = 1e-9) -> NDArray[np.int64]:
+def multiplicities(e: Floats, l: Floats) -> NDArray[np.int64]:
     """Knot multiplicity of each inner node: as few knots as its continuity lets.
 
-    A derivative counts as continuous when it jumps by less than ``tolerance`` of the curve's size; a difference of
-    derivatives costs digits (the third of a fine mesh most), so a tolerance near rounding finds too many knots.
+    A derivative counts as continuous when it jumps by less than SMOOTH of the curve's size.
     """
     size = max(float(np.ptp(e[:, [0, 2]].reshape(-1, e.shape[2]), axis=0).max()), float(l.max()))
-    smooth = np.logical_and.accumulate(jumps(e, l) <= tolerance * size, axis=1)
+    smooth = np.logical_and.accumulate(jumps(e, l) <= SMOOTH * size, axis=1)
     return np.asarray(DEGREE + 1 - smooth.sum(axis=1), dtype=np.int64)
 
 
-def from_cable(e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None, start: float = 0.0) -> BSpline:
+def from_cable(e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None) -> BSpline:
     """The clamped cubic spline of a cable mesh, ``e`` (n, 4, d), lengths ``l`` (n).
 
     ``knots_at`` (n - 1): multiplicity at each inner node, 1 to 4 (default: 4 less the number of derivatives that are
@@ -125,15 +126,14 @@ def from_cable(e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None, 
         if not 1 <= m <= DEGREE + 1:
             raise ValueError(f"node {node}: multiplicity {m} is not one of 1 to {DEGREE + 1}")
         worst = gap[: DEGREE + 1 - m].max(initial=0.0)
-        if worst > 1e-9 * size:
+        if worst > SMOOTH * size:
             raise ValueError(
                 f"node {node}: a knot of multiplicity {m} joins C{DEGREE - m}, the mesh jumps by {worst:.3g} m"
             )
-    nodes = start + np.concatenate([[0.0], np.cumsum(l)])
+    nodes = np.concatenate([[0.0], np.cumsum(l)])
     knots = np.repeat(nodes, np.concatenate([[4], inner, [4]]))
-    count = len(knots) - DEGREE - 1
-    points = np.empty((count, e.shape[2]))
-    for i in range(count):
+    points = np.empty((control_points(len(knots)), e.shape[2]))
+    for i in range(len(points)):
         # the element nearest to the middle of the control point's own knots: the least extrapolation
         at = float(np.clip(knots[i + 1 : i + 4].mean(), nodes[0], nodes[-1]))
         low, high = np.searchsorted(nodes, knots[i], "left"), np.searchsorted(nodes, knots[i + 4], "left") - 1
@@ -149,16 +149,16 @@ def from_cable(e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None, 
 # Relation (7) and the bicubic patch --------------------------------------------------------------------------------
 
 
-def control_points(knots: int, degree: int = DEGREE) -> int:
+def control_points(knots: int) -> int:
     """Number of control points n + 1 of a spline with ``knots`` = r + 1 knots: r = n + p + 1, paper (7)."""
-    if knots < 2 * (degree + 1):
-        raise ValueError(f"{knots} knots: a clamped spline of degree {degree} has {2 * (degree + 1)} at least")
-    return knots - degree - 1
+    if knots < 2 * (DEGREE + 1):
+        raise ValueError(f"{knots} knots: a clamped spline of degree {DEGREE} has {2 * (DEGREE + 1)} at least")
+    return knots - DEGREE - 1
 
 
-def patch_points(knots_u: int, knots_v: int, degree_u: int = DEGREE, degree_v: int = DEGREE) -> int:
+def patch_points(knots_u: int, knots_v: int) -> int:
     """Number of control points of a surface (5); 16 for one bicubic patch, however simple its shape."""
-    return control_points(knots_u, degree_u) * control_points(knots_v, degree_v)
+    return control_points(knots_u) * control_points(knots_v)
 
 
 def patch_to_nodes(lx: float, ly: float) -> Floats:
@@ -217,37 +217,25 @@ def joint_rows(joint: str, element: str = "cable", axis: int = 1, turn: Floats |
         raise ValueError(f"joint {joint!r}: one of {', '.join(JOINTS)}")
     n = SPACE * VECTORS[element]  # columns of a derivative
     rows = _equal(element)
-    slopes = list(range(n, n + SPACE))
-    directors = list(range(SPACE, n))
-    if joint == "sliding":
-        return rows[[1, 2, n + 1, n + 2]]
-    if joint == "pin":
-        return rows[[0, 1, 2, *([n + axis] if element == "cable" else _gradient(axis, n))]]
-    if joint == "rigid":
-        found = rows[[0, 1, 2, *slopes, *directors]].copy()
-        R = np.eye(SPACE) if turn is None else turn
-        if element == "cable":  # the slope turns as a vector
-            found[3:, rows.shape[1] // 2 + n : rows.shape[1] // 2 + n + SPACE] = -R
-            return found
-        for k in range(SPACE):  # gradient transformation: r_k before = sum_m R[m, k] r_m behind
-            at = 3 + SPACE * k
-            found[at : at + SPACE, rows.shape[1] // 2 :] = 0.0
-            for m in range(SPACE):
-                found[np.arange(at, at + SPACE), rows.shape[1] // 2 + np.array(_gradient(m, n))] = -R[m, k]
-        return found
-    parts = {"spherical": [0, 1, 2], "smooth": range(2 * n), "curvature": range(3 * n)}
-    return rows[list(parts[joint])]
-
-
-def _gradient(k: int, n: int) -> list[int]:
-    """Columns of a beam's gradient vector r_x, r_y or r_z."""
-    start = n if k == 0 else SPACE * k
-    return list(range(start, start + SPACE))
+    gradients = [*range(n, n + SPACE), *range(SPACE, n)]  # columns of r_x, and of r_y and r_z of a beam
+    parts: dict[str, Sequence[int]] = {
+        "spherical": (0, 1, 2),
+        "pin": (0, 1, 2, *([n + axis] if element == "cable" else gradients[SPACE * axis :][:SPACE])),
+        "sliding": (1, 2, n + 1, n + 2),
+        "rigid": (0, 1, 2, *gradients),
+        "smooth": range(2 * n),
+        "curvature": range(3 * n),
+    }
+    found = rows[list(parts[joint])]
+    if joint == "rigid" and turn is not None:
+        # the slope turns as a vector; gradient transformation: r_k before = sum_m turn[m, k] r_m behind
+        by = turn if element == "cable" else np.kron(turn.T, np.eye(SPACE))
+        found[3:, rows.shape[1] // 2 + np.array(gradients)] = -by
+    return found
 
 
 def _implies(rows: Floats, others: Floats) -> bool:
-    rank = np.linalg.matrix_rank
-    return len(others) == 0 or bool(rank(np.vstack([rows, others])) == rank(rows))
+    return bool(np.linalg.matrix_rank(np.vstack([rows, others])) == np.linalg.matrix_rank(rows))
 
 
 def demand(joint: str, element: str = "cable", axis: int = 1, turn: Floats | None = None) -> Demand:

@@ -27,24 +27,24 @@ class Block(NamedTuple):
     constant: Floats  # (9,), what is held of them
     VE: float  # volume times modulus, N m
 
-    def gradients(self, q: Floats) -> Floats:
-        """The matrix G (3, 3)."""
-        return (self.pull @ q + self.constant).reshape(3, 3).T
+    def strained(self, q: Floats) -> tuple[Floats, Floats]:
+        """The gradients G (3, 3) and their strain (G^T G - 1)/2."""
+        G = (self.pull @ q + self.constant).reshape(3, 3).T
+        return G, 0.5 * (G.T @ G - np.eye(3))
 
     def energy(self, q: Floats) -> float:
         """Strain energy, J."""
-        G = self.gradients(q)
-        return 0.5 * self.VE * ((0.5 * (G.T @ G - np.eye(3))) ** 2).sum()
+        _, strain = self.strained(q)
+        return 0.5 * self.VE * (strain**2).sum()
 
     def force(self, q: Floats) -> Floats:
         """Its gradient: V E G strain."""
-        G = self.gradients(q)
-        return self.pull.T @ (self.VE * G @ (0.5 * (G.T @ G - np.eye(3)))).T.ravel()
+        G, strain = self.strained(q)
+        return self.pull.T @ (self.VE * G @ strain).T.ravel()
 
     def tangent(self, q: Floats) -> sparse.csr_array:
         """Derivative of the force."""
-        G = self.gradients(q)
-        strain = 0.5 * (G.T @ G - np.eye(3))
+        G, strain = self.strained(q)
         columns = []
         for row in np.eye(9):
             dG = row.reshape(3, 3).T

@@ -49,15 +49,13 @@ class Load(Protocol):
     """A generalised force on the coordinates q, and its derivative."""
 
     def force(self, q: Floats) -> Floats: ...  # noqa: D102
-    def tangent(self, q: Floats) -> sparse.csc_array | float: ...  # noqa: D102
+    def tangent(self, q: Floats) -> sparse.csr_array | float: ...  # noqa: D102
 
 
-class Spring(Protocol):
+class Spring(Load, Protocol):
     """Elasticity of the mesh that belongs to no element."""
 
     def energy(self, q: Floats) -> float: ...  # noqa: D102
-    def force(self, q: Floats) -> Floats: ...  # noqa: D102
-    def tangent(self, q: Floats) -> sparse.csr_array: ...  # noqa: D102
 
 
 def nodes(element, start: ArrayLike, frame: ArrayLike, l: float, n: int) -> Floats:
@@ -66,9 +64,7 @@ def nodes(element, start: ArrayLike, frame: ArrayLike, l: float, n: int) -> Floa
     rows = element.ROWS // 2
     e = np.empty((n, 2, rows, 3))
     e[:, :, 1:] = frame.T[: rows - 1]
-    for k in range(n):
-        for end in range(2):
-            e[k, end, 0] = start + (k + end) * l * frame[:, 0]
+    e[:, :, 0] = start + np.add.outer(np.arange(n), np.arange(2))[..., None] * l * frame[:, 0]
     return e.reshape(n, 2 * rows, 3)
 
 
@@ -86,11 +82,10 @@ class Mesh:
         self.loads: tuple[Load, ...] = ()
         self.springs: tuple[Spring, ...] = ()
         self.e0 = np.concatenate([part.e.ravel() for part in parts])
-        self.ends = list(_ends(parts))  # of each end, its place in e
+        self.ends = _ends(parts)  # of each end, its place in e
         self.B, self.b = _eliminate(self.ends, list(ties), list(supports), self.e0)
         self.M_e = sparse.block_diag([np.kron(_mass(part), np.eye(3)) for part in parts for _ in part.e], format="csr")
         self.M = (self.B.T @ self.M_e @ self.B).tocsc()
-        self._rows, self._columns = _blocks(parts)
 
     @property
     def n(self) -> int:
@@ -128,11 +123,8 @@ class Mesh:
 
     def split(self, e: Floats) -> list[Floats]:
         """Views of flat element coordinates, a part each (n, rows, 3)."""
-        views, place = [], 0
-        for part in self.parts:
-            views.append(e[place : place + part.e.size].reshape(part.e.shape))
-            place += part.e.size
-        return views
+        bounds = np.cumsum([part.e.size for part in self.parts])
+        return [flat.reshape(part.e.shape) for flat, part in zip(np.split(e, bounds[:-1]), self.parts, strict=True)]
 
     def place(self, end: End) -> slice:
         """Where an end lies in the flat element coordinates."""
@@ -176,9 +168,8 @@ class Mesh:
 
     def _assembled(self, blocks: list[Floats]) -> sparse.csr_array:
         """B^T K B of the blocks K (n, size, size) of each part."""
-        values, size = np.concatenate([K.ravel() for K in blocks]), len(self.e0)
-        K_e = sparse.csr_array((values, (self._rows, self._columns)), shape=(size, size))
-        return self.B.T @ K_e @ self.B
+        on_diagonal = [sparse.bsr_array((K, np.arange(len(K)), np.arange(len(K) + 1))) for K in blocks]
+        return self.B.T @ sparse.block_diag(on_diagonal, format="csr") @ self.B
 
     def viscosity(self, q: Floats) -> sparse.csc_array:
         """Derivative of the damping force by the rates; exact, for it is linear in them."""
@@ -232,25 +223,9 @@ def _mass(part: Part) -> Floats:
     return M
 
 
-def _ends(parts: Sequence[Part]):
-    place = 0
-    for part in parts:
-        for _ in range(2 * len(part.e)):
-            yield slice(place, place + 3 * part.element.ROWS // 2)
-            place += 3 * part.element.ROWS // 2
-
-
-def _blocks(parts: Sequence[Part]):
-    """Row and column in the element matrix of every number of the tangents."""
-    rows, columns, place = [], [], 0
-    for part in parts:
-        size = 3 * part.element.ROWS
-        first = place + size * np.arange(len(part.e))[:, None, None]
-        i, j = np.mgrid[:size, :size]
-        rows.append((first + i).ravel())
-        columns.append((first + j).ravel())
-        place += size * len(part.e)
-    return np.concatenate(rows), np.concatenate(columns)
+def _ends(parts: Sequence[Part]) -> list[slice]:
+    sizes = [3 * part.element.ROWS // 2 for part in parts for _ in range(2 * len(part.e))]
+    return [slice(stop - size, stop) for stop, size in zip(np.cumsum(sizes).tolist(), sizes, strict=True)]
 
 
 def _eliminate(ends: list[slice], ties: list[Tie], supports: list[Support], e0: Floats):
@@ -266,11 +241,10 @@ def _eliminate(ends: list[slice], ties: list[Tie], supports: list[Support], e0: 
             return
         if end in waiting:
             raise ValueError(f"end {end % 2} of element {end // 2} follows itself")
-        place = ends[end]
-        size = place.stop - place.start
         if end not in leads:
-            own = holds.get(end, np.eye(size))
-            found[end] = {end: own}, e0[place] - own @ (own.T @ e0[place]) if end in holds else np.zeros(size)
+            start = e0[ends[end]]
+            own = holds.get(end, np.eye(len(start)))
+            found[end] = {end: own}, start - own @ (own.T @ start)
             return
         lead, joint = leads[end]
         resolve(lead, waiting | {end})
@@ -281,15 +255,10 @@ def _eliminate(ends: list[slice], ties: list[Tie], supports: list[Support], e0: 
     columns, n = {}, 0
     for end in range(len(ends)):
         resolve(end)
-        columns[end], n = n, n + found[end][0][end].shape[1] if end in found[end][0] else n
-    rows_, columns_, values = [], [], []
-    b = np.zeros_like(e0)
+        columns[end], n = n, n + found[end][0][end].shape[1]
+    B, b = sparse.lil_array((len(e0), n)), np.zeros_like(e0)
     for end, (factors, constant) in found.items():
         b[ends[end]] = constant
         for k, factor in factors.items():
-            i, j = np.nonzero(factor)
-            rows_.append(ends[end].start + i)
-            columns_.append(columns[k] + j)
-            values.append(factor[i, j])
-    index = np.concatenate(rows_), np.concatenate(columns_)
-    return sparse.csr_array((np.concatenate(values), index), shape=(len(e0), n)), b
+            B[ends[end], columns[k] : columns[k] + factor.shape[1]] = factor
+    return B.tocsr(), b

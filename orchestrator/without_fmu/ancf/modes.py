@@ -100,8 +100,7 @@ def displacement(mode: str, axis: Floats, amplitude: float, l: float, before: bo
     if mode == ROTATION:
         moved[element] = pair[element] @ turned(axis, amplitude).T
         return moved - pair
-    H = gradient_change(mode, axis)
-    F = turned(axis, amplitude) if mode == "bending" else np.eye(3) + amplitude * H
+    F = turned(axis, amplitude) if mode == "bending" else np.eye(3) + amplitude * gradient_change(mode, axis)
     for other, row in JOINT if mode == "pin stretch" else ((element, node),):
         moved[other, row + 1 : row + 4] = pair[other, row + 1 : row + 4] @ F.T
     return moved - pair
@@ -119,24 +118,22 @@ def at_joint(pair: Floats, l: float, y: float = 0.0, z: float = 0.0) -> Floats:
     return np.array([strains(_beam(l), pair[0], 1.0, y, z), strains(_beam(l), pair[1], 0.0, y, z)])
 
 
-def jump_of_strain(axis: Floats, l: float = 1.0) -> Floats:
+def jump_of_strain(axis: Floats) -> Floats:
     """(6, 6): the small-strain jumps at the joint of the six freedoms of one element, rows in the axes of ``triad``.
 
     Columns: rotation, then the deformations. Rows: aa, bb, cc, ab, ac, bc.
     """
     axes, step = triad(axis), 1e-6
-    columns = []
-    for mode in (ROTATION, *DEFORMATIONS):
-        node = [(s * step * gradient_change(mode, axis)).T for s in (1.0, -1.0)]
-        ends = []
-        for H in node:
-            pair = straight(l)
-            pair[1, 1:4] += H
-            side = at_joint(pair, l)
-            ends.append(axes @ (side[1] - side[0]) @ axes.T)
-        jump = (ends[0] - ends[1]) / (2.0 * step)
-        columns.append([jump[0, 0], jump[1, 1], jump[2, 2], jump[0, 1], jump[0, 2], jump[1, 2]])
-    return np.array(columns).T
+
+    def jump(change: Floats) -> Floats:
+        pair = straight(1.0)
+        pair[1, 1:4] += change.T
+        before, behind = at_joint(pair, 1.0)
+        return axes @ (behind - before) @ axes.T
+
+    changes = [step * gradient_change(mode, axis) for mode in (ROTATION, *DEFORMATIONS)]
+    rates = np.array([(jump(change) - jump(-change)) / (2.0 * step) for change in changes])
+    return rates[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].T
 
 
 def _beam(l: float) -> beam.Beam:

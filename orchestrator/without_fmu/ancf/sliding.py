@@ -79,8 +79,7 @@ class State(NamedTuple):
 def chain_map(n: int, l: float, smooth: bool = False) -> Floats:
     """T (n, 4, N) of a straight mesh of ``n`` elements: coordinates r, r_x at the nodes, or spline control points."""
     if smooth:
-        knots = l * np.concatenate([[0.0] * 3, np.arange(n + 1.0), [n] * 3])
-        return bspline.extraction(knots)
+        return bspline.extraction(l * np.concatenate([[0.0] * 3, np.arange(n + 1.0), [n] * 3]))
     T = np.zeros((n, 4, 2 * (n + 1)))
     for k in range(n):
         T[k, np.arange(4), 2 * k + np.arange(4)] = 1.0
@@ -88,7 +87,7 @@ def chain_map(n: int, l: float, smooth: bool = False) -> Floats:
 
 
 def bodies(
-    parts: list[tuple[Cable, Floats]], points: list[float], gravity: float, held: Floats | None = None
+    parts: list[tuple[Cable, Floats]], points: list[float], gravity: float, held: Floats
 ) -> tuple[Bodies, list[Floats]]:
     """Meshes ``parts`` (a cable and its T (n, 4, N_i)) and mass ``points`` kg, in one set of coordinates.
 
@@ -98,7 +97,7 @@ def bodies(
     sizes = [T.shape[2] for _, T in parts]
     N = sum(sizes) + len(points)
     M, K, load = np.zeros((N, N)), np.zeros((N, N)), np.zeros((N, 3))
-    G, EA, lengths, maps, at = [], [], [], [], 0
+    G, maps, at = [], [], 0
     shift = np.ones(N)
     for (c, T), size in zip(parts, sizes, strict=True):
         wide = np.zeros((len(T), 4, N))
@@ -116,18 +115,12 @@ def bodies(
             K += t.T @ bend @ t
             load[:, 2] -= weight @ t
             G.append(t.T @ g @ t)
-            EA.append(c.EA)
-            lengths.append(c.l)
-    for mass in points:
-        M[at, at] += mass
-        load[at, 2] -= mass * gravity
-        at += 1
-    free = np.ones((N, 3), dtype=bool)
-    if held is not None:
-        for row in held:
-            free[np.flatnonzero(row)] = False
-    stretch = np.array(G).reshape(-1, N, N)
-    return Bodies(M, K, stretch, np.array(EA), np.array(lengths), load, free.ravel(), shift), maps
+    M[at:, at:] = np.diag(points)
+    load[at:, 2] = -gravity * np.array(points)
+    free = np.repeat(~held.any(axis=0), 3)
+    elements = [c for c, T in parts for _ in T]
+    EA, lengths = np.array([c.EA for c in elements]), np.array([c.l for c in elements])
+    return Bodies(M, K, np.array(G), EA, lengths, load, free, shift), maps
 
 
 def rail(c: Cable, T: Floats, point: Floats, slope: Floats | None = None, drag: float = 0.0) -> Rail:
@@ -145,9 +138,9 @@ def element(r: Rail, u: float) -> int:
     return min(max(int(np.searchsorted(r.nodes, u, side="right")) - 1, 0), len(r.powers) - 1)
 
 
-def row(r: Rail, u: float, order: int, k: int | None = None) -> Floats:
-    """(N): the derivative of ``order`` of r(u) is this times X; of element ``k`` at a node."""
-    k = element(r, u) if k is None else k
+def row(r: Rail, u: float, order: int) -> Floats:
+    """(N): the derivative of ``order`` of r(u) is this times X."""
+    k = element(r, u)
     l = r.nodes[k + 1] - r.nodes[k]
     return polynomial((u - r.nodes[k]) / l, order) / l**order @ r.powers[k]
 
@@ -272,35 +265,25 @@ def system(b: Bodies, r: Rail, s: State, h: float, z: tuple[Floats, Floats, Floa
     push, pull = b.G @ mean, b.G @ X1  # (elements, N, 3)
     A[:n, :n] = _spread(inertia + 0.5 * stiff)
     A[:n, :n] += push.reshape(-1, n).T @ ((0.5 * b.EA / b.l)[:, None] * pull.reshape(-1, n))
-    # difference quotients of the constraint
+    # difference quotients of the constraint: of the position, and where a cable slides of the slope
     u0, u1 = s.w[0], w1[0]
-    S = 0.5 * (row(r, u0, 0) + row(r, u1, 0)) - r.point
-    D, D_u = quotient(r, u0, u1, 0)
-    f = lam[:3]
-    along = D @ mean
-    force += np.outer(S, f)
-    R[n] = along @ f + r.drag * (u1 - u0) / h
-    A[:n, n] = 0.5 * np.outer(row(r, u1, 1), f).ravel()
-    A[n, :n] = 0.5 * np.outer(D, f).ravel()
-    A[n, n] = (D_u @ mean) @ f + r.drag / h
-    A[:n, n + k : n + k + 3] = _spread(S).T
-    A[n, n + k : n + k + 3] = along
-    if r.slope.size:
-        m1, g, f = w1[1], r.slope @ mean, lam[3:]
-        turn = 0.5 * (row(r, u0, 1) + row(r, u1, 1)) - 0.5 * (s.w[1] + m1) * r.slope
-        D, D_u = quotient(r, u0, u1, 1)
-        bend = D @ mean
-        force += np.outer(turn, f)
-        R[n] += bend @ f
-        R[n + 1] = -(g @ f)
-        A[:n, n] += 0.5 * np.outer(row(r, u1, 2), f).ravel()
-        A[:n, n + 1] = -0.5 * np.outer(r.slope, f).ravel()
+    R[n], A[n, n] = r.drag * (u1 - u0) / h, r.drag / h
+    taken = [r.point, 0.5 * (s.w[1] + w1[1]) * r.slope] if r.slope.size else [r.point]
+    for order, own in enumerate(taken):
+        f, at = lam[3 * order : 3 * order + 3], slice(n + k + 3 * order, n + k + 3 * order + 3)
+        S = 0.5 * (row(r, u0, order) + row(r, u1, order)) - own
+        D, D_u = quotient(r, u0, u1, order)
+        force += np.outer(S, f)
+        R[n] += (D @ mean) @ f
+        A[:n, n] += 0.5 * np.outer(row(r, u1, order + 1), f).ravel()
         A[n, :n] += 0.5 * np.outer(D, f).ravel()
         A[n, n] += (D_u @ mean) @ f
-        A[n + 1, :n] = -0.5 * np.outer(r.slope, f).ravel()
-        A[:n, n + k + 3 :] = _spread(turn).T
-        A[n, n + k + 3 :] = bend
-        A[n + 1, n + k + 3 :] = -g
+        A[:n, at] = _spread(S).T
+        A[n, at] = D @ mean
+    if r.slope.size:
+        g, f = r.slope @ mean, lam[3:]
+        R[n + 1], A[n + 1, n + k + 3 :] = -(g @ f), -g
+        A[:n, n + 1] = A[n + 1, :n] = -0.5 * np.outer(r.slope, f).ravel()
     R[:n] = force.ravel()
     R[n + k :] = constraint(r, X1, w1)
     A[n + k :, :n], A[n + k :, n : n + k] = jacobian(r, X1, w1)

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.sparse.linalg import splu
 
 from fmus.physics.arrays import Floats
 from orchestrator.without_fmu.ancf.mesh import Mesh
 
+MOST = 30  # iterations of Newton's method in a load step
+
 
 class NotFound(ArithmeticError):
     """No equilibrium found."""
 
 
-class Equilibrium(NamedTuple):
-    """What ``equilibrium`` found."""
-
-    q: Floats
-    steps: int  # load steps that converged
-    iterations: int  # of Newton, all together
-
-
-def newton(mesh: Mesh, q: Floats, share: float, tolerance: float, most: int) -> tuple[Floats, int] | None:
+def newton(mesh: Mesh, q: Floats, share: float, tolerance: float, most: int = MOST) -> tuple[Floats, int] | None:
     """The equilibrium near ``q`` under a share of the loads, and the iterations; None if the way there is lost."""
     q, before = q.copy(), np.inf
     for k in range(1, most + 1):
@@ -39,22 +31,22 @@ def newton(mesh: Mesh, q: Floats, share: float, tolerance: float, most: int) -> 
     return None
 
 
-def equilibrium(mesh: Mesh, q: Floats, steps: int = 10, tolerance: float = 1e-10, most: int = 30) -> Equilibrium:
-    """Raise the loads from nothing in ``steps``; a step that fails is halved, one that is easy lets the next grow.
+def equilibrium(mesh: Mesh, q: Floats, steps: int = 10, tolerance: float = 1e-10) -> Floats:
+    """The q under all loads. These grow in ``steps``: one that fails is halved, one that is easy lets the next grow.
 
     ``tolerance`` bounds the last correction of the coordinates (positions in m, gradients without unit).
     """
-    share, step, done, iterations = 0.0, 1.0 / steps, 0, 0
+    share, step = 0.0, 1.0 / steps
     while share < 1.0:
         step = min(step, 1.0 - share)
-        found = newton(mesh, q, share + step, tolerance, most)
+        found = newton(mesh, q, share + step, tolerance)
         if found is None:
             step *= 0.5
             if step < 1e-5:
                 raise NotFound(f"Newton: lost at {share + step:.5f} of the loads")
             continue
         share += step
-        q, done, iterations = found[0], done + 1, iterations + found[1]
-        if found[1] < most // 3:
+        q, iterations = found
+        if iterations < MOST // 3:
             step *= 1.5
-    return Equilibrium(q, done, iterations)
+    return q
