@@ -259,9 +259,27 @@ def test_a_kernel_that_borrows_its_arrays_returns_none():
         handed_back(np.zeros(3))
 
 
+@jit.inner
+def halved(x):
+    return 0.5 * x
+
+
+@jit.kernel
+def quartered(x):
+    return halved(halved(x))
+
+
+def test_a_kernel_that_kernels_alone_call_refuses_python():
+    """Before it is compiled and after: its machine code has no way in, and a call would end the process."""
+    for _ in range(2):
+        with pytest.raises(TypeError, match="the kernel halved is called by kernels alone"):
+            halved(2.0)
+        assert quartered(2.0) == 0.5
+
+
 def test_kernels_that_make_arrays_say_so():
     """Nothing would free them: numba itself notices only some."""
-    found = {"kernel": [], "allocating": []}
+    found = {"kernel": [], "inner": [], "allocating": []}
     for file in jit.sources():
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.FunctionDef):
@@ -269,7 +287,7 @@ def test_kernels_that_make_arrays_say_so():
                 for decorator in node.decorator_list:
                     if ast.unparse(decorator) in found and any(call in body for call in MAKING):
                         found[ast.unparse(decorator)].append(f"{file.name}: {node.name}")
-    assert not found["kernel"]
+    assert not found["kernel"] + found["inner"]
     assert len(found["allocating"]) > 20
 
 

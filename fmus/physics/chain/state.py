@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 
 Shapes = dict[str, tuple[int, ...]]  # of the views, in order
 
@@ -40,7 +40,7 @@ def copy(source, target):
         target[i] = source[i]
 
 
-@inner
+@kernel
 def take(s, w):
     """Wrenches and sums of the last evaluation are those of the state."""
     for k in range(s.wrench.shape[0]):
