@@ -1,4 +1,4 @@
-"""Kernels compiled in a process beside: components' models are started and take a step, as their FMUs will do.
+"""Kernels compiled in a process beside: a component's model is started and takes a step, as its FMU will do.
 
 What it compiles is found in the cache. What it cannot do, the FMUs will say.
 """
@@ -9,7 +9,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -24,13 +24,15 @@ STEP = 1e-3  # s
 Part = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
 
 
-def begun(parts: Sequence[Part]) -> subprocess.Popen[str] | None:
-    """A process that compiles what the parts need; None where there is nothing to compile."""
-    missing = [part for part in parts if not _done(part[0])]
-    if not missing:
+def begun(part: Part, patience: int = 0) -> subprocess.Popen[str] | None:
+    """A process that compiles what the part needs; None where there is nothing to compile.
+
+    With ``patience`` it gives way to others, as ``nice`` does.
+    """
+    if _done(part[0]):
         return None
     child = subprocess.Popen(
-        [sys.executable, "-m", "fmus.ahead"],
+        [sys.executable, "-m", "fmus.ahead", str(patience)],
         stdin=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env={**os.environ, "PYTHONPATH": str(ROOT.parent)},
@@ -38,7 +40,7 @@ def begun(parts: Sequence[Part]) -> subprocess.Popen[str] | None:
     )
     assert child.stdin is not None
     with child.stdin as orders:
-        json.dump(missing, orders)
+        json.dump(part, orders)
     return child
 
 
@@ -59,18 +61,20 @@ def _done(kind: str) -> bool:
 def _child() -> None:
     from fmus.build import KINDS  # which the parent has no use for
 
-    for kind, config, parameters in json.load(sys.stdin):
-        with suppress(Exception):
-            model = import_module(f"fmus.{KINDS[kind].partition('/')[0]}.model").Model(config)
-            reals = [port for port in model.ports if isinstance(port.start, float)]
-            given = {port.name: port.start for port in model.ports if port.causality == "parameter"}
-            model.initialise(given | parameters)
-            model.step(0.0, STEP, np.array([port.start for port in reals if port.causality == "input"]))
-            model.outputs(np.zeros(sum(port.causality == "output" for port in reals) - model.link_ports))
-            if model.link_ports:
-                model.link_outputs(np.zeros(model.link_ports))
-            own(_mark(kind).parent)
-            keep(_mark(kind), b"")
+    if hasattr(os, "nice"):
+        os.nice(int(sys.argv[1]))
+    kind, config, parameters = json.load(sys.stdin)
+    with suppress(Exception):
+        model = import_module(f"fmus.{KINDS[kind].partition('/')[0]}.model").Model(config)
+        reals = [port for port in model.ports if isinstance(port.start, float)]
+        given = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+        model.initialise(given | parameters)
+        model.step(0.0, STEP, np.array([port.start for port in reals if port.causality == "input"]))
+        model.outputs(np.zeros(sum(port.causality == "output" for port in reals) - model.link_ports))
+        if model.link_ports:
+            model.link_outputs(np.zeros(model.link_ports))
+        own(_mark(kind).parent)
+        keep(_mark(kind), b"")
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
 QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
+LATER = 10  # niceness of a process beside that is not the longest
 
 
 def simulate(
@@ -213,9 +214,9 @@ def _compiled_beside(scene: TrackScene) -> list[subprocess.Popen[str]]:
     parts = reversed(assemble(scene).parts)  # of a kind the first one, which stands where its inputs start
     kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
     kinds.pop("TrackFlexible", None)
-    rigid = [kinds.pop("TrackRigid")] if "TrackRigid" in kinds else []
-    groups = (rigid, list(kinds.values())) if kinds else ()
-    return [process for group in groups if (process := begun(group)) is not None]
+    # the longest first: on two cores the others begin in earnest when the search is done
+    begun_now = [begun(part, 0 if kind == "TrackRigid" else LATER) for kind, part in kinds.items()]
+    return [process for process in begun_now if process is not None]
 
 
 def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
