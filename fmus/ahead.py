@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from fmus.cache import Untrusted, cache_folder, keep, kept, own
-from fmus.jit import ROOT, source_hash
+from fmus.cache import cache_folder, keep, kept, own
+from fmus.jit import COMPILED, ROOT, source_hash
 
 STEP = 1e-3  # s
 Part = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
@@ -31,6 +31,7 @@ def begun(part: Part, patience: int = 0) -> subprocess.Popen[str] | None:
     """
     if _done(part[0]):
         return None
+    COMPILED.info("kernels of %s are compiled beside", part[0])
     child = subprocess.Popen(
         [sys.executable, "-m", "fmus.ahead", str(patience)],
         stdin=subprocess.PIPE,
@@ -52,9 +53,7 @@ def _mark(kind: str) -> Path:
 def _done(kind: str) -> bool:
     try:
         return kept(_mark(kind)) is not None
-    except FileNotFoundError:
-        return False
-    except (OSError, Untrusted):  # nothing would be kept
+    except OSError:  # nothing would be kept
         return True
 
 

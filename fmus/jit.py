@@ -80,6 +80,7 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
     return tuple(found)
 
 
+@cache
 def _locate(module: str, beside: Path) -> Path | None:
     """The source of a module, without importing it: in the folder ``beside``, or where its package was loaded from.
 

@@ -6,11 +6,15 @@ not drawn.
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from typing import Any
 
 from scipy.optimize import brentq
 
+from fmus.cache import cache_folder, keep, kept, own, spared
+from fmus.jit import source_hash
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.report import T_MEAN
 from fmus.track_flexible.model import Model
@@ -24,9 +28,23 @@ def tension_wheel(
 ) -> tuple[float, float]:
     """Place of the wheel ``name`` along x, m, for the mean static ``tension``, N, and the push along -x on it, N.
 
-    ``config`` is that of a track, ``keys`` the table where the user gave links and tension. Raises BadInput when the
-    chain cannot carry that tension with the wheel within 60 mm of its drawn place.
+    ``config`` is that of a track, ``keys`` the table where the user gave links and tension. What was found stays in the
+    cache, for this build. Raises BadInput when the chain cannot carry that tension with the wheel within 60 mm of its
+    drawn place.
     """
+    asked = json.dumps([source_hash(), config, name, tension], sort_keys=True).encode()
+    file = cache_folder() / "places" / hashlib.sha256(asked).hexdigest()[:24] / "place"
+    with spared():
+        if (known := kept(file)) is not None:
+            x, push = json.loads(known)
+            return x, push
+    found = _search(config, name, tension, keys)
+    with spared():
+        keep(own(file.parent) / file.name, json.dumps(found).encode())
+    return found
+
+
+def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> tuple[float, float]:
     track = config["track"]
     at = next(i for i, wheel in enumerate(track["wheels"]) if wheel["name"] == name)
     drawn = float(track["wheels"][at]["position"][0])

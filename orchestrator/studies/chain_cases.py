@@ -91,7 +91,12 @@ def swings_of_steel() -> list[Row]:
     """Linearised about the loaded equilibrium, in the plane."""
     mesh = chain(cable, TRACK, np.full(LINKS, -np.pi / 2), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
-    q = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-13)
+    # a chain without tension resists no swing: Newton begins at the stretch that the weight below each link makes
+    stretch = 1.0 + (LINKS - np.arange(LINKS) - 0.5) * TRACK.rhoA * PITCH * G / TRACK.EA
+    e = mesh.coordinates(mesh.start()).reshape(LINKS, 4, 3)
+    e[:, 2, 2] = -PITCH * np.cumsum(stretch)
+    e[1:, 0, 2], e[:, [1, 3], 2] = e[:-1, 2, 2], -stretch[:, None]
+    q = statics.equilibrium(mesh, mesh.fit(e), steps=1, tolerance=1e-13)
     plane = np.flatnonzero(abs(mesh.B[1::3]).sum(axis=0) == 0.0)
     K = mesh.tangent(q).toarray()[np.ix_(plane, plane)]
     M = mesh.M.toarray()[np.ix_(plane, plane)]

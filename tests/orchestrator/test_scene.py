@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fmus import vehicle
 from fmus.start import start
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import describe
@@ -136,6 +137,15 @@ def test_bad_settings_are_one_sentence(setting, said):
 @pytest.mark.parametrize("quantity", ["600 ms", "0.6", "6e-1s", ".01 min", "0.6 N*s/N", "0.6 m^2*s/m**2"])
 def test_quantities(quantity):
     assert load("hanging_chain", None, [f"run.stop={quantity}"]).run.stop == pytest.approx(0.6)
+
+
+def test_common_units_are_those_of_pint():
+    """To the last bit: which way a quantity is read shows nowhere."""
+    pint, values = vehicle._registry(), np.random.default_rng(3).uniform(0.0, 300.0, 50)
+    for (given, unit), factor in vehicle.COMMON.items():
+        read = vehicle.to_si(unit)
+        for value in values:
+            assert read(f"{value!r} {given}") == value * factor == pint.Quantity(float(value), given).to(unit).magnitude
 
 
 @pytest.mark.parametrize(
