@@ -141,11 +141,11 @@ def test_quantities(quantity):
 
 def test_common_units_are_those_of_pint():
     """To the last bit: which way a quantity is read shows nowhere."""
-    pint, values = vehicle._registry(), np.random.default_rng(3).uniform(0.0, 300.0, 50)
+    pint, values = vehicle._registry(), np.random.default_rng(3).uniform(0.0, 300.0, 50).tolist()
     for (given, unit), factor in vehicle.COMMON.items():
         read = vehicle.to_si(unit)
         for value in values:
-            assert read(f"{value!r} {given}") == value * factor == pint.Quantity(float(value), given).to(unit).magnitude
+            assert read(f"{value!r} {given}") == value * factor == pint.Quantity(value, given).to(unit).magnitude
 
 
 @pytest.mark.parametrize(
