@@ -71,7 +71,7 @@ ALONE = (  # a component without any other
 )
 COUPLED = (
     fixed("tracks first", (), equal(4, 2, 1, 0.5, 0.25, 0.125)),
-    fixed("tracks first, H = 2 h", (), ((4, 2), (2, 1), (1, 0.5), (0.5, 0.25))),
+    fixed("tracks first, H = 2 h", (), ((4, 2), (2, 1), (1.25, 0.625), (1, 0.5), (0.5, 0.25))),
     fixed("tracks first, H = 4 h", (), ((4, 1), (2, 0.5), (1, 0.25))),
     fixed("Gauss-Seidel", ("run.coupling=gauss_seidel",), equal(1, 0.5, 0.25)),
     fixed("Gauss-Seidel, H = 2 h", ("run.coupling=gauss_seidel",), ((4, 2), (2, 1), (1, 0.5), (0.5, 0.25))),
