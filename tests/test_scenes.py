@@ -56,7 +56,7 @@ def test_scene_comes_out_as_expected(ran, name, model):
     assert abs(result["energy"]["residual_relative"]) < CLOSES
 
 
-BRIEF = ("run.stop=0.3 s", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run.outputs=1")
+BRIEF = ("run.stop=0.3 s", "run.step=1 ms", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run.outputs=1")
 
 
 @pytest.mark.parametrize("component", ["chassis", "left_track", "right_track", "left_drive", "right_drive"])

@@ -18,7 +18,7 @@ def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model, height, pitc
     x, y, z, heading = 5.0, -2.0, 0.25, 0.6
     settings = [f"start.position=[{x}, {y}, {z}]", f"start.heading={heading}"]
     settings += [f"start.height={height}", f"start.pitch={pitch}"]
-    scene = placed(load("straight", model, [*settings, "run.stop=2e-3"]))
+    scene = placed(load("straight", model, [*settings, "run.stop=2.5e-3"]))
     path = tmp_path / "start.mcap"
     simulate(scene, path)
     log = Log(path)
@@ -59,7 +59,7 @@ def test_a_side_without_a_track_stands_on_its_wheels(tmp_path):
 
 def test_a_vehicle_falls_as_a_whole_until_it_touches(tmp_path):
     """Upside down too: the common centre of mass falls by g t^2 / 2; and the ground is met where it is."""
-    settings = ("start.height=2.5", "start.pitch=180 deg", "ground.hull=true")
+    settings = ("start.height=2.5", "start.pitch=180 deg", "ground.hull=true", "run.step=1 ms", "track.step=1 ms")
     result, _ = ended(tmp_path, *settings, "run.stop=0.3")
     log = Log(tmp_path / "run.mcap")
     heights = [log.signal(f"{name}.energy.gravity")[1] for name in ("chassis", "left_track", "right_track")]

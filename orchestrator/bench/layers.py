@@ -25,7 +25,7 @@ Row = dict[str, Any]
 
 SCENE, H = "straight", 1e-3
 STOP, QUICK_STOP = 2.0, 0.2  # s; figures are of the second half
-SETTINGS = ("run.step=1 ms", "run.outputs=1", "drive.ramp_start=0 s")  # off at once
+SETTINGS = ("run.step=1 ms", "track.step=1 ms", "run.outputs=1", "drive.ramp_start=0 s")  # off at once
 # row: track model, settings, component; rows of one scene share its log
 COMPONENTS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "track, flexible": ("flexible", (), "left_track"),

@@ -26,7 +26,7 @@ QUICK = ("run.stop=0.5 s", "drive.ramp_start=0 s")  # off at once: the rest at t
 
 def measure(quick: bool, repeats: int) -> list[Table]:
     """Both track models, in their own threads side by side as in any run."""
-    settings = ["run.step=1 ms", "run.outputs=1", *(QUICK if quick else ())]
+    settings = ["run.step=1 ms", "track.step=1 ms", "run.outputs=1", *(QUICK if quick else ())]
     rows = [row(track, settings, repeats) for track in TRACKS]
     note = f"Median of {repeats} runs each, with the least and the most; H = 1 ms, logged at 1 kHz, no estimate."
     return [Table(f"Real-time factor of `{SCENE}`", COLUMNS, rows, (note,))]

@@ -57,7 +57,8 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
         track = scene.track.model_copy(update={"step": internal_step})
         return scene.model_copy(update={"run": run, "track": track})
 
-    stable = scene.track.integrator == "runge_kutta" and scene.track.step is None
+    wanted = scene.track.step and scene.run.step / math.ceil(scene.run.step / scene.track.step - 1e-9)
+    stable = scene.track.integrator == "runge_kutta" and (wanted is None or internal < 0.99 * wanted)
     return Companions(of(internal) if components > 1 else None, of(internal if stable else 2.0 * internal))
 
 

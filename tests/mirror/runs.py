@@ -18,6 +18,7 @@ DRIVE = (
     "drive.ramp_start=0 s", "drive.ramp_time=0.3 s", "drive.speed=12 rad/s", "drive.stop=0.5 s",
     "drive.stop_time=0.1 s", "vehicle.contact.ground.friction=0.9", "run.step=1 ms",
 )  # fmt: skip
+STEPS = "run.step=1 ms", "track.step=1 ms"  # what the tolerances of the checks rest on
 RAISED = "start.height=5 cm", "start.pitch=2 deg"
 # the left drive is slower and controlled, or braked
 TURN = {
@@ -31,7 +32,7 @@ BRAKED = {
 
 
 def vehicle(model: str, *settings: str, overrides=None, duration: float = 0.65) -> Record:
-    scene = load("straight", model, [*PLACE, *DRIVE, *settings])
+    scene = load("straight", model, [*PLACE, *DRIVE, *STEPS, *settings])
     return Record(InProcess(scene, overrides), duration)
 
 

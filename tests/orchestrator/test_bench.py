@@ -218,10 +218,10 @@ def test_growth_with_links():
 
 
 def test_a_vehicle_by_its_clock():
-    row = vehicle_part.row("rigid", ["run.stop=4 ms", "drive.ramp_start=0 s"], 1)
+    row = vehicle_part.row("rigid", ["run.stop=5 ms", "drive.ramp_start=0 s"], 1)
     assert row["factor"] == pytest.approx(1e3 / row["wall"])
     assert row["least"] == row["factor"] == row["most"]
-    assert row["window"] == "0.004 s, off at 0 s"
+    assert row["window"] == "0.005 s, off at 0 s"
 
 
 def test_layers_repeat_the_log(monkeypatch):

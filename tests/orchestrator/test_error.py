@@ -101,6 +101,8 @@ def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     explicit = load("straight", "flexible", ("track.integrator=runge_kutta",))
     alike = companions(explicit, 8e-6, 4.0, 5)
     assert alike.both == alike.coupling, "its stable step cannot be doubled"
+    soft = companions(explicit, explicit.track.step, 4.0, 5)
+    assert soft.both.track.step == 2.0 * soft.coupling.track.step, "the twin: the step that was asked for can"
 
 
 @pytest.mark.parametrize(("step", "known"), [("1 ms", False), ("1 us", True)])
