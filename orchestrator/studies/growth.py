@@ -30,6 +30,7 @@ SIGNALS = (
     "left_drive.torque", "left_track.travel", "left_track.tension.mean", "left_track.tension.max",
     "left_track.energy.contact", "left_track.energy.dissipated", "left_track.ground.force.z",
 )  # fmt: skip
+THEN = ("run.step=1 ms", "track.step=1 ms")  # steps of `straight` and `settle` when the baseline was made
 # Numbers of the vehicle, each changed by one ulp in a run of its own.
 CHANGED = ("gravity", "contact.ground.stiffness", "contact.wheel.stiffness", "suspension.stiffness")
 
@@ -41,6 +42,7 @@ class Pair(NamedTuple):
     track: str
     stop: float  # s
     brief: float  # s, of the quick form
+    settings: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -49,8 +51,8 @@ class Pair(NamedTuple):
 
 
 RUNS = (
-    Pair("straight", "flexible", 4.0, 0.5),
-    Pair("straight", "rigid", 4.0, 0.5),
+    Pair("straight", "flexible", 4.0, 0.5, THEN),
+    Pair("straight", "rigid", 4.0, 0.5, THEN),
     Pair("hard_stop", "flexible", 8.0, 1.0),
     Pair("hard_stop", "rigid", 8.0, 1.0),
 )
@@ -62,7 +64,8 @@ def trajectory(pair: Pair, stop: float, settings: Sequence[str] = ()) -> tuple[F
     A run that is cut short goes on a little: variable steps would end elsewhere where it stops.
     """
     longer = stop if stop == pair.stop else stop + BEYOND
-    scene = load(pair.scene, pair.track, [f"run.stop={longer}", "expect={}", "track.link_outputs=false", *settings])
+    asked = [f"run.stop={longer}", "expect={}", "track.link_outputs=false", *pair.settings, *settings]
+    scene = load(pair.scene, pair.track, asked)
     t = EVERY * np.arange(round(stop / EVERY) + 1.0)
     with logged(scene, pair.name) as path, Log(path) as log:
         return t, np.stack([np.interp(t, *log.signal(name)) for name in SIGNALS], axis=1)

@@ -1,4 +1,4 @@
-"""Errors of default runs against the truth of their scene, over windows whose truth takes minutes at most."""
+"""Errors of runs with the steps of the baseline's day against the truth of their scene, over windows whose truth takes minutes at most."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 from orchestrator.execution.truth import ORDER, truth
 from orchestrator.results.difference import differences_of_logs
 from orchestrator.scene.scene import load
+from orchestrator.studies.growth import THEN
 from orchestrator.studies.runs import logged, sampled
 
 
@@ -25,14 +26,14 @@ class Window(NamedTuple):
         return f"{self.scene}, {self.track}, {self.stop:g} s"
 
 
-EARLY = ("drive.ramp_start=0.2 s", "drive.ramp_time=2 s")  # no long rest before; no friction beyond that of the ground
+EARLY = ("drive.ramp_start=0.2 s", "drive.ramp_time=2 s", *THEN)  # no long rest before; no friction beyond that of the ground
 WINDOWS = (
     Window("straight", "flexible", 2.0, EARLY, 150.0),
     Window("straight", "rigid", 2.0, EARLY, 60.0),
     Window("hard_stop", "flexible", 2.0, (), 150.0),
     Window("hard_stop", "rigid", 2.0, (), 60.0),
-    Window("settle", "flexible", 0.3),
-    Window("settle", "rigid", 0.3),
+    Window("settle", "flexible", 0.3, THEN),
+    Window("settle", "rigid", 0.3, THEN),
     Window("rig", "flexible", 1.0, ("drive.ramp_time=0.5 s",), 60.0),
     Window("rig", "rigid", 1.0, ("drive.ramp_time=0.5 s",)),
     Window("sprocket_bench", "flexible", 0.5),
@@ -45,7 +46,7 @@ WINDOWS = (
 
 
 def errors(window: Window) -> dict[str, dict[str, float]]:
-    """Relative error of the default run by observable, and how far the truth itself can be doubted.
+    """Relative error of the run by observable, and how far the truth itself can be doubted.
 
     Builds the truth where the cache has none. Raises TruthFailed, BadInput, ComponentFailed or RuntimeError.
     """
