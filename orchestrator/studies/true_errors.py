@@ -1,4 +1,4 @@
-"""Errors of runs with the steps of the baseline's day against the truth of their scene, over windows whose truth takes minutes at most."""
+"""Errors of runs against the truth of their scene, by the steps of the baseline, over windows of minutes at most."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ class Window(NamedTuple):
         return f"{self.scene}, {self.track}, {self.stop:g} s"
 
 
-EARLY = ("drive.ramp_start=0.2 s", "drive.ramp_time=2 s", *THEN)  # no long rest before; no friction beyond that of the ground
+# no long rest before; no friction beyond that of the ground
+EARLY = ("drive.ramp_start=0.2 s", "drive.ramp_time=2 s", *THEN)
 WINDOWS = (
     Window("straight", "flexible", 2.0, EARLY, 150.0),
     Window("straight", "rigid", 2.0, EARLY, 60.0),
