@@ -101,7 +101,7 @@ SCENES: dict[str, tuple[float, float, tuple[str, ...], tuple[tuple[str, Side, Si
             ("the right half", Side(), HALF),
             ("lateral dofs", HALF, PLANAR),
             ("right half and lateral dofs", Side(), PLANAR),
-            ("outputs per link every 20 steps", Side(), NO_LINKS),
+            ("outputs per link every 20 ms", Side(), NO_LINKS),
             ("outputs per link every step", Side(("run.links=1",)), NO_LINKS),
             ("nine outputs of ten", Side(), Side(("run.outputs=10",))),
             ("the estimate of the error", Side(estimated=True), Side()),
