@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 PATIENCE = 4.0  # s without a word
 KERNELS = "cotrack.kernels"  # the logger that is told of each kernel that has to be compiled
-FIRST = "kernels are compiled for this machine, which happens once and takes about a minute"
+FIRST = "kernels are compiled for this machine, which happens once and takes about half a minute"
 
 
 class Narration(logging.Handler):

@@ -1,7 +1,7 @@
 """What precision costs: settings of scenes with the error and the run time that a study found for them.
 
-The gallery's own are shipped beside the scenes; what ``cotrack study error-runtime`` finds here replaces them. A table
-that was written here has a checksum.
+The gallery's own are shipped beside the scenes and name the commit that they were measured at; what ``cotrack study
+error-runtime`` finds here replaces them. A table has a checksum.
 """
 
 from __future__ import annotations
@@ -57,11 +57,9 @@ def _rows(file: Path) -> list[Setting]:
         if file == own():
             check(file.parent)
         table = json.loads(file.read_text(encoding="utf-8"))
-        if isinstance(table, dict):  # what is shipped has no checksum
-            if table["sha256"] != _checksum(table["rows"]):
-                raise ValueError
-            table = table["rows"]
-        return [Setting(**row) for row in table]
+        if table["sha256"] != _checksum(table["rows"]):
+            raise ValueError
+        return [Setting(**row) for row in table["rows"]]
     except FileNotFoundError:
         return []
     except Untrusted as error:

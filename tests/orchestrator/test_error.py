@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 
 import numpy as np
@@ -210,6 +211,7 @@ def test_fractions():
 
 def test_shipped_settings_are_sound():
     """Every one loads, and their scenes are those of the gallery."""
+    assert re.fullmatch("[0-9a-f]{40}", json.loads(precision.SHIPPED.read_text())["commit"])
     shipped = precision.read(precision.SHIPPED)
     assert {row.scene for row in shipped} >= {"hanging_chain", "rig", "straight"}
     for row in shipped:
