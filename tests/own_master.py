@@ -12,7 +12,7 @@ from fmpy.fmi2 import FMU2Slave
 MOTION = [f"{group}.{axis}" for group in ("position", "orientation", "velocity", "angular_velocity")
           for axis in ("wxyz" if group == "orientation" else "xyz")]  # fmt: skip
 WRENCH = [f"{group}.{axis}" for group in ("force", "torque") for axis in "xyz"]
-H = 1e-3  # s
+H = 1.25e-3  # s
 
 
 def load(folder, kind, name):

@@ -20,7 +20,7 @@ import own_master
 for speed in (None, 20.5):
     print(own_master.main(sys.argv[2], sys.argv[3], stop=0.05, speed=speed))
 """
-BRIEF = ("run.stop=0.05 s", "run.step=1 ms", "run.outputs=1", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s")
+BRIEF = ("run.stop=0.05 s", "run.outputs=1", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s")
 
 
 @pytest.mark.parametrize(("model", "kind"), [("flexible", "TrackFlexible"), ("rigid", "TrackRigid")])
