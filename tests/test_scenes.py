@@ -248,7 +248,7 @@ def alike(a, b, topic, least=0.0):
     assert apart[force].max(initial=0.0) < 1e-8
 
 
-HALF = ("run.stop=0.3 s", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run.outputs=1", "symmetric=true")
+HALF = (*BRIEF, "symmetric=true")
 
 
 def test_half_a_vehicle_moves_like_the_whole(ran):
