@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import inner, kernel
+from fmus.physics.inverse import invert
 
 
 class Factors(NamedTuple):
@@ -39,44 +40,6 @@ def workspace(n: int, m: int) -> Factors:
     """Room for the factors of ``n`` blocks of size ``m``; a closed chain has n >= 2."""
     E, G, H, F = np.zeros((4, n, m, m))
     return Factors(E, G, H, F, (0,) * m)
-
-
-@kernel
-def invert(A, swap, size=()):
-    """Invert ``A`` (m, m) in place, Gauss-Jordan with row exchanges; False when it is singular.
-
-    ``swap`` (m) is scratch; a tuple ``size`` of length m makes it twice as fast.
-    """
-    m = len(size) if len(size) > 0 else A.shape[0]
-    for k in range(m):
-        p = k
-        best = abs(A[k, k])
-        for r in range(k + 1, m):
-            if abs(A[r, k]) > best:
-                best = abs(A[r, k])
-                p = r
-        swap[k] = p
-        if not (best > 0.0 and best < np.inf):
-            return False
-        if p != k:
-            for c in range(m):
-                A[k, c], A[p, c] = A[p, c], A[k, c]
-        pivot = 1.0 / A[k, k]
-        A[k, k] = 1.0
-        for c in range(m):
-            A[k, c] *= pivot
-        for r in range(m):
-            if r != k:
-                s = A[r, k]
-                A[r, k] = 0.0
-                for c in range(m):
-                    A[r, c] -= s * A[k, c]
-    for k in range(m - 1, -1, -1):
-        p = int(swap[k])
-        if p != k:
-            for r in range(m):
-                A[r, k], A[r, p] = A[r, p], A[r, k]
-    return True
 
 
 @inner

@@ -38,10 +38,11 @@ class Case(NamedTuple):
     ground: bool
     stop: float  # s
     quick: float  # end of a quick form, s
+    planar: bool = False  # of cables without their lateral dofs, as the peers' are
 
 
 CASES = {
-    "flexible": Case("flexible", False, 1.0, 0.1),
+    "flexible": Case("flexible", False, 1.0, 0.1, planar=True),
     "rigid": Case("rigid", False, 1.0, 0.1),
     "rigid, on the ground": Case("rigid", True, 0.3, 0.1),
 }
@@ -76,6 +77,7 @@ def scene(case: Case, links: int = LINKS, *settings: str) -> TrackScene:
         f"chain.spin={SPIN * LINKS / links!r}",
         f"chain.ovalling={0.0 if case.ground else OVALLING * LINKS / links!r}",
         "track.start=polygon",
+        f"planar={str(case.planar).lower()}",
     ]
     return own.scene(SCENE, case.track, [*given, *settings])
 

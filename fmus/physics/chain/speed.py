@@ -23,12 +23,14 @@ def chain_speed(x, v, closed, carrier):
     (p0, p1, p2), (c0, c1, c2), (w0, w1, w2), _ = carrier
     total = weight = 0.0
     for i in range(links):
-        a, b = i - 1, i + 2
         if closed:
-            a, b = a % nodes, b % nodes
+            a, j, b = (
+                i - 1 if i > 0 else nodes - 1,
+                i + 1 if i + 1 < nodes else 0,
+                i + 2 if i + 2 < nodes else i + 2 - nodes,
+            )
         else:
-            a, b = max(a, 0), min(b, nodes - 1)
-        j = i + 1 if i + 1 < nodes else 0
+            a, j, b = max(i - 1, 0), i + 1, min(i + 2, nodes - 1)
         # of the angle between the neighbours: its cosine
         dot = size_before = size_after = size = speed = 0.0
         for k in range(x.shape[1]):

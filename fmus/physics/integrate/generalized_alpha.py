@@ -63,4 +63,5 @@ def slopes(c, h):
 @allocating
 def auxiliary(c, a0, vdot0, vdot1):
     """The auxiliary acceleration a1 (or impulse rate W1) that goes with the true one at both ends."""
-    return ((1.0 - c.alpha_f) * vdot1 + c.alpha_f * vdot0 - c.alpha_m * a0) / (1.0 - c.alpha_m)
+    per = 1.0 / (1.0 - c.alpha_m)  # one division for all coordinates
+    return per * ((1.0 - c.alpha_f) * vdot1 + c.alpha_f * vdot0 - c.alpha_m * a0)

@@ -22,6 +22,7 @@ import numpy as np
 
 from fmus.jit import inner, kernel
 from fmus.physics import block_cyclic
+from fmus.physics.inverse import invert
 from fmus.physics.rigid import pin
 
 STIFFNESS = 1e9  # of the closing pin, N/m along its axis
@@ -112,7 +113,7 @@ def factor(half, ends, s, scale):
     SA, SU, SL = s.S[0], s.S[1], s.S[2]
     SA[:] = 0.0
     for i in range(n):
-        if not block_cyclic.invert(s.K[i], s.P[0], SIX):
+        if not invert(s.K[i], s.P[0], SIX):
             return i
         j = (i + 1) % p
         _complement(half, s.A[i], s.K[i], s.WQ[i], s.WP[j], s.P, SA[i], SU[i], SL[j], SA[j])

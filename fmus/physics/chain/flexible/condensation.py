@@ -13,10 +13,10 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import inner, kernel
-from fmus.physics.block_cyclic import invert
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.elements import layout, lever
 from fmus.physics.chain.flexible.pins import pin_loads
+from fmus.physics.inverse import invert
 
 
 @inner
