@@ -2,17 +2,30 @@
 
 import numpy as np
 import pytest
+from numba import njit
 from scipy.spatial.transform import Rotation
 
-from fmus.physics.chain.carrier import carrier
+from fmus.physics.chain import carrier as carriers
+from fmus.physics.chain import speed
 from fmus.physics.chain.layout import closed_polygon
-from fmus.physics.chain.speed import chain_speed
 from fmus.physics.wheels import WIDTH
 
 PITCH, LINKS = 0.1524, 64
 CENTRES = np.array([[0.0, 0.0], *([x, -0.215] for x in (-0.655, -1.322, -1.989, -2.656, -3.322)), [-4.0, -0.12]])
 RADII = np.array([0.2466, *5 * [0.334], 0.291])
 PASSING = 4.85  # m/s over the carrier
+
+_carrier, _chain_speed = carriers.carrier, speed.chain_speed  # which kernels alone call
+
+
+@njit
+def carrier(rows, mount):
+    return _carrier(rows, mount)
+
+
+@njit
+def chain_speed(x, v, closed, carrier):
+    return _chain_speed(x, v, closed, carrier)
 
 
 def vehicle(turned=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0), spin=20.0):

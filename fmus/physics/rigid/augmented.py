@@ -133,7 +133,7 @@ def factor(half, ends, s, scale):
     return block_cyclic.factor(SA, SU, SL, s.factors, ends.closed)
 
 
-@kernel
+@inner
 def _absent(j, SA, SU, SL):
     """Pin ``j`` of an open chain holds nothing: ones on its diagonal, no coupling."""
     p = SA.shape[0]
@@ -148,7 +148,7 @@ def _absent(j, SA, SU, SL):
         SL[j + 1] = 0.0
 
 
-@kernel
+@inner
 def compliance(ends, s, lam):
     """Add the give of the closing pin under its multipliers ``lam`` (p, 5) to the residual C."""
     n = s.K.shape[0]

@@ -14,20 +14,20 @@ from fmus.physics.chain.sums import END_POWER
 from fmus.physics.rigid import body
 
 
-@kernel
+@inner
 def end_work(links, env, h, s, w):
     """See ``kinds``; by the powers at the beginning and at the end of the step."""
     return 0.5 * h * (s.sums[END_POWER] + w.sums[END_POWER])
 
 
-@kernel
+@inner
 def speed(links, env, s, w):
     """See ``kinds``."""
     pin_motion(links, s, w)
     return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.moved, env.mount))
 
 
-@kernel
+@inner
 def first_speed(links, env, s, w, report):
     """See ``kinds``."""
     return speed(links, env, s, w)

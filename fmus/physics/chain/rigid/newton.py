@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import allocating, inner, kernel
+from fmus.jit import allocating, inner
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.chain.rigid.links import residual
@@ -66,7 +66,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
     return STALLED, max(where, 0), _largest(y.r)
 
 
-@kernel
+@inner
 def _largest(r):
     """Absolute entry of the residuals (n, 6)."""
     most = 0.0
