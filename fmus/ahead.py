@@ -21,10 +21,10 @@ from fmus.cache import cache_folder, keep, kept, own
 from fmus.jit import COMPILED, ROOT, source_hash
 
 STEP = 1e-3  # s
-Part = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
+Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
 
 
-def begun(part: Part, patience: int = 0) -> subprocess.Popen[str] | None:
+def begun(part: Recipe, patience: int = 0) -> subprocess.Popen[str] | None:
     """A process that compiles what the part needs; None where there is nothing to compile.
 
     With ``patience`` it gives way to others, as ``nice`` does.

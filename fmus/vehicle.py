@@ -89,20 +89,20 @@ Stiffness = Annotated[float, In("N/m", ge=0)]
 Damping = Annotated[float, In("N s/m", ge=0)]
 
 
-class Part(BaseModel):
+class Table(BaseModel):
     """Frozen, and refuses keys it does not know."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Chassis(Part):  # noqa: D101
+class Chassis(Table):  # noqa: D101
     mass: Mass
     inertia: tuple[Inertia, Inertia, Inertia]  # roll, pitch, yaw
     centre: tuple[Length, Length, Length]
     hull: tuple[tuple[Length, Length, Length], ...] = ()  # points that can touch the ground
 
 
-class Sprocket(Part):  # noqa: D101
+class Sprocket(Table):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
@@ -114,7 +114,7 @@ class Sprocket(Part):  # noqa: D101
     tip_radius: Distance
 
 
-class Idler(Part):  # noqa: D101
+class Idler(Table):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
@@ -124,7 +124,7 @@ class Idler(Part):  # noqa: D101
     z: Length
 
 
-class RoadWheel(Part):  # noqa: D101
+class RoadWheel(Table):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
@@ -134,14 +134,14 @@ class RoadWheel(Part):  # noqa: D101
     z: Length
 
 
-class RoadArm(Part):  # noqa: D101
+class RoadArm(Table):  # noqa: D101
     mass: Mass
     pin_inertia: Inertia
     long_inertia: Inertia
     pivot: tuple[Length, Length]  # (x, z) from the wheel centre
 
 
-class Suspension(Part):  # noqa: D101
+class Suspension(Table):  # noqa: D101
     stiffness: Stiffness
     damping: Damping
     on_arm: tuple[Length, Length]
@@ -149,13 +149,13 @@ class Suspension(Part):  # noqa: D101
     preload: Force
 
 
-class Tensioner(Part):  # noqa: D101
+class Tensioner(Table):  # noqa: D101
     stiffness: Stiffness
     damping: Damping
     preload: Force
 
 
-class Track(Part):  # noqa: D101
+class Track(Table):  # noqa: D101
     links: Annotated[int, Field(ge=4, le=4096)]
     lateral: Length
     pitch: Distance
@@ -166,7 +166,7 @@ class Track(Part):  # noqa: D101
     tension: Force
 
 
-class Section(Part):  # noqa: D101
+class Section(Table):  # noqa: D101
     area: Annotated[float, In("m^2", gt=0)]
     bending: Annotated[float, In("m^4", gt=0)]
     lateral_bending: Annotated[float, In("m^4", gt=0)]
@@ -174,13 +174,13 @@ class Section(Part):  # noqa: D101
     outer_fibre: Distance
 
 
-class Material(Part):  # noqa: D101
+class Material(Table):  # noqa: D101
     youngs_modulus: Annotated[float, In("Pa", gt=0)]
     shear_modulus: Annotated[float, In("Pa", gt=0)]
     relaxation_time: Annotated[float, In("s", ge=0)]
 
 
-class Law(Part):
+class Law(Table):
     """One contact: its normal law with spring and damper, regularised Coulomb friction."""
 
     law: Literal["linear", "hunt_crossley"] = "linear"
@@ -190,13 +190,13 @@ class Law(Part):
     friction_velocity: Annotated[float, In("m/s", gt=0)]
 
 
-class Contact(Part):  # noqa: D101
+class Contact(Table):  # noqa: D101
     sprocket: Law
     wheel: Law
     ground: Law
 
 
-class Guide(Part):  # noqa: D101
+class Guide(Table):  # noqa: D101
     clearance: Annotated[float, In("m", ge=0)]
 
 
@@ -217,7 +217,7 @@ def _fits(vehicle: Vehicle) -> Vehicle:
     return vehicle
 
 
-class VehicleTable(Part):
+class VehicleTable(Table):
     """Everything that is known of a vehicle, SI, in its start position."""
 
     name: str

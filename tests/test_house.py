@@ -54,7 +54,7 @@ GENERIC = (
     "execution/replays.py",
 )
 DOORS = {
-    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.contents", "fmus.vehicle", "fmus.ports", "fmus.tensioning",
+    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.loaded", "fmus.vehicle", "fmus.ports", "fmus.tensioning",
     "fmus.monolith.model",
 }  # fmt: skip
 # scenes without an FMU, studies of the mechanics and the motion that other codes are given need the mechanics

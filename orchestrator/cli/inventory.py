@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from math import isclose
 from typing import Any
 
-from fmus.contents import contents
+from fmus.loaded import contents
 from orchestrator.scene.assembly import DRIVE, TRACK, TRACKS, Assembly, Part, assemble
 from orchestrator.scene.scene import Scene, TrackScene, VehicleScene
 from orchestrator.scene.tables import Check

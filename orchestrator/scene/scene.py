@@ -12,8 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.vehicle import BadInput, Vehicle, read_table, sentence, shown
-from fmus.vehicle import Part as Table
+from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery
 from orchestrator.scene.settings import keys, merged, put, setting
 from orchestrator.scene.tables import (

@@ -7,8 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fmus.vehicle import Distance, Force, In, Mass
-from fmus.vehicle import Part as Table
+from fmus.vehicle import Distance, Force, In, Mass, Table
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
 from orchestrator.scene.gallery import hint

@@ -17,7 +17,7 @@ from orchestrator.studies.compared import checked, of_order
 from orchestrator.studies.orders import order_of, rate_of
 from orchestrator.studies.tables import Row
 from orchestrator.without_fmu.ancf import bspline, dynamics, joints, sliding
-from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Tie, nodes
+from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Tie, nodes
 from orchestrator.without_fmu.meshes import (
     AREA,
     MODULUS,
@@ -205,7 +205,7 @@ def pin_counts() -> list[Row]:
     )
     for name, kind, c, pin, rank in kinds:
         ties = [Tie((0, 1), (1, 0), pin)]
-        mesh = Mesh([Part(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, 2))], ties)
+        mesh = Mesh([Member(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, 2))], ties)
         found = int(np.linalg.matrix_rank(mesh.constraints(ties)))
         rows.append(checked("", f"pin of the {name}, rank of its equations", found, rank, 0.0))
         own = 24 if kind is beam else 12

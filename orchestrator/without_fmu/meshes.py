@@ -15,7 +15,7 @@ from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.arrays import Floats
 from orchestrator.without_fmu.ancf import corner, joints, loads, sliding, statics, torsion
-from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
+from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
 
 ELASTICITIES: dict[str, Any] = {
     "small_deformation": cable,
@@ -39,7 +39,7 @@ def line(kind: Any, c: Any, n: int, supports: Any) -> Mesh:
     """A straight line of ``n`` elements from the origin along x; ``supports``: ends and what makes them held."""
     rows = kind.ROWS // 2
     held = [Support(end, own(rows)) for end, own in supports]
-    return Mesh([Part(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], in_a_row(rows, n), held)
+    return Mesh([Member(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], in_a_row(rows, n), held)
 
 
 def cantilever(kind: Any, n: int, slender: float, **kind_of: Any) -> Mesh:
@@ -143,7 +143,7 @@ def chain(kind: Any, c: Any, angles: Floats, closed: bool = False, held: bool = 
         j = (k + 1) % n
         pin = joints.pin_beam(Y, frames[k], frames[j]) if kind is beam else joints.pin_cable(Y)
         ties.append(Tie((k, 1), (j, 0), pin))
-    return Mesh([Part(kind, c, e)], ties, [Support((0, 0), joints.held(rows))] if held else [])
+    return Mesh([Member(kind, c, e)], ties, [Support((0, 0), joints.held(rows))] if held else [])
 
 
 def polygon(n: int) -> Floats:
@@ -179,10 +179,10 @@ def cornered(kind: Any, sections: Sequence[Any], angles: Iterable[float], n: int
     Each has ``n`` elements of its own section; the first one may be clamped.
     """
     first, rows = sections[0], kind.ROWS // 2
-    parts, ties = [Part(kind, first, nodes(kind, [0, 0, 0], np.eye(3), first.l, n))], in_a_row(rows, n)
+    parts, ties = [Member(kind, first, nodes(kind, [0, 0, 0], np.eye(3), first.l, n))], in_a_row(rows, n)
     for k, (c, angle) in enumerate(zip(sections[1:], angles, strict=True), start=1):
         frame = rotation([0, -1, 0], np.radians(angle))
-        parts.append(Part(kind, c, nodes(kind, [n * first.l, 0, 0], frame, c.l, n)))
+        parts.append(Member(kind, c, nodes(kind, [n * first.l, 0, 0], frame, c.l, n)))
         joint = joints.rigid_beam(np.eye(3), frame) if kind is beam else joints.rigid_cable(frame)
         ties += [Tie((n - 1, 1), (k * n, 0), joint), *in_a_row(rows, n, k * n)]
     return Mesh(parts, ties, [Support((0, 0), joints.clamped(rows))] if clamped else [])

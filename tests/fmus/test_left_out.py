@@ -79,7 +79,7 @@ def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
 
 def test_contents_are_what_a_component_loads():
     """A child that compiles nothing loads all that a real step loads, and neither loads the rest."""
-    from fmus.contents import contents
+    from fmus.loaded import contents
     from fmus.vehicle import read_table, vehicle
 
     table = vehicle(*read_table("m113")).model_dump()
@@ -104,7 +104,7 @@ def test_contents_are_what_a_component_loads():
 
 @pytest.mark.parametrize("spin", [0.0, 5.0])
 def test_a_loop_that_spins_is_stretched(spin):
-    from fmus.contents import contents
+    from fmus.loaded import contents
     from fmus.vehicle import read_table, vehicle
 
     track = {"links": 64, "closed": True, "wheels": [], "ground": False, "gravity": 0.0, "ends": None}

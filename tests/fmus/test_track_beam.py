@@ -151,7 +151,7 @@ def test_a_hanging_chain_finds_the_equilibrium_of_the_library():
     observe(model.link, model.environment, model.s, model.work, model.report)
     steel = hanging(links=16, element="beam")
     assert abs(coordinates(steel) - coordinates(model)).max() > 1e-3
-    part = mesh.Part(library, model.link.element, coordinates(steel))
+    part = mesh.Member(library, model.link.element, coordinates(steel))
     ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_beam(Y)) for k in range(n - 1)]
     free = joints.pin_beam(Y).own  # r and r_y are the ground's
     whole = mesh.Mesh([part], ties, [mesh.Support((0, 0), free), mesh.Support((n - 1, 1), free)])

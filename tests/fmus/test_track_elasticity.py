@@ -194,7 +194,7 @@ def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
     start = hanging(links=n, elasticity=other, **SOFT)
     assert abs(model.s.q[:, :3] - start.s.q[:, :3]).max() > 1e-3
     found = coordinates(model)
-    part = mesh.Part(LIBRARY[elasticity], model.link.element, coordinates(start))
+    part = mesh.Member(LIBRARY[elasticity], model.link.element, coordinates(start))
     ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
     held = [mesh.Support((0, 0), joints.held(2)), mesh.Support((n - 1, 1), joints.held(2))]
     whole = mesh.Mesh([part], ties, held)

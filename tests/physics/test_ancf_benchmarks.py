@@ -15,7 +15,7 @@ from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.ancf.cable import Cable
 from orchestrator.without_fmu.ancf import chord, dynamics, joints, loads, statics, torsion
 from orchestrator.without_fmu.ancf.cholesky import CholeskyMesh
-from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
+from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
 
 CABLES = [cable, cable_general, cable_engineering]
 CURES = {"nu = 0": {"nu": 0.0, "split": False}, "split": {"nu": 0.3, "split": True}}
@@ -37,7 +37,7 @@ def section(kind, n, slender, nu=0.0, split=False, stiffer=1.0):
 def line(kind, c, n, supports):
     rows = kind.ROWS // 2
     held = [Support(end, own(rows)) for end, own in supports]
-    return Mesh([Part(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], in_a_row(rows, n), held)
+    return Mesh([Member(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], in_a_row(rows, n), held)
 
 
 def cantilever(kind, n, slender, **kind_of):
@@ -346,7 +346,7 @@ def test_energy_of_a_soft_chain_released_from_the_horizontal(kind, worst):
     """16 links, EA = 1e5 N: the error of the energy, as a share of the largest strain energy."""
     c, n = Cable(0.1524, 118.0, 1e5, 20.0, 0.0, 0.0), 16
     ties = [Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
-    mesh = kind([Part(cable, c, nodes(cable, [0, 0, 0], np.eye(3), c.l, n))], ties, [Support((0, 0), joints.held(2))])
+    mesh = kind([Member(cable, c, nodes(cable, [0, 0, 0], np.eye(3), c.l, n))], ties, [Support((0, 0), joints.held(2))])
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -9.81]))
     q, error, strain = mesh.start(), 0.0, 0.0
     for _, p, v in dynamics.runge_kutta(mesh, q, np.zeros(mesh.n), 0.8 / 1600, 1600):

@@ -10,7 +10,7 @@ from fmus.physics.ancf import beam, cable, cable_general
 from fmus.physics.ancf.cable import Cable
 from orchestrator.without_fmu.ancf import corner as corners
 from orchestrator.without_fmu.ancf import joints, loads, statics, torsion
-from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Support, Tie, in_a_row, nodes
+from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
 
 PITCH = 0.1524
 LINK = Cable(PITCH, 18.0 / PITCH, 2e11 * 0.01516, 2e11 * 2.03e-6, 0.0, 0.0)
@@ -41,7 +41,7 @@ def chain(kind, c, n, closed):
         j = (k + 1) % n
         pin = joints.pin_beam(Y, frames[k], frames[j]) if kind is beam else joints.pin_cable(Y)
         ties.append(Tie((k, 1), (j, 0), pin))
-    return Mesh([Part(kind, c, e)], ties), ties
+    return Mesh([Member(kind, c, e)], ties), ties
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ A30 = [0.5, np.sqrt(0.75), 0.0]
 def test_rank_of_what_a_joint_eliminates(kind, joint, rank):
     c = SHOE if kind is beam else LINK
     ties = [Tie((0, 1), (1, 0), joint)]
-    mesh = Mesh([Part(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, 2))], ties)
+    mesh = Mesh([Member(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, 2))], ties)
     C = mesh.constraints(ties)
     assert np.linalg.matrix_rank(C) == joint.equations == rank == mesh.equations
     assert abs(C @ mesh.B.toarray()).max() < 1e-14
@@ -114,7 +114,7 @@ def test_a_pin_turns_freely_through_360_degrees(kind, axis):
     frames = np.eye(3), rotation([0, 0, 1], 0.4) if kind is beam else np.eye(3)
     e = np.concatenate([nodes(kind, [0, 0, 0], frames[0], c.l, 1), nodes(kind, [c.l, 0, 0], frames[1], c.l, 1)])
     pin = joints.pin_beam(axis, *frames) if kind is beam else joints.pin_cable(axis)
-    mesh = Mesh([Part(kind, c, e)], [Tie((0, 1), (1, 0), pin)])
+    mesh = Mesh([Member(kind, c, e)], [Tie((0, 1), (1, 0), pin)])
     middle, half = np.array([c.l, 0, 0]), kind.ROWS // 2
 
     def second_turned(about, angle):
@@ -152,11 +152,11 @@ def test_an_end_follows_once():
     e = nodes(cable, [0, 0, 0], np.eye(3), 1.0, 2)
     tie = Tie((0, 1), (1, 0), joints.smooth(2))
     with pytest.raises(ValueError, match="one other end or one support"):
-        Mesh([Part(cable, LINK, e)], [tie, tie])
+        Mesh([Member(cable, LINK, e)], [tie, tie])
     with pytest.raises(ValueError, match="one other end or one support"):
-        Mesh([Part(cable, LINK, e)], [tie], [Support((1, 0), joints.clamped(2))])
+        Mesh([Member(cable, LINK, e)], [tie], [Support((1, 0), joints.clamped(2))])
     with pytest.raises(ValueError, match="follows itself"):
-        Mesh([Part(cable, LINK, e)], [tie, Tie((1, 0), (0, 1), joints.smooth(2))])
+        Mesh([Member(cable, LINK, e)], [tie, Tie((1, 0), (0, 1), joints.smooth(2))])
 
 
 # Corners -----------------------------------------------------------------------------------------------------------
@@ -170,10 +170,10 @@ def corner(kind, c, name, n=2):
     for angle in SECTIONS[name]:
         degrees, axis = angle if isinstance(angle, tuple) else (angle, [0, -1, 0])
         frames.append(rotation(axis, np.radians(degrees)))
-    parts = [Part(kind, c, nodes(kind, [0, 0, 0], frames[0], c.l, n))]
+    parts = [Member(kind, c, nodes(kind, [0, 0, 0], frames[0], c.l, n))]
     ties = in_a_row(kind.ROWS // 2, n)
     for k, frame in enumerate(frames[1:], start=1):
-        parts.append(Part(kind, c, nodes(kind, [n * c.l, 0, 0], frame, c.l, n)))
+        parts.append(Member(kind, c, nodes(kind, [n * c.l, 0, 0], frame, c.l, n)))
         joint = joints.rigid_beam(frames[0], frame) if kind is beam else joints.rigid_cable(frame)
         ties += [Tie((n - 1, 1), (k * n, 0), joint), *in_a_row(kind.ROWS // 2, n, k * n)]
     return Mesh(parts, ties)
@@ -222,8 +222,8 @@ def frame_tip(kind, n, stiffer=1.0, h=0.05, rigid=100.0):
     joint = joints.rigid_beam(np.eye(3), up) if kind is beam else joints.rigid_cable(up)
     mesh = Mesh(
         [
-            Part(kind, one, nodes(kind, [0, 0, 0], np.eye(3), one.l, n)),
-            Part(kind, two, nodes(kind, [L1, 0, 0], up, two.l, n)),
+            Member(kind, one, nodes(kind, [0, 0, 0], np.eye(3), one.l, n)),
+            Member(kind, two, nodes(kind, [L1, 0, 0], up, two.l, n)),
         ],
         [*in_a_row(rows, n), Tie((n - 1, 1), (n, 0), joint), *in_a_row(rows, n, n)],
         [Support((0, 0), joints.clamped(rows))],

@@ -7,7 +7,7 @@ import pytest
 
 from fmus.physics.ancf import beam
 from orchestrator.without_fmu.ancf import joints, modes, torsion
-from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Tie
+from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Tie
 from orchestrator.without_fmu.ancf.stress import strains
 
 L, WIDTH, HEIGHT = 0.1524, 0.06, 0.04
@@ -70,7 +70,7 @@ def test_a_mesh_with_this_pin_can_move_in_every_mode(axis):
     """The pin that meshes eliminate is the same: 48 - 6 coordinates, all modes among them, no other pin's."""
 
     def misfit(pin, pair):
-        mesh = Mesh([Part(beam, STEEL, modes.straight(L))], [Tie((0, 1), (1, 0), joints.pin_beam(pin))])
+        mesh = Mesh([Member(beam, STEEL, modes.straight(L))], [Tie((0, 1), (1, 0), joints.pin_beam(pin))])
         assert mesh.n == 42
         return np.abs(mesh.coordinates(mesh.fit(pair)) - pair.ravel()).max()
 

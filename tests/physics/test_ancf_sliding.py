@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import Cable
 from orchestrator.without_fmu.ancf import sliding
-from orchestrator.without_fmu.ancf.mesh import Mesh, Part, in_a_row, nodes
+from orchestrator.without_fmu.ancf.mesh import Member, Mesh, in_a_row, nodes
 
 L, N = 2.0, 6  # the rail, m, and its elements
 KINDS = ("point", "cable")
@@ -148,7 +148,7 @@ def test_the_rail_is_the_mesh_of_cables():
     """Mass, strain energy and force of the rail alone against the mesh with its joints eliminated."""
     b, _, s = disturbed("point", smooth=False)
     c = Cable(L / N, 0.5, 4e3, 2.0, 0.0, 0.0)
-    mesh = Mesh([Part(cable, c, nodes(cable, [0, 0, 0], np.eye(3), c.l, N))], in_a_row(2, N))
+    mesh = Mesh([Member(cable, c, nodes(cable, [0, 0, 0], np.eye(3), c.l, N))], in_a_row(2, N))
     X = s.X[:-1]
     e = np.array([X[2 * k : 2 * k + 4] for k in range(N)])
     q = mesh.fit(e)

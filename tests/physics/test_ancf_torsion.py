@@ -9,7 +9,7 @@ from scipy.optimize import root
 
 from fmus.physics.ancf import beam
 from orchestrator.without_fmu.ancf import joints, loads, statics, torsion
-from orchestrator.without_fmu.ancf.mesh import Mesh, Part, Support, in_a_row, nodes
+from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Support, in_a_row, nodes
 
 E, SHEAR = 1e9, 5 / 6
 CURES = {"nu = 0": (0.0, False), "split": (0.3, True)}
@@ -19,7 +19,7 @@ def cantilever(length, width, height, n, factor, cure="split", shear=SHEAR):
     """Clamped at the origin, along x."""
     nu, split = CURES[cure]
     c = beam.Beam(length / n, width, height, 1000.0, E, nu, shear, factor, split, 0.0)
-    part = Part(beam, c, nodes(beam, [0, 0, 0], np.eye(3), c.l, n))
+    part = Member(beam, c, nodes(beam, [0, 0, 0], np.eye(3), c.l, n))
     return Mesh([part], in_a_row(4, n), [Support((0, 0), joints.clamped(4))])
 
 

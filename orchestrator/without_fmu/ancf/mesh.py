@@ -22,7 +22,7 @@ from orchestrator.without_fmu.ancf.many import dampings, energies, forces, tange
 End = tuple[int, int]  # element, counted through all parts; 0 its first node, 1 its second
 
 
-class Part(NamedTuple):
+class Member(NamedTuple):
     """Elements of one kind and section."""
 
     element: Any  # a module of fmus.physics.ancf: cable, cable_general, cable_engineering, beam
@@ -76,7 +76,7 @@ def in_a_row(rows: int, n: int, first: int = 0) -> list[Tie]:
 class Mesh:
     """Parts, ties and supports, with the ties eliminated."""
 
-    def __init__(self, parts: Sequence[Part], ties: Iterable[Tie] = (), supports: Iterable[Support] = ()) -> None:
+    def __init__(self, parts: Sequence[Member], ties: Iterable[Tie] = (), supports: Iterable[Support] = ()) -> None:
         # the class of a section says which element it is, whatever cable it was given as
         self.parts = tuple(part._replace(section=part.element.Section(*part.section)) for part in parts)
         self.loads: tuple[Load, ...] = ()
@@ -217,13 +217,13 @@ class Mesh:
         return np.vstack(rows)
 
 
-def _mass(part: Part) -> Floats:
+def _mass(part: Member) -> Floats:
     M = np.zeros((part.element.ROWS, part.element.ROWS))
     part.element.mass(part.section, M)
     return M
 
 
-def _ends(parts: Sequence[Part]) -> list[slice]:
+def _ends(parts: Sequence[Member]) -> list[slice]:
     sizes = [3 * part.element.ROWS // 2 for part in parts for _ in range(2 * len(part.e))]
     return [slice(stop - size, stop) for stop, size in zip(np.cumsum(sizes).tolist(), sizes, strict=True)]
 

@@ -55,7 +55,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
 
 
 @inner
-def measure(links, env, q, v, w):
+def totals(links, env, q, v, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, rows, dims = links.n, links.element, vectors(links.element), axes(links.element)
     l, weight = c.l, matter(c) * env.gravity

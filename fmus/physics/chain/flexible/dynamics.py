@@ -6,7 +6,7 @@ from fmus.jit import inner, kernel
 from fmus.physics.ancf.element import axes
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
-from fmus.physics.chain.flexible.assembly import measure
+from fmus.physics.chain.flexible.assembly import totals
 from fmus.physics.chain.flexible.explicit import close, derivative  # noqa: F401 - behind the door
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.report import SPEED, write
@@ -43,5 +43,5 @@ def observe(links, env, s, w, report):
         for a in range(s.residual.shape[1]):
             for k in range(s.residual.shape[2]):
                 s.residual[i, a, k] = w.R[i, a, k]
-    tension, energy = measure(links, env, s.q, s.v, w)
+    tension, energy = totals(links, env, s.q, s.v, w)
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], tension, energy)

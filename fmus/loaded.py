@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from fmus.jit import ROOT, sources
 
 SHORT = 5  # links of a chain that is let go or spins
-Part = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
+Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
 
 
 class Contents(NamedTuple):
@@ -30,13 +30,13 @@ class Contents(NamedTuple):
     state: tuple[int, ...]  # numbers in the state of each
 
 
-def contents(parts: Sequence[Part]) -> Contents:
+def contents(parts: Sequence[Recipe]) -> Contents:
     """Start the parts and look; raises BuildFailed with the child's last words."""
     from fmus.build import KINDS, BuildFailed  # which the child has no use for
 
     shells = [(KINDS[kind].removesuffix(".py").replace("/", "."), *rest) for kind, *rest in parts]
     child = subprocess.run(
-        [sys.executable, "-m", "fmus.contents"],
+        [sys.executable, "-m", "fmus.loaded"],
         input=json.dumps(shells),
         text=True,
         capture_output=True,
