@@ -45,6 +45,7 @@ class Case(NamedTuple):
 QUICK = ("track.start=polygon", "drive.ramp_start=0", "drive.ramp_time=0.02", "track.link_outputs=false", "placed=true")
 # it falls on its suspension, nose down, and drives off to the right
 VEHICLE = (*QUICK, "start.pitch=0.01", "start.height=-0.01", "drive.speed=20")
+STEERED = (*QUICK, "start.pitch=0.01", "start.height=-0.01")
 RIG = (*QUICK, "drive.speed=2")
 SLOWER: Overrides = {"left_drive": {"speed.end": 8.0}}
 CASES = {
@@ -54,6 +55,13 @@ CASES = {
     "tensioned": Case("straight", ("track.link_outputs=false",), 0.002, "vehicle.track.tension"),
     "stopped": Case("straight", (*VEHICLE, "drive.stop=0.02", "drive.stop_time=5e-3"), 0.03),
     "motor": Case("straight", (*VEHICLE, "drive.mode=torque", "drive.torque=5e3", "drive.brake=1e3")),
+    "steered": Case("turn", (*STEERED, "drive.speed=20", "drive.left.speed=8")),
+    "steered and stopped": Case(
+        "turn", (*STEERED, "drive.left.stop=0.02", "drive.right.stop=0.021", "drive.stop_time=5e-3"), 0.03
+    ),
+    "two motors and brakes": Case(
+        "turn", (*STEERED, "drive.mode=torque", "drive.left.torque=5e3", "drive.right.torque=4e3", "drive.brake=1e3")
+    ),
     "on one track": Case("straight", (*VEHICLE, "tracks=['left']", "start.height=-0.05", "start.pitch=-0.06")),
     "buried": Case(
         "straight", ("tracks=[]", "ground.hull=true", "start.height=-2.5", "start.pitch=0.1", "placed=true"), 0.002
@@ -139,6 +147,10 @@ KEYS: dict[str, Acts] = {
     "start.heading": Acts("vehicle", value=0.5),
     "start.roll": Acts("buried", value=math.pi),
     "start.*": Acts("vehicle", value=0.02),
+    "drive.*.stop*": Acts("steered and stopped", ("rigid",)),
+    "drive.*.brake": Acts("two motors and brakes", ("rigid",)),
+    "drive.*.torque": Acts("two motors and brakes", ("rigid",)),
+    "drive.*.*": Acts("steered", ("rigid",), 0.03),
     "drive.stop*": Acts("stopped"),
     "drive.brake": Acts("motor"),
     "drive.torque": Acts("motor"),

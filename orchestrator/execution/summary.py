@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from orchestrator.log.reader import NoSuchSignal
-from orchestrator.results import measures
+from orchestrator.results import measures, turning
 from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
-from orchestrator.scene.tables import Check
+from orchestrator.scene.tables import SIDES, Check
 
 LAST = 1.0  # s: observables are means over the end of a run
 OPEN = 0.05  # of the work: an energy ledger that leaves more is worth a word
@@ -130,8 +131,8 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
             "settlement": lambda: run.mean("chassis.settlement", last),
             "ground_force": lambda: measures.ground_force(run, "", last),
             "weight": lambda: weight(vehicle),
-            "slip": lambda: measures.slip(run, "", last),
         }
+        wanted |= _turning(run, last) if scene.drive.steers else {"slip": lambda: measures.slip(run, "", last)}
     elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
         wanted |= {
             "sag": lambda: measures.sag(run, "", last),
@@ -140,6 +141,18 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
     else:
         wanted["speed"] = lambda: run.mean(f"{track}.speed", last)
     return {name: _evaluated(value)[0] for name, value in wanted.items()}
+
+
+def _turning(run: RunData, last: Window) -> dict[str, Callable[[], float]]:
+    """Observables of a vehicle that is steered."""
+    wanted: dict[str, Callable[[], float]] = {
+        "yaw_rate": lambda: turning.yaw_rate(run, "", last),
+        "turn_radius": lambda: turning.turn_radius(run, "", last),
+        "steering_moment": lambda: turning.steering_moment(run, "", last),
+    }
+    for name, measure in (("slip", turning.track_slip), ("power", turning.drive_power)):
+        wanted |= {f"{name}_{side}": partial(measure, run, side, last) for side in SIDES}
+    return wanted
 
 
 def weight(scene: VehicleScene) -> float:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from orchestrator.results import turning
 from orchestrator.results.energy import drift, ledger, ports
 from orchestrator.results.run_data import BLOCK, EVER, Floats, Links, RunData, Window, mean, pitch_radius, vectors
 
@@ -366,5 +367,13 @@ NAMES: dict[str, Measure] = {
         energy_residual,
         port_residual,
         energy_drift,
+        turning.yaw_rate,
+        turning.turn_radius,
+        turning.lateral_speed,
+        turning.rotation_centre,
+        turning.track_slip,
+        turning.propulsion,
+        turning.steering_moment,
+        turning.drive_power,
     )
 }

@@ -14,10 +14,10 @@ from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, TrackScene, VehicleScene
-from orchestrator.scene.tables import Drive, VehicleStart
+from orchestrator.scene.tables import Drive, Side, VehicleStart
 
 TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
-SIDES = {"left": 1.0, "right": -1.0}  # sign of y
+SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
 AXLE = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
 TRACK, DRIVE, CHASSIS = 0, 1, 2  # stages: force sides first
 POSE = 7  # of a wheel's 13: position and orientation, then its rates
@@ -181,7 +181,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         sign = SIDES[side]
         track, drive, lateral = f"{side}_track", f"{side}_drive", sign * vehicle.track.lateral
         tracks.append(_track(scene, track, config, lateral))
-        drives.append(_drive(scene, drive, scene.drive, vehicle.sprocket.spin_inertia, AXLE, lateral))
+        drives.append(_drive(scene, drive, scene.drive.of(side), vehicle.sprocket.spin_inertia, AXLE, lateral))
         wiring += _wheel(track, "sprocket", drive, "sprocket")
         for roller in rollers:
             wiring += _wheel(track, roller, "chassis", f"{side}.{roller}")

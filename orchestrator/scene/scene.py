@@ -16,6 +16,7 @@ from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery
 from orchestrator.scene.settings import keys, merged, put, setting
 from orchestrator.scene.tables import (
+    SIDES,
     Bench,
     Cantilever,
     Chain,
@@ -26,9 +27,11 @@ from orchestrator.scene.tables import (
     Pendulum,
     Rig,
     Run,
+    Side,
     Slider,
     Start,
     Track,
+    VehicleDrive,
     VehicleStart,
     short_coupling,
     short_track,
@@ -124,9 +127,9 @@ class VehicleScene(TrackScene):
 
     assembly: Literal["vehicle"]
     start: VehicleStart = VehicleStart()
-    tracks: tuple[Literal["left", "right"], ...] = ("left", "right")  # a side without one has no drive either
+    tracks: tuple[Side, ...] = SIDES  # a side without one has no drive either
     ground: Ground = Ground()
-    drive: Drive  # of both sides
+    drive: VehicleDrive
     symmetric: bool = False  # only the left half runs, the right one mirrors it in the vehicle's own plane
 
     @field_validator("tracks")
@@ -144,7 +147,23 @@ class VehicleScene(TrackScene):
             raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
+        if self.drive.steers:
+            self._may_steer()
+            if (self.track.model, self.track.element) == ("flexible", None):  # the one that leaves its plane
+                return self.model_copy(update={"track": self.track.model_copy(update={"element": "beam"})})
         return self
+
+    def _may_steer(self) -> None:
+        """Raise ValueError where the sides' drives differ and something else does not go with that."""
+        if self.symmetric:
+            raise ValueError("symmetric = true needs the same drive on both sides: the right half mirrors the left")
+        if without := [side for side in SIDES if side not in self.tracks]:
+            raise ValueError(f"drive.left and drive.right differ, but tracks has no '{without[0]}'")
+        if self.track.element == "cable":
+            raise ValueError(
+                "drives that differ turn the vehicle, and cables stay in the plane of their track: it needs"
+                " track.element = 'beam' or track.model = 'rigid'"
+            )
 
 
 class DirectScene(Scene):

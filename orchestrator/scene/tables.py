@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi, remainder
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fmus.vehicle import Distance, Force, In, Mass, Table
 from orchestrator.log.message_records import MOST_STEPS
@@ -18,6 +19,8 @@ Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double has no ro
 Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
 Elements = Annotated[int, Field(ge=1, le=256)]
 Gravity = Annotated[float, In("m/s^2", ge=0)]
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
 OPTIONS = {
     "hold": ("jacobi", "gauss_seidel"),
     "tolerance": ("iterative",),
@@ -198,6 +201,48 @@ class Drive(Table):
     torque: Annotated[float, In("N m")] = 0.0
     torque_limit: Annotated[float, In("N m", gt=0)] | None = None
     brake: Annotated[float, In("N m", ge=0)] = 0.0
+
+
+class VehicleDrive(Drive):
+    """The drive of both sides of a vehicle; what ``left`` or ``right`` says lies over it."""
+
+    left: Drive | None = None
+    right: Drive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _laid_over(cls, value: object) -> object:
+        if not isinstance(value, Mapping):
+            return value
+        both = {key: each for key, each in value.items() if key not in SIDES}
+        own = {side: value[side] for side in SIDES if value.get(side) is not None}
+        whole = {side: {**both, **each} if isinstance(each, Mapping) else each for side, each in own.items()}
+        if len(own) == len(SIDES) and not both and isinstance(whole["left"], Mapping):
+            both = dict(whole["left"])  # each side says everything itself
+        return both | whole
+
+    @model_validator(mode="after")
+    def _named_by_side(self) -> VehicleDrive:
+        """Sides that differ are both named, sides that are alike neither; what else is said is then the left one's."""
+        left, right = (getattr(self, side) or self._both() for side in SIDES)
+        sides = {} if left == right else {"left": left, "right": right}
+        return self.model_construct(None, **left.model_dump(), **sides)
+
+    @model_serializer(mode="wrap")
+    def _without_what_does_nothing(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in whole(self).items() if (key in SIDES) == self.steers}
+
+    def _both(self) -> Drive:
+        return Drive.model_construct(**{key: getattr(self, key) for key in Drive.model_fields})
+
+    @property
+    def steers(self) -> bool:
+        """Whether the sides' drives differ."""
+        return self.left is not None and self.right is not None
+
+    def of(self, side: Side) -> Drive:
+        """The drive of a side."""
+        return getattr(self, side) or self._both()
 
 
 class Check(Table):

@@ -1,0 +1,80 @@
+"""How a vehicle turns: rates, path, forces and power by side, means over a window.
+
+Turns to the left and what points left are positive. The vehicle's place is the centre of mass of its hull, its own
+axes are ahead and left on the level. ``of`` is a side ("left", "right"), or empty.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.results.run_data import Floats, Missing, RunData, Window, mean
+
+SIGN = {"left": -1.0, "right": 1.0}  # of the yaw moment of a force ahead
+SLOWEST = 1e-6  # rad/s: what turns more slowly has no radius
+
+
+def yaw_rate(run: RunData, of: str, window: Window) -> float:
+    """Rate of the heading, rad/s."""
+    return run.mean("chassis.chassis.angular_velocity.z", window)
+
+
+def turn_radius(run: RunData, of: str, window: Window) -> float:
+    """Horizontal speed over the rate of the heading, m."""
+    t, ahead, left = _velocity(run, window)
+    rate = yaw_rate(run, of, window)
+    if abs(rate) < SLOWEST:
+        raise Missing("the vehicle does not turn")
+    return mean(t, np.hypot(ahead, left)) / abs(rate)
+
+
+def lateral_speed(run: RunData, of: str, window: Window) -> float:
+    """Velocity to the left, m/s: a vehicle that turns slides outwards at its front."""
+    t, _, left = _velocity(run, window)
+    return mean(t, left)
+
+
+def rotation_centre(run: RunData, of: str, window: Window) -> float:
+    """How far ahead of the centre of mass the vehicle's long axis meets no sideways velocity, m."""
+    return -lateral_speed(run, of, window) / yaw_rate(run, of, window)
+
+
+def track_slip(run: RunData, of: str, window: Window) -> float:
+    """Load-weighted slip velocity of a side's links on the ground, along the vehicle, m/s; positive where it drives."""
+    return run.mean(f"{_track(run, of)}.slip", window)
+
+
+def propulsion(run: RunData, of: str, window: Window) -> float:
+    """Force of the ground on a side's track, along the vehicle, N."""
+    track = _track(run, of)
+    t, forward, _ = _ahead(run, (f"{track}.ground.force.x", f"{track}.ground.force.y"), window)
+    return mean(t, forward)
+
+
+def steering_moment(run: RunData, of: str, window: Window) -> float:
+    """Half the width between the tracks times the difference of their propulsions, N m: sideways forces resist it."""
+    arm = run.scene["vehicle"]["track"]["lateral"]
+    return float(arm * sum(sign * propulsion(run, side, window) for side, sign in SIGN.items()))
+
+
+def drive_power(run: RunData, of: str, window: Window) -> float:
+    """Power of a side's motor, W; negative where the ground turns the sprocket."""
+    t, work = run.signal(f"{of}_drive.energy.work", window)
+    return float((work[-1] - work[0]) / (t[-1] - t[0]))
+
+
+def _velocity(run: RunData, window: Window) -> tuple[Floats, Floats, Floats]:
+    """Times, and the velocity ahead and to the left."""
+    return _ahead(run, ("chassis.chassis.velocity.x", "chassis.chassis.velocity.y"), window)
+
+
+def _ahead(run: RunData, names: tuple[str, str], window: Window) -> tuple[Floats, Floats, Floats]:
+    """Times, and components ahead and to the left of a vector that the log holds along x and y."""
+    (t, x), (_, y), (_, yaw) = (run.signal(name, window) for name in (*names, "chassis.yaw"))
+    return t, x * np.cos(yaw) + y * np.sin(yaw), y * np.cos(yaw) - x * np.sin(yaw)
+
+
+def _track(run: RunData, of: str) -> str:
+    if f"{of}_track" not in run.tracks:
+        raise Missing(f"the vehicle has no track on the side '{of}'")
+    return f"{of}_track"

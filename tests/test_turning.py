@@ -1,0 +1,168 @@
+"""Steering: an independent theory, mirror images, turned starts, books that close, on rigid links and beams.
+
+The bands are those within which the general theory brackets a run: it knows no links, whose pads run about 1.1 % faster
+than the pitch circle, and no strand tensions, which move load between the wheels.
+"""
+
+import numpy as np
+import pytest
+from skid_steering import Vehicle, turn
+from vehicle_in_process import InProcess
+
+from fmus.vehicle import BadInput
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results import turning
+from orchestrator.results.run_data import RunData, Window
+from orchestrator.scene.scene import load
+
+PADS = 1.0114  # speed of a track over that of the pitch circle, measured driving straight
+KINDS = ("rigid", "flexible")
+QUICK = ("run.stop=1.5 s", "drive.ramp_start=0.2 s", "drive.ramp_time=0.8 s")
+
+
+def speeds(left, right):
+    return f"drive.left.speed={left}", f"drive.right.speed={right}"
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory):
+    """Means of a run by name, and the theory."""
+    made = {}
+
+    def once(kind, left, right, window, *settings):
+        key = (kind, left, right, *settings)
+        if key not in made:
+            path = tmp_path_factory.mktemp("logs") / "turn.mcap"
+            told = (*speeds(left, right), f"run.stop={window.end}", "run.links=1000", *settings)
+            result = simulate(load("turn", kind, told), path)
+            assert (result["status"], result["message"]) == ("ok", "")
+            with Log(path) as log:
+                run = RunData(log)
+                found = {
+                    name: measure(run, "", window)
+                    for name, measure in vars(turning).items()
+                    if name in ("yaw_rate", "turn_radius", "lateral_speed", "rotation_centre", "steering_moment")
+                }
+                for side in ("left", "right"):
+                    for name in ("track_slip", "propulsion", "drive_power"):
+                        found[f"{name}_{side}"] = getattr(turning, name)(run, side, window)
+                    found[f"torque_{side}"] = run.mean(f"{side}_drive.torque", window)
+                    found[f"load_{side}"] = run.mean(f"{side}_track.ground.force.z", window)
+                found["ahead"] = np.sqrt((found["turn_radius"] * found["yaw_rate"]) ** 2 - found["lateral_speed"] ** 2)
+                found["ledger"] = result["energy"]["residual_relative"]
+            made[key] = found, turn(Vehicle(), (left, right))
+        return made[key]
+
+    return once
+
+
+def outside(found, theory):
+    """What lies outside of the bands."""
+    vehicle = Vehicle()
+    faster = turn(vehicle._replace(radius=PADS * vehicle.radius), SPEEDS)
+    wanted = {
+        "yaw_rate": (theory.rate, 0.04 * theory.rate),
+        "turn_radius": (theory.radius, 0.04 * theory.radius),
+        "steering_moment": (theory.moment(vehicle), 0.04 * theory.moment(vehicle)),
+        "lateral_speed": (theory.left, 0.12 * abs(theory.left)),
+        "rotation_centre": (-theory.left / theory.rate, 0.12 * abs(theory.left / theory.rate)),
+        "load_left": (0.5 * vehicle.mass * 9.81 - 1.15 * theory.transfer, 0.15 * theory.transfer + 300.0),
+        "load_right": (0.5 * vehicle.mass * 9.81 + 1.15 * theory.transfer, 0.15 * theory.transfer + 300.0),
+    }
+    for k, side in enumerate(("left", "right")):
+        wanted[f"propulsion_{side}"] = theory.force[k], max(0.04 * abs(theory.force[k]), 500.0)
+        sign = (1.0, -1.0)[k]
+        ground = found["ahead"] - sign * vehicle.half_width * found["yaw_rate"]
+        slip = PADS * vehicle.radius * SPEEDS[k] - ground
+        wanted[f"track_slip_{side}"] = slip, 0.06 * abs(slip)
+        wanted[f"slip_{side}"] = faster.slip[k], 0.08 * abs(faster.slip[k])
+        found[f"slip_{side}"] = slip
+    return {name: (found[name], *band) for name, band in wanted.items() if not abs(found[name] - band[0]) <= band[1]}
+
+
+SPEEDS = (8.0, 12.0)
+STEADY = Window(4.0, 6.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_turn_is_that_of_the_general_theory(turned, kind):
+    found, theory = turned(kind, *SPEEDS, STEADY)
+    assert outside(found, theory) == {}
+    # tracks that roll without slip, or the load of wheels where that of links belongs, are far off
+    assert abs(2.0 * Vehicle().half_width * found["yaw_rate"] / (4.0 * Vehicle().radius) - 1.0) > 0.25
+    wheels = turn(Vehicle(shares=(0.222, 0.208, 0.193, 0.191, 0.186)), SPEEDS)
+    assert abs(found["yaw_rate"] / wheels.rate - 1.0) > 0.04
+    assert outside(found | {"yaw_rate": 1.05 * found["yaw_rate"]}, theory)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_power_goes_where_the_forces_are(turned, kind):
+    """The inner sprocket brakes, the outer one drives; what a track loses within itself is little."""
+    found, _ = turned(kind, *SPEEDS, STEADY)
+    assert abs(found["ledger"]) < 1e-3
+    for k, side in enumerate(("left", "right")):
+        assert found[f"drive_power_{side}"] == pytest.approx(SPEEDS[k] * found[f"torque_{side}"], rel=1e-3)
+        loss = found[f"torque_{side}"] - Vehicle().radius * found[f"propulsion_{side}"]
+        assert 0.0 < loss < 500.0
+    assert found["drive_power_left"] < 0.0 < found["drive_power_right"]
+
+
+def test_rigid_and_flexible_links_turn_alike(turned):
+    rigid, flexible = (turned(kind, *SPEEDS, STEADY)[0] for kind in KINDS)
+    assert flexible["yaw_rate"] == pytest.approx(rigid["yaw_rate"], rel=3e-3)
+    assert flexible["steering_moment"] == pytest.approx(rigid["steering_moment"], rel=5e-3)
+
+
+def path(kind, settings):
+    """Positions of the hull (steps, 3) and its heading."""
+    vehicle = InProcess(load("turn", kind, (*QUICK, "track.link_outputs=false", *settings)))
+    places = []
+    for _ in range(1500):
+        vehicle.step()
+        chassis = vehicle["chassis"]
+        places.append([chassis[f"chassis.position.{axis}"] for axis in "xyz"] + [chassis["yaw"]])
+    return np.array(places)
+
+
+def test_swapped_sides_mirror_the_path_and_a_heading_turns_it():
+    there, back = path("rigid", speeds(8, 12)), path("rigid", speeds(12, 8))
+    assert there[-1, 3] > 0.03
+    np.testing.assert_allclose(back * [1.0, -1.0, 1.0, -1.0], there, atol=1e-9)
+    heading = 0.7
+    turned_by = path("rigid", (*speeds(8, 12), f"start.heading={heading}"))
+    c, s = np.cos(heading), np.sin(heading)
+    x, y = turned_by[:, 0] * c + turned_by[:, 1] * s, turned_by[:, 1] * c - turned_by[:, 0] * s
+    np.testing.assert_allclose(np.column_stack([x, y, turned_by[:, 2]]), there[:, :3], atol=1e-9)
+    np.testing.assert_allclose(turned_by[:, 3] - heading, there[:, 3], atol=1e-9)
+
+
+def test_sides_that_are_alike_are_one_drive():
+    one = load("straight", "rigid")
+    two = load("straight", "rigid", ["drive.left.speed=20", "drive.right.speed=20", "drive.speed=7"])
+    assert two.resolved() == one.resolved()
+    assert not two.drive.steers
+
+
+def test_a_side_says_what_differs():
+    drive = load("straight", "rigid", ["drive.left.speed=8", "drive.stop=7"]).drive
+    assert (drive.of("left").speed, drive.of("right").speed) == (8.0, 20.0)
+    assert drive.of("left").ramp_time == drive.of("right").ramp_time == 4.0
+    assert drive.of("left").stop == drive.of("right").stop == 7.0
+    again = load("turn", "rigid")
+    assert type(again).model_validate(again.resolved()).resolved() == again.resolved()
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        (("drive.left.speed=8", "symmetric=true"), "symmetric = true needs the same drive on both sides"),
+        (("drive.left.speed=8", 'tracks=["left"]'), "drive.left and drive.right differ, but tracks has no 'right'"),
+        (("drive.left.sped=8",), "unknown key 'drive.left.sped': did you mean 'drive.left.speed'?"),
+        (("drive.left.speed=fast",), "drive.left.speed = 'fast'"),
+    ],
+)
+def test_sides_that_cannot_be_are_a_sentence(settings, sentence):
+    with pytest.raises(BadInput) as refused:
+        load("straight", "rigid", settings)
+    assert sentence in str(refused.value)
