@@ -12,6 +12,7 @@ from fmus.physics.ancf.element import ELASTICITIES, highest_frequency
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.assembly import axials, evaluate
+from fmus.physics.chain.flexible.axes_state import ORIGIN, VELOCITY
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.dynamics import observe
@@ -28,7 +29,7 @@ from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.state import begin
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.ports import Port
-from fmus.track import TILTED, TrackModel
+from fmus.track import EXPLICIT, TILTED, TrackModel
 
 REST = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
@@ -36,6 +37,7 @@ ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which 
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 # coordinates of a pin; vectors of a link, components of a vector
 ELEMENTS = {"cable": (NODE, (4, 3)), "planar": (PLANAR_NODE, (4, 2)), "beam": (BEAM_NODE, (8, 3))}
+AXES = ("fixed", "free")
 
 
 class Model(TrackModel):
@@ -43,7 +45,7 @@ class Model(TrackModel):
 
     kernel = newton
     State = State
-    element = "cable"
+    element, axes = "cable", "fixed"
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Material and integration of the links."""
@@ -57,6 +59,15 @@ class Model(TrackModel):
                 " lateral dofs; beam, all strains of a solid and pins that turn with the vehicle",
                 "cable",
                 tuple(ELEMENTS),
+            ),
+            Port(
+                "axes",
+                "parameter",
+                "1",
+                "in which cables have their coordinates: fixed, and the chain stays in its plane, or free, and it turns"
+                " with the vehicle",
+                "fixed",
+                AXES,
             ),
             Port(
                 "elasticity",
@@ -87,7 +98,12 @@ class Model(TrackModel):
 
     def shapes(self) -> state.Shapes:
         """Of the views into the chain's state."""
-        return shapes(*ELEMENTS[self.element], self.links_count, self.nodes, len(self.wheel_list))
+        axes = 0
+        if self.axes == "free":
+            from fmus.physics.chain.flexible.axes_state import SIZE
+
+            axes = SIZE
+        return shapes(*ELEMENTS[self.element], self.links_count, self.nodes, len(self.wheel_list), axes)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
@@ -100,6 +116,13 @@ class Model(TrackModel):
             raise InvalidParameter(
                 f"elasticity = '{elasticity}' needs element = 'cable': a {element} chain has but one"
             )
+        axes = str(p["axes"])
+        if axes not in AXES:
+            raise InvalidParameter(f"axes = '{axes}': must be one of {', '.join(AXES)}")
+        if axes == "free" and element != "cable":
+            raise InvalidParameter(f"axes = 'free' needs element = 'cable': a {element} has no use for them")
+        if axes == "free" and self.integrator == EXPLICIT:
+            raise InvalidParameter("axes = 'free' needs integrator = 'implicit': turning cables have no other yet")
         young, tau = float(p["material.youngs_modulus"]), float(p["material.relaxation_time"])
         if not young > 0.0:
             raise InvalidParameter(f"material.youngs_modulus = {young}: must be greater than 0")
@@ -111,18 +134,19 @@ class Model(TrackModel):
         if not 0.0 < tolerance <= CHORD:
             raise InvalidParameter(f"tolerance = {tolerance}: must be greater than 0 and {CHORD} at most")
         self.method = Method(coefficients(radius), tolerance, True)
-        self.link = self._beams(young, tau) if element == "beam" else self._cables(element, elasticity, young, tau)
+        beam = element == "beam"
+        self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
         self.stiffness = young * self.vehicle["section"]["area"]  # axial, N
         self.kit = kit(type(self.link))
-        if element != self.element:
-            self.element = element
+        if (element, axes) != (self.element, self.axes):
+            self.element, self.axes = element, axes
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list))
         self.stable = LIMIT / highest_frequency(self.link.element)
         self.factored = False
 
-    def _cables(self, element: str, elasticity: str, young: float, tau: float) -> Any:
+    def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:
         if element == "planar":
             from fmus.physics.chain.flexible.planar import PlanarCables
 
@@ -143,8 +167,14 @@ class Model(TrackModel):
             tau * young * second,
             axes,
         )
-        face, outer = v["track"]["face"], s["outer_fibre"]
-        return kind(self.links_count, int(self.closed), cable, face, outer, area, second)
+        common = self.links_count, int(self.closed), cable, v["track"]["face"], s["outer_fibre"], area, second
+        if turning == "free":
+            from fmus.physics.chain.flexible.turning import TurningCables
+
+            track = v["track"]
+            sideways, twist = young * (s["lateral_bending"] - second), self.links_count * track["inertia"][0]
+            return TurningCables(*common, 0.25 * track["width"], sideways, twist)
+        return kind(*common)
 
     def _beams(self, young: float, tau: float) -> Any:
         """The rectangle with the section's radii of gyration, a link's mass, moduli scaled to the section's area."""
@@ -219,7 +249,7 @@ class Model(TrackModel):
 
     def _residuals(self, accelerations: Floats) -> Floats:
         """Of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
-        motion = Motion(self.s.q, self.work.still, accelerations)
+        motion = Motion(self.s.q, self.work.still, accelerations, self.s.axes)
         evaluate(*self.system(), motion, NOTHING, self.work, False)
         return self.work.R
 
@@ -231,6 +261,10 @@ class Model(TrackModel):
         """Straight links between the pins (nodes, 2), at rest."""
         self.state[:] = 0.0
         straight(self.kit, self.link, pins, self.s.q)
+        if self.axes == "free":
+            from fmus.physics.chain.flexible.axes_state import begin as lay
+
+            lay(self.s.axes, self.start_rows[:, :3].mean(axis=0))
 
     def _stretch(self, spin: float) -> None:
         """Relative equilibrium of a free loop that turns at ``spin`` rad/s."""
@@ -246,7 +280,7 @@ class Model(TrackModel):
         s, w = self.s, self.work
         self._let_go()
         w.moved[:] = self.start_rows
-        evaluate(*self.system(), Motion(s.q, s.v, s.vdot), NOTHING, w, False)
+        evaluate(*self.system(), Motion(s.q, s.v, s.vdot, s.axes), NOTHING, w, False)
         begin(s, w)
         observe(self.link, self.environment, s, w, self.report)
         self.report[[*SUMMED]] = 0.0
@@ -264,7 +298,11 @@ class Model(TrackModel):
         """Positions of the pins (nodes, 3)."""
         places = np.zeros((self.nodes, 3))
         places[:, self.kit.AXES] = self.s.q[:, : len(self.kit.AXES)]
-        return places
+        return places @ self._rotation().T + self.s.axes[ORIGIN:VELOCITY] if self.axes == "free" else places
+
+    def _rotation(self) -> Floats:
+        """Of the axes that turn, against the track's frame (3, 3)."""
+        return self.s.axes[:ORIGIN].reshape(3, 3)
 
     def factor_mass(self, t: float) -> None:
         """The mass of the chain, for its accelerations: once."""
@@ -279,12 +317,12 @@ class Model(TrackModel):
         """Residuals of the links, and so the pin forces, with the accelerations of the state as it stands."""
         s, w = self.s, self.work
         accelerations(*self.system(), s, w)
-        evaluate(*self.system(), Motion(s.q, s.v, w.change[0]), NOTHING, w, False)
+        evaluate(*self.system(), Motion(s.q, s.v, w.change[0], s.axes), NOTHING, w, False)
         s.residual[:] = w.R
 
     def _watch(self, t: float) -> None:
         """Cable links cannot leave their plane: say so once when a wheel's axis does."""
-        if self.element == "beam" or self.told[TILTED] or not self.rows.size:
+        if self.element == "beam" or self.axes == "free" or self.told[TILTED] or not self.rows.size:
             return
         along = abs(self.rows[:, 10]).min()
         if along < ALONG:
@@ -303,3 +341,5 @@ class Model(TrackModel):
         force[: self.links_count, self.kit.AXES] = self.s.residual[:, 0]
         if not self.closed:
             force[-1, self.kit.AXES] = -self.s.residual[-1, self.kit.ELEMENT[0] // 2]
+        if self.axes == "free":
+            force[:] = force @ self._rotation().T

@@ -21,6 +21,10 @@ def _of(links: type) -> Any:
         from fmus.physics.chain.flexible import beam_faces
 
         return beam_faces
+    if links.__name__ == "TurningCables":
+        from fmus.physics.chain.flexible import turning_faces
+
+        return turning_faces
     from fmus.physics.chain.flexible import cable_faces
 
     return cable_faces
@@ -28,7 +32,7 @@ def _of(links: type) -> Any:
 
 def _guided(links: type) -> Any:
     """The module of the guides of a class of links."""
-    if links.__name__ in ("RigidLinks", "Beams"):
+    if links.__name__ in ("RigidLinks", "Beams", "TurningCables"):
         from fmus.physics.chain import guides
 
         return guides
@@ -70,6 +74,16 @@ def pins(links, x, w, i):
 @door(_of)
 def pin_rates(links, x, w, i):
     """Their velocities."""
+
+
+@door(_of)
+def to_ground(links, x, w, p, v):
+    """Place and velocity of a point in the frame of the start, in which the ground lies."""
+
+
+@door(_of)
+def from_ground(links, x, w, push, tangent):
+    """A ``Push`` of the ground as the chain's coordinates have it."""
 
 
 @door(_of)

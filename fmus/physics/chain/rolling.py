@@ -13,6 +13,7 @@ from fmus.physics.chain.faces import (
     begin,
     count,
     enter,
+    from_ground,
     guide,
     length,
     lift,
@@ -23,6 +24,7 @@ from fmus.physics.chain.faces import (
     push,
     push_pin,
     resist,
+    to_ground,
 )
 from fmus.physics.chain.near import middle, reached
 from fmus.physics.chain.sums import CONTACT, LOAD, PATCH_POWER, SIDESLIP, SLIP, note
@@ -117,13 +119,15 @@ def _soil(links, contacts, x, w, by_rate, tangent):
     summit, first = contacts.shape.height + contacts.shape.rise, POINTS * len(contacts.teeth) * nodes
     for i in range(n):
         a, b = pins(links, x, w, i)
-        if min(a[2], b[2]) - lift(links, x, i) > summit:
+        (_, _, one), _ = to_ground(links, x, w, a, a)
+        (_, _, other), _ = to_ground(links, x, w, b, b)
+        if min(one, other) - lift(links, x, i) > summit:
             continue
         enter(links, x, w, i)
         for g in range(2):
             for m in range(places):
                 xi = 0.5 + (2.0 * g - 1.0) * GAUSS
-                p, v = locate(links, x, w, i, xi, (2.0 * m - 1.0) * side_by, links.face)
+                p, v = to_ground(links, x, w, *locate(links, x, w, i, xi, (2.0 * m - 1.0) * side_by, links.face))
                 depth, face = ground_face(contacts.shape, p, v)
                 if depth <= 0.0:
                     continue
@@ -135,4 +139,4 @@ def _soil(links, contacts, x, w, by_rate, tangent):
                 w.sums[SIDESLIP] -= f.normal * v[1]
                 for j in range(3):
                     w.wrench[-1, j] -= f.f[j]
-                push(links, w, i, f, tangent)
+                push(links, w, i, from_ground(links, x, w, f, tangent), tangent)

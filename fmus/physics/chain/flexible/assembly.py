@@ -6,9 +6,20 @@ import numpy as np
 
 from fmus.jit import inner, kernel
 from fmus.physics.ancf.element import axes, energy, force, mass, matter, tangent, vectors
+from fmus.physics.chain.flexible.axes import (
+    absolute,
+    balance,
+    border,
+    burden,
+    homeward,
+    outside,
+    risen,
+    sideways,
+    sideways_energy,
+)
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
-from fmus.physics.chain.flexible.elements import axial, flatten, gather
-from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass, height, inertia, weigh
+from fmus.physics.chain.flexible.elements import axial, gather
+from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
 from fmus.physics.chain.sums import POWER
 from fmus.physics.chain.touch import roll
 
@@ -22,23 +33,24 @@ def evaluate(links, contacts, env, x, by, w, fresh):
     Returns the largest entry of the residual, N, and the link it belongs to.
     """
     n, c, rows, dims = links.n, links.element, vectors(links.element), axes(links.element)
-    l, weight = c.l, matter(c) * env.gravity
+    weight = matter(c) * env.gravity
     clear(w, fresh)
     mass(c, w.M)
     if contacts is not None:
-        flatten(links, w)
+        outside(links, x, w, fresh)
         roll(links, contacts, x, w, w.flat, by.v, fresh)
+        homeward(links, x, w)
     for i in range(n):
         j = i + 1 if i + 1 < x.q.shape[0] else 0
         gather(links, x.q, i, j, w.e)
         gather(links, x.v, i, j, w.v)
         gather(links, x.vdot, i, j, w.dv)
         r = w.R[i]
-        inertia(rows, dims, w.M, w.dv, r)
-        weigh(weight, l, rows // 2, dims - 1, r)
+        burden(links, x, w, weight, r)
         if fresh:
             tangent(c, w.e, w.v, by.v, w.K)
             add_mass(rows, dims, w.M, by.vdot, w.K)
+        sideways(links, w, r, fresh)
         w.sums[POWER] += force(c, w.e, w.v, r)
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if w.touched[i]:
@@ -51,23 +63,27 @@ def evaluate(links, contacts, env, x, by, w, fresh):
                             w.K[a, k] += w.stiffening[i, a, k]
         if fresh:
             condense(links, w, i, j)
-    return reduce(links, env, x, w, by.v, fresh)
+            border(links, w, i, j, by)
+    found = reduce(links, env, x, w, by.v, fresh)
+    balance(links, x, w, by, fresh)
+    return found
 
 
 @inner
-def totals(links, env, q, v, w):
+def totals(links, env, x, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
-    n, c, rows, dims = links.n, links.element, vectors(links.element), axes(links.element)
-    l, weight = c.l, matter(c) * env.gravity
+    n, c, q = links.n, links.element, x.q
+    weight = matter(c) * env.gravity
     kinetic = strain_energy = gravity = 0.0
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
         j = i + 1 if i + 1 < q.shape[0] else 0
         gather(links, q, i, j, w.e)
-        gather(links, v, i, j, w.v)
+        gather(links, x.v, i, j, w.v)
+        absolute(links, x, w)
         kinetic = add_kinetic(kinetic, w.M, w.v)
-        strain_energy += energy(c, w.e)
-        gravity += weight * height(l, rows // 2, dims - 1, w.e)
+        strain_energy += energy(c, w.e) + sideways_energy(links, w)
+        gravity += weight * risen(links, x, w)
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)

@@ -12,10 +12,12 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the 
     begin,
     count,
     enter,
+    from_ground,
     last,
     length,
     pin_rates,
     pins,
+    to_ground,
 )
 from fmus.physics.vector import add, scale, vector
 

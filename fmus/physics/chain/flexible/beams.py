@@ -28,6 +28,7 @@ LAYOUT = arranged(
 )
 ELEMENT = (8, 3)  # vectors of a link, components of a vector
 AXES = np.arange(3)  # of the three axes: those that a vector of this chain has
+FREE = 0  # numbers that say where the axes of the coordinates are: they stay
 PLANE = np.arange(NODE).reshape(6, 3)[:, [0, 2]]  # of a pin: components along x and z of each of its vectors
 PIN_AXIS = [4]  # of a pin that of its axis along y: 1 in a chain at rest
 

@@ -15,10 +15,12 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the 
     begin,
     count,
     enter,
+    from_ground,
     in_space,
     length,
     pin_rates,
     pins,
+    to_ground,
 )
 
 

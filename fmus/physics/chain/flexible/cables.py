@@ -24,6 +24,7 @@ from fmus.physics.chain.flexible.link_layout import arranged
 LAYOUT = arranged(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10], fixed=3)
 ELEMENT = (4, 3)  # vectors of a link, components of a vector
 AXES = np.arange(3)  # of the three axes: those that a vector of this chain has
+FREE = 0  # numbers that say where the axes of the coordinates are: they stay
 PLANE = np.array([[0, 2], [3, 4], [5, 6]])  # of a pin: components along x and z of each of its vectors
 PIN_AXIS: list[int] = []  # of a pin that of its axis along y, where it has one: 1 in a chain at rest
 

@@ -9,6 +9,7 @@ from fmus.physics.chain.environment import PULLED
 from fmus.physics.chain.flexible.assembly import totals
 from fmus.physics.chain.flexible.explicit import close, derivative  # noqa: F401 - behind the door
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
+from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import SPEED, write
 from fmus.physics.chain.speed import chain_speed
 
@@ -27,7 +28,7 @@ def end_work(links, env, h, s, w):
 def speed(links, env, s, w):
     """See ``kinds``."""
     n = axes(links.element)
-    return chain_speed(s.q[:, :n], s.v[:, :n], links.closed == 1, carrier(w.moved, env.mount))
+    return chain_speed(s.q[:, :n], s.v[:, :n], links.closed == 1, carrier(w.flat, env.mount))
 
 
 @inner
@@ -43,5 +44,5 @@ def observe(links, env, s, w, report):
         for a in range(s.residual.shape[1]):
             for k in range(s.residual.shape[2]):
                 s.residual[i, a, k] = w.R[i, a, k]
-    tension, energy = totals(links, env, s.q, s.v, w)
+    tension, energy = totals(links, env, Motion(s.q, s.v, s.vdot, s.axes), w)
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], tension, energy)

@@ -20,6 +20,10 @@ def kit(links: type) -> Any:
         from fmus.physics.chain.flexible import planar
 
         return planar
+    if links.__name__ == "TurningCables":
+        from fmus.physics.chain.flexible import turning
+
+        return turning
     from fmus.physics.chain.flexible import cables
 
     return cables

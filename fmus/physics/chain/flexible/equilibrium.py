@@ -22,7 +22,7 @@ def settle(links, contacts, env, rows, tolerance, longest, s, w):
     Friction and damping are left out. It ends with a residual below ``tolerance``, N, after a step of ``longest`` s,
     where one is possible: what resists little has come to rest then too. Returns an Outcome.
     """
-    x = Motion(s.q, w.still, w.change[0])
+    x = Motion(s.q, w.still, w.change[0], s.axes)
     move(rows, 0.0, w.moved)
     pseudo, worst, where, rest = 2e-3, 0.0, 0, np.inf
     for _ in range(400):

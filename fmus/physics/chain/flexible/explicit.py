@@ -27,7 +27,7 @@ def factor_mass(links: Any, contacts: Any, env: Environment, s: State, w: Any) -
     """
     w.moved[:] = 1e9
     partners = contacts and contacts._replace(ground=0)
-    x, by = Motion(s.q, w.still, w.still), Slopes(0.0, 0.0, 1.0)
+    x, by = Motion(s.q, w.still, w.still, s.axes), Slopes(0.0, 0.0, 1.0)
     bare = links._replace(element=massive(links.element))
     evaluate(bare, partners, env._replace(transverse=0.0), x, by, w, True)
     return int(factor(w.A, w.U, w.L, w.factors, links.closed == 1))
@@ -37,10 +37,10 @@ def factor_mass(links: Any, contacts: Any, env: Environment, s: State, w: Any) -
 def accelerations(links, contacts, env, s, w):
     """Accelerations (nodes, width) of the chain into ``w.change[0]``; ``w`` holds the factored mass and the wheels."""
     change = w.change[0]
-    evaluate(links, contacts, env, Motion(s.q, s.v, w.still), NOTHING, w, False)
+    evaluate(links, contacts, env, Motion(s.q, s.v, w.still, s.axes), NOTHING, w, False)
     solve(w.A, w.U, w.factors, links.closed == 1, w.b)
     change[:] = 0.0
-    correct(links, w, Motion(change, w.change[1], w.change[1]), NOTHING, np.inf)
+    correct(links, w, Motion(change, w.change[1], w.change[1], s.axes), NOTHING, np.inf)
 
 
 @kernel

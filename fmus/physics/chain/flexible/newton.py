@@ -7,6 +7,7 @@ import numpy as np
 from fmus.jit import allocating
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.assembly import evaluate
+from fmus.physics.chain.flexible.axes import arrive, bend, brace, foresee
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
@@ -23,13 +24,14 @@ MOST = 20  # iterations before a step is given up
 @allocating
 def newton(links, contacts, env, method, h, s, w, counters):
     """See ``kinds``."""
-    c, by, before, x = method.alpha, slopes(method.alpha, h), w.before, Motion(s.q, s.v, s.vdot)
+    c, by, before, x = method.alpha, slopes(method.alpha, h), w.before, Motion(s.q, s.v, s.vdot, s.axes)
     for i in range(s.q.shape[0]):
         for k in range(s.q.shape[1]):
             a0 = before.a[i, k]
             a1 = auxiliary(c, a0, before.vdot[i, k], before.vdot[i, k])
             s.q[i, k] += h * before.v[i, k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
             s.v[i, k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
+    foresee(links, method, h, s, w)
     size, worst, where = np.inf, 0.0, 0
     sharp = w.contact.sharp
     sharp[0] = 0
@@ -39,15 +41,19 @@ def newton(links, contacts, env, method, h, s, w, counters):
         counters[EVALUATIONS] += 1
         if fresh and factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
             return SINGULAR, where, worst
+        if fresh:
+            brace(links, w)
         solve(w.A, w.U, w.factors, links.closed == 1, w.b)
         counters[ITERATIONS] += 1
-        last, size = size, correct(links, w, x, by, 0.5 * links.element.l)
+        bent = bend(links, x, w, by)
+        last, size = size, max(correct(links, w, x, by, 0.5 * links.element.l), bent)
         if not size < FASTEST:
             break
         if size < method.tolerance:
             for i in range(s.q.shape[0]):
                 for k in range(s.q.shape[1]):
                     s.a[i, k] = auxiliary(c, before.a[i, k], before.vdot[i, k], s.vdot[i, k])
+            arrive(links, method, s, w)
             return DONE, where, worst
         if size > SLOW * last and not sharp[0]:
             sharpen(w.contact)

@@ -59,3 +59,15 @@ def enter(links, x, w, i):
         w.touched[i] = True
         w.load[i] = 0.0
         w.stiffening[i] = 0.0
+
+
+@kernel
+def to_ground(links, x, w, p, v):
+    """See ``faces``."""
+    return p, v
+
+
+@kernel
+def from_ground(links, x, w, push, tangent):
+    """See ``faces``."""
+    return push

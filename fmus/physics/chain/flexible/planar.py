@@ -18,6 +18,7 @@ from fmus.physics.chain.flexible.planar_nodes import gather as coordinates
 LAYOUT = arranged(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5], fixed=2)
 ELEMENT = (4, 2)  # vectors of a link, components of a vector
 AXES = np.array([0, 2])  # of the three axes: those that a vector of this chain has
+FREE = 0  # numbers that say where the axes of the coordinates are: they stay
 PLANE = np.array([[0, 1], [2, 3], [4, 5]])  # of a pin: components along x and z of each of its vectors
 
 

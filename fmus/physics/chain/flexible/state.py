@@ -10,6 +10,8 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
 from fmus.physics.chain.sums import SUMS
 
+FIXED = np.zeros(0)  # axes of coordinates that do not turn
+
 
 class State(NamedTuple):
     """Views into the flat state: pins with ``width`` coordinates, links of ``rows`` vectors along ``axes``."""
@@ -23,6 +25,7 @@ class State(NamedTuple):
     aux: np.ndarray  # (m + 1, 6) auxiliary wrenches
     mean: np.ndarray  # (m + 1, 6) over the communication step
     sums: np.ndarray  # (SUMS) of the last evaluation
+    axes: np.ndarray  # that of ``axes_state``; (0) where the axes of the coordinates are fixed
     residual: np.ndarray  # (links, rows, axes) of each link: inertia + internal - external
 
 
@@ -32,14 +35,15 @@ class Motion(NamedTuple):
     q: np.ndarray  # coordinates
     v: np.ndarray  # rates
     vdot: np.ndarray  # accelerations
+    axes: np.ndarray = FIXED  # those of the coordinates, see ``State``
 
 
-def shapes(width: int, element: tuple[int, int], links: int, nodes: int, wheels: int) -> state.Shapes:
+def shapes(width: int, element: tuple[int, int], links: int, nodes: int, wheels: int, axes: int = 0) -> state.Shapes:
     """Of the views; ``width``: coordinates of a pin, ``element``: vectors of a link and their components."""
     pins, on = (nodes, width), (wheels + 1, 6)
     return {
         "q": pins, "v": pins, "a": pins, "vdot": pins, "wrench": on, "aux": on, "mean": on, "sums": (SUMS,),
-        "residual": (links, *element),
+        "axes": (axes,), "residual": (links, *element),
     }  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.physics.block_cyclic import Factors, workspace
+from fmus.physics.chain.flexible.axes_state import Axes, axes
 from fmus.physics.chain.flexible.state import State, shapes, views
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
@@ -46,16 +47,17 @@ class Work(NamedTuple):
     wrench: np.ndarray  # (wheels + 1, 6) on the wheels, and on the ground
     sums: np.ndarray  # (SUMS)
     contact: Memory
+    axes: Axes | None  # of coordinates along axes that turn
     still: np.ndarray  # (nodes, width) zeros
     change: np.ndarray  # (2, nodes, width) accelerations that are looked for; what comes with them and is not
 
 
 def work(kit: Any, links: int, nodes: int, wheels: int) -> Work:
     """Zeroed; ``kit`` is the module of the links."""
-    rows, axes = kit.ELEMENT
-    m, n, whole = len(kit.LAYOUT.shared), len(kit.LAYOUT.own), rows * axes
-    sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels)
-    block, vectors, z = (nodes, m, m), (rows, axes), np.zeros
+    rows, dims = kit.ELEMENT
+    m, n, whole = len(kit.LAYOUT.shared), len(kit.LAYOUT.own), rows * dims
+    sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels, kit.FREE)
+    block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     moved = z((wheels, 15))
     return Work(
         before=views(z(size(sizes)), sizes),
@@ -65,8 +67,9 @@ def work(kit: Any, links: int, nodes: int, wheels: int) -> Work:
         coupling=z((n, 2 * m)), rest=z((2 * m, 2 * m)), own=z((links, n)), swap=z(n),
         e=z(vectors), v=z(vectors), dv=z(vectors), M=z((rows, rows)),
         S=z(rows), C=z(rows), t=z(3),
-        moved=moved, flat=moved if axes == 3 else z((wheels, 15)),
+        moved=moved, flat=moved if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), sums=z(SUMS), contact=memory(points(wheels, nodes)),
+        axes=axes(links, nodes, n, m) if kit.FREE else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
     )  # fmt: skip

@@ -46,6 +46,18 @@ def pin_rates(links, x, w, i):
 
 
 @kernel
+def to_ground(links, x, w, p, v):
+    """See ``faces``."""
+    return p, v
+
+
+@kernel
+def from_ground(links, x, w, push, tangent):
+    """See ``faces``."""
+    return push
+
+
+@kernel
 def begin(links, x, w):
     """See ``faces``."""
 

@@ -1,0 +1,70 @@
+"""Axes that turn with a chain, as numbers: where they stand in the state, vectors from one to the other.
+
+``f`` holds the rotation R row by row (start = origin + R x along the axes), the origin and its velocity and
+acceleration in the frame of the start, the angular velocity of the axes and its derivative along them, the auxiliary
+accelerations of yaw and roll, and the middle of the wheels at the start.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+
+ROTATION, ORIGIN, VELOCITY, ACCELERATION, RATE, GROWTH, AUXILIARY, MIDDLE = 0, 9, 12, 15, 18, 21, 24, 26
+SIZE = 29
+
+
+class Axes(NamedTuple):
+    """Arrays that free axes work in; ``border`` has a column for roll and one for yaw, about x and z of the axes."""
+
+    psi: np.ndarray  # (2) turn of the axes over the step so far, rad
+    border: np.ndarray  # (links, 12, 2) of each link's residual by the turning
+    own: np.ndarray  # (links, n, 2) inner^-1 times the part of its own coordinates
+    edge: np.ndarray  # (nodes, m, 2) what is left for the pins
+    answer: np.ndarray  # (2, nodes, m) of the pins to the turning
+    corner: np.ndarray  # (2, 2)
+    moment: np.ndarray  # (2) what the balance of the turning lacks, N m
+    point: np.ndarray  # (3) the contact point, along the axes
+    lever: np.ndarray  # (3) from the line of the pins to it
+    pull: np.ndarray  # (3, 3) accelerations by places, 1/s2
+    swirl: np.ndarray  # (3, 3) and by rates, 1/s
+    drift: np.ndarray  # (3) of the origin, along the axes
+
+
+def axes(links: int, nodes: int, own: int, shared: int) -> Axes:
+    """Zeroed."""
+    z = np.zeros
+    return Axes(
+        z(2), z((links, 12, 2)), z((links, own, 2)), z((nodes, shared, 2)), z((2, nodes, shared)),
+        z((2, 2)), z(2), z(3), z(3), z((3, 3)), z((3, 3)), z(3),
+    )  # fmt: skip
+
+
+def begin(f: np.ndarray, middle: np.ndarray) -> None:
+    """Axes at rest at the start, the wheels' ``middle`` (3) there."""
+    f[:] = 0.0
+    f[ROTATION:ORIGIN:4] = 1.0
+    f[MIDDLE:] = middle
+
+
+@kernel
+def from_axes(f, v):
+    """The vector R v in the frame of the start."""
+    return (
+        f[0] * v[0] + f[1] * v[1] + f[2] * v[2],
+        f[3] * v[0] + f[4] * v[1] + f[5] * v[2],
+        f[6] * v[0] + f[7] * v[1] + f[8] * v[2],
+    )
+
+
+@kernel
+def to_axes(f, v):
+    """The vector R^T v along the axes."""
+    return (
+        f[0] * v[0] + f[3] * v[1] + f[6] * v[2],
+        f[1] * v[0] + f[4] * v[1] + f[7] * v[2],
+        f[2] * v[0] + f[5] * v[1] + f[8] * v[2],
+    )

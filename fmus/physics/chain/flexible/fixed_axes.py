@@ -1,0 +1,81 @@
+"""Coordinates along the axes of the track's start; see ``axes``; sibling: ``free_axes``."""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.ancf.element import axes, vectors
+from fmus.physics.chain.flexible import inertia
+from fmus.physics.chain.flexible.elements import flatten
+
+
+@kernel
+def outside(links, x, w, tangent):
+    """See ``axes``."""
+    flatten(links, w)
+
+
+@kernel
+def homeward(links, x, w):
+    """See ``axes``."""
+
+
+@kernel
+def burden(links, x, w, weight, r):
+    """See ``axes``."""
+    rows, dims = vectors(links.element), axes(links.element)
+    inertia.inertia(rows, dims, w.M, w.dv, r)
+    inertia.weigh(weight, links.element.l, rows // 2, dims - 1, r)
+
+
+@kernel
+def sideways(links, w, r, tangent):
+    """See ``axes``."""
+
+
+@kernel
+def border(links, w, i, j, by):
+    """See ``axes``."""
+
+
+@kernel
+def balance(links, x, w, by, tangent):
+    """See ``axes``."""
+
+
+@kernel
+def foresee(links, method, h, s, w):
+    """See ``axes``."""
+
+
+@kernel
+def brace(links, w):
+    """See ``axes``."""
+
+
+@kernel
+def bend(links, x, w, by):
+    """See ``axes``."""
+    return 0.0
+
+
+@kernel
+def arrive(links, method, s, w):
+    """See ``axes``."""
+
+
+@kernel
+def absolute(links, x, w):
+    """See ``axes``."""
+
+
+@kernel
+def risen(links, x, w):
+    """See ``axes``."""
+    rows, dims = vectors(links.element), axes(links.element)
+    return inertia.height(links.element.l, rows // 2, dims - 1, w.e)
+
+
+@kernel
+def sideways_energy(links, w):
+    """See ``axes``."""
+    return 0.0

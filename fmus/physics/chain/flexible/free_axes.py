@@ -1,0 +1,287 @@
+"""Axes that turn with a chain of cables, and the two unknowns of their yaw and roll; see ``axes``.
+
+The pins of a chain share their direction, the y axis. Where nothing but contacts turns the chain, the virtual work of a
+rotation of all that the axes carry is none: the moment of inertia forces, weight and contacts about x and z of the axes
+vanishes. Internal forces have no part in it. Newton's iteration gets a border of two columns. The turn of a step, the
+angular velocity and its derivative run through the generalised-alpha method as coordinates, rates and accelerations
+do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels, and no force
+depends on it. Wheels are seen from the axes, ground forces act in the frame of the start.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import inner, kernel
+from fmus.physics.block_cyclic import solve
+from fmus.physics.chain.flexible import inertia
+from fmus.physics.chain.flexible.axes_state import (
+    ACCELERATION,
+    AUXILIARY,
+    GROWTH,
+    MIDDLE,
+    ORIGIN,
+    RATE,
+    VELOCITY,
+    from_axes,
+    to_axes,
+)
+from fmus.physics.chain.flexible.cables import LAYOUT
+from fmus.physics.integrate.generalized_alpha import auxiliary
+from fmus.physics.vector import add, cross, put, scale, vector
+
+FOLLOW = 200.0  # 1/s, of the origin after the wheels, critically damped
+ARM = 0.1  # m: a correction of the axes counts as the pins that it moves by so much
+
+
+@kernel
+def outside(links, x, w, tangent):
+    """Wheels ``w.moved`` as the axes see them into ``w.flat``; what places and rates add to accelerations."""
+    f, a = x.axes, w.axes
+    o, ov, rate = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, RATE)
+    for k in range(w.moved.shape[0]):
+        row, seen = w.moved[k], w.flat[k]
+        place = to_axes(f, add(vector(row, 0), scale(-1.0, o)))
+        put(seen, 0, place)
+        put(seen, 3, add(to_axes(f, add(vector(row, 3), scale(-1.0, ov))), scale(-1.0, cross(rate, place))))
+        put(seen, 6, add(to_axes(f, vector(row, 6)), scale(-1.0, rate)))
+        put(seen, 9, to_axes(f, vector(row, 9)))
+        put(seen, 12, to_axes(f, vector(row, 12)))
+    d, square = vector(f, GROWTH), rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        a.swirl[i, i] = 0.0
+        a.swirl[i, j], a.swirl[i, k] = -2.0 * rate[k], 2.0 * rate[j]
+        a.pull[i, i] = rate[i] * rate[i] - square
+        a.pull[i, j], a.pull[i, k] = rate[i] * rate[j] - d[k], rate[i] * rate[k] + d[j]
+    put(a.drift, 0, to_axes(f, vector(f, ACCELERATION)))
+    a.moment[:] = 0.0
+    if tangent:
+        a.edge[:] = 0.0
+        a.corner[:] = 0.0
+
+
+@kernel
+def homeward(links, x, w):
+    """See ``axes``: those on the wheels; the ground's are in the frame of the start."""
+    for k in range(w.wrench.shape[0] - 1):
+        put(w.wrench[k], 0, from_axes(x.axes, vector(w.wrench[k], 0)))
+        put(w.wrench[k], 3, from_axes(x.axes, vector(w.wrench[k], 3)))
+
+
+@kernel
+def burden(links, x, w, weight, r):
+    """See ``axes``; books their moment."""
+    f, a, l = x.axes, w.axes, links.element.l
+    for n in range(4):
+        e, de = w.e[n], w.v[n]
+        for k in range(3):
+            extra = a.drift[k] if n % 2 == 0 else 0.0
+            for j in range(3):
+                extra += a.pull[k, j] * e[j] + a.swirl[k, j] * de[j]
+            w.dv[n, k] += extra
+    inertia.inertia(4, 3, w.M, w.dv, r)
+    for k in range(3):
+        inertia.weigh(weight * f[6 + k], l, 2, k, r)
+    for n in range(4):
+        e, q = w.e[n], r[n]
+        a.moment[0] += e[1] * q[2] - e[2] * q[1]
+        a.moment[1] += e[0] * q[1] - e[1] * q[0]
+
+
+@kernel
+def sideways(links, w, r, tangent):
+    """See ``axes``: the bending about the normal, of the y components alone."""
+    e, l, s = w.e, links.element.l, links.sideways / links.element.l
+    d = (e[2, 1] - e[0, 1]) / l
+    end = s * (6.0 * (e[1, 1] + e[3, 1]) - 12.0 * d) / l
+    r[0, 1] += end
+    r[1, 1] += s * (4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d)
+    r[2, 1] -= end
+    r[3, 1] += s * (2.0 * e[1, 1] + 4.0 * e[3, 1] - 6.0 * d)
+    if tangent:
+        near, far, mixed = 4.0 * s, 2.0 * s, 6.0 * s / l
+        ends = 2.0 * mixed / l
+        rows = (
+            (ends, mixed, -ends, mixed),
+            (mixed, near, -mixed, far),
+            (-ends, -mixed, ends, -mixed),
+            (mixed, far, -mixed, near),
+        )
+        for a in range(4):
+            for b in range(4):
+                w.K[3 * a + 1, 3 * b + 1] += rows[a][b]
+
+
+@kernel
+def border(links, w, i, j, by):
+    """See ``axes``: G = (K_contact + by.vdot M) (axis x e), condensed as the link's matrix was."""
+    G, e, K, a = w.axes.border[i], w.e, w.stiffening[i], w.axes
+    for n in range(4):
+        m0 = m1 = m2 = 0.0
+        for k in range(4):
+            s = by.vdot * w.M[n, k]
+            m0, m1, m2 = m0 + s * e[k, 0], m1 + s * e[k, 1], m2 + s * e[k, 2]
+        G[3 * n, 0], G[3 * n + 1, 0], G[3 * n + 2, 0] = 0.0, -m2, m1
+        G[3 * n, 1], G[3 * n + 1, 1], G[3 * n + 2, 1] = -m1, m0, 0.0
+    if w.touched[i]:
+        for n in range(12):
+            for k in range(4):
+                G[n, 0] += K[n, 3 * k + 2] * e[k, 1] - K[n, 3 * k + 1] * e[k, 2]
+                G[n, 1] += K[n, 3 * k + 1] * e[k, 0] - K[n, 3 * k] * e[k, 1]
+    own, inverse, left = a.own[i], w.inner[i], w.left[i]
+    for c in range(2):
+        for n in range(4):
+            a.corner[0, c] += e[n, 1] * G[3 * n + 2, c] - e[n, 2] * G[3 * n + 1, c]
+            a.corner[1, c] += e[n, 0] * G[3 * n + 1, c] - e[n, 1] * G[3 * n, c]
+        for n in range(4):
+            s = 0.0
+            for k in range(4):
+                s += inverse[n, k] * G[LAYOUT.inner[k], c]
+            own[n, c] = s
+        for n in range(4):
+            first, second = G[LAYOUT.outer[n], c], G[LAYOUT.outer[4 + n], c]
+            for k in range(4):
+                first -= left[n, k] * own[k, c]
+                second -= left[4 + n, k] * own[k, c]
+            a.edge[i, n, c] += first
+            a.edge[j, n, c] += second
+    for c in range(2):
+        for b in range(2):
+            for n in range(4):
+                a.corner[c, b] -= G[LAYOUT.inner[n], c] * own[n, b]
+
+
+@kernel
+def balance(links, x, w, by, tangent):
+    """See ``axes``."""
+    a = w.axes
+    for i in range(links.n):
+        for n in range(4):
+            for c in range(2):
+                a.moment[c] -= a.border[i, LAYOUT.inner[n], c] * w.own[i, n]
+    a.moment[0] += links.twist * x.axes[GROWTH]
+    a.moment[1] += links.twist * x.axes[GROWTH + 2]
+    if tangent:
+        a.corner[0, 0] += links.twist * by.vdot
+        a.corner[1, 1] += links.twist * by.vdot
+
+
+@kernel
+def foresee(links, method, h, s, w):
+    """See ``axes``."""
+    f, c, wheels = s.axes, method.alpha, w.moved.shape[0]
+    rate, growth = vector(f, RATE), vector(f, GROWTH)
+    middle, moving = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for k in range(wheels):
+        middle = add(middle, scale(1.0 / wheels, vector(w.moved[k], 0)))
+        moving = add(moving, scale(1.0 / wheels, vector(w.moved[k], 3)))
+    for k in range(2):
+        a0 = f[AUXILIARY + k]
+        a1 = auxiliary(c, a0, growth[2 * k], growth[2 * k])
+        w.axes.psi[k] = h * rate[2 * k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
+        f[RATE + 2 * k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
+    _turn(f, w.before.axes, w.axes.psi)
+    # the origin by the trapezoid, its acceleration at the end from where it would come to
+    m0, o, v, a = vector(f, MIDDLE), vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION)
+    off = add(middle, scale(-1.0, add(from_axes(f, m0), add(o, add(scale(h, v), scale(0.5 * h * h, a))))))
+    slow = add(moving, scale(-1.0, add(from_axes(f, cross(vector(f, RATE), m0)), add(v, scale(h, a)))))
+    after = add(scale(FOLLOW * FOLLOW, off), scale(2.0 * FOLLOW, slow))
+    mean = scale(0.5, add(a, after))
+    put(f, ORIGIN, add(o, add(scale(h, v), scale(0.5 * h * h, mean))))
+    put(f, VELOCITY, add(v, scale(h, mean)))
+    put(f, ACCELERATION, after)
+
+
+@inner
+def _turn(f, before, psi):
+    """R = R(before) exp(psi), Rodrigues."""
+    x, z = psi[0], psi[1]
+    square = x * x + z * z
+    s, c = 1.0 - square / 6.0, 0.5 - square / 24.0  # sin(a)/a, (1 - cos a)/a^2; a step turns by milliradians
+    if square > 1e-4:
+        a = np.sqrt(square)
+        s, c = np.sin(a) / a, (1.0 - np.cos(a)) / square
+    for i in range(3):
+        r0, r1, r2 = before[3 * i], before[3 * i + 1], before[3 * i + 2]
+        # of r: r + s (r x-matrix) + c of its square, with psi = (x, 0, z)
+        f[3 * i] = r0 * (1.0 - c * z * z) + r1 * s * z + r2 * c * x * z
+        f[3 * i + 1] = r1 * (1.0 - c * square) - r0 * s * z + r2 * s * x
+        f[3 * i + 2] = r2 * (1.0 - c * x * x) + r0 * c * x * z - r1 * s * x
+
+
+@kernel
+def brace(links, w):
+    """See ``axes``."""
+    for c in range(2):
+        b = w.axes.answer[c]
+        for i in range(b.shape[0]):
+            for k in range(b.shape[1]):
+                b[i, k] = w.axes.edge[i, k, c]
+        solve(w.A, w.U, w.factors, links.closed == 1, b)
+
+
+@kernel
+def bend(links, x, w, by):
+    """See ``axes``."""
+    a, f, y, edge, Z = w.axes, x.axes, w.b, w.axes.edge, w.axes.answer
+    t0, t1 = a.moment[0], a.moment[1]
+    s00, s01, s10, s11 = a.corner[0, 0], a.corner[0, 1], a.corner[1, 0], a.corner[1, 1]
+    for i in range(y.shape[0]):
+        for k in range(y.shape[1]):
+            p, q = edge[i, k, 0], edge[i, k, 1]
+            t0, t1 = t0 - p * y[i, k], t1 - q * y[i, k]
+            s00, s01 = s00 - p * Z[0, i, k], s01 - p * Z[1, i, k]
+            s10, s11 = s10 - q * Z[0, i, k], s11 - q * Z[1, i, k]
+    per = 1.0 / (s00 * s11 - s01 * s10)
+    roll, yaw = per * (s11 * t0 - s01 * t1), per * (s00 * t1 - s10 * t0)
+    for i in range(y.shape[0]):
+        for k in range(y.shape[1]):
+            y[i, k] -= Z[0, i, k] * roll + Z[1, i, k] * yaw
+    for i in range(links.n):
+        for k in range(w.own.shape[1]):
+            w.own[i, k] -= a.own[i, k, 0] * roll + a.own[i, k, 1] * yaw
+    a.psi[0] -= roll
+    a.psi[1] -= yaw
+    f[RATE] -= by.v * roll
+    f[RATE + 2] -= by.v * yaw
+    f[GROWTH] -= by.vdot * roll
+    f[GROWTH + 2] -= by.vdot * yaw
+    _turn(f, w.before.axes, a.psi)
+    return ARM * max(abs(roll), abs(yaw))
+
+
+@kernel
+def arrive(links, method, s, w):
+    """See ``axes``."""
+    c, f, before = method.alpha, s.axes, w.before.axes
+    for k in range(2):
+        f[AUXILIARY + k] = auxiliary(c, before[AUXILIARY + k], before[GROWTH + 2 * k], f[GROWTH + 2 * k])
+
+
+@kernel
+def absolute(links, x, w):
+    """See ``axes``; along the axes."""
+    f = x.axes
+    rate, drift = vector(f, RATE), to_axes(f, vector(f, VELOCITY))
+    for n in range(4):
+        v = add(vector(w.v[n], 0), cross(rate, vector(w.e[n], 0)))
+        put(w.v[n], 0, add(v, drift) if n % 2 == 0 else v)
+
+
+@kernel
+def risen(links, x, w):
+    """See ``axes``."""
+    f, l, e, z = x.axes, links.element.l, w.e, x.axes[ORIGIN + 2]
+    for k in range(3):
+        z += f[6 + k] * inertia.height(l, 2, k, e)
+    return z
+
+
+@kernel
+def sideways_energy(links, w):
+    """See ``axes``."""
+    e, s = w.e, links.sideways / links.element.l
+    d = (e[2, 1] - e[0, 1]) / links.element.l
+    first, second = 4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d, 6.0 * d - 2.0 * e[1, 1] - 4.0 * e[3, 1]
+    return s / 6.0 * (first * first + first * second + second * second)

@@ -1,0 +1,167 @@
+"""Faces of cables that turn with their axes; see ``faces``. Motion: q, v (nodes, 8), axes; vectors along the axes.
+
+A link has a width: a point lies at r + z n + y (j - b t), with the tangent t in the plane of the axes, the normal
+n = t x j, the pin axis j and the yaw b = r_x.j / |r_x| of the link against it. With m = z n + y j and c the slopes of
+the shape functions over |r_x| it moves by (S - c t m^T) de; the change of t with the yaw is left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.ancf.cable import shape, shape_slope
+from fmus.physics.chain.flexible.axes_state import ORIGIN, RATE, VELOCITY, from_axes, to_axes
+from fmus.physics.chain.flexible.cable_faces import along  # noqa: F401 - behind the door
+from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
+    begin,
+    count,
+    enter,
+    length,
+    pin_rates,
+    pins,
+)
+from fmus.physics.contact.face import Push
+from fmus.physics.vector import add, cross, scale, vector
+
+
+@kernel
+def across(links):
+    """See ``faces``."""
+    return 2, links.lateral
+
+
+@kernel
+def lift(links, x, i):
+    """See ``faces``."""
+    return 1.1 * links.face + 0.1 * links.element.l + links.lateral * abs(x.axes[7])
+
+
+@kernel
+def to_ground(links, x, w, p, v):
+    """See ``faces``."""
+    f = x.axes
+    v = add(v, cross(vector(f, RATE), p))
+    return add(vector(f, ORIGIN), from_axes(f, p)), add(vector(f, VELOCITY), from_axes(f, v))
+
+
+@kernel
+def from_ground(links, x, w, push, tangent):
+    """See ``faces``; that the point's velocity turns with the axes is left out of the matrix."""
+    f = x.axes
+    if not tangent:
+        return Push(to_axes(f, push.f), push.g, push.by_rate, push.normal, push.energy, push.power)
+    g = push.g
+    a, b, c = to_axes(f, (g[0], g[1], g[2])), to_axes(f, (g[3], g[4], g[5])), to_axes(f, (g[6], g[7], g[8]))
+    p, q, r = to_axes(f, (a[0], b[0], c[0])), to_axes(f, (a[1], b[1], c[1])), to_axes(f, (a[2], b[2], c[2]))
+    turned = (p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2])
+    return Push(to_axes(f, push.f), turned, to_axes(f, push.by_rate), push.normal, push.energy, push.power)
+
+
+@kernel
+def locate(links, x, w, i, xi, y, z):
+    """Leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``, m and the point in ``w.axes``."""
+    S, C, e, de = w.S, w.C, w.e, w.v
+    shape(links.element, xi, S)
+    shape_slope(links.element, xi, C)
+    a = b = yaw = da = db = sway = 0.0
+    p = v = (0.0, 0.0, 0.0)
+    for k in range(4):
+        a, yaw, b = a + C[k] * e[k, 0], yaw + C[k] * e[k, 1], b + C[k] * e[k, 2]
+        da, sway, db = da + C[k] * de[k, 0], sway + C[k] * de[k, 1], db + C[k] * de[k, 2]
+        p, v = add(p, scale(S[k], vector(e[k], 0))), add(v, scale(S[k], vector(de[k], 0)))
+    per = 1.0 / np.sqrt(a * a + b * b)
+    for k in range(4):
+        C[k] *= per
+    t0, t2 = a * per, b * per
+    w.t[0], w.t[2] = t0, t2
+    back, moved = y * yaw * per, per * (z * (t0 * db - t2 * da) + y * sway)
+    p = p[0] - z * t2 - back * t0, p[1] + y, p[2] + z * t0 - back * t2
+    point, lever = w.axes.point, w.axes.lever
+    point[0], point[1], point[2] = p
+    lever[0], lever[1], lever[2] = -z * t2, y, z * t0
+    return p, (v[0] - moved * t0, v[1], v[2] - moved * t2)
+
+
+@kernel
+def _turned(w, f):
+    """Book the moment of a force at the point about the axes of yaw and roll."""
+    p, moment = w.axes.point, w.axes.moment
+    moment[0] -= p[1] * f[2] - p[2] * f[1]
+    moment[1] -= p[0] * f[1] - p[1] * f[0]
+
+
+@kernel
+def push(links, w, i, push, tangent):
+    """Force on residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - c t m^T."""
+    S, C, R, K, t0, t2, f = w.S, w.C, w.load[i], w.stiffening[i], w.t[0], w.t[2], push.f
+    m = vector(w.axes.lever, 0)
+    _turned(w, f)
+    a = f[0] * t0 + f[2] * t2
+    for k in range(4):
+        c = C[k] * a
+        for j in range(3):
+            R[k, j] -= S[k] * f[j] - c * m[j]
+    if not tangent:
+        return
+    g = push.g
+    p = g[0] * t0 + g[2] * t2, g[3] * t0 + g[5] * t2, g[6] * t0 + g[8] * t2  # g t
+    o = g[0] * t0 + g[6] * t2, g[1] * t0 + g[7] * t2, g[2] * t0 + g[8] * t2  # t g
+    r = p[0] * t0 + p[2] * t2
+    for b in range(4):
+        for j in range(3):
+            n = C[b] * m[j]
+            column = S[b] * g[j] - p[0] * n, S[b] * g[3 + j] - p[1] * n, S[b] * g[6 + j] - p[2] * n  # of g B
+            s = S[b] * o[j] - r * n  # of t g B
+            for k in range(4):
+                c = C[k] * s
+                K[3 * k, 3 * b + j] -= S[k] * column[0] - c * m[0]
+                K[3 * k + 1, 3 * b + j] -= S[k] * column[1] - c * m[1]
+                K[3 * k + 2, 3 * b + j] -= S[k] * column[2] - c * m[2]
+
+
+@kernel
+def resist(links, w, i, push, by_rate, foot, side):
+    """K -= B^T r (d rate / d pins) with r = df / d rate; the rate falls as the face moves along its normal."""
+    S, C, K, r, m = w.S, w.C, w.stiffening[i], push.by_rate, w.axes.lever
+    a = r[0] * w.t[0] + r[2] * w.t[2]
+    for k in range(4):
+        for n in range(3):
+            turned = by_rate * (S[k] * r[n] - C[k] * a * m[n])
+            for j in range(3):
+                K[3 * k + n, j] += turned * side[j] * (1.0 - foot)
+                K[3 * k + n, 6 + j] += turned * side[j] * foot
+
+
+@kernel
+def locate_pin(links, x, w, i, y):
+    """See ``faces``."""
+    q, v = x.q[i], x.v[i]
+    p, point = (q[0], q[1] + y, q[2]), w.axes.point
+    point[0], point[1], point[2] = p
+    return p, (v[0], v[1], v[2])
+
+
+@kernel
+def push_pin(links, x, w, i, y, push, tangent):
+    """Residual into ``w.b``, matrix into ``w.A``; what the axes' turning does to the pin into their border."""
+    f, g, edge, corner = push.f, push.g, w.axes.edge[i], w.axes.corner
+    _turned(w, f)
+    for a in range(3):
+        w.b[i, a] -= f[a]
+    if not tangent:
+        return
+    p = w.axes.point
+    for a in range(3):
+        for b in range(3):
+            w.A[i, a, b] -= g[3 * a + b]
+        edge[a, 0] -= g[3 * a + 2] * p[1] - g[3 * a + 1] * p[2]
+        edge[a, 1] -= g[3 * a + 1] * p[0] - g[3 * a] * p[1]
+    for k in range(2):
+        e = (0.0, -p[2], p[1]) if k == 0 else (-p[1], p[0], 0.0)
+        for b in range(2):
+            h = (0.0, -p[2], p[1]) if b == 0 else (-p[1], p[0], 0.0)
+            s = 0.0
+            for a in range(3):
+                s += e[a] * (g[3 * a] * h[0] + g[3 * a + 1] * h[1] + g[3 * a + 2] * h[2])
+            corner[k, b] -= s
