@@ -258,7 +258,8 @@ def _track_config(
 
 
 def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
-    told = scene.track.model_dump(include={"start", "element", "elasticity", "integrator", "step"}, exclude_none=True)
+    keys = {"start", "element", "elasticity", "axes", "integrator", "step"}
+    told = scene.track.model_dump(include=keys, exclude_none=True)
     if scene.planar:
         told["element"] = "planar"
     parameters = {**_start(scene), "start.lateral": lateral, **told}

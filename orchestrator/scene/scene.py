@@ -40,7 +40,7 @@ from orchestrator.scene.tables import (
 # how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
 COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name",
-    *(f"track.{key}" for key in ("model", "element", "elasticity", "integrator", "step", "link_outputs")),
+    *(f"track.{key}" for key in ("model", "element", "elasticity", "axes", "integrator", "step", "link_outputs")),
 )  # fmt: skip
 SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of theirs
 
@@ -87,7 +87,7 @@ class TrackScene(Scene):
             return self
         if self.track.model == "rigid":
             raise ValueError("planar = true needs track.model = 'flexible': rigid links keep their six coordinates")
-        for key, only in (("element", "cable"), ("elasticity", "small_deformation")):
+        for key, only in (("element", "cable"), ("elasticity", "small_deformation"), ("axes", "fixed")):
             if getattr(self.track, key) not in (None, only):
                 raise ValueError(f"planar = true needs track.{key} = '{only}', not '{getattr(self.track, key)}'")
         return self
@@ -149,8 +149,8 @@ class VehicleScene(TrackScene):
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         if self.drive.steers:
             self._may_steer()
-            if (self.track.model, self.track.element) == ("flexible", None):  # the one that leaves its plane
-                return self.model_copy(update={"track": self.track.model_copy(update={"element": "beam"})})
+            if self.track.model == "flexible" and self.track.element != "beam":
+                return self.model_copy(update={"track": self.track.model_copy(update={"axes": "free"})})
         return self
 
     def _may_steer(self) -> None:
@@ -159,11 +159,8 @@ class VehicleScene(TrackScene):
             raise ValueError("symmetric = true needs the same drive on both sides: the right half mirrors the left")
         if without := [side for side in SIDES if side not in self.tracks]:
             raise ValueError(f"drive.left and drive.right differ, but tracks has no '{without[0]}'")
-        if self.track.element == "cable":
-            raise ValueError(
-                "drives that differ turn the vehicle, and cables stay in the plane of their track: it needs"
-                " track.element = 'beam' or track.model = 'rigid'"
-            )
+        if self.track.axes == "fixed":
+            raise ValueError("drives that differ turn the vehicle: track.axes = 'fixed' keeps cables in their plane")
 
 
 class DirectScene(Scene):

@@ -164,6 +164,7 @@ class Track(Table):
     model: Literal["flexible", "rigid"]
     element: Literal["cable", "beam"] | None = None  # of flexible links
     elasticity: Elasticity | None = None  # of cables
+    axes: Literal["fixed", "free"] | None = None  # of cables: fixed ones stay in their plane; as the scene needs
     integrator: str | None = None
     step: Duration | None = None  # largest internal step
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
@@ -171,12 +172,14 @@ class Track(Table):
 
     @model_validator(mode="after")
     def _rigid_links_have_none(self) -> Track:
-        for key in ("element", "elasticity"):
+        for key in ("element", "elasticity", "axes"):
             value = getattr(self, key)
             if self.model == "rigid" and value is not None:
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
         if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
             raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
+        if self.element == "beam" and self.axes is not None:
+            raise ValueError(f"axes = '{self.axes}' needs element = 'cable': beams turn with their pins")
         return self
 
 

@@ -31,7 +31,7 @@ from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, put, scale, vector
 
 FOLLOW = 200.0  # 1/s, of the origin after the wheels, critically damped
-ARM = 0.1  # m: a correction of the axes counts as the pins that it moves by so much
+ARM = 2.0  # m: a correction of the axes moves the pins by about so much
 
 
 @kernel
