@@ -122,7 +122,7 @@ class Model(TrackModel):
         if axes == "free" and element != "cable":
             raise InvalidParameter(f"axes = 'free' needs element = 'cable': a {element} has no use for them")
         if axes == "free" and self.integrator == EXPLICIT:
-            raise InvalidParameter("axes = 'free' needs integrator = 'generalized_alpha': turning cables have no other yet")
+            raise InvalidParameter("axes = 'free' needs integrator = 'generalized_alpha', the only one yet")
         young, tau = float(p["material.youngs_modulus"]), float(p["material.relaxation_time"])
         if not young > 0.0:
             raise InvalidParameter(f"material.youngs_modulus = {young}: must be greater than 0")

@@ -97,8 +97,16 @@ def enter(links, x, w, i):
 
 
 @door(_of)
-def locate(links, x, w, i, xi, y, z):
-    """The point of link ``i`` at ``xi`` along it, ``y`` across, ``z`` outside the line of the pins: place, velocity.
+def section(links, x, w, i, xi, z):
+    """Points of link ``i`` at ``xi`` along it and ``z`` outside the line of the pins: what ``locate`` needs of them.
+
+    Leaves in ``w`` what the following functions need.
+    """
+
+
+@door(_of)
+def locate(links, x, w, i, at, y):
+    """The point of the section ``at`` that lies ``y`` across: place, velocity.
 
     Leaves in ``w`` what the following functions need of this point.
     """
@@ -112,6 +120,11 @@ def along(links, x, w, i):
 @door(_of)
 def push(links, w, i, push, tangent):
     """Put a ``Push`` at the point on the link."""
+
+
+@door(_of)
+def pushed(links, w, i, tangent):
+    """After all points of a section."""
 
 
 @door(_of)

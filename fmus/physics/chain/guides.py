@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fmus.jit import inner, kernel
-from fmus.physics.chain.faces import along, count, enter, locate, pin_rates, pins, push
+from fmus.physics.chain.faces import along, count, enter, locate, pin_rates, pins, push, pushed, section
 from fmus.physics.chain.near import middle, reached
 from fmus.physics.chain.sums import PATCH_POWER, note
 from fmus.physics.contact.face import touch
@@ -43,7 +43,8 @@ def _discs(links, contacts, x, w, k, row, by_rate, tangent):
         share = 0.5 * (high - low)
         for g in range(2):
             half = 2.0 * g - 1.0
-            p, v = locate(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), 0.0, -links.face)
+            at = section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
+            p, v = locate(links, x, w, i, at, 0.0)
             depth, face = guide_face(row, play, p, v)
             if depth <= 0.0:
                 continue
@@ -54,3 +55,4 @@ def _discs(links, contacts, x, w, k, row, by_rate, tangent):
             w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
             collect(row, p, f.f, w.wrench[k])
             push(links, w, i, f, tangent)
+            pushed(links, w, i, tangent)

@@ -23,7 +23,9 @@ from fmus.physics.chain.faces import (
     pins,
     push,
     push_pin,
+    pushed,
     resist,
+    section,
     to_ground,
 )
 from fmus.physics.chain.near import middle, reached
@@ -74,9 +76,9 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
         share = 0.5 * (high - low) / places
         for g in range(2):
             half = 2.0 * g - 1.0
-            xi = 0.5 * (low + high) + half * GAUSS * (high - low)
+            at = section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
             for m in range(places):
-                p, v = locate(links, x, w, i, xi, (2.0 * m - 1.0) * side_by, -links.face)
+                p, v = locate(links, x, w, i, at, (2.0 * m - 1.0) * side_by)
                 depth, face = rim_face(row, radius, p, v)
                 if depth <= 0.0:
                     continue
@@ -89,6 +91,7 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
                 push(links, w, i, f, tangent)
                 if tangent:
                     resist(links, w, i, f, by_rate, foot, side)
+            pushed(links, w, i, tangent)
         stored, power = bulge(law, radius, length(links), low, high, ends)
         w.sums[CONTACT] += stored
         w.sums[PATCH_POWER] += power
@@ -125,9 +128,9 @@ def _soil(links, contacts, x, w, by_rate, tangent):
             continue
         enter(links, x, w, i)
         for g in range(2):
+            at = section(links, x, w, i, 0.5 + (2.0 * g - 1.0) * GAUSS, links.face)
             for m in range(places):
-                xi = 0.5 + (2.0 * g - 1.0) * GAUSS
-                p, v = to_ground(links, x, w, *locate(links, x, w, i, xi, (2.0 * m - 1.0) * side_by, links.face))
+                p, v = to_ground(links, x, w, *locate(links, x, w, i, at, (2.0 * m - 1.0) * side_by))
                 depth, face = ground_face(contacts.shape, p, v)
                 if depth <= 0.0:
                     continue
@@ -140,3 +143,4 @@ def _soil(links, contacts, x, w, by_rate, tangent):
                 for j in range(3):
                     w.wrench[-1, j] -= f.f[j]
                 push(links, w, i, from_ground(links, x, w, f, tangent), tangent)
+            pushed(links, w, i, tangent)

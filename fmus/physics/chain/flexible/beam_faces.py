@@ -17,6 +17,7 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the 
     length,
     pin_rates,
     pins,
+    pushed,
     to_ground,
 )
 from fmus.physics.vector import add, scale, vector
@@ -36,10 +37,16 @@ def lift(links, x, i):
 
 
 @kernel
-def locate(links, x, w, i, xi, y, z):
+def section(links, x, w, i, xi, z):
+    """See ``faces``."""
+    return xi, z
+
+
+@kernel
+def locate(links, x, w, i, at, y):
     """Leaves shape functions in ``w.S``."""
     S, e, de = w.S, w.e, w.v
-    shape(links.element, xi, y, z, S)
+    shape(links.element, at[0], y, at[1], S)
     p0 = p1 = p2 = v0 = v1 = v2 = 0.0
     for a in range(8):
         p0 += S[a] * e[a, 0]

@@ -20,6 +20,7 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the 
     length,
     pin_rates,
     pins,
+    pushed,
     to_ground,
 )
 
@@ -37,7 +38,7 @@ def lift(links, x, i):
 
 
 @kernel
-def locate(links, x, w, i, xi, y, z):
+def section(links, x, w, i, xi, z):
     """Leaves shape functions in ``w.S``, z x slopes / |r_x| in ``w.C``, the tangent along x and z in ``w.t``."""
     S, C, e, de, up = w.S, w.C, w.e, w.v, axes(links.element) - 1
     shape(links.element, xi, S)
@@ -62,6 +63,12 @@ def locate(links, x, w, i, xi, y, z):
         C[k] *= z / rho
     w.t[0], w.t[2] = t0, t2
     return (p0 - z * t2, p1, p2 + z * t0), (v0 - turn * t0, v1, v2 - turn * t2)
+
+
+@kernel
+def locate(links, x, w, i, at, y):
+    """See ``faces``: on a line there is one."""
+    return at
 
 
 @kernel

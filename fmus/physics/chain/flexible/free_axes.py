@@ -28,7 +28,7 @@ from fmus.physics.chain.flexible.axes_state import (
 )
 from fmus.physics.chain.flexible.cables import LAYOUT
 from fmus.physics.integrate.generalized_alpha import auxiliary
-from fmus.physics.vector import add, cross, put, scale, vector
+from fmus.physics.vector import add, cross, dot, put, scale, vector
 
 FOLLOW = 200.0  # 1/s, of the origin after the wheels, critically damped
 ARM = 2.0  # m: a correction of the axes moves the pins by about so much
@@ -73,20 +73,27 @@ def homeward(links, x, w):
 def burden(links, x, w, weight, r):
     """See ``axes``; books their moment."""
     f, a, l = x.axes, w.axes, links.element.l
+    pull, swirl, drift = _rows(a.pull), _rows(a.swirl), vector(a.drift, 0)
     for n in range(4):
-        e, de = w.e[n], w.v[n]
+        e, de, dv = vector(w.e[n], 0), vector(w.v[n], 0), vector(w.dv[n], 0)
         for k in range(3):
-            extra = a.drift[k] if n % 2 == 0 else 0.0
-            for j in range(3):
-                extra += a.pull[k, j] * e[j] + a.swirl[k, j] * de[j]
-            w.dv[n, k] += extra
+            w.dv[n, k] = dv[k] + dot(pull[k], e) + dot(swirl[k], de) + (drift[k] if n % 2 == 0 else 0.0)
     inertia.inertia(4, 3, w.M, w.dv, r)
+    roll = yaw = 0.0
     for k in range(3):
         inertia.weigh(weight * f[6 + k], l, 2, k, r)
     for n in range(4):
-        e, q = w.e[n], r[n]
-        a.moment[0] += e[1] * q[2] - e[2] * q[1]
-        a.moment[1] += e[0] * q[1] - e[1] * q[0]
+        e, q = vector(w.e[n], 0), vector(r[n], 0)
+        roll += e[1] * q[2] - e[2] * q[1]
+        yaw += e[0] * q[1] - e[1] * q[0]
+    a.moment[0] += roll
+    a.moment[1] += yaw
+
+
+@inner
+def _rows(A):
+    """Of a matrix (3, 3)."""
+    return vector(A[0], 0), vector(A[1], 0), vector(A[2], 0)
 
 
 @kernel
@@ -116,40 +123,49 @@ def sideways(links, w, r, tangent):
 @kernel
 def border(links, w, i, j, by):
     """See ``axes``: G = (K_contact + by.vdot M) (axis x e), condensed as the link's matrix was."""
-    G, e, K, a = w.axes.border[i], w.e, w.stiffening[i], w.axes
+    a, G, K, M, touched = w.axes, w.axes.border[i], w.stiffening[i], w.M, w.touched[i]
+    e = vector(w.e[0], 0), vector(w.e[1], 0), vector(w.e[2], 0), vector(w.e[3], 0)
     for n in range(4):
-        m0 = m1 = m2 = 0.0
+        m = (0.0, 0.0, 0.0)
         for k in range(4):
-            s = by.vdot * w.M[n, k]
-            m0, m1, m2 = m0 + s * e[k, 0], m1 + s * e[k, 1], m2 + s * e[k, 2]
-        G[3 * n, 0], G[3 * n + 1, 0], G[3 * n + 2, 0] = 0.0, -m2, m1
-        G[3 * n, 1], G[3 * n + 1, 1], G[3 * n + 2, 1] = -m1, m0, 0.0
-    if w.touched[i]:
-        for n in range(12):
-            for k in range(4):
-                G[n, 0] += K[n, 3 * k + 2] * e[k, 1] - K[n, 3 * k + 1] * e[k, 2]
-                G[n, 1] += K[n, 3 * k + 1] * e[k, 0] - K[n, 3 * k] * e[k, 1]
-    own, inverse, left = a.own[i], w.inner[i], w.left[i]
-    for c in range(2):
-        for n in range(4):
-            a.corner[0, c] += e[n, 1] * G[3 * n + 2, c] - e[n, 2] * G[3 * n + 1, c]
-            a.corner[1, c] += e[n, 0] * G[3 * n + 1, c] - e[n, 1] * G[3 * n, c]
-        for n in range(4):
-            s = 0.0
-            for k in range(4):
-                s += inverse[n, k] * G[LAYOUT.inner[k], c]
-            own[n, c] = s
-        for n in range(4):
-            first, second = G[LAYOUT.outer[n], c], G[LAYOUT.outer[4 + n], c]
-            for k in range(4):
-                first -= left[n, k] * own[k, c]
-                second -= left[4 + n, k] * own[k, c]
-            a.edge[i, n, c] += first
-            a.edge[j, n, c] += second
-    for c in range(2):
-        for b in range(2):
-            for n in range(4):
-                a.corner[c, b] -= G[LAYOUT.inner[n], c] * own[n, b]
+            m = add(m, scale(by.vdot * M[n, k], e[k]))
+        roll, yaw = (0.0, -m[2], m[1]), (-m[1], m[0], 0.0)
+        for r in range(3):
+            p, q = roll[r], yaw[r]
+            if touched:
+                for k in range(4):
+                    one, two, three = vector(K[3 * n + r], 3 * k)
+                    p += three * e[k][1] - two * e[k][2]
+                    q += two * e[k][0] - one * e[k][1]
+            G[3 * n + r, 0], G[3 * n + r, 1] = p, q
+    own, inverse, left, inside, shared = a.own[i], w.inner[i], w.left[i], LAYOUT.inner, LAYOUT.outer
+    c00 = c01 = c10 = c11 = 0.0
+    for n in range(4):
+        one, two, three = G[3 * n], G[3 * n + 1], G[3 * n + 2]
+        c00, c01 = c00 + e[n][1] * three[0] - e[n][2] * two[0], c01 + e[n][1] * three[1] - e[n][2] * two[1]
+        c10, c11 = c10 + e[n][0] * two[0] - e[n][1] * one[0], c11 + e[n][0] * two[1] - e[n][1] * one[1]
+    for n in range(4):
+        p = q = 0.0
+        for k in range(4):
+            p += inverse[n, k] * G[inside[k], 0]
+            q += inverse[n, k] * G[inside[k], 1]
+        own[n, 0], own[n, 1] = p, q
+    for n in range(8):
+        p, q = G[shared[n], 0], G[shared[n], 1]
+        for k in range(4):
+            p -= left[n, k] * own[k, 0]
+            q -= left[n, k] * own[k, 1]
+        pin, place = (i, n) if n < 4 else (j, n - 4)
+        a.edge[pin, place, 0] += p
+        a.edge[pin, place, 1] += q
+    for n in range(4):
+        p, q = G[inside[n], 0], G[inside[n], 1]
+        c00, c01 = c00 - p * own[n, 0], c01 - p * own[n, 1]
+        c10, c11 = c10 - q * own[n, 0], c11 - q * own[n, 1]
+    a.corner[0, 0] += c00
+    a.corner[0, 1] += c01
+    a.corner[1, 0] += c10
+    a.corner[1, 1] += c11
 
 
 @kernel

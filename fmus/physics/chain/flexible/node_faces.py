@@ -71,3 +71,8 @@ def to_ground(links, x, w, p, v):
 def from_ground(links, x, w, push, tangent):
     """See ``faces``."""
     return push
+
+
+@kernel
+def pushed(links, w, i, tangent):
+    """See ``faces``."""

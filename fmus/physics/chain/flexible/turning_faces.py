@@ -24,6 +24,9 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the 
 from fmus.physics.contact.face import Push
 from fmus.physics.vector import add, cross, scale, vector
 
+# sums over the points of a section, by powers of y: how many, f, t f, g, g t, t g, t g t
+HITS, FORCE, ALONG, MATRIX, RIGHT, LEFT, BOTH = 0, 1, 4, 6, 15, 21, 27
+
 
 @kernel
 def across(links):
@@ -59,9 +62,9 @@ def from_ground(links, x, w, push, tangent):
 
 
 @kernel
-def locate(links, x, w, i, xi, y, z):
-    """Leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``, m and the point in ``w.axes``."""
-    S, C, e, de = w.S, w.C, w.e, w.v
+def section(links, x, w, i, xi, z):
+    """Leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``, m without y in ``w.axes``, and sums of nothing."""
+    S, C, e, de, lever = w.S, w.C, w.e, w.v, w.axes.lever
     shape(links.element, xi, S)
     shape_slope(links.element, xi, C)
     a = b = yaw = da = db = sway = 0.0
@@ -75,12 +78,19 @@ def locate(links, x, w, i, xi, y, z):
         C[k] *= per
     t0, t2 = a * per, b * per
     w.t[0], w.t[2] = t0, t2
-    back, moved = y * yaw * per, per * (z * (t0 * db - t2 * da) + y * sway)
-    p = p[0] - z * t2 - back * t0, p[1] + y, p[2] + z * t0 - back * t2
-    point, lever = w.axes.point, w.axes.lever
-    point[0], point[1], point[2] = p
-    lever[0], lever[1], lever[2] = -z * t2, y, z * t0
-    return p, (v[0] - moved * t0, v[1], v[2] - moved * t2)
+    lever[0], lever[2] = -z * t2, z * t0
+    turn = per * z * (t0 * db - t2 * da)
+    w.axes.sums[:] = 0.0
+    return (p[0] - z * t2, p[1], p[2] + z * t0), (v[0] - turn * t0, v[1], v[2] - turn * t2), per * yaw, per * sway
+
+
+@kernel
+def locate(links, x, w, i, at, y):
+    """Leaves y and the point in ``w.axes``."""
+    (p, v, yaw, sway), t0, t2, point = at, w.t[0], w.t[2], w.axes.point
+    w.axes.lever[1] = y
+    point[0], point[1], point[2] = p[0] - y * yaw * t0, p[1] + y, p[2] - y * yaw * t2
+    return vector(point, 0), (v[0] - y * sway * t0, v[1], v[2] - y * sway * t2)
 
 
 @kernel
@@ -93,31 +103,60 @@ def _turned(w, f):
 
 @kernel
 def push(links, w, i, push, tangent):
-    """Force on residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - c t m^T."""
-    S, C, R, K, t0, t2, f = w.S, w.C, w.load[i], w.stiffening[i], w.t[0], w.t[2], push.f
-    m = vector(w.axes.lever, 0)
+    """Sum up what the points of a section feel, by powers of y, for ``pushed``."""
+    s, t0, t2, y, f, g = w.axes.sums, w.t[0], w.t[2], w.axes.lever[1], push.f, push.g
     _turned(w, f)
     a = f[0] * t0 + f[2] * t2
-    for k in range(4):
-        c = C[k] * a
-        for j in range(3):
-            R[k, j] -= S[k] * f[j] - c * m[j]
+    s[HITS] += 1.0
+    for j in range(3):
+        s[FORCE + j] += f[j]
+    s[ALONG] += a
+    s[ALONG + 1] += y * a
     if not tangent:
         return
-    g = push.g
     p = g[0] * t0 + g[2] * t2, g[3] * t0 + g[5] * t2, g[6] * t0 + g[8] * t2  # g t
     o = g[0] * t0 + g[6] * t2, g[1] * t0 + g[7] * t2, g[2] * t0 + g[8] * t2  # t g
     r = p[0] * t0 + p[2] * t2
-    for b in range(4):
+    for j in range(9):
+        s[MATRIX + j] += g[j]
+    for j in range(3):
+        s[RIGHT + j] += p[j]
+        s[RIGHT + 3 + j] += y * p[j]
+        s[LEFT + j] += o[j]
+        s[LEFT + 3 + j] += y * o[j]
+    s[BOTH] += r
+    s[BOTH + 1] += y * r
+    s[BOTH + 2] += y * y * r
+
+
+@kernel
+def pushed(links, w, i, tangent):
+    """Force on residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - c t m^T."""
+    S, C, R, K, s, m0, m2 = w.S, w.C, w.load[i], w.stiffening[i], w.axes.sums, w.axes.lever[0], w.axes.lever[2]
+    if s[HITS] == 0.0:
+        return
+    l = s[ALONG] * m0, s[ALONG + 1], s[ALONG] * m2  # of (t f) m
+    for k in range(4):
         for j in range(3):
-            n = C[b] * m[j]
-            column = S[b] * g[j] - p[0] * n, S[b] * g[3 + j] - p[1] * n, S[b] * g[6 + j] - p[2] * n  # of g B
-            s = S[b] * o[j] - r * n  # of t g B
+            R[k, j] -= S[k] * s[FORCE + j] - C[k] * l[j]
+    if not tangent:
+        return
+    n = s[BOTH] * m0, s[BOTH + 1], s[BOTH] * m2  # of (t g t) m
+    q = s[BOTH + 1] * m0, s[BOTH + 2], s[BOTH + 1] * m2  # times y
+    for j in range(3):
+        # columns of (g t) m^T, and of m (t g) and m (t g t) m^T
+        if j == 1:
+            p, u = (s[RIGHT + 3], s[RIGHT + 4], s[RIGHT + 5]), (n[1] * m0, q[1], n[1] * m2)
+        else:
+            m = m0 if j == 0 else m2
+            p, u = scale(m, vector(s, RIGHT)), (n[0] * m, n[1] * m, n[2] * m)
+        o = s[LEFT + j] * m0, s[LEFT + 3 + j], s[LEFT + j] * m2
+        g = s[MATRIX + j], s[MATRIX + 3 + j], s[MATRIX + 6 + j]
+        for b in range(4):
+            right, left = add(scale(S[b], g), scale(-C[b], p)), add(scale(S[b], o), scale(-C[b], u))
             for k in range(4):
-                c = C[k] * s
-                K[3 * k, 3 * b + j] -= S[k] * column[0] - c * m[0]
-                K[3 * k + 1, 3 * b + j] -= S[k] * column[1] - c * m[1]
-                K[3 * k + 2, 3 * b + j] -= S[k] * column[2] - c * m[2]
+                for a in range(3):
+                    K[3 * k + a, 3 * b + j] -= S[k] * right[a] - C[k] * left[a]
 
 
 @kernel

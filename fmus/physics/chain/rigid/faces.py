@@ -68,12 +68,23 @@ def enter(links, x, w, i):
 
 
 @kernel
-def locate(links, x, w, i, xi, y, z):
+def section(links, x, w, i, xi, z):
+    """See ``faces``."""
+    return (2.0 * xi - 1.0) * links.half, z
+
+
+@kernel
+def locate(links, x, w, i, at, y):
     """Leaves the lever in ``w.lever``."""
-    A, lx = w.system.A[i], (2.0 * xi - 1.0) * links.half
+    A, (lx, z) = w.system.A[i], at
     l = lever(A, lx, y, z)
     w.lever[0], w.lever[1], w.lever[2] = l
     return add(vector(x.q[i], 0), l), rate(A, x.v[i], lx, y, z)
+
+
+@kernel
+def pushed(links, w, i, tangent):
+    """See ``faces``."""
 
 
 @kernel
