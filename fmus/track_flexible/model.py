@@ -33,7 +33,8 @@ from fmus.track import EXPLICIT, TILTED, TrackModel
 
 REST = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
-ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which on cables leave their plane
+ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which on cables are held back in their plane
+LEAVES = np.cos(np.radians(5.0))  # and from which on nothing that they do is right
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 # coordinates of a pin; vectors of a link, components of a vector
 ELEMENTS = {"cable": (NODE, (4, 3)), "planar": (PLANAR_NODE, (4, 2)), "beam": (BEAM_NODE, (8, 3))}
@@ -321,16 +322,21 @@ class Model(TrackModel):
         s.residual[:] = w.R
 
     def _watch(self, t: float) -> None:
-        """Cable links cannot leave their plane: say so once when a wheel's axis does."""
-        if self.element == "beam" or self.axes == "free" or self.told[TILTED] or not self.rows.size:
+        """Cables with fixed axes cannot leave their plane: say so when a wheel's axis does, fail when it is far out."""
+        if self.element == "beam" or self.axes == "free" or not self.rows.size:
             return
         along = abs(self.rows[:, 10]).min()
-        if along < ALONG:
+        if along < LEAVES:
+            raise StepFailed(
+                f"at t = {t:.6g} s a wheel's axis is {np.degrees(np.arccos(along)):.1f} degrees off the pin axis:"
+                " cables with axes = 'fixed' stay in their plane, a vehicle that turns or rolls needs axes = 'free'"
+            )
+        if along < ALONG and not self.told[TILTED]:
             self.told[TILTED] = True
             self._warnings.append(
                 f"a wheel's axis is {np.degrees(np.arccos(along)):.2f} degrees off the pin axis at"
-                f" t = {t:.4g} s: cable chains drive in their own plane only, take beams or rigid links for turns and"
-                " side slopes"
+                f" t = {t:.4g} s: cables with axes = 'fixed' drive in their own plane only, turns and side slopes need"
+                " axes = 'free'"
             )
 
     def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:

@@ -149,8 +149,9 @@ class VehicleScene(TrackScene):
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         if self.drive.steers:
             self._may_steer()
-            if self.track.model == "flexible" and self.track.element != "beam":
-                return self.model_copy(update={"track": self.track.model_copy(update={"axes": "free"})})
+        turns = self.drive.steers or len(self.tracks) == 1
+        if turns and self.track.model == "flexible" and self.track.element != "beam" and self.track.axes is None:
+            return self.model_copy(update={"track": self.track.model_copy(update={"axes": "free"})})
         return self
 
     def _may_steer(self) -> None:

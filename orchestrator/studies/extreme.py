@@ -55,6 +55,17 @@ def _fast(kmh: float) -> list[str]:
     return [*HALF, f"run.stop={stop}", f"drive.speed={omega}", "drive.ramp_start=0.3", f"drive.ramp_time={ramp}"]
 
 
+def _hairpin(outer: float) -> list[str]:
+    """Half the speed inside, reached in two seconds or as friction lets the vehicle."""
+    ramp = max(2.0, 0.15 * outer)
+    sides = (f"drive.left.speed={0.5 * outer}", f"drive.right.speed={outer}", f"drive.ramp_time={ramp}")
+    return [*sides, f"run.stop={math.ceil(ramp + 2.5)}", "track.link_outputs=false"]
+
+
+def _pivot(friction: float) -> list[str]:
+    return [f"vehicle.contact.ground.friction={friction}", "run.stop=4 s", "track.link_outputs=false"]
+
+
 def _obstacle(rise: float) -> list[str]:
     bump = f'ground.bump={{start=1.0, rise={rise}, slope="30 deg", length=1.0, radius=0.3}}'
     drive = ("drive.speed=8", "drive.ramp_start=0.2", "drive.ramp_time=2", "run.stop=6 s")
@@ -143,6 +154,10 @@ FAMILIES = (
     Family("tracks there are", "settle", "flexible", (0.0, 1.0, 2.0),
            lambda n: ["run.stop=2 s", "track.link_outputs=false",
                       f"tracks={['left', 'right'][: int(n)]}".replace("'", '"')], quick=(0.0, 1.0)),
+    Family("hairpin, rad/s outside", "turn", "flexible", (5.0, 10.0, 20.0, 30.0), _hairpin, quick=(20.0,)),
+    Family("hairpin, rad/s outside, rigid", "turn", "rigid", (5.0, 10.0, 20.0, 30.0), _hairpin, quick=()),
+    Family("friction of a pivot", "pivot", "flexible", (0.0, 0.1, 0.3, 0.7, 1.0, 1.5), _pivot, quick=(1.0,)),
+    Family("friction of a pivot, rigid", "pivot", "rigid", (0.1, 0.7, 1.5), _pivot, quick=()),
     Family("minutes of driving", "straight", "rigid", (10.0,),
            lambda m: [*HALF, f"run.stop={60 * m}", "run.step=2 ms", "run.outputs=50"], "speed", quick=(),
            seconds=1200.0),

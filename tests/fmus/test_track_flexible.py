@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fmus.track_rigid.model as track_rigid
-from fmus.model import InvalidParameter
+from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.flexible.cables import LAYOUT
 from fmus.physics.chain.report import GROUND, KINETIC, REPORT, SPEED, STRAIN, T_MAX, TRAVEL
 from fmus.physics.wheels import read_states
@@ -337,6 +337,9 @@ def test_a_cable_warns_once_when_it_is_turned_out_of_its_plane():
     assert "degrees off the pin axis" in model.warnings()[0]
     model.step(2e-3, 1e-3, u)
     assert model.warnings() == []
+    u[13 + 3], u[13 + 6] = np.cos(0.05), np.sin(0.05)
+    with pytest.raises(StepFailed, match=r"5\.7 degrees off the pin axis: cables with axes = 'fixed' stay"):
+        model.step(3e-3, 1e-3, u)
 
 
 @pytest.mark.parametrize("kind", ["cable", "rigid"])
