@@ -177,7 +177,7 @@ ONE_SIDED = ("run", "settle", "--set", 'tracks=["left"]', "--stop", "0.12", "--l
 
 
 def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
-    """With one track it stands askew: said once, when the axes pass 0.2 degrees; again in a replay. Free ones go along."""
+    """With one track it stands askew: said once, when the axes pass 0.2 degrees; again in a replay."""
     status, out, err = cotrack(*ONE_SIDED, "--set", "track.axes=fixed", "--json")
     assert status == 0, err
     (warning,) = told(out)
