@@ -75,12 +75,14 @@ def view(
     log: LogPath,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="a picture, .png or .svg")],
     times: Annotated[list[float] | None, typer.Option("--at", metavar="T", help="an instant, s; repeatable")] = None,
+    above: Annotated[bool, typer.Option("--above", help="the way of a vehicle and forces of the ground")] = False,
 ) -> None:
-    """Side view, links coloured by their tension.
+    """Side view, links coloured by their tension, or a view from above.
 
-    At three instants or those given.
+    At a few instants or those given.
     """
+    from orchestrator.results import above as from_above
     from orchestrator.results import picture
 
-    picture.draw(log, output, times or None)
+    (from_above if above else picture).draw(log, output, times or None)
     print(output)

@@ -15,6 +15,7 @@ from orchestrator.results.run_data import Floats, Links, RunData, Window, pitch_
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 INSTANTS = 3
 WHEELS = ("sprocket", "road_wheel", "idler")
@@ -77,8 +78,6 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    if output.is_dir():
-        raise BadInput(f"the picture {output} cannot be written: it is a directory")
     with Log(path) as log:
         run = RunData(log)
         if not run.tracks:
@@ -101,10 +100,17 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         figure.colorbar(scale, ax=list(panes), label="link tension, kN", shrink=0.8)
         title = f"{run.scene['title']} ({run.scene['track']['model']} links)"
         figure.suptitle(title, fontsize=10, parse_math=False)
-        try:
-            figure.savefig(output, dpi=120, format=output.suffix[1:] or "png")
-        except (OSError, ValueError) as error:
-            raise BadInput(f"the picture {output} cannot be written: {error}") from None
+        saved(figure, output)
+
+
+def saved(figure: Figure, output: Path) -> None:
+    """Write a figure; raises BadInput where that cannot be."""
+    if output.is_dir():
+        raise BadInput(f"the picture {output} cannot be written: it is a directory")
+    try:
+        figure.savefig(output, dpi=120, format=output.suffix[1:] or "png")
+    except (OSError, ValueError) as error:
+        raise BadInput(f"the picture {output} cannot be written: {error}") from None
 
 
 def _scene(run: RunData) -> dict[str, Any]:
@@ -174,7 +180,8 @@ def _teeth(run: RunData, track: str, t: float) -> Floats:
     root = pitch_radius(vehicle) - sprocket["pin_radius"]
     times, q = run.vectors(track, "in", "sprocket.orientation", "wxyz")
     w, x, y, z = q[np.abs(times - t).argmin()]
-    heading = np.array([np.cos(run.scene["start"]["heading"]), np.sin(run.scene["start"]["heading"])])
+    axle = np.array([2 * (x * y - w * z), 1 - 2 * (x * x + z * z)])  # along the level
+    heading = np.array([axle[1], -axle[0]]) / np.linalg.norm(axle)
     ahead = heading @ [1 - 2 * (y * y + z * z), 2 * (x * y + w * z)]
     turned = np.arctan2(2 * (x * z - w * y), ahead)
     half = np.pi / number

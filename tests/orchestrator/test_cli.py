@@ -21,8 +21,8 @@ from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
-from orchestrator.results import picture
-from orchestrator.results.run_data import Links
+from orchestrator.results import above, picture
+from orchestrator.results.run_data import Links, RunData
 from orchestrator.scene import gallery
 
 KEYS = {
@@ -468,6 +468,23 @@ def test_view_draws(cotrack, tmp_path):
     assert status == 2
     assert "from 0 to 0.02 s" in err
     assert not (tmp_path / "b.png").exists()
+
+
+def test_view_from_above(cotrack, tmp_path):
+    brief = ("run", "turn", "--track", "rigid", "--stop", "0.02", "--no-estimate")
+    assert cotrack(*brief, "--log", "a.mcap")[0] in (0, 1)
+    status, out, err = cotrack("view", "a.mcap", "--above", "-o", "a.png")
+    assert (status, out) == (0, "a.png\n"), err
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+    with Log("a.mcap") as log:
+        places, force = above._track(RunData(log), "left_track", [0.0, 0.02])
+    assert np.ptp(places[1][:, 0]) == pytest.approx(4.5, abs=0.3)  # as long as a track, in its plane
+    assert places[1][:, 1] == pytest.approx(1.0795, abs=1e-3)
+    assert force.shape == (2, 2)
+    assert "from 0 to 0.02 s" in cotrack("view", "a.mcap", "--above", "--at", "1", "-o", "b.png")[2]
+    assert cotrack(*SHORT, "--log", "chain.mcap")[0] == 0
+    status, _, err = cotrack("view", "chain.mcap", "--above", "-o", "c.png")
+    assert (status, "chain.mcap holds no vehicle with the links of its tracks" in err) == (2, True)
 
 
 def test_a_check_without_its_signals_is_not_ok(cotrack):
