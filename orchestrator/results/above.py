@@ -13,7 +13,7 @@ from orchestrator.results.picture import saved
 from orchestrator.results.run_data import Floats, RunData, Window, within
 
 INSTANTS = 5
-LONGEST = 1.5  # m: the arrow of the largest force
+LONGEST, SHORTEST = 1.5, 0.05  # m: the arrow of the largest force; below, there is none
 
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
@@ -40,7 +40,9 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
                 pane.plot(*row.T, color="C0", linewidth=5.0, alpha=0.35, solid_capstyle="butt", zorder=2)
                 arrow = force[k] * LONGEST / largest
                 (x, y), (dx, dy) = pins[k].mean(axis=0), arrow
-                pane.arrow(x, y, dx, dy, color="C3", width=0.02, head_width=0.12, length_includes_head=True, zorder=3)
+                if np.hypot(dx, dy) > SHORTEST:
+                    head = {"width": 0.02, "head_width": 0.12, "length_includes_head": True}
+                    pane.arrow(x, y, dx, dy, color="C3", zorder=3, **head)
                 if name == run.tracks[0]:
                     here = (float(np.interp(moment, t, way[:, 0])), float(np.interp(moment, t, way[:, 1])))
                     pane.plot(*here, "o", color="0.3", markersize=3)
