@@ -14,6 +14,8 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import turning
 from orchestrator.results.run_data import RunData, Window
+from orchestrator.scene import gallery
+from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import load
 
 PADS = 1.0114  # speed of a track over that of the pitch circle, measured driving straight
@@ -200,3 +202,31 @@ def test_sides_that_cannot_be_are_a_sentence(settings, sentence):
     with pytest.raises(BadInput) as refused:
         load("straight", "flexible", settings)
     assert sentence in str(refused.value)
+
+
+def test_points_of_a_file_are_in_the_scene(tmp_path, monkeypatch):
+    """Beside the scene file, or from where one stands; the resolved scene needs the file no more."""
+    (tmp_path / "left.csv").write_text("time,speed\n0,0\n2,8\n")
+    base = (gallery.resources.files("orchestrator") / "gallery" / "turn.toml").read_text()
+    (tmp_path / "mine.toml").write_text(base.replace('speed = "8 rad/s"', 'speed_points = "left.csv"'))
+    scene = load(str(tmp_path / "mine.toml"), "rigid")
+    assert scene.drive.left.speed_points == ((0.0, 0.0), (2.0, 8.0))
+    part = next(part for part in assemble(placed(scene)).parts if part.name == "left_drive")
+    assert part.parameters["speed.points"] == "0.0 0.0; 2.0 8.0"
+    monkeypatch.chdir(tmp_path)
+    assert (
+        load("turn", "rigid", ["drive.left.speed_points=left.csv"]).drive.left.speed_points
+        == scene.drive.left.speed_points
+    )
+    assert type(scene).model_validate(scene.resolved()).drive == scene.drive
+    (tmp_path / "left.csv").write_text("0,0\n2,fast\n")
+    with pytest.raises(BadInput, match=r"left.csv, line 2: must be two numbers, a time and a value"):
+        load("turn", "rigid", ["drive.left.speed_points=left.csv"])
+    with pytest.raises(BadInput, match=r"drive.right.speed_points = 'none.csv': cannot be read"):
+        load("turn", "rigid", ["drive.right.speed_points=none.csv"])
+    for given, sentence in (
+        ("speed_points=[[1, 2], [0, 3]]", "times that rise"),
+        ("torque_points=[[0, 2]]", "torque_points needs mode = 'torque', not 'speed'"),
+    ):
+        with pytest.raises(BadInput, match=sentence):
+            load("turn", "rigid", [f"drive.left.{given}"])

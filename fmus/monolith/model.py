@@ -268,6 +268,8 @@ class Monolith:
         """Begin, length and steps of the parts of a step: a ramp of a drive's speed begins and ends with one. (7)"""
         drives = [self.models[name].drive for name in self._drives]
         ramps = [ramp for drive in drives if drive.mode != spin.TORQUE for ramp in _ramps(drive)]
+        for course in (each for drive in drives for each in (drive.torques, drive.brakes)):
+            ramps += pairwise(course.time.tolist())
         inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
         for begin, end in pairwise([t, *sorted(inside), t + h]):
             within = [(b - a) / RESOLVED for a, b in ramps if a < 0.5 * (begin + end) < b]
@@ -308,6 +310,8 @@ class Monolith:
 
 def _ramps(drive: spin.Drive) -> list[tuple[float, float]]:
     """Begin and end of the ramps of a drive's speed, s."""
+    if drive.speeds.time.size:
+        return list(pairwise(drive.speeds.time.tolist()))
     ramps = [(drive.ramp_start, drive.ramp_end)]
     return [*ramps, (drive.stop_start, drive.stop_start + drive.stop_time)] if drive.stop_start >= 0.0 else ramps
 

@@ -15,6 +15,7 @@ from fmus.model import MOST_STEPS
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
+from fmus.sprocket_drive.course import NONE, Course, at, given
 
 SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
 
@@ -52,11 +53,17 @@ class Drive(NamedTuple):
     accelerated: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
     stop_start: float = -1.0  # s, after the ramp; below 0: it never stops
     stop_time: float = 1e-3  # s
+    speeds: Course = NONE  # instead of the ramp and the stop
+    torques: Course = NONE  # instead of the constant torque
+    brakes: Course = NONE  # instead of the constant brake; ``brake`` is then the largest
 
 
 @kernel
 def profile(p, t):
     """Speed of the profile at t, rad/s, and angle since ramp_start, rad: a half-cosine ramp, and one to a stop. (1)"""
+    if given(p.speeds):
+        speed, angle, _ = at(p.speeds, t)
+        return speed, angle
     speed, angle = ramp(p, t)
     past = t - p.stop_start
     if p.stop_start < 0.0 or past <= 0.0:
@@ -86,6 +93,8 @@ def ramp(p, t):
 @kernel
 def profile_slope(p, t):
     """Angular acceleration of the profile at t, rad/s2."""
+    if given(p.speeds):
+        return at(p.speeds, t)[2]
     rise, length, past = p.end_speed - p.start_speed, p.ramp_end - p.ramp_start, t - p.ramp_start
     if p.stop_start >= 0.0 and t > p.stop_start:
         rise, length, past = -p.end_speed, p.stop_time, t - p.stop_start
@@ -98,7 +107,7 @@ def profile_slope(p, t):
 def motor(p, t, speed, integral):
     """Torque of the motor on the sprocket, N m, and the rate of the controller's integral. (2)"""
     if p.mode == TORQUE:
-        return p.torque, 0.0
+        return at(p.torques, t)[0] if given(p.torques) else p.torque, 0.0
     error = profile(p, t)[0] - speed
     wanted = p.proportional * error + p.integral * integral
     torque = min(p.limit, max(-p.limit, wanted))
@@ -110,7 +119,8 @@ def rates(p, t, y, chain, mount_rate, out):
     """Write the derivatives of the SPUN quantities y under the chain's torque about the axis. (3)"""
     speed = y[RATE] - mount_rate
     torque, growth = motor(p, t, speed, y[INTEGRAL])
-    brake = p.brake * speed / np.sqrt(speed * speed + p.brake_speed * p.brake_speed)
+    largest = at(p.brakes, t)[0] if given(p.brakes) else p.brake
+    brake = largest * speed / np.sqrt(speed * speed + p.brake_speed * p.brake_speed)
     out[ANGLE], out[RATE], out[INTEGRAL] = speed, (chain + torque - brake) / p.inertia, growth
     out[WORK], out[BRAKED], out[IMPULSE] = torque * speed, brake * speed, torque
 

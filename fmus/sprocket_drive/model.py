@@ -12,6 +12,7 @@ from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientati
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
+from fmus.sprocket_drive.course import course
 from fmus.sprocket_drive.dynamics import (
     ANGLE,
     NO_ROTATION,
@@ -27,6 +28,8 @@ from fmus.start import start
 
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
+COURSES = ("speed.points", "torque.points", "brake.points")
+POINTS = "'time value; time value; ...', straight lines between: the"
 
 
 def parameter_ports() -> list[Port]:
@@ -46,6 +49,9 @@ def parameter_ports() -> list[Port]:
         Port("stop.start", "parameter", "s", "time at which the speed goes to 0 for good, below 0 for never", -1.0),
         Port("stop.time", "parameter", "s", "how long that takes, along half a cosine", 1e-3),
         Port("torque.drive", "parameter", "N.m", "constant torque of the motor in mode torque"),
+        Port("speed.points", "parameter", "1", f"{POINTS} speed against the mount, rad/s, instead of a ramp", ""),
+        Port("torque.points", "parameter", "1", f"{POINTS} torque of the motor, N m, instead of torque.drive", ""),
+        Port("brake.points", "parameter", "1", f"{POINTS} torque of the brake, N m, instead of brake.torque", ""),
         Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed"),
         Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1),
         Port("controller.proportional", "parameter", "N.m.s/rad", "torque per speed error", 6000.0),
@@ -147,7 +153,7 @@ class Model:
         for name, port in self._defaults.items():
             if port.choices and values[name] not in port.choices:
                 raise InvalidParameter(f"{name} = {values[name]!r} must be one of {', '.join(port.choices)}")
-            if not port.choices and not np.isfinite(values[name]):
+            if isinstance(port.start, float) and not np.isfinite(values[name]):
                 raise InvalidParameter(f"{name} = {values[name]} must be a finite number")
         for name in ("brake.torque", "controller.proportional", "controller.integral", "torque.limit"):
             if values[name] < 0.0:
@@ -160,6 +166,11 @@ class Model:
             raise InvalidParameter(f"stop.time = {values['stop.time']} s must be positive")
         if 0.0 <= values["stop.start"] < values["ramp.end"]:
             raise InvalidParameter(f"stop.start = {values['stop.start']} s must not be before ramp.end")
+        speeds, torques, brakes = (course(name, str(values[name])) for name in COURSES)
+        if brakes.value.min(initial=0.0) < 0.0:
+            raise InvalidParameter(f"brake.points = {values['brake.points']} must not be negative")
+        if speeds.time.size and values["stop.start"] >= 0.0:
+            raise InvalidParameter("speed.points and stop.start exclude each other")
         return Drive(
             inertia=self._inertia,
             mode=MODES.index(values["mode"]),
@@ -168,7 +179,7 @@ class Model:
             ramp_start=float(values["ramp.start"]),
             ramp_end=float(values["ramp.end"]),
             torque=float(values["torque.drive"]),
-            brake=float(values["brake.torque"]),
+            brake=float(brakes.value.max()) if brakes.value.size else float(values["brake.torque"]),
             brake_speed=float(values["brake.speed"]),
             proportional=float(values["controller.proportional"]),
             integral=float(values["controller.integral"]),
@@ -176,4 +187,7 @@ class Model:
             accelerated=EXTRAPOLATIONS.index(values["extrapolation"]),
             stop_start=float(values["stop.start"]),
             stop_time=float(values["stop.time"]),
+            speeds=speeds,
+            torques=torques,
+            brakes=brakes,
         )

@@ -290,6 +290,9 @@ def _drive_parameters(drive: Drive) -> Parameters:
     }
     if drive.stop is not None:
         parameters |= {"stop.start": drive.stop, "stop.time": drive.stop_time}
+    for name in ("speed", "torque", "brake"):
+        if (points := getattr(drive, f"{name}_points")) is not None:
+            parameters[f"{name}.points"] = "; ".join(f"{time!r} {value!r}" for time, value in points)
     if drive.torque_limit is not None:
         parameters["torque.limit"] = drive.torque_limit
     return parameters

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
-from orchestrator.scene import gallery
+from orchestrator.scene import gallery, points
 from orchestrator.scene.settings import keys, merged, put, setting
 from orchestrator.scene.tables import (
     SIDES,
@@ -211,6 +212,7 @@ KINDS: dict[str, type[Scene]] = {
 def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> Scene:
     """Read a scene of the gallery or a file, with track model and ``KEY=VALUE`` settings; raises BadInput."""
     name, table = gallery.read(scene)
+    points.read(table, Path(scene).parent)
     changes = [setting(text) for text in settings]
     if _has_track(table):
         _complete(table, f"{name}.toml", track, changes)
@@ -218,6 +220,7 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
         raise BadInput(f"--track {track}: scene '{name}' has no track")
     for key, value in changes:
         put(table, key, value)
+    points.read(table, Path())
     return from_table({"name": name, **table}, f"{name}.toml")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from math import pi, remainder
 from typing import Annotated, Any, Literal
 
@@ -188,6 +189,13 @@ def short_track(value: object) -> object:
     return {"model": value} if isinstance(value, str) else value
 
 
+POINTS_OF = {  # and the modes in which they act
+    "speed_points": ("speed", "controller"),
+    "torque_points": ("torque",),
+    "brake_points": ("torque", "controller"),
+}
+
+
 class Drive(Table):
     """What turns a sprocket (or a braked idler).
 
@@ -204,6 +212,25 @@ class Drive(Table):
     torque: Annotated[float, In("N m")] = 0.0
     torque_limit: Annotated[float, In("N m", gt=0)] | None = None
     brake: Annotated[float, In("N m", ge=0)] = 0.0
+    # points [time, value], or a CSV file of them, instead of a constant: straight lines between, held before and after
+    speed_points: tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None = None  # instead of ramp and stop
+    torque_points: tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None = None
+    brake_points: tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None = None
+
+    @model_validator(mode="after")
+    def _points_fit(self) -> Drive:
+        for key, modes in POINTS_OF.items():
+            points = getattr(self, key)
+            if points is None:
+                continue
+            if self.mode not in modes:
+                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+            times = [time for time, _ in points]
+            if not times or any(later <= earlier for earlier, later in pairwise(times)):
+                raise ValueError(f"{key}: needs at least one point, and times that rise")
+        if self.speed_points is not None and self.stop is not None:
+            raise ValueError("speed_points and stop exclude each other: the points say when it stops")
+        return self
 
 
 class VehicleDrive(Drive):

@@ -440,3 +440,56 @@ def test_a_jump_of_the_clock_is_no_jump_of_the_speed():
     assert probe["torque"] == pytest.approx(J * np.diff(half_cosine(np.array([5.0, 5.001])))[0] / 1e-3, rel=1e-9)
     assert probe.model.state[RATE] == pytest.approx(half_cosine(5.001))
     assert probe.model.state[ANGLE] < 0.1
+
+
+# ------------------------------------------------------------------ points over time
+
+POINTS = "0.5 0; 1.5 8; 2.25 -4; 3 -4"
+
+
+def test_speed_and_angle_of_points_are_exact_at_any_step():
+    """Triangles and trapezoids, whatever the steps; a point that is a hundredth later shows."""
+    areas = {1.0: 1.0, 1.5: 4.0, 2.0: 6.0, 3.5: 6.0 - 0.5 - 5.0}
+    speeds = {1.0: 4.0, 1.5: 8.0, 2.0: 0.0, 3.5: -4.0}
+    for h in (1e-3, 0.05, 0.25, 0.5):
+        for time, area in areas.items():
+            probe = Probe(**{"speed.points": POINTS}).run(time, h)
+            assert probe["speed"] == pytest.approx(speeds[time], abs=1e-11)
+            assert probe["angle"] == pytest.approx(area, abs=1e-11)
+    twin = Probe(**{"speed.points": POINTS.replace("1.5", "1.51")}).run(2.0)
+    assert abs(twin["angle"] - areas[2.0]) > 1e-2
+
+
+def test_points_on_a_ramp_turn_as_the_ramp_does():
+    times = np.linspace(2.0, 6.0, 401)
+    points = "; ".join(f"{t!r} {v!r}" for t, v in zip(times.tolist(), half_cosine(times).tolist(), strict=True))
+    probe, ramp = Probe(**{"speed.points": points}), Probe(**RAMP)
+    for time in (3.0, 5.0, 7.0):
+        assert probe.run(time - probe.t)["angle"] == pytest.approx(ramp.run(time - ramp.t)["angle"], rel=1e-4)
+        assert probe["energy.work"] == pytest.approx(ramp["energy.work"], rel=1e-4)
+
+
+def test_torque_and_brake_of_points():
+    """Torque that rises from 0 to 300 N m in a second gives a parabola; a brake that sets in later stops it."""
+    probe = Probe(mode="torque", **{"torque.points": "0 0; 1 300; 1.001 0"}).run(1.0)
+    assert probe["speed"] == pytest.approx(150.0 / J, rel=1e-9)
+    assert probe["energy.work"] == pytest.approx(0.5 * J * (150.0 / J) ** 2, rel=1e-9)
+    braked = Probe(mode="torque", **{"speed.start": 4.0, "brake.points": "0 0; 1 0; 1.001 500"}).run(1.0)
+    assert braked["speed"] == pytest.approx(4.0, abs=1e-12)
+    assert abs(braked.run(1.0)["speed"]) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"speed.points": "1 2; 1 3"}, "its times must rise"),
+        ({"speed.points": "1 2 3"}, "must be 'time value; time value; ...'"),
+        ({"speed.points": "fast"}, "must be 'time value; time value; ...'"),
+        ({"torque.points": "0 nan"}, "must be finite numbers"),
+        ({"brake.points": "0 -1"}, "must not be negative"),
+        ({"speed.points": POINTS, "stop.start": 9.0}, "exclude each other"),
+    ],
+)
+def test_points_that_are_none_are_a_sentence(given, sentence):
+    with pytest.raises(InvalidParameter, match=sentence):
+        Probe(**given)

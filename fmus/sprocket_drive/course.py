@@ -1,0 +1,62 @@
+"""A quantity over time, given by points: straight between them, held before the first and after the last."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.model import InvalidParameter
+
+
+class Course(NamedTuple):
+    """Without points there is no course."""
+
+    time: np.ndarray  # (n) s, rising
+    value: np.ndarray  # (n)
+    area: np.ndarray  # (n) integral from the first point to each
+
+
+NONE = Course(np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def course(name: str, text: str) -> Course:
+    """Of a parameter ``name``, "time value; time value; ..."; raises InvalidParameter."""
+    if not text.strip():
+        return NONE
+    try:
+        points = np.array([[float(number) for number in point.split()] for point in text.split(";") if point.strip()])
+        time, value = points.T
+    except ValueError:
+        raise InvalidParameter(f"{name} = '{text[:80]}': must be 'time value; time value; ...'") from None
+    if not np.isfinite(points).all() or not (np.diff(time) > 0.0).all():
+        raise InvalidParameter(f"{name} = '{text[:80]}': must be finite numbers, its times must rise")
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(time))])
+    return Course(time.copy(), value.copy(), area)
+
+
+@kernel
+def given(c):
+    """Whether there is a course."""
+    return c.time.size > 0
+
+
+@kernel
+def at(c, t):
+    """Value at ``t``, its integral since the first point, its slope: at a point that of what follows."""
+    n = c.time.size
+    if t < c.time[0]:
+        return c.value[0], c.value[0] * (t - c.time[0]), 0.0
+    low, high = 0, n
+    while high - low > 1:  # time[low] <= t < time[high]
+        middle = (low + high) // 2
+        if c.time[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    past = t - c.time[low]
+    if low == n - 1:
+        return c.value[low], c.area[low] + c.value[low] * past, 0.0
+    slope = (c.value[low + 1] - c.value[low]) / (c.time[low + 1] - c.time[low])
+    return c.value[low] + slope * past, c.area[low] + (c.value[low] + 0.5 * slope * past) * past, slope

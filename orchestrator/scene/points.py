@@ -1,0 +1,54 @@
+"""Quantities of a drive over time that stand in a CSV file: read when a scene is, so that a log needs no other file."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from fmus.vehicle import BadInput
+
+Tables = dict[str, Any]  # of a raw scene
+POINTS = ("speed_points", "torque_points", "brake_points")
+DRIVES = ("drive", "idler_drive")
+
+
+def read(table: Tables, folder: Path) -> None:
+    """Put the points of all files that the drives of a raw scene name in their place; paths are from ``folder``.
+
+    Raises BadInput for what cannot be read.
+    """
+    for name, drive in _drives(table):
+        for key in POINTS:
+            if isinstance(drive.get(key), str):
+                drive[key] = _of_file(folder / drive[key], f"{name}.{key}")
+
+
+def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
+    for name in DRIVES:
+        drive = table.get(name)
+        if isinstance(drive, dict):
+            yield name, drive
+            for side in ("left", "right"):
+                if isinstance(drive.get(side), dict):
+                    yield f"{name}.{side}", drive[side]
+
+
+def _of_file(path: Path, key: str) -> list[list[float]]:
+    """Times and values of a file with two columns, SI; a first line of words is a head."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
+    except (OSError, ValueError, csv.Error) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise BadInput(f"{key} = '{path}': cannot be read: {reason}") from None
+    found = []
+    for number, row in rows:
+        try:
+            time, value = (float(cell) for cell in row)
+            found.append([time, value])
+        except ValueError:
+            if number > 1:
+                raise BadInput(f"{path}, line {number}: must be two numbers, a time and a value") from None
+    return found
