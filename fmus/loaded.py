@@ -43,7 +43,8 @@ def contents(parts: Sequence[Recipe]) -> Contents:
         env={**os.environ, "PYTHONPATH": str(ROOT.parent), "NUMBA_DISABLE_JIT": "1"},
     )
     if child.returncode:
-        raise BuildFailed((child.stderr.strip() or "no message").splitlines()[-1])
+        said = (child.stderr.strip() or "no message").splitlines()[-1]
+        raise BuildFailed(said.removeprefix("fmus.model.InvalidParameter: "))
     found = json.loads(child.stdout)
     loaded = tuple(sorted(found["modules"]))
     everything = {".".join(("fmus", *file.relative_to(ROOT).with_suffix("").parts)) for file in sources()}

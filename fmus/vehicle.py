@@ -261,14 +261,15 @@ def shown(value: object) -> str:
 def sentence(error: ValidationError, where: str) -> str:
     """The first complaint of a validation as one sentence."""
     first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"]) or "file"
+    key = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
         return f"{where}: unknown key '{_short(key)}'"
     if first["type"] == "missing":
         return f"{where}: key '{key}' is missing"
     message = first["msg"].removeprefix("Value error, ")
     value = "" if isinstance(first["input"], Mapping) else f" = {shown(first['input'])}"
-    return f"{where}: {key}{value}: {message[0].lower()}{message[1:]}"
+    about = f"{key}{value}: " if key else ""
+    return f"{where}: {about}{message[0].lower()}{message[1:]}"
 
 
 def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:

@@ -10,7 +10,9 @@ from skid_steering import Vehicle, turn
 from vehicle_in_process import InProcess
 
 from fmus.vehicle import BadInput
+from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.truth import truth
 from orchestrator.log.reader import Log
 from orchestrator.results import turning
 from orchestrator.results.run_data import RunData, Window
@@ -194,6 +196,13 @@ def test_a_side_says_what_differs():
         (("drive.left.sped=8",), "unknown key 'drive.left.sped': did you mean 'drive.left.speed'?"),
         (("drive.left.speed=fast",), "drive.left.speed = 'fast'"),
         (("drive.left.speed=8", "track.axes=fixed"), "track.axes = 'fixed' keeps cables in their plane"),
+        (("drive.left.speed=8", "track.integrator=runge_kutta"), "straight.toml: track.integrator = 'runge_kutta'"),
+        (("drive.left.speed=8", "drive.middle.speed=8"), "unknown key 'drive.middle'"),
+        (("drive={left={speed=3}, right={mode='speed'}}",), "key 'drive.left.mode' is missing"),
+        (
+            ("drive={left={mode='speed'}, rigth={mode='speed'}}",),
+            "unknown key 'drive.rigth': did you mean",
+        ),
         (("track.axes=free", "track.element=beam"), "axes = 'free' needs element = 'cable'"),
         (("track.axes=free", "symmetric=true", "planar=true"), "planar = true needs track.axes = 'fixed'"),
     ],
@@ -202,6 +211,31 @@ def test_sides_that_cannot_be_are_a_sentence(settings, sentence):
     with pytest.raises(BadInput) as refused:
         load("straight", "flexible", settings)
     assert sentence in str(refused.value)
+
+
+@pytest.mark.parametrize("step", [2e-3, 4e-3, 8e-3])
+def test_free_axes_hold_at_long_steps(step):
+    """The origin follows the wheels at any step; nothing grows that is not there."""
+    given = (f"run.step={step}", f"track.step={step}", f"run.stop={200 * step}", "drive.ramp_time=0.5")
+    vehicle = InProcess(load("turn", "flexible", (*QUICK[1:2], *given, "track.link_outputs=false"))).run(200 * step)
+    yaw = InProcess(load("turn", "rigid", (*QUICK[1:2], *given, "track.link_outputs=false"))).run(200 * step)
+    assert vehicle["chassis"]["yaw"] == pytest.approx(yaw["chassis"]["yaw"], abs=0.01)
+    assert vehicle["left_track"]["tension.max"] < 6e4
+
+
+def test_a_replay_with_cables_lets_them_turn(tmp_path):
+    path = tmp_path / "turn.mcap"
+    assert simulate(load("turn", "rigid", ("run.stop=0.02 s",)), path)["status"] == "ok"
+    with replay_model.opened(path, "left_track", "flexible") as again:
+        assert again.component.unit("speed") == "m/s"
+        assert again.model.parameters["axes"] == "free"
+
+
+def test_what_free_axes_cannot_yet_is_a_sentence():
+    with pytest.raises(BadInput, match=r"hanging_chain\.toml: track.axes = 'free' needs wheels"):
+        load("hanging_chain", "flexible", ["track.axes=free"])
+    with pytest.raises(BadInput, match=r"truth: track\.axes = 'free'"):
+        truth(load("turn", "flexible"))
 
 
 def test_points_of_a_file_are_in_the_scene(tmp_path, monkeypatch):

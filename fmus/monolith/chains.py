@@ -52,6 +52,8 @@ def size(model: TrackModel) -> int:
     element = getattr(model, "element", "cable")
     if element != "cable":
         raise InvalidParameter(f"element = '{element}': the monolith knows chains of cables only")
+    if getattr(model, "axes", "fixed") != "fixed":
+        raise InvalidParameter("axes = 'free': the monolith knows chains with fixed axes only")
     return int(model.s.q.size + model.s.v.size)
 
 

@@ -122,6 +122,8 @@ class Model(TrackModel):
             raise InvalidParameter(f"axes = '{axes}': must be one of {', '.join(AXES)}")
         if axes == "free" and element != "cable":
             raise InvalidParameter(f"axes = 'free' needs element = 'cable': a {element} has no use for them")
+        if axes == "free" and not self.wheel_list:
+            raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
         if axes == "free" and self.integrator == EXPLICIT:
             raise InvalidParameter("axes = 'free' needs integrator = 'generalized_alpha', the only one yet")
         young, tau = float(p["material.youngs_modulus"]), float(p["material.relaxation_time"])

@@ -109,7 +109,7 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None) -> Model:
     scene = _scene(log)
     if track is not None:
         own = {"model": track, "integrator": None, "element": None, "elasticity": None, "axes": None}
-        scene = scene.model_copy(update={"planar": False, "track": scene.track.model_copy(update=own)})
+        scene = scene.model_copy(update={"planar": False, "track": scene.track.model_copy(update=own)}).with_axes()
     part = _part(scene, name)
     if track is not None and part.kind != TRACKS[track]:
         raise BadInput(f"--with {track}: '{name}' is no track")

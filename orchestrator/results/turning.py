@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.results.run_data import Floats, Missing, RunData, Window, mean
 
 SIGN = {"left": -1.0, "right": 1.0}  # of the yaw moment of a force ahead
-SLOWEST = 1e-6  # rad/s: what turns more slowly has no radius
+SLOWEST = 1e-4  # rad/s: what turns more slowly has no radius
 
 
 def yaw_rate(run: RunData, of: str, window: Window) -> float:
@@ -22,10 +22,7 @@ def yaw_rate(run: RunData, of: str, window: Window) -> float:
 def turn_radius(run: RunData, of: str, window: Window) -> float:
     """Horizontal speed over the rate of the heading, m."""
     t, ahead, left = _velocity(run, window)
-    rate = yaw_rate(run, of, window)
-    if abs(rate) < SLOWEST:
-        raise Missing("the vehicle does not turn")
-    return mean(t, np.hypot(ahead, left)) / abs(rate)
+    return mean(t, np.hypot(ahead, left)) / abs(_turning(run, window))
 
 
 def lateral_speed(run: RunData, of: str, window: Window) -> float:
@@ -36,7 +33,7 @@ def lateral_speed(run: RunData, of: str, window: Window) -> float:
 
 def rotation_centre(run: RunData, of: str, window: Window) -> float:
     """How far ahead of the centre of mass the vehicle's long axis meets no sideways velocity, m."""
-    return -lateral_speed(run, of, window) / yaw_rate(run, of, window)
+    return -lateral_speed(run, of, window) / _turning(run, window)
 
 
 def track_slip(run: RunData, of: str, window: Window) -> float:
@@ -61,6 +58,14 @@ def drive_power(run: RunData, of: str, window: Window) -> float:
     """Power of a side's motor, W; negative where the ground turns the sprocket."""
     t, work = run.signal(f"{of}_drive.energy.work", window)
     return float((work[-1] - work[0]) / (t[-1] - t[0]))
+
+
+def _turning(run: RunData, window: Window) -> float:
+    """``yaw_rate``; raises Missing where there is none to divide by."""
+    rate = yaw_rate(run, "", window)
+    if abs(rate) < SLOWEST:
+        raise Missing("the vehicle does not turn")
+    return rate
 
 
 def _velocity(run: RunData, window: Window) -> tuple[Floats, Floats, Floats]:

@@ -98,12 +98,22 @@ class TrackScene(Scene):
         """The track model."""
         return self.track.model
 
+    def with_axes(self) -> TrackScene:
+        """The scene with the axes that its cables need where nothing is said of them: fixed ones."""
+        return self
+
 
 class ChainScene(TrackScene):
     """A chain and nothing else."""
 
     assembly: Literal["chain"]
     chain: Chain
+
+    @model_validator(mode="after")
+    def _has_no_wheels(self) -> ChainScene:
+        if self.track.axes == "free":
+            raise ValueError("track.axes = 'free' needs wheels, which a chain alone has not")
+        return self
 
 
 class BenchScene(TrackScene):
@@ -150,10 +160,20 @@ class VehicleScene(TrackScene):
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         if self.drive.steers:
             self._may_steer()
-        turns = self.drive.steers or len(self.tracks) == 1
-        if turns and self.track.model == "flexible" and self.track.element != "beam" and self.track.axes is None:
-            return self.model_copy(update={"track": self.track.model_copy(update={"axes": "free"})})
-        return self
+        return self.with_axes()
+
+    def with_axes(self) -> VehicleScene:
+        """The scene with free axes where nothing is said of them, links are cables and the vehicle may turn or roll."""
+        track = self.track
+        cables = track.model == "flexible" and track.element != "beam"
+        if not cables or track.axes is not None or not (self.drive.steers or len(self.tracks) == 1):
+            return self
+        if track.integrator == "runge_kutta":
+            raise ValueError(
+                "track.integrator = 'runge_kutta': this vehicle turns, and cables that turn have no other integrator"
+                " than generalized_alpha yet"
+            )
+        return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
 
     def _may_steer(self) -> None:
         """Raise ValueError where the sides' drives differ and something else does not go with that."""

@@ -179,6 +179,8 @@ class Track(Table):
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
         if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
             raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
+        if self.axes == "free" and self.integrator == "runge_kutta":
+            raise ValueError("axes = 'free' needs integrator = 'generalized_alpha', the only one yet")
         if self.element == "beam" and self.axes is not None:
             raise ValueError(f"axes = '{self.axes}' needs element = 'cable': beams turn with their pins")
         return self
@@ -245,10 +247,12 @@ class VehicleDrive(Drive):
         if not isinstance(value, Mapping):
             return value
         both = {key: each for key, each in value.items() if key not in SIDES}
+        known = {key: each for key, each in both.items() if key in Drive.model_fields}
         own = {side: value[side] for side in SIDES if value.get(side) is not None}
-        whole = {side: {**both, **each} if isinstance(each, Mapping) else each for side, each in own.items()}
-        if len(own) == len(SIDES) and not both and isinstance(whole["left"], Mapping):
-            both = dict(whole["left"])  # each side says everything itself
+        whole = {side: {**known, **each} if isinstance(each, Mapping) else each for side, each in own.items()}
+        modes = [each["mode"] for each in whole.values() if isinstance(each, Mapping) and "mode" in each]
+        if modes and "mode" not in both and (len(own) == len(SIDES) or known != both):
+            both["mode"] = modes[0]  # each side has its own, or another key is to be complained of
         return both | whole
 
     @model_validator(mode="after")

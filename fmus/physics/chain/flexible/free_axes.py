@@ -198,11 +198,12 @@ def foresee(links, method, h, s, w):
         w.axes.psi[k] = h * rate[2 * k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
         f[RATE + 2 * k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
     _turn(f, w.before.axes, w.axes.psi)
-    # the origin by the trapezoid, its acceleration at the end from where it would come to
+    # the origin by the trapezoid, its acceleration at the end from where it comes to: stable at any step
     m0, o, v, a = vector(f, MIDDLE), vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION)
-    off = add(middle, scale(-1.0, add(from_axes(f, m0), add(o, add(scale(h, v), scale(0.5 * h * h, a))))))
-    slow = add(moving, scale(-1.0, add(from_axes(f, cross(vector(f, RATE), m0)), add(v, scale(h, a)))))
-    after = add(scale(FOLLOW * FOLLOW, off), scale(2.0 * FOLLOW, slow))
+    off = add(middle, scale(-1.0, add(from_axes(f, m0), add(o, add(scale(h, v), scale(0.25 * h * h, a))))))
+    slow = add(moving, scale(-1.0, add(from_axes(f, cross(vector(f, RATE), m0)), add(v, scale(0.5 * h, a)))))
+    follow = FOLLOW * FOLLOW / (1.0 + 0.5 * FOLLOW * h) ** 2
+    after = add(scale(follow, off), scale(2.0 * follow / FOLLOW, slow))
     mean = scale(0.5, add(a, after))
     put(f, ORIGIN, add(o, add(scale(h, v), scale(0.5 * h * h, mean))))
     put(f, VELOCITY, add(v, scale(h, mean)))
