@@ -56,12 +56,12 @@ def foresee(links, method, h, s, w):
     """The axes at the end of a step of ``h`` s, as Newton's iteration begins with them."""
 
 
-@door(_of, shared=True)
+@door(_of)
 def brace(links, w):
     """After a factorisation: what the pins answer to the turning of the axes."""
 
 
-@door(_of, shared=True)
+@door(_of)
 def bend(links, x, w, by):
     """Take the Newton step of the axes out of the solution of the pins, which it amends; its size, m."""
 

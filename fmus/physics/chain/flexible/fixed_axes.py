@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.jit import inner
 from fmus.physics.ancf.element import axes, vectors
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.elements import flatten
 
 
-@kernel
+@inner
 def outside(links, x, w, tangent):
     """See ``axes``."""
     flatten(links, w)
 
 
-@kernel
+@inner
 def homeward(links, x, w):
     """See ``axes``."""
 
 
-@kernel
+@inner
 def burden(links, x, w, weight, r):
     """See ``axes``."""
     rows, dims = vectors(links.element), axes(links.element)
@@ -27,55 +27,55 @@ def burden(links, x, w, weight, r):
     inertia.weigh(weight, links.element.l, rows // 2, dims - 1, r)
 
 
-@kernel
+@inner
 def sideways(links, w, r, tangent):
     """See ``axes``."""
 
 
-@kernel
+@inner
 def border(links, w, i, j, by):
     """See ``axes``."""
 
 
-@kernel
+@inner
 def balance(links, x, w, by, tangent):
     """See ``axes``."""
 
 
-@kernel
+@inner
 def foresee(links, method, h, s, w):
     """See ``axes``."""
 
 
-@kernel
+@inner
 def brace(links, w):
     """See ``axes``."""
 
 
-@kernel
+@inner
 def bend(links, x, w, by):
     """See ``axes``."""
     return 0.0
 
 
-@kernel
+@inner
 def arrive(links, method, s, w):
     """See ``axes``."""
 
 
-@kernel
+@inner
 def absolute(links, x, w):
     """See ``axes``."""
 
 
-@kernel
+@inner
 def risen(links, x, w):
     """See ``axes``."""
     rows, dims = vectors(links.element), axes(links.element)
     return inertia.height(links.element.l, rows // 2, dims - 1, w.e)
 
 
-@kernel
+@inner
 def sideways_energy(links, w):
     """See ``axes``."""
     return 0.0
