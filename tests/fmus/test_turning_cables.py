@@ -43,7 +43,7 @@ def residual(model, turn=(0.0, 0.0, 0.0), growth=(0.0, 0.0, 0.0), fresh=False):
 
 
 def test_the_border_is_what_a_turn_of_the_axes_does():
-    """By differences, at rest: nothing but contacts and inertia answers; a mass off by a fiftieth is seen."""
+    """By differences, at rest, but for the turning of the faces themselves; what is off by a fiftieth is seen."""
     model = shaken(
         carrier(**{"contact.wheel.damping": 0.0, "contact.ground.damping": 0.0, "contact.sprocket.damping": 0.0})
     )
@@ -101,7 +101,7 @@ def test_what_turns_as_a_whole_is_not_loaded_by_turning():
         assert found[i] == pytest.approx((w.M @ towards).ravel(), abs=1e-8)
 
 
-def driven(model, h, spin, steps, lean=0.0):
+def driven(model, h, spin, steps):
     """A chain on wheels alone that yaw faster and faster about their middle, up to ``spin`` rad/s; its balance.
 
     Impulses (3) and angular impulses (3) about the origin that the wheels gave, the chain's momenta before and after.
