@@ -26,16 +26,15 @@ import llvmlite
 import numba
 import numpy
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
-from numba.core.codegen import CPUCodeLibrary
 from numba.core.serialize import dumps
 from numba.extending import overload
 
+from fmus import linking  # noqa: F401 - changes how numba links
 from fmus.cache import cache_folder, keep, kept, own, spared
 
 COMPILED = logging.getLogger("cotrack.kernels")  # is told of each kernel that has to be compiled
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of the function that it is made of
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
-OURS, OWN = "_ZN4fmus", ".own"  # begins the names of our functions as LLVM knows them; ends those of a kernel's copies
 PARSING = Lock()  # Python 3.11 counts the depth of a tree for all threads together
 # numba's settings that make other machine code of the same source
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
@@ -192,12 +191,10 @@ class _Cache(FunctionCache):
             raise TypeError(f"the kernel {self._name} returns an array: it must be ``allocating``")
         super().save_overload(sig, data)
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], part: str) -> None:
         super().__init__(function)
-        locator = self._impl.locator
-        self._cache_file: Any = _Overloads(
-            Path(locator.get_cache_path()), self._impl.filename_base, locator.get_source_stamp()
-        )
+        locator, stem = self._impl.locator, f"{self._impl.filename_base}{part}"
+        self._cache_file: Any = _Overloads(Path(locator.get_cache_path()), stem, locator.get_source_stamp())
 
     _guard_against_spurious_io_errors = staticmethod(spared)
 
@@ -206,36 +203,8 @@ class _Cache(FunctionCache):
         return any(self._cache_file.files())
 
 
-def whole(optimise: Callable[[Any], None]) -> Callable[[Any], None]:
-    """The last optimisation of a kernel, ``optimise``, with the kernels that it calls as its own.
-
-    What it calls is otherwise visible to others, and LLVM keeps it in its general form: arrays stay tuples in memory
-    and are counted at each call. Internal functions are taken apart: the same operations in the same order, hence the
-    same bits, in 0.6 of the time. They get names of their own, because numba's linker binds names whether internal or
-    not, and a function that was taken apart has other arguments. What counts references keeps its name, by which numba
-    leaves out what cancels. This reaches into numba; where that looks otherwise, it compiles its plain way.
-    """
-
-    @wraps(optimise)
-    def optimised(library: Any) -> None:
-        with suppress(AttributeError):
-            functions = [each for each in library._final_module.functions if not each.is_declaration]
-            if any(OURS in each.name for each in functions):
-                for each in functions:
-                    if each.linkage.name == "linkonce_odr" and not each.name.startswith("NRT_"):
-                        each.linkage = "internal"
-                        each.name = f"{each.name}{OWN}"
-        optimise(library)
-
-    return optimised
-
-
-if hasattr(CPUCodeLibrary, "_optimize_final_module"):
-    CPUCodeLibrary._optimize_final_module = whole(CPUCodeLibrary._optimize_final_module)  # type: ignore[method-assign]
-
-
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
-INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False, "no_cfunc_wrapper": True}
+INNER = {"no_cpython_wrapper": True}
 
 
 def kernel(function: Kernel) -> Kernel:
@@ -256,32 +225,24 @@ def allocating(function: Kernel) -> Kernel:
     return made
 
 
-def inner(function: Kernel) -> Kernel:
-    """``kernel`` for those that kernels alone call: Python has no way in, which takes half a second to compile.
-
-    That way looks at every array of every tuple, for a chain some fifty. A call from Python raises TypeError.
-    """
-    compiled: Any = _compiled(function, OPTIONS | INNER)
-    if compiled is not function:
-
-        def refused(*args: Any, **kwargs: Any) -> None:
-            raise TypeError(f"the kernel {function.__name__} is called by kernels alone")
-
-        compiled._compile_for_args = refused
-        compiled.add_overload = lambda found: compiled.overloads.update({tuple(found.signature.args): found})
-    made: Kernel = compiled
-    return made
-
-
 def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    compiled = numba.njit(**options)(function)
-    if compiled is not function:
-        compiled._cache = _Cache(function)  # what numba's cache=True does, with our cache
-        compiled._cache.counting = options["_nrt"]
+    """Two kernels of one function: the one that Python calls, and the one that kernels call.
+
+    A way in from Python looks at every array of every tuple, for a chain some fifty, and takes longer to compile than
+    most kernels: what kernels alone call has none.
+    """
+    outer = numba.njit(**options)(function)
+    if outer is not function:
+        inner = numba.njit(**options | INNER)(function)
+        for compiled, part in ((outer, ""), (inner, ".inner")):
+            compiled._cache = _Cache(function, part)  # what numba's cache=True does, with our cache
+            compiled._cache.counting = options["_nrt"]
         # a constant argument would have a type of its own and be compiled for
-        resolve = compiled.get_call_template
-        compiled.get_call_template = lambda args, kws: resolve(tuple(map(numba.types.unliteral, args)), kws)
-    return compiled
+        outer.get_call_template = lambda args, kws: inner.get_call_template(
+            tuple(map(numba.types.unliteral, args)), kws
+        )
+        outer.get_overload = inner.get_overload
+    return outer
 
 
 def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Callable[..., Any]], Any]:

@@ -15,7 +15,7 @@ from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
-from fmus.physics.rotation import quat_normalise, quat_to_matrix
+from fmus.physics.rotation import put_quat, quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
 ROOT = 13  # width of the free body's part of the state
@@ -164,7 +164,8 @@ def rates(tree, contacts, x, u, out):
             b[i] -= Q[k, i] * g[k]
             for j in range(i + 1):
                 M[i, j] -= Q[k, i] * Q[k, j] / own
-        Q[k] /= own
+        for i in range(6):
+            Q[k, i] /= own
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
@@ -190,9 +191,10 @@ def rates(tree, contacts, x, u, out):
 @allocating
 def fault(tree, x):
     """What makes the state x absurd, a code of this module; FINE else."""
-    if not np.all(np.isfinite(x)):
-        return NOT_FINITE
-    if abs(np.sqrt(np.sum(x[3:7] ** 2)) - 1.0) > 1e-2:
+    for i in range(x.size):
+        if not np.isfinite(x[i]):
+            return NOT_FINITE
+    if abs(np.sqrt(x[3] ** 2 + x[4] ** 2 + x[5] ** 2 + x[6] ** 2) - 1.0) > 1e-2:
         return BROKEN_QUATERNION
     for k in range(len(tree.turns)):
         q = x[ROOT + k]
@@ -218,7 +220,7 @@ def advance(packed, contacts, x, u, h, steps):
         code = fault(tree, x)
         if code != FINE:
             return done + 1, code
-        x[3:7] = quat_normalise(x[3:7])
+        put_quat(x, 3, quat_normalise(x[3:7]))
     return steps, FINE
 
 

@@ -12,7 +12,7 @@ from fmus.chassis.dynamics import ROOT, compression, energies, wheel_offset
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
-from fmus.physics.rotation import quat_multiply, quat_to_matrix
+from fmus.physics.rotation import put_quat, quat_multiply, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
 
@@ -20,7 +20,7 @@ from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, 
 def put_motion(y, i, x, A, r, dr, q, w):
     """The 13 of a point at r in B that moves at dr in B, with quaternion q and angular velocity w in B."""
     put(y, i, add(vector(x, 0), to_world(A, r)))
-    y[i + 3 : i + 7] = q
+    put_quat(y, i + 3, q)
     put(y, i + 7, add(vector(x, 7), to_world(A, add(cross(vector(x, 10), r), dr))))
     put(y, i + 10, to_world(A, w))
     return i + 13
@@ -87,4 +87,4 @@ def observe(packed, contacts, x, start, gravity, sides, y):
         A = quat_to_matrix(x[3:7])
         touch(contacts, tree, x, A, to_body(A, vector(x, 7)), vector(x, 10))
         y[i + 5] = contacts.sums[0]
-        y[i + 6 : i + 9] = contacts.sums[2:5]
+        put(y, i + 6, vector(contacts.sums, 2))

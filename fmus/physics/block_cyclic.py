@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.inverse import invert
 
 
@@ -42,7 +42,7 @@ def workspace(n: int, m: int) -> Factors:
     return Factors(E, G, H, F, (0,) * m)
 
 
-@inner
+@kernel
 def _product(C, A, B, sign, size):
     """C = sign A B."""
     m = len(size)
@@ -55,7 +55,7 @@ def _product(C, A, B, sign, size):
                 C[r, c] += s * B[k, c]
 
 
-@inner
+@kernel
 def _subtract(C, A, B, size):
     """C -= A B."""
     m = len(size)

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 
 SMALL = 1e-3  # determinant of a quarter over its products, or P over B, below which rows are exchanged instead
 
 
-@inner
+@kernel
 def _quarter(a, b, c, d):
     """Inverse of ((a, b), (c, d)) row by row, and whether its determinant keeps its digits."""
     det = a * d - b * c
@@ -28,7 +28,7 @@ def _quarter(a, b, c, d):
     return (per * d, -per * b, -per * c, per * a), True
 
 
-@inner
+@kernel
 def _times(x, y):
     """Product of two quarters."""
     return (
@@ -39,19 +39,19 @@ def _times(x, y):
     )
 
 
-@inner
+@kernel
 def _sum(x, y):
     """Of two quarters."""
     return x[0] + y[0], x[1] + y[1], x[2] + y[2], x[3] + y[3]
 
 
-@inner
+@kernel
 def _put(A, r, c, x, sign):
     """``sign`` times the quarter ``x`` into ``A`` from row ``r``, column ``c`` on."""
     A[r, c], A[r, c + 1], A[r + 1, c], A[r + 1, c + 1] = sign * x[0], sign * x[1], sign * x[2], sign * x[3]
 
 
-@inner
+@kernel
 def _by_quarters(A):
     """Invert ``A`` (4, 4) in place; False, and ``A`` as it was, when that would cost digits."""
     B, C = (A[0, 2], A[0, 3], A[1, 2], A[1, 3]), (A[2, 0], A[2, 1], A[3, 0], A[3, 1])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import allocating
+from fmus.jit import allocating, kernel
 
 
 @allocating
@@ -36,6 +36,12 @@ def quat_normalise(q):
     """The unit quaternion along q, (4,)."""
     s = 1.0 / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return np.array([s * q[0], s * q[1], s * q[2], s * q[3]])
+
+
+@kernel
+def put_quat(out, i, q):
+    """Write q into the array ``out`` from index ``i``."""
+    out[i], out[i + 1], out[i + 2], out[i + 3] = q[0], q[1], q[2], q[3]
 
 
 @allocating

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 
 WIDTH = 15
 UNIT = 0.1  # by which the length of a quaternion may differ from 1
 
 
-@inner
+@kernel
 def turn(omega, tau, a, out):
     """Rotate the vector ``a`` (3) by the constant angular velocity ``omega`` (3) over ``tau`` seconds (Rodrigues)."""
     rate = np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)

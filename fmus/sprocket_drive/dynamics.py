@@ -13,7 +13,7 @@ import numpy as np
 from fmus.jit import allocating, kernel
 from fmus.model import MOST_STEPS
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
-from fmus.physics.rotation import quat_advance, quat_multiply, quat_normalise, quat_rotate
+from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
 from fmus.sprocket_drive.course import NONE, Course, at, given
 
@@ -164,7 +164,7 @@ def place(x, position, q, velocity, omega):
     """Write the sprocket's 13: the mount's pose turned by the angle, its rates with the absolute spin. (6)"""
     half, a = 0.5 * x[ANGLE], quat_rotate(q, (0.0, 1.0, 0.0))
     put(x, SPROCKET, position)
-    x[SPROCKET + 3 : SPROCKET + 7] = quat_multiply(q, (np.cos(half), 0.0, np.sin(half), 0.0))
+    put_quat(x, SPROCKET + 3, quat_multiply(q, (np.cos(half), 0.0, np.sin(half), 0.0)))
     put(x, SPROCKET + 7, velocity)
     put(x, SPROCKET + 10, add(omega, scale(x[RATE] - dot(omega, a), a)))
     x[SPEED_NOW] = x[RATE] - dot(omega, a)

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner
+from fmus.jit import kernel
 
 
-@inner
+@kernel
 def carrier(rows, mount):
     """Point m, velocity m/s, turning rad/s (3 each) and heading (2) of the carrier of the wheels ``rows`` (m, 15).
 

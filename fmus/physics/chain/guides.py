@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.chain.faces import along, count, enter, locate, pin_rates, pins, push, pushed, section
 from fmus.physics.chain.near import middle, reached
 from fmus.physics.chain.sums import PATCH_POWER, note
@@ -21,7 +21,7 @@ def guide(links, contacts, x, w, rows, by_rate, tangent):
         _discs(links, contacts, x, w, k, rows[k], by_rate, tangent)
 
 
-@inner
+@kernel
 def _discs(links, contacts, x, w, k, row, by_rate, tangent):
     """Those of wheel ``k``."""
     (n, nodes), law, play = count(links, x), contacts.wheel, contacts.clearance

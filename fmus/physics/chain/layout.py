@@ -37,7 +37,7 @@ def _walk(path, pitch, links):
         j = (i + 1) % k
         start[i + 1] = start[i] + np.hypot(path[j, 0] - path[i, 0], path[j, 1] - path[i, 1])
     pins = np.empty((links + 1, 2))
-    pins[0] = path[0]
+    pins[0, 0], pins[0, 1] = path[0, 0], path[0, 1]
     i, travelled = 0, 0.0  # the pin lies on segment i
     for n in range(1, links + 1):
         x, z = pins[n - 1, 0], pins[n - 1, 1]

@@ -6,7 +6,7 @@ The report is one array (REPORT): what is SUMMED up over the run, and what the s
 
 from __future__ import annotations
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.chain import sums
 
 TRAVEL, SPEED = 0, 1  # m, m/s along itself
@@ -23,7 +23,7 @@ STEPS, EVALUATIONS, ITERATIONS, REJECTED = range(4)
 COUNTERS = 4
 
 
-@inner
+@kernel
 def write(report, w, mean, speed, heading, tension, energy):
     """All that is not summed up, from the ``sums`` of the last evaluation in the arrays ``w`` and these.
 

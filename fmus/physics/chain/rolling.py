@@ -6,7 +6,7 @@ behind ``faces``. Points lie at two places along a covered part (Gauss), at one 
 
 from __future__ import annotations
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.chain.faces import (
     across,
     along,
@@ -56,7 +56,7 @@ def roll(links, contacts, x, w, rows, by_rate, tangent):
         _soil(links, contacts, x, w, by_rate, tangent)
 
 
-@inner
+@kernel
 def _rim(links, contacts, x, w, k, row, by_rate, tangent):
     """The rim of wheel ``k`` on the inner faces."""
     (n, nodes), (places, side_by), law, radius = count(links, x), across(links), contacts.wheel, contacts.radius[k]
@@ -97,7 +97,7 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
         w.sums[PATCH_POWER] += power
 
 
-@inner
+@kernel
 def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
     """The teeth of sprocket ``k`` on the pins."""
     nodes, (places, side_by) = count(links, x)[1], across(links)
@@ -115,7 +115,7 @@ def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
             push_pin(links, x, w, i, y, f, tangent)
 
 
-@inner
+@kernel
 def _soil(links, contacts, x, w, by_rate, tangent):
     """The ground on the outer faces."""
     (n, nodes), (places, side_by), law = count(links, x), across(links), contacts.soil

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner
+from fmus.jit import kernel
 
 BEND = 0.1  # rad between a link's neighbours from which on the link counts little
 
 
-@inner
+@kernel
 def chain_speed(x, v, closed, carrier):
     """Mean velocity along itself of the straight parts of a chain over its carrier, m/s, along the index.
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 
 Shapes = dict[str, tuple[int, ...]]  # of the views, in order
 
@@ -33,7 +33,7 @@ def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
     )
 
 
-@inner
+@kernel
 def copy(source, target):
     """Flat arrays of one length."""
     for i in range(target.size):

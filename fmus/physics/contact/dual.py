@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner
+from fmus.jit import kernel
 
 
-@inner
+@kernel
 def followed(memory, point, g, s):
     """G p, what the tangent takes for the slip ``s`` (3), m/s; p starts at 0 and follows the corrections.
 

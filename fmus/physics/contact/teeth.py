@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.wheel_kinematics import slide
 from fmus.physics.vector import add, cross, dot, scale, vector
@@ -64,7 +64,7 @@ def teeth(
     return Teeth(number, seat_a, clearance, da, db, length, a, b, rounding, angle, top)
 
 
-@inner
+@kernel
 def outline(t, a, b, rho):
     """Where a pin's centre at ``a``, ``b`` >= 0 of its gap, ``rho`` from the axle, meets the profile.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.contact.face import Face
 from fmus.physics.contact.wheel_kinematics import slide
 from fmus.physics.vector import add, cross, dot, scale, vector
@@ -60,7 +60,7 @@ def rim_face(row, radius, x, v):
     return depth, Face(n, cross(axis, n), bend, slide(row, x, v), vector(row, 6))
 
 
-@inner
+@kernel
 def bulge(law, radius, length, low, high, rates):
     """Energy, J, that the parabola of penetration from ``low`` to ``high`` stores beyond its two Gauss points.
 
@@ -74,7 +74,7 @@ def bulge(law, radius, length, low, high, rates):
     return energy, -5.0 * energy * (rates[1] - rates[0]) / (high - low)
 
 
-@inner
+@kernel
 def creep(height, length, offset, part, first, last):
     """Rates, 1/s, at which both ends of the part of a face inside the rim move along the link.
 

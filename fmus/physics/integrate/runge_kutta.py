@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.jit import allocating
+from fmus.jit import kernel
 
 
 class Tableau(NamedTuple):
@@ -37,17 +37,20 @@ RK4 = Tableau(
 )
 
 
-@allocating
+@kernel
 def stage(method, i, h, x, k, y):
     """Write the argument of stage i, x + h sum_j a_ij k_j, into y; x, y are (n,), k is (s, n)."""
-    y[:] = x
+    for n in range(x.size):
+        y[n] = x[n]
     for j in range(i):
         if method.a[i, j] != 0.0:
-            y += h * method.a[i, j] * k[j]
+            for n in range(x.size):
+                y[n] += h * method.a[i, j] * k[j, n]
 
 
-@allocating
+@kernel
 def finish(method, h, x, k):
     """Advance x (n,) in place by the step h with the slopes k (s, n)."""
     for i in range(len(method.b)):
-        x += h * method.b[i] * k[i]
+        for n in range(x.size):
+            x[n] += h * method.b[i] * k[i, n]

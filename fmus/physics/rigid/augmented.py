@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics import block_cyclic
 from fmus.physics.inverse import invert
 from fmus.physics.rigid import pin
@@ -73,7 +73,7 @@ def system(n: int, closed: bool) -> System:
     )
 
 
-@inner
+@kernel
 def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
     """Add a link's B K^-1 B^T: its pin before (it is Q; rows 0-4 of P), its pin after (it is P; rows 5-9)."""
     for k in range(3):
@@ -133,7 +133,7 @@ def factor(half, ends, s, scale):
     return block_cyclic.factor(SA, SU, SL, s.factors, ends.closed)
 
 
-@inner
+@kernel
 def _absent(j, SA, SU, SL):
     """Pin ``j`` of an open chain holds nothing: ones on its diagonal, no coupling."""
     p = SA.shape[0]
@@ -148,7 +148,7 @@ def _absent(j, SA, SU, SL):
         SL[j + 1] = 0.0
 
 
-@inner
+@kernel
 def compliance(ends, s, lam):
     """Add the give of the closing pin under its multipliers ``lam`` (p, 5) to the residual C."""
     n = s.K.shape[0]
@@ -196,7 +196,7 @@ def solve(half, ends, s):
             dx[i, a] = y
 
 
-@inner
+@kernel
 def _apply(half, A, WQ, WP, x, before, after):
     """Add a link's B x to the rows of the pins ``before`` and ``after`` (5)."""
     for k in range(3):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.ancf.element import axes, energy, force, mass, matter, tangent, vectors
 from fmus.physics.chain.flexible.axes import (
     absolute,
@@ -69,7 +69,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
     return found
 
 
-@inner
+@kernel
 def totals(links, env, x, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, q = links.n, links.element, x.q

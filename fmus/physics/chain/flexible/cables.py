@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, tension
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
@@ -64,7 +64,7 @@ def flatten(links, w):
     """See ``elements``: as they are."""
 
 
-@inner
+@kernel
 def axial(links, w):
     """See ``elements``."""
     pull = tension(links.element, w.e)

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.elements import layout, lever
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.inverse import invert
 
 
-@inner
+@kernel
 def clear(w, tangent):
     """Zero what an evaluation sums up."""
     w.b[:] = 0.0
@@ -31,7 +31,7 @@ def clear(w, tangent):
         w.L[:] = 0.0
 
 
-@inner
+@kernel
 def condense(links, w, i, j):
     """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``, scatter the rest to its pins ``i``, ``j``.
 
@@ -70,7 +70,7 @@ def condense(links, w, i, j):
             w.A[j, a, b] += rest[m + a, m + b]
 
 
-@inner
+@kernel
 def _spread(at, R, inner, own, b, x):
     """Residuals of all links ``R`` (links, rows, axes) on their pins ``b``; what is their own, solved, into ``own``.
 
@@ -96,7 +96,7 @@ def _spread(at, R, inner, own, b, x):
     return worst, where
 
 
-@inner
+@kernel
 def _reduce(at, env, left, own, b, worst, where):
     """Condense the residual ``b`` of the pins; what pinned ends have from the ground has none.
 
@@ -122,7 +122,7 @@ def _reduce(at, env, left, own, b, worst, where):
     return worst, where
 
 
-@inner
+@kernel
 def reduce(links, env, x, w, by_rate, tangent):
     """Residuals of all links and what acts on the pins, condensed.
 

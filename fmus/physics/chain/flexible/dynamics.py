@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.ancf.element import axes
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
@@ -14,7 +14,7 @@ from fmus.physics.chain.report import SPEED, write
 from fmus.physics.chain.speed import chain_speed
 
 
-@inner
+@kernel
 def end_work(links, env, h, s, w):
     """See ``kinds``; by the paths of the ends."""
     work, q, q0 = 0.0, s.q, w.before.q
@@ -24,14 +24,14 @@ def end_work(links, env, h, s, w):
     return work
 
 
-@inner
+@kernel
 def speed(links, env, s, w):
     """See ``kinds``."""
     n = axes(links.element)
     return chain_speed(s.q[:, :n], s.v[:, :n], links.closed == 1, carrier(w.flat, env.mount))
 
 
-@inner
+@kernel
 def first_speed(links, env, s, w, report):
     """See ``kinds``; as reported, so over the carrier as it was extrapolated to now."""
     return report[SPEED]

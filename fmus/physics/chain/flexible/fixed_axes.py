@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from fmus.jit import inner
+from fmus.jit import kernel
 from fmus.physics.ancf.element import axes, vectors
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.elements import flatten
 
 
-@inner
+@kernel
 def outside(links, x, w, tangent):
     """See ``axes``."""
     flatten(links, w)
 
 
-@inner
+@kernel
 def homeward(links, x, w):
     """See ``axes``."""
 
 
-@inner
+@kernel
 def burden(links, x, w, weight, r):
     """See ``axes``."""
     rows, dims = vectors(links.element), axes(links.element)
@@ -27,55 +27,55 @@ def burden(links, x, w, weight, r):
     inertia.weigh(weight, links.element.l, rows // 2, dims - 1, r)
 
 
-@inner
+@kernel
 def sideways(links, w, r, tangent):
     """See ``axes``."""
 
 
-@inner
+@kernel
 def border(links, w, i, j, by):
     """See ``axes``."""
 
 
-@inner
+@kernel
 def balance(links, x, w, by, tangent):
     """See ``axes``."""
 
 
-@inner
+@kernel
 def foresee(links, method, h, s, w):
     """See ``axes``."""
 
 
-@inner
+@kernel
 def brace(links, w):
     """See ``axes``."""
 
 
-@inner
+@kernel
 def bend(links, x, w, by):
     """See ``axes``."""
     return 0.0
 
 
-@inner
+@kernel
 def arrive(links, method, s, w):
     """See ``axes``."""
 
 
-@inner
+@kernel
 def absolute(links, x, w):
     """See ``axes``."""
 
 
-@inner
+@kernel
 def risen(links, x, w):
     """See ``axes``."""
     rows, dims = vectors(links.element), axes(links.element)
     return inertia.height(links.element.l, rows // 2, dims - 1, w.e)
 
 
-@inner
+@kernel
 def sideways_energy(links, w):
     """See ``axes``."""
     return 0.0

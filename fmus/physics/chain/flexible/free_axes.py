@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner
+from fmus.jit import kernel
 from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.axes_state import (
@@ -34,7 +34,7 @@ FOLLOW = 200.0  # 1/s, of the origin after the wheels, critically damped
 ARM = 2.0  # m: a correction of the axes moves the pins by about so much
 
 
-@inner
+@kernel
 def outside(links, x, w, tangent):
     """Wheels ``w.moved`` as the axes see them into ``w.flat``; what places and rates add to accelerations."""
     f, a = x.axes, w.axes
@@ -61,7 +61,7 @@ def outside(links, x, w, tangent):
         a.corner[:] = 0.0
 
 
-@inner
+@kernel
 def homeward(links, x, w):
     """See ``axes``: those on the wheels; the ground's are in the frame of the start."""
     for k in range(w.wrench.shape[0] - 1):
@@ -69,7 +69,7 @@ def homeward(links, x, w):
         put(w.wrench[k], 3, from_axes(x.axes, vector(w.wrench[k], 3)))
 
 
-@inner
+@kernel
 def burden(links, x, w, weight, r):
     """See ``axes``; books their moment."""
     f, a, l = x.axes, w.axes, links.element.l
@@ -90,13 +90,13 @@ def burden(links, x, w, weight, r):
     a.moment[1] += yaw
 
 
-@inner
+@kernel
 def _rows(A):
     """Of a matrix (3, 3)."""
     return vector(A[0], 0), vector(A[1], 0), vector(A[2], 0)
 
 
-@inner
+@kernel
 def sideways(links, w, r, tangent):
     """See ``axes``: the bending about the normal, of the y components alone."""
     e, l, s = w.e, links.element.l, links.sideways / links.element.l
@@ -120,7 +120,7 @@ def sideways(links, w, r, tangent):
                 w.K[3 * a + 1, 3 * b + 1] += rows[a][b]
 
 
-@inner
+@kernel
 def border(links, w, i, j, by):
     """See ``axes``: G = (K_contact + by.vdot M) (axis x e), condensed as the link's matrix was."""
     a, G, K, M, touched = w.axes, w.axes.border[i], w.stiffening[i], w.M, w.touched[i]
@@ -168,7 +168,7 @@ def border(links, w, i, j, by):
     a.corner[1, 1] += c11
 
 
-@inner
+@kernel
 def balance(links, x, w, by, tangent):
     """See ``axes``."""
     a = w.axes
@@ -183,7 +183,7 @@ def balance(links, x, w, by, tangent):
         a.corner[1, 1] += links.twist * by.vdot
 
 
-@inner
+@kernel
 def foresee(links, method, h, s, w):
     """See ``axes``."""
     f, c, wheels = s.axes, method.alpha, w.moved.shape[0]
@@ -210,7 +210,7 @@ def foresee(links, method, h, s, w):
     put(f, ACCELERATION, after)
 
 
-@inner
+@kernel
 def _turn(f, before, psi):
     """R = R(before) exp(psi), Rodrigues."""
     x, z = psi[0], psi[1]
@@ -227,7 +227,7 @@ def _turn(f, before, psi):
         f[3 * i + 2] = r2 * (1.0 - c * x * x) + r0 * c * x * z - r1 * s * x
 
 
-@inner
+@kernel
 def brace(links, w):
     """See ``axes``."""
     for c in range(2):
@@ -238,7 +238,7 @@ def brace(links, w):
         solve(w.A, w.U, w.factors, links.closed == 1, b)
 
 
-@inner
+@kernel
 def bend(links, x, w, by):
     """See ``axes``."""
     a, f, y, edge, Z = w.axes, x.axes, w.b, w.axes.edge, w.axes.answer
@@ -268,7 +268,7 @@ def bend(links, x, w, by):
     return ARM * max(abs(roll), abs(yaw))
 
 
-@inner
+@kernel
 def arrive(links, method, s, w):
     """See ``axes``."""
     c, f, before = method.alpha, s.axes, w.before.axes
@@ -276,7 +276,7 @@ def arrive(links, method, s, w):
         f[AUXILIARY + k] = auxiliary(c, before[AUXILIARY + k], before[GROWTH + 2 * k], f[GROWTH + 2 * k])
 
 
-@inner
+@kernel
 def absolute(links, x, w):
     """See ``axes``; along the axes."""
     f = x.axes
@@ -286,7 +286,7 @@ def absolute(links, x, w):
         put(w.v[n], 0, add(v, drift) if n % 2 == 0 else v)
 
 
-@inner
+@kernel
 def risen(links, x, w):
     """See ``axes``."""
     f, l, e, z = x.axes, links.element.l, w.e, x.axes[ORIGIN + 2]
@@ -295,7 +295,7 @@ def risen(links, x, w):
     return z
 
 
-@inner
+@kernel
 def sideways_energy(links, w):
     """See ``axes``."""
     e, s = w.e, links.sideways / links.element.l

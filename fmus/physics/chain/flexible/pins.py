@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner
+from fmus.jit import kernel
 from fmus.physics.chain.environment import HELD, PINNED, PULLED
 from fmus.physics.chain.sums import END_POWER, POWER
 
 
-@inner
+@kernel
 def pin_loads(closed, env, held, x, w, by_rate, tangent):
     """Transverse damping and end loads on the pins; the residual goes into ``w.b``, the matrix into ``w.A``.
 

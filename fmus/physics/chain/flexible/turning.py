@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.axes_state import SIZE
@@ -52,7 +52,7 @@ def flatten(links, w):
     """See ``elements``: the axes see to that."""
 
 
-@inner
+@kernel
 def axial(links, w):
     """See ``elements``."""
     return cables.axial(links, w)

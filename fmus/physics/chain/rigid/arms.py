@@ -6,7 +6,7 @@ as (f, N^T f) and its derivatives as (1, N)^T g (1, N).
 
 from __future__ import annotations
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.vector import add, scale, vector
 
 
@@ -30,7 +30,7 @@ def rate(A, v, lx, ly, lz):
     return add(vector(v, 0), lever(A, u0, u1, u2))
 
 
-@inner
+@kernel
 def act(A, l, share, f, g, tangent, N, r, K):
     """Put ``share`` of a force ``f`` (3) with its matrix ``g`` (9) on a link at the lever ``l``: residual r, tangent K.
 

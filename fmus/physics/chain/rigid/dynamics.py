@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid.explicit import close, derivative  # noqa: F401 - behind the door
@@ -14,20 +14,20 @@ from fmus.physics.chain.sums import END_POWER
 from fmus.physics.rigid import body
 
 
-@inner
+@kernel
 def end_work(links, env, h, s, w):
     """See ``kinds``; by the powers at the beginning and at the end of the step."""
     return 0.5 * h * (s.sums[END_POWER] + w.sums[END_POWER])
 
 
-@inner
+@kernel
 def speed(links, env, s, w):
     """See ``kinds``."""
     pin_motion(links, s, w)
     return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.moved, env.mount))
 
 
-@inner
+@kernel
 def first_speed(links, env, s, w, report):
     """See ``kinds``."""
     return speed(links, env, s, w)
@@ -47,7 +47,7 @@ def observe(links, env, s, w, report):
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], (low, mean, high, 0.0), energy)
 
 
-@inner
+@kernel
 def tension(links, env, s, w, i):
     """Of link ``i``, N."""
     pull = 0.0
@@ -65,7 +65,7 @@ def tensions(links, env, s, w, tension_of):
         tension_of[i] = tension(links, env, s, w, i)
 
 
-@inner
+@kernel
 def stretching(links, env, s, i, k):
     """Along the axis ``k`` the forces that stretch link ``i``, N: of its first pin, reversed, and of its last one.
 

@@ -8,6 +8,7 @@ from fmus.physics.chain.rigid.links import residual
 from fmus.physics.chain.rigid.newton import newton, settle_rates
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.generalized_alpha import slopes
+from fmus.physics.wheels import move
 
 LONG = 50.0  # longest pseudo step towards equilibrium, s
 STILL = 1e-11  # largest movement over it at equilibrium, m and rad
@@ -21,7 +22,7 @@ def settle(links, contacts, env, method, rows, s, w, counters):
     step squared keeps what has no stiffness (an unloaded link's roll, a loop that could slide) in place. Friction is
     viscous at rest and fades. Returns an Outcome.
     """
-    w.moved[:] = rows
+    move(rows, 0.0, w.moved)
     w.moved[:, 3:9] = 0.0
     h, failure, link, worst = 1e-3, DONE, 0, 0.0
     for _ in range(400):
@@ -50,5 +51,7 @@ def settle(links, contacts, env, method, rows, s, w, counters):
     residual(links, contacts, env, s, w, by, False)
     settle_rates(links, s, w, by)
     s.v[:] = 0.0
-    s.a[:] = s.vdot
+    for i in range(s.q.shape[0]):
+        for k in range(6):
+            s.a[i, k] = s.vdot[i, k]
     return Outcome(DONE, 0.0, 0, 0.0)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import inner, kernel
+from fmus.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid.arms import act, lever, rate
 from fmus.physics.chain.rigid.state import State
@@ -48,7 +48,7 @@ def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:
     w.ground[1, [0, 2]] = pins[-1] + [links.half, 0.0]
 
 
-@inner
+@kernel
 def _across(links, damping, s, w, by_v, tangent):
     """Damping of the pins' velocity across the chain, half on each of a pin's links."""
     A, r, K, n = w.system.A, w.system.r, w.system.K, s.q.shape[0]
@@ -77,7 +77,7 @@ def _across(links, damping, s, w, by_v, tangent):
             act(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.N, r[i], K[i])
 
 
-@inner
+@kernel
 def _pull(links, env, s, w):
     """Constant forces on the free ends of an open chain."""
     n = s.q.shape[0]
@@ -109,7 +109,7 @@ def pins(links, s, w):
             pin.axis_rows(y.A[n - 1], w.still, y.WP[n], y.WQ[n])
 
 
-@inner
+@kernel
 def _inertia(links, gravity, s, w, by, tangent):
     """Inertia less weight less pins into the residual of the links, and their tangent."""
     J, m, p = links.inertia, links.mass, s.lam.shape[0]

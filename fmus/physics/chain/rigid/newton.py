@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import allocating, inner
+from fmus.jit import allocating, kernel
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.chain.rigid.links import residual
@@ -66,7 +66,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
     return STALLED, max(where, 0), _largest(y.r)
 
 
-@inner
+@kernel
 def _largest(r):
     """Absolute entry of the residuals (n, 6)."""
     most = 0.0
@@ -77,7 +77,7 @@ def _largest(r):
     return most
 
 
-@inner
+@kernel
 def _update(s, w, by):
     """Apply the increments of a Newton iteration to everything that hangs on the positions."""
     y, d = w.system, w.lever
@@ -95,7 +95,7 @@ def _update(s, w, by):
             s.lam[j, k] += y.dl[j, k]
 
 
-@inner
+@kernel
 def settle_rates(links, s, w, by):
     """Give what is left of the residual to the accelerations: momentum is then balanced to rounding."""
     for i in range(s.q.shape[0]):
@@ -106,7 +106,7 @@ def settle_rates(links, s, w, by):
             s.v[i, k] += d * by.v / by.vdot
 
 
-@inner
+@kernel
 def _misfit(links, tolerance, s, w):
     """Largest residual over its tolerance, and the link (or pin) that has it."""
     pull = 0.0
