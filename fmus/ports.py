@@ -24,6 +24,8 @@ class Port(NamedTuple):
 UNITS: dict[str, dict[str, int]] = {
     "1": {},
     "m": {"m": 1},
+    "1/m": {"m": -1},
+    "1/s": {"s": -1},
     "m/s": {"m": 1, "s": -1},
     "m/s2": {"m": 1, "s": -2},
     "rad": {"rad": 1},

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.course import NONE, Course, at, given, lay, ramp
 from fmus.jit import allocating, kernel
 from fmus.model import MOST_STEPS
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
-from fmus.sprocket_drive.course import NONE, Course, at, given
 
 SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
 
@@ -30,7 +30,8 @@ STEP, VELOCITY = (
     31,
     32,
 )  # of the last step: length (0 before the first), the mount's velocities at its start (6)
-WIDTH = 38
+TARGET = 38  # the speed that follows the demand, where there is one
+WIDTH = 39
 
 NO_ROTATION = -1  # instead of a number of steps: the mount's quaternion is none
 
@@ -56,6 +57,7 @@ class Drive(NamedTuple):
     speeds: Course = NONE  # instead of the ramp and the stop
     torques: Course = NONE  # instead of the constant torque
     brakes: Course = NONE  # instead of the constant brake; ``brake`` is then the largest
+    lag: float = 0.0  # s, with which the speed follows a demand; 0: there is none
 
 
 @kernel
@@ -73,21 +75,6 @@ def profile(p, t):
     s = past / p.stop_time
     shape = 0.5 * (s - np.sin(np.pi * s) / np.pi)
     return 0.5 * speed * (1.0 + np.cos(np.pi * s)), angle - p.end_speed * p.stop_time * shape
-
-
-@kernel
-def ramp(p, t):
-    """Speed and angle of the ramp alone."""
-    length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
-    rise = p.end_speed - p.start_speed
-    angle = p.start_speed * past
-    if past <= 0.0:
-        return p.start_speed, angle
-    if past >= length:
-        return p.end_speed, angle + rise * (past - 0.5 * length)
-    s = past / length
-    shape = 0.5 * (s - np.sin(np.pi * s) / np.pi)
-    return p.start_speed + rise * 0.5 * (1.0 - np.cos(np.pi * s)), angle + rise * length * shape
 
 
 @kernel
@@ -172,15 +159,20 @@ def place(x, position, q, velocity, omega):
 
 @allocating
 def advance(p, x, t, h, u):
-    """One step of x in place; u: mount (13) at t, chain's mean wrench (6). Returns the internal steps.
+    """One step of x in place; u: mount (13) at t, chain's mean wrench (6), demanded speed if one is followed.
 
-    x stays as it was when these are more than MOST_STEPS, or NO_ROTATION.
+    Returns the internal steps; x stays as it was when these are more than MOST_STEPS, or NO_ROTATION. A demand that is
+    held over the step makes the profile of the step.
     """
     length, steps = np.sqrt(u[3] ** 2 + u[4] ** 2 + u[5] ** 2 + u[6] ** 2), substeps(p, h)
     if length <= 0.9 or 1.1 <= length < np.inf:
         return NO_ROTATION
     if steps > MOST_STEPS:
         return steps
+    if p.lag > 0.0:
+        target = u[19] + (x[TARGET] - u[19]) * np.exp(-h / p.lag)
+        lay(p.speeds, t, h, x[TARGET], target)
+        x[TARGET] = target
     # the mount at t, its mean rates over the step, and where they take it (7)
     q, first = quat_normalise(u[3:7]), x[STEP] == 0.0
     v, w = vector(u, 7), vector(u, 10)

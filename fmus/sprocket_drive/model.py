@@ -7,16 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from fmus.course import Course, course
 from fmus.defaults import configured
 from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation, finite
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
-from fmus.sprocket_drive.course import course
 from fmus.sprocket_drive.dynamics import (
     ANGLE,
     NO_ROTATION,
     RATE,
+    TARGET,
     WIDTH,
     Drive,
     advance,
@@ -29,12 +30,15 @@ from fmus.start import start
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
 COURSES = ("speed.points", "torque.points", "brake.points")
+DEMAND = "speed.demand"
 POINTS = "'time value; time value; ...', straight lines between: the"
 
 
-def parameter_ports() -> list[Port]:
+def parameter_ports(demanded: bool) -> list[Port]:
     """What can be set before initialisation."""
+    lag = Port("demand.lag", "parameter", "s", "time constant with which the speed follows the demand", 0.1)
     return [
+        *([lag] if demanded else []),
         *start_pose(),
         Port("start.lateral", "parameter", "m", "lateral position of the mount beside its place as built"),
         Port("start.angle", "parameter", "rad", "angle of the sprocket against the mount at the start"),
@@ -64,7 +68,8 @@ class Model:
     """Spin of one sprocket, relative to nothing but its mount.
 
     ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": [x, y, z] of the mount in the vehicle
-    frame at the start}}; what else it holds is not read. A mount whose inputs still have their start values
+    frame at the start, "demanded": whether the speed follows an input, false by default}}; what else it holds is
+    not read. A mount whose inputs still have their start values
     stands still at the start pose, so an unconnected drive is a fixed axle.
     """
 
@@ -76,11 +81,13 @@ class Model:
         self._inertia, self._place = float(drive["inertia"]), tuple(float(x) for x in drive["mount"])
         if not self._inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self._inertia} kg m2 must be positive")
-        parameters = configured(parameter_ports(), config)
+        self._demanded = bool(drive.get("demanded", False))
+        parameters = configured(parameter_ports(self._demanded), config)
         mount = self._standing({port.name: port.start for port in parameters})
         self.ports: tuple[Port, ...] = (
             *wheel_state("mount", "input", mount),
             *wrench("sprocket", "input"),
+            *([Port(DEMAND, "input", "rad/s", "wanted speed against the mount")] if self._demanded else []),
             *wheel_state("sprocket", "output", mount),
             *wrench("mount", "output"),
             Port("speed", "output", "rad/s", "speed of the sprocket against the mount"),
@@ -97,7 +104,7 @@ class Model:
         self._defaults = {port.name: port for port in self.ports if port.causality == "parameter"}
         self._unconnected = np.array([port.start for port in self.ports[:STATE]])
         self.standing = self._unconnected.copy()
-        self._u = np.zeros(STATE + WRENCH)
+        self._u = np.zeros(STATE + WRENCH + self._demanded)
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(2, dtype=np.int64)
 
@@ -108,6 +115,7 @@ class Model:
         self.standing[:] = self._standing(values)
         self.state[:] = 0.0
         self.state[ANGLE] = float(values["start.angle"])
+        self.state[TARGET] = self.drive.start_speed
         self.state[RATE] = profile(self.drive, 0.0)[0]
         still = (0.0, 0.0, 0.0)
         place(self.state, tuple(self.standing[:3]), self.standing[3:7], still, still)
@@ -167,6 +175,8 @@ class Model:
         if 0.0 <= values["stop.start"] < values["ramp.end"]:
             raise InvalidParameter(f"stop.start = {values['stop.start']} s must not be before ramp.end")
         speeds, torques, brakes = (course(name, str(values[name])) for name in COURSES)
+        if self._demanded:
+            speeds = self._followed(values)
         if brakes.value.min(initial=0.0) < 0.0:
             raise InvalidParameter(f"brake.points = {values['brake.points']} must not be negative")
         if speeds.time.size and values["stop.start"] >= 0.0:
@@ -190,4 +200,16 @@ class Model:
             speeds=speeds,
             torques=torques,
             brakes=brakes,
+            lag=float(values["demand.lag"]) if self._demanded else 0.0,
         )
+
+    def _followed(self, values: Mapping[str, Any]) -> Course:
+        """What each step makes of the demand; raises InvalidParameter."""
+        if values["demand.lag"] <= 0.0:
+            raise InvalidParameter(f"demand.lag = {values['demand.lag']} s must be positive")
+        if values["mode"] == "torque":
+            raise InvalidParameter(f"mode = 'torque': a drive with the input {DEMAND} has a speed or a controller")
+        for name, none in (("speed.points", ""), ("speed.end", 0.0), ("stop.start", -1.0)):
+            if values[name] != none:
+                raise InvalidParameter(f"{name} = {values[name]}: the input {DEMAND} says how fast the sprocket turns")
+        return Course(np.zeros(2), np.full(2, float(values["speed.start"])), np.zeros(2))

@@ -7,7 +7,7 @@ from math import isclose
 from typing import Any
 
 from fmus.loaded import contents
-from orchestrator.scene.assembly import DRIVE, TRACK, TRACKS, Assembly, Part, assemble
+from orchestrator.scene.assembly import DRIVE, DRIVER, TRACK, TRACKS, Assembly, Part, assemble
 from orchestrator.scene.scene import Scene, TrackScene, VehicleScene
 from orchestrator.scene.tables import Check
 
@@ -91,6 +91,8 @@ def _size(scene: TrackScene, part: Part) -> str:
         return f"{size}, {wheels}, {'ground' if track['ground'] else 'no ground'}"
     if part.stage == DRIVE:
         return f"spin inertia {part.config['drive']['inertia']:g} kg m2"
+    if part.stage == DRIVER:
+        return "pure pursuit of a path" if {"path.arcs", "path.points"} & {*part.parameters} else "holds a heading"
     vehicle = part.config["vehicle"]
     arms = len(vehicle["road_wheel"]["x"])
     sides = len(part.config["chassis"]["sides"])
@@ -108,6 +110,7 @@ def _absent(scene: TrackScene, assembly: Assembly) -> list[str]:
         f"the {other} track model ({TRACKS[other]})": True,
         CHASSIS_PARTS: "Chassis" not in kinds,
         "drives": "SprocketDrive" not in kinds,
+        "a driver": "Driver" not in kinds,
         CONTACTS[0]: wheels == 0,
         "contact with wheels other than the sprocket": wheels == 1,
         CONTACTS[1]: not any(track["ground"] for track in tracks),

@@ -30,6 +30,7 @@ WORDS = {
     "ground_force": ("ground carries", "kN", 1e3, 5),
     "weight": ("weight", "kN", 1e3, 5),
     "slip": ("slip", "%", 1e-2, 2),
+    "path_error": ("largest distance from the path", "m", 1.0, 3),
     "yaw_rate": ("yaw rate", "rad/s", 1.0, 4),
     "turn_radius": ("turn radius", "m", 1.0, 4),
     "steering_moment": ("steering moment", "kN m", 1e3, 4),

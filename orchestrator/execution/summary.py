@@ -12,7 +12,7 @@ import numpy as np
 from orchestrator.log.reader import NoSuchSignal
 from orchestrator.results import measures, turning
 from orchestrator.results.energy import ledger
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
 from orchestrator.scene.tables import SIDES, Check
 
@@ -132,7 +132,9 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
             "ground_force": lambda: measures.ground_force(run, "", last),
             "weight": lambda: weight(vehicle),
         }
-        wanted |= _turning(run, last) if scene.drive.steers else {"slip": lambda: measures.slip(run, "", last)}
+        if scene.driver is not None:
+            wanted["path_error"] = lambda: turning.path_error(run, "", EVER)
+        wanted |= _turning(run, last) if scene.turns else {"slip": lambda: measures.slip(run, "", last)}
     elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
         wanted |= {
             "sag": lambda: measures.sag(run, "", last),

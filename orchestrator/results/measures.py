@@ -375,5 +375,6 @@ NAMES: dict[str, Measure] = {
         turning.propulsion,
         turning.steering_moment,
         turning.drive_power,
+        turning.path_error,
     )
 }

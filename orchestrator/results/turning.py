@@ -60,6 +60,11 @@ def drive_power(run: RunData, of: str, window: Window) -> float:
     return float((work[-1] - work[0]) / (t[-1] - t[0]))
 
 
+def path_error(run: RunData, of: str, window: Window) -> float:
+    """Largest distance of the vehicle from the path that its driver follows, m."""
+    return float(np.abs(run.signal("driver.path.lateral_error", window)[1]).max())
+
+
 def _turning(run: RunData, window: Window) -> float:
     """``yaw_rate``; raises Missing where there is none to divide by."""
     rate = yaw_rate(run, "", window)

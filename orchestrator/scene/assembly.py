@@ -14,12 +14,12 @@ from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, TrackScene, VehicleScene
-from orchestrator.scene.tables import Drive, Side, VehicleStart
+from orchestrator.scene.tables import Drive, Driver, Side, VehicleStart
 
 TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
 AXLE = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
-TRACK, DRIVE, CHASSIS = 0, 1, 2  # stages: force sides first
+DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages: who demands, then force sides first
 POSE = 7  # of a wheel's 13: position and orientation, then its rates
 
 Parameters = dict[str, float | int | str]
@@ -182,13 +182,46 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         track, drive, lateral = f"{side}_track", f"{side}_drive", sign * vehicle.track.lateral
         tracks.append(_track(scene, track, config, lateral))
         drives.append(_drive(scene, drive, scene.drive.of(side), vehicle.sprocket.spin_inertia, AXLE, lateral))
+        if scene.driver is not None:
+            drives[-1].config["drive"]["demanded"] = True
         wiring += _wheel(track, "sprocket", drive, "sprocket")
         for roller in rollers:
             wiring += _wheel(track, roller, "chassis", f"{side}.{roller}")
         wiring += _wheel(drive, "mount", "chassis", f"{side}.sprocket")
     config = {"vehicle": vehicle.model_dump(), "chassis": {"sides": sides, **_touching(scene)}}
     chassis = Part("chassis", "Chassis", config, _start(scene), CHASSIS)
-    return Assembly((*tracks, *drives, chassis), tuple(wiring))
+    if scene.driver is None:
+        return Assembly((*tracks, *drives, chassis), tuple(wiring))
+    config = {"vehicle": vehicle.model_dump()}
+    driver = Part("driver", "Driver", config, {**_start(scene), **_driver_parameters(scene.driver)}, DRIVER)
+    return Assembly((*tracks, *drives, chassis, driver), (*wiring, *_driven()))
+
+
+def _driven() -> tuple[Connection, ...]:
+    """What a driver sees, and what the drives are told."""
+    shown, seen = _names(wheel_state("chassis", "output")), _names(wheel_state("chassis", "input"))
+    return (
+        Connection("chassis", shown[:POSE], "driver", seen[:POSE], "state"),
+        Connection("chassis", shown[POSE:], "driver", seen[POSE:], "rate"),
+        *(Connection("driver", (f"{side}.speed",), f"{side}_drive", ("speed.demand",)) for side in SIDES),
+    )
+
+
+def _driver_parameters(driver: Driver) -> Parameters:
+    """What the scene says of a driver."""
+    own = driver.model_dump(include={"heading", "deceleration", "reach", "preview", "width"}, exclude_none=True)
+    ramp = {
+        "speed.end": driver.speed,
+        "ramp.start": driver.ramp_start,
+        "ramp.end": driver.ramp_start + driver.ramp_time,
+    }
+    pairs = {"path.arcs": driver.arcs, "path.points": driver.points, "speed.points": driver.speed_points}
+    return own | ramp | {name: _text(points) for name, points in pairs.items() if points is not None}
+
+
+def _text(pairs: Sequence[tuple[float, float]]) -> str:
+    """Pairs as a String parameter."""
+    return "; ".join(f"{first!r} {second!r}" for first, second in pairs)
 
 
 def _touching(scene: VehicleScene) -> dict[str, Any]:
@@ -292,7 +325,7 @@ def _drive_parameters(drive: Drive) -> Parameters:
         parameters |= {"stop.start": drive.stop, "stop.time": drive.stop_time}
     for name in ("speed", "torque", "brake"):
         if (points := getattr(drive, f"{name}_points")) is not None:
-            parameters[f"{name}.points"] = "; ".join(f"{time!r} {value!r}" for time, value in points)
+            parameters[f"{name}.points"] = _text(points)
     if drive.torque_limit is not None:
         parameters["torque.limit"] = drive.torque_limit
     return parameters

@@ -1,4 +1,4 @@
-"""Quantities of a drive over time that stand in a CSV file: read when a scene is, so that a log needs no other file."""
+"""Quantities over time, or points of a path, that stand in a CSV file: read with a scene, so a log needs no other."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 from fmus.vehicle import BadInput
 
 Tables = dict[str, Any]  # of a raw scene
-POINTS = ("speed_points", "torque_points", "brake_points")
-DRIVES = ("drive", "idler_drive")
+POINTS = ("speed_points", "torque_points", "brake_points", "points")
+DRIVES = ("drive", "idler_drive", "driver")
 
 
 def read(table: Tables, folder: Path) -> None:
@@ -36,7 +36,7 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _of_file(path: Path, key: str) -> list[list[float]]:
-    """Times and values of a file with two columns, SI; a first line of words is a head."""
+    """Pairs of numbers of a file with two columns, SI; a first line of words is a head."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
@@ -46,9 +46,9 @@ def _of_file(path: Path, key: str) -> list[list[float]]:
     found = []
     for number, row in rows:
         try:
-            time, value = (float(cell) for cell in row)
-            found.append([time, value])
+            first, second = (float(cell) for cell in row)
+            found.append([first, second])
         except ValueError:
             if number > 1:
-                raise BadInput(f"{path}, line {number}: must be two numbers, a time and a value") from None
+                raise BadInput(f"{path}, line {number}: must be two numbers") from None
     return found

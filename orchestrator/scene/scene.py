@@ -23,6 +23,7 @@ from orchestrator.scene.tables import (
     Chain,
     Check,
     Drive,
+    Driver,
     Frame,
     Ground,
     Pendulum,
@@ -141,6 +142,7 @@ class VehicleScene(TrackScene):
     tracks: tuple[Side, ...] = SIDES  # a side without one has no drive either
     ground: Ground = Ground()
     drive: VehicleDrive
+    driver: Driver | None = None  # without one the drives go by themselves
     symmetric: bool = False  # only the left half runs, the right one mirrors it in the vehicle's own plane
 
     @field_validator("tracks")
@@ -158,15 +160,22 @@ class VehicleScene(TrackScene):
             raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
-        if self.drive.steers:
+        if self.turns:
             self._may_steer()
+        if self.driver is not None:
+            self._may_be_driven()
         return self.with_axes()
+
+    @property
+    def turns(self) -> bool:
+        """Whether the sides are driven differently."""
+        return self.drive.steers or self.driver is not None
 
     def with_axes(self) -> VehicleScene:
         """The scene with free axes where nothing is said of them, links are cables and the vehicle may turn or roll."""
         track = self.track
         cables = track.model == "flexible" and track.element != "beam"
-        if not cables or track.axes is not None or not (self.drive.steers or len(self.tracks) == 1):
+        if not cables or track.axes is not None or not (self.turns or len(self.tracks) == 1):
             return self
         if track.integrator == "runge_kutta":
             raise ValueError(
@@ -180,9 +189,19 @@ class VehicleScene(TrackScene):
         if self.symmetric:
             raise ValueError("symmetric = true needs the same drive on both sides: the right half mirrors the left")
         if without := [side for side in SIDES if side not in self.tracks]:
-            raise ValueError(f"drive.left and drive.right differ, but tracks has no '{without[0]}'")
+            what = "a driver steers with both sides" if self.driver else "drive.left and drive.right differ"
+            raise ValueError(f"{what}, but tracks has no '{without[0]}'")
         if self.track.axes == "fixed":
-            raise ValueError("drives that differ turn the vehicle: track.axes = 'fixed' keeps cables in their plane")
+            raise ValueError("this vehicle turns: track.axes = 'fixed' keeps cables in their plane")
+
+    def _may_be_driven(self) -> None:
+        """Raise ValueError where the drives do not listen to a driver."""
+        for side in SIDES:
+            drive = self.drive.of(side)
+            if drive.mode == "torque":
+                raise ValueError("drive.mode = 'torque': a driver needs 'speed' or 'controller'")
+            if drive.speed or drive.speed_points is not None or drive.stop is not None:
+                raise ValueError("drive: a driver says how fast the sprockets turn: leave out speed and stop")
 
 
 class DirectScene(Scene):

@@ -279,6 +279,39 @@ class VehicleDrive(Drive):
         return getattr(self, side) or self._both()
 
 
+class Driver(Table):
+    """Who drives a vehicle along a path, or on a heading, at a speed; the path begins under its middle road wheel.
+
+    Without arcs and points the heading of the start, turned by ``heading``, is held. What is not given is the
+    driver's own default.
+    """
+
+    arcs: tuple[tuple[Distance, Annotated[float, In("rad/m")]], ...] | None = None  # [length, curvature], left positive
+    points: tuple[tuple[Place, Place], ...] | None = None  # [x, y] of a smooth path, or a CSV file of them
+    heading: Annotated[float, In("rad")] | None = None
+    speed: Annotated[float, In("m/s", ge=0)] = 0.0
+    ramp_start: Time = 0.0
+    ramp_time: Time = 1.0
+    speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None  # instead of the ramp
+    deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # towards the end of the path
+    reach: Distance | None = None  # least distance of the point that is pursued
+    preview: Time | None = None  # and in time
+    width: Distance | None = None  # distance of two tracks that would turn the vehicle alike without slip
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Driver:
+        given = [key for key in ("arcs", "points", "heading") if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{given[0]} and {given[1]} exclude each other")
+        for key, least in (("arcs", 1), ("points", 2), ("speed_points", 1)):
+            if (pairs := getattr(self, key)) is not None and len(pairs) < least:
+                raise ValueError(f"{key}: needs at least {least} of them, not {len(pairs)}")
+        times = [time for time, _ in self.speed_points or ()]
+        if any(later <= earlier for earlier, later in pairwise(times)):
+            raise ValueError("speed_points: needs times that rise")
+        return self
+
+
 class Check(Table):
     """An expectation: a signal reduced over a window, or a named measure, against a value."""
 

@@ -1,4 +1,4 @@
-"""A quantity over time, given by points: straight between them, held before the first and after the last."""
+"""A quantity over time, given by points: straight between them, held before the first and after the last; or a ramp."""
 
 from __future__ import annotations
 
@@ -60,3 +60,26 @@ def at(c, t):
         return c.value[low], c.area[low] + c.value[low] * past, 0.0
     slope = (c.value[low + 1] - c.value[low]) / (c.time[low + 1] - c.time[low])
     return c.value[low] + slope * past, c.area[low] + (c.value[low] + 0.5 * slope * past) * past, slope
+
+
+@kernel
+def lay(c, t, h, now, then):
+    """Make a course of two points the straight line from ``now`` at ``t`` to ``then`` at t + h."""
+    c.time[0], c.time[1] = t, t + h
+    c.value[0], c.value[1] = now, then
+    c.area[0], c.area[1] = 0.0, 0.5 * (now + then) * h
+
+
+@kernel
+def ramp(p, t):
+    """Speed of a half-cosine ramp at t, and its integral since the ramp's start; ``p`` has start and end of both."""
+    length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
+    rise = p.end_speed - p.start_speed
+    angle = p.start_speed * past
+    if past <= 0.0:
+        return p.start_speed, angle
+    if past >= length:
+        return p.end_speed, angle + rise * (past - 0.5 * length)
+    s = past / length
+    shape = 0.5 * (s - np.sin(np.pi * s) / np.pi)
+    return p.start_speed + rise * 0.5 * (1.0 - np.cos(np.pi * s)), angle + rise * length * shape

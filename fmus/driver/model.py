@@ -1,0 +1,174 @@
+"""The driver as a component: ports, parameters, demands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from fmus.course import course
+from fmus.defaults import configured
+from fmus.driver.path import NONE, Path, of_arcs, through
+from fmus.driver.pursuit import LEFT, SPEED, WIDTH, Law, advance
+from fmus.model import InvalidParameter, StepFailed, check_orientation, finite
+from fmus.physics.arrays import Floats
+from fmus.ports import STATE, Port, start_pose, wheel_state
+from fmus.start import start
+
+SLIPPERY = 1.4  # width that turns alike without slip over the tracks' distance: 0.449 over 0.3142 rad/s of `turn`
+
+
+def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
+    """What can be set before initialisation."""
+    width = 2.0 * SLIPPERY * float(vehicle["track"]["lateral"])
+    frame = "from where the middle of the road wheels stands at the start, in the frame of the start"
+    return [
+        *start_pose(),
+        Port("path.arcs", "parameter", "1", f"'length curvature; ...', m and 1/m, left is positive: arcs {frame}", ""),
+        Port("path.points", "parameter", "1", f"'x y; x y; ...', m: points of a smooth path, {frame}", ""),
+        Port("heading", "parameter", "rad", "heading to hold against that of the start, where there is no path"),
+        Port("speed.start", "parameter", "m/s", "speed before the ramp"),
+        Port("speed.end", "parameter", "m/s", "speed after the ramp"),
+        Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
+        Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0),
+        Port("speed.points", "parameter", "1", "'time value; ...', s and m/s, straight between: instead of a ramp", ""),
+        Port("deceleration", "parameter", "m/s2", "with which the vehicle comes to the end of its path", 1.0),
+        Port("reach", "parameter", "m", "least distance ahead of the point that is pursued", 2.0),
+        Port("preview", "parameter", "s", "the same in time: the larger of both counts", 1.0),
+        Port("curvature.largest", "parameter", "1/m", "sharpest turn that is demanded", 0.5),
+        Port("heading.gain", "parameter", "1/s", "yaw rate per error of the held heading", 1.0),
+        Port("yaw.gain", "parameter", "1", "yaw rate per error of the yaw rate", 1.0),
+        Port("yaw.integral", "parameter", "1/s", "yaw rate per second and error of the yaw rate", 1.0),
+        Port("width", "parameter", "m", "distance of two tracks that turn the vehicle alike without slip", width),
+    ]  # fmt: skip
+
+
+class Model:
+    """A driver who sees the hull's motion and demands a speed of each sprocket.
+
+    ``config``: {"vehicle": a vehicle's table}; what else it holds is not read. A hull whose inputs still have their
+    start values stands still at the start pose.
+    """
+
+    kernel = advance
+    link_ports = 0
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        vehicle = config["vehicle"]
+        x, y, z = (float(part) for part in vehicle["chassis"]["centre"])
+        self._centre = x, y, z
+        self._ahead = float(np.mean(vehicle["road_wheel"]["x"])) - x
+        self._radius = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2.0 * np.pi)
+        parameters = configured(parameter_ports(vehicle), config)
+        standing = self._standing({port.name: port.start for port in parameters})
+        self.ports: tuple[Port, ...] = (
+            *wheel_state("chassis", "input", standing),
+            Port("left.speed", "output", "rad/s", "wanted speed of the left sprocket against its mount"),
+            Port("right.speed", "output", "rad/s", "wanted speed of the right sprocket against its mount"),
+            Port("path.lateral_error", "output", "m", "how far left of its path the middle of the road wheels is"),
+            Port("path.heading_error", "output", "rad", "how far left of its path, or of the heading, the hull points"),
+            Port("path.progress", "output", "m", "way along the path"),
+            Port("speed.demand", "output", "m/s", "wanted speed"),
+            Port("yaw_rate.demand", "output", "rad/s", "wanted rate of the heading"),
+            Port("curvature.demand", "output", "1/m", "wanted curvature of the way, to the left"),
+            Port("solver.steps", "output", "1", "steps since the start", 0),
+            *parameters,
+        )
+        self._defaults = {port.name: port.start for port in self.ports if port.causality == "parameter"}
+        self._unconnected = np.array([port.start for port in self.ports[:STATE]])
+        self._stands = self._unconnected.copy()
+        self._law: Law
+        self._path: Path = NONE
+        self.state: Floats = np.zeros(WIDTH)
+        self.counters = np.zeros(1, dtype=np.int64)
+
+    def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
+        """At the start of the path."""
+        values = {name: parameters.get(name, default) for name, default in self._defaults.items()}
+        self._law, self._path = self._checked(values), self._placed(values)
+        self._stands[:] = self._standing(values)
+        self.state[:] = 0.0
+        self.state[SPEED] = self._law.start_speed
+        self.state[LEFT : LEFT + 2] = self._law.start_speed / self._radius
+        self.counters[:] = 0
+
+    def step(self, t: float, h: float, u: Floats) -> None:
+        """The demands of t + h; those of t stay when that fails."""
+        unconnected = u[0] == self._unconnected[0] and np.array_equal(u, self._unconnected)
+        seen = self._stands if unconnected else u
+        if not finite(seen):
+            bad = next(port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value))
+            raise StepFailed(f"at t = {t:.6g} s the input {bad} is not finite")
+        check_orientation(t, "chassis", seen[3:7])
+        state = self.state.copy()
+        advance(self._law, self._path, state, t, h, seen)
+        if not finite(state):
+            raise StepFailed(f"at t = {t:.6g} s the demands are not finite: the vehicle is lost")
+        self.state[:] = state
+        self.counters += 1
+
+    def outputs(self, y: Floats) -> None:
+        """Write all Real outputs, in port order."""
+        y[:] = self.state[LEFT:]
+
+    def link_outputs(self, y: Floats) -> None:
+        """None here."""
+
+    def warnings(self) -> list[str]:
+        """None here."""
+        return []
+
+    def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
+        """The hull's 13 when nothing moves it."""
+        return start(values).standing(*self._centre)
+
+    def _placed(self, values: Mapping[str, Any]) -> Path:
+        """The path in the world; raises InvalidParameter."""
+        arcs, points = str(values["path.arcs"]).strip(), str(values["path.points"]).strip()
+        if arcs and points:
+            raise InvalidParameter("path.arcs and path.points exclude each other")
+        if not arcs and not points:
+            return NONE
+        path = of_arcs("path.arcs", arcs) if arcs else through("path.points", points)
+        pose = start(values)
+        x, y, _ = pose.place(self._centre[0] + self._ahead, self._centre[1], 0.0)
+        c, s = np.cos(pose.heading), np.sin(pose.heading)
+        return path._replace(
+            x=x + c * path.x - s * path.y, y=y + s * path.x + c * path.y, heading=path.heading + pose.heading
+        )
+
+    def _checked(self, values: Mapping[str, Any]) -> Law:
+        """The parameters as a Law; raises InvalidParameter."""
+        for name, default in self._defaults.items():
+            if isinstance(default, float) and not np.isfinite(values[name]):
+                raise InvalidParameter(f"{name} = {values[name]} must be a finite number")
+        for name in ("deceleration", "reach", "curvature.largest", "width"):
+            if values[name] <= 0.0:
+                raise InvalidParameter(f"{name} = {values[name]} must be positive")
+        for name in ("preview", "heading.gain", "yaw.gain", "yaw.integral", "speed.start", "speed.end"):
+            if values[name] < 0.0:
+                raise InvalidParameter(f"{name} = {values[name]} must not be negative")
+        if values["ramp.end"] < values["ramp.start"]:
+            raise InvalidParameter(f"ramp.end = {values['ramp.end']} s must not be before ramp.start")
+        speeds = course("speed.points", str(values["speed.points"]))
+        if speeds.value.min(initial=0.0) < 0.0:
+            raise InvalidParameter(f"speed.points = '{str(values['speed.points'])[:80]}' must not be negative")
+        return Law(
+            radius=self._radius,
+            width=float(values["width"]),
+            ahead=self._ahead,
+            heading=float(values["heading"]) + float(values["start.heading"]),
+            heading_gain=float(values["heading.gain"]),
+            reach=float(values["reach"]),
+            preview=float(values["preview"]),
+            gain=float(values["yaw.gain"]),
+            integral=float(values["yaw.integral"]),
+            sharpest=float(values["curvature.largest"]),
+            deceleration=float(values["deceleration"]),
+            start_speed=float(values["speed.start"]),
+            end_speed=float(values["speed.end"]),
+            ramp_start=float(values["ramp.start"]),
+            ramp_end=float(values["ramp.end"]),
+            speeds=speeds,
+        )

@@ -1,0 +1,94 @@
+"""The driver's law: pure pursuit of a path, or a held heading; the slip of the tracks is learnt by an integral.
+
+Pure pursuit: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01 (1992). What is
+steered is where the vehicle goes, not where it points: a tracked vehicle turns about a point ahead of its middle.
+Tracks slip, so that the speeds of two sprockets turn the vehicle by about 0.7 of what their difference would without:
+J. L. Martinez, A. Mandow, J. Morales, S. Pedraza, A. Garcia-Cerezo, Approximating kinematics for tracked mobile robots,
+Int. J. Robotics Research 24 (2005), doi 10.1177/0278364905058239, give the tracks a larger distance, ``width`` here.
+What it misses an integral of the yaw rate's error adds, which is ours.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.course import Course, at, given, ramp
+from fmus.driver import path as route
+from fmus.jit import allocating, kernel
+from fmus.physics.rotation import quat_normalise, quat_to_matrix
+from fmus.physics.vector import add, cross, scale, to_world, vector
+
+# where things stand in the flat state; what follows SLIP is shown
+SLIP, LEFT, RIGHT, OFF, ASKEW, PROGRESS, SPEED, YAW_RATE, CURVATURE = range(9)
+WIDTH = 9
+SLOW = 0.1  # m/s: a slower vehicle is not steered
+
+
+class Law(NamedTuple):
+    """Parameters of a driver, SI."""
+
+    radius: float  # way of the vehicle a radian of its sprockets, m
+    width: float  # distance of two tracks without slip that would turn the vehicle alike, m
+    ahead: float  # place that follows the path, ahead of the hull's centre of mass, m
+    heading: float  # to be held where there is no path, rad
+    heading_gain: float  # yaw rate per error of it, 1/s
+    reach: float  # least distance of the point that is pursued, m
+    preview: float  # and in time, s
+    gain: float  # of the yaw rate's error
+    integral: float  # the same summed up, 1/s
+    sharpest: float  # curvature, 1/m
+    deceleration: float  # towards the end of the path, m/s2
+    start_speed: float  # of the ramp, m/s
+    end_speed: float
+    ramp_start: float  # s
+    ramp_end: float
+    speeds: Course  # instead of the ramp
+
+
+@allocating
+def advance(p, path, x, t, h, u):
+    """The demands of t + h into x (WIDTH), from the motion u (13) of the hull at t, which goes on as it does."""
+    A, v, w = quat_to_matrix(quat_normalise(u[3:7])), vector(u, 7), vector(u, 10)
+    arm = to_world(A, (p.ahead, 0.0, 0.0))
+    v = add(v, cross(w, arm))
+    px, py, _ = add(add(vector(u, 0), arm), scale(h, v))
+    heading = np.arctan2(A[1, 0], A[0, 0]) + h * w[2]
+    c, s = np.cos(heading), np.sin(heading)
+    forward, sideways = c * v[0] + s * v[1], c * v[1] - s * v[0]
+    way = heading + np.arctan2(sideways, max(abs(forward), SLOW))
+    x[SPEED] = at(p.speeds, t + h)[0] if given(p.speeds) else ramp(p, t + h)[0]
+    if path.s.size > 0:
+        follow(p, path, x, px, py, heading, way, abs(forward))
+        x[YAW_RATE] = x[CURVATURE] * max(forward, 0.0)
+    else:
+        x[ASKEW] = turned(heading - p.heading)
+        x[YAW_RATE] = -p.heading_gain * x[ASKEW]
+        x[CURVATURE] = min(max(x[YAW_RATE] / max(forward, SLOW), -p.sharpest), p.sharpest)
+        x[YAW_RATE] = x[CURVATURE] * max(forward, 0.0)
+    if forward > SLOW:
+        most = p.sharpest * forward
+        x[SLIP] = min(max(x[SLIP] + h * p.integral * (x[YAW_RATE] - w[2]), -most), most)
+    fades = x[SPEED] / np.sqrt(x[SPEED] ** 2 + SLOW**2)
+    half = 0.5 * p.width * (x[YAW_RATE] + p.gain * (x[YAW_RATE] - w[2]) + x[SLIP]) * fades
+    x[LEFT], x[RIGHT] = (x[SPEED] - half) / p.radius, (x[SPEED] + half) / p.radius
+
+
+@kernel
+def follow(p, path, x, px, py, heading, way, forward):
+    """Progress along the path, errors, curvature towards the point ahead; slower where the path ends."""
+    x[PROGRESS], x[OFF] = route.nearest(path, px, py, x[PROGRESS])
+    x[ASKEW] = turned(heading - route.at(path, x[PROGRESS])[2])
+    left = max(path.length - x[PROGRESS], 0.0)
+    x[SPEED] = min(x[SPEED], np.sqrt(2.0 * p.deceleration * left))
+    gx, gy, _, _ = route.at(path, x[PROGRESS] + max(p.reach, p.preview * forward))
+    dx, dy = gx - px, gy - py
+    curvature = 2.0 * (np.cos(way) * dy - np.sin(way) * dx) / (dx * dx + dy * dy)
+    x[CURVATURE] = min(max(curvature, -p.sharpest), p.sharpest)
+
+
+@kernel
+def turned(angle):
+    """The angle between -pi and pi."""
+    return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))

@@ -1,0 +1,250 @@
+"""The driver: paths in closed form, pure pursuit against its linear theory, learnt slip, manners; a demanded drive."""
+
+import numpy as np
+import pytest
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+from fmpy.validation import validate_fmu
+
+from fmus.build import build
+from fmus.driver import path
+from fmus.driver.model import Model
+from fmus.model import InvalidParameter, StepFailed
+from fmus.sprocket_drive.model import Model as SprocketDrive
+from orchestrator.scene.scene import load
+
+TABLE = load("straight").vehicle.model_dump()
+AHEAD = float(np.mean(TABLE["road_wheel"]["x"])) - TABLE["chassis"]["centre"][0]  # of the place that follows the path
+RADIUS = TABLE["sprocket"]["teeth"] * TABLE["track"]["pitch"] / (2.0 * np.pi)
+H = 2e-3
+PLAIN = {"yaw.gain": 0.0, "yaw.integral": 0.0, "preview": 0.0, "reach": 3.0, "speed.start": 2.0, "speed.end": 2.0}
+
+
+class Unicycle:
+    """A driver and a vehicle that turns about the place that follows the path, as its sprockets tell it."""
+
+    def __init__(self, grip=1.0, left=0.0, **parameters):
+        self.model = Model({"vehicle": TABLE})
+        self.model.initialise(parameters)
+        self.names = [port.name for port in self.model.ports if port.causality == "output"][:-1]
+        self.width = grip * float(parameters.get("width", self.model._defaults["width"]))
+        start = [port.start for port in self.model.ports[:2]]
+        self.x, self.y, self.heading = start[0] + AHEAD, start[1] + left, 0.0
+        self.speed = self.rate = 0.0
+        self.outputs = np.zeros(len(self.names))
+        self.shown = []
+
+    def hull(self):
+        c, s = np.cos(self.heading), np.sin(self.heading)
+        x, y = self.x - AHEAD * c, self.y - AHEAD * s
+        v = self.speed * c + AHEAD * self.rate * s, self.speed * s - AHEAD * self.rate * c
+        half = 0.5 * self.heading
+        return np.array([x, y, 0.4, np.cos(half), 0, 0, np.sin(half), *v, 0, 0, 0, self.rate])
+
+    def step(self, t):
+        """One step; what the driver sees of it."""
+        self.model.outputs(self.outputs)
+        left, right = RADIUS * self.outputs[:2]
+        self.speed, self.rate = 0.5 * (left + right), (right - left) / self.width
+        seen = self.hull()
+        self.model.step(t, H, seen)
+        self.heading += 0.5 * H * self.rate
+        self.x += H * self.speed * np.cos(self.heading)
+        self.y += H * self.speed * np.sin(self.heading)
+        self.heading += 0.5 * H * self.rate
+        self.shown.append(self.outputs.copy())
+        return seen
+
+    def run(self, stop):
+        for k in range(round(stop / H)):
+            self.step(k * H)
+        return self
+
+    def __getitem__(self, name):
+        return np.array(self.shown)[:, self.names.index(name)]
+
+
+def test_four_quarters_of_a_circle_close_and_points_beside_it_are_found():
+    quarter = 0.5 * np.pi * 5.0
+    circle = path.of_arcs("path.arcs", f"{quarter} 0.2; " * 4)
+    assert np.allclose(path.at(circle, circle.length)[:3], (0.0, 0.0, 2.0 * np.pi), atol=1e-12)
+    for angle in np.linspace(0.1, 6.0, 13):
+        for off in (-2.0, 0.0, 1.5):
+            at = (5.0 - off) * np.sin(angle), 5.0 - (5.0 - off) * np.cos(angle)
+            assert np.allclose(path.nearest(circle, *at, 5.0 * angle - 0.8), (5.0 * angle, off), atol=1e-8)
+    assert not np.allclose(path.of_arcs("", f"{quarter} 0.204; " * 4).heading[-1], circle.heading[-1], atol=1e-2)
+
+
+def test_beyond_its_ends_a_path_is_straight():
+    arc = path.of_arcs("path.arcs", "5 0.2")
+    x, y, heading, _ = path.at(arc, 5.0)
+    assert np.allclose(path.at(arc, 7.0), (x + 2 * np.cos(heading), y + 2 * np.sin(heading), 1.0, 0.0))
+    assert np.allclose(path.at(arc, -2.0), (-2.0, 0.0, 0.0, 0.0))
+
+
+def test_a_path_through_points_of_a_circle_is_that_circle():
+    """To the third order of their distance, away from the ends, where a natural spline has no curvature."""
+    worst = []
+    for n in (41, 81):
+        angle = np.linspace(0.0, 3.0, n)
+        text = "; ".join(f"{8 * np.sin(a)} {8 - 8 * np.cos(a)}" for a in angle)
+        curve = path.through("path.points", text)
+        middle = slice(len(curve.s) // 4, 3 * len(curve.s) // 4)
+        assert np.allclose(curve.curvature[middle], 0.125, atol=1e-4)
+        worst.append(abs(np.hypot(curve.x, curve.y - 8.0)[middle] - 8.0).max())
+        assert curve.length == pytest.approx(24.0, rel=1e-4)
+    assert worst[0] < 1e-5
+    assert worst[1] < worst[0] / 8.0
+
+
+@pytest.mark.parametrize(("reach", "agrees"), [(3.0, True), (3.2, False)])
+def test_a_small_error_decays_as_the_linear_theory_says(reach, agrees):
+    """e'' + 2 a e' + 2 a^2 e = 0 with a = v/L: e = e0 exp(-a t) (cos a t + sin a t)."""
+    run = Unicycle(left=0.01, **{**PLAIN, "path.arcs": "100 0", "reach": reach}).run(4.0)
+    at = 2.0 / 3.0 * H * np.arange(len(run.shown))
+    theory = 0.01 * np.exp(-at) * (np.cos(at) + np.sin(at))
+    assert (abs(run["path.lateral_error"][1:] - theory[:-1]).max() < 5e-5) == agrees
+
+
+@pytest.mark.parametrize("curvature", [0.1, -0.2])
+def test_no_error_stays_on_an_arc(curvature):
+    run = Unicycle(**{**PLAIN, "path.arcs": f"60 {curvature}"}).run(12.0)
+    assert abs(run["path.lateral_error"][-1]) < 2e-3  # the order of a step's turn
+    assert run["curvature.demand"][-1] == pytest.approx(curvature, rel=2e-3)
+
+
+def test_slip_is_learnt():
+    """Of a vehicle that turns by 0.77 of what it is told: only the integral takes the error away."""
+    settings = {**PLAIN, "path.arcs": "60 0.1"}
+    assert abs(Unicycle(1.3, **settings).run(12.0)["path.lateral_error"][-1]) > 0.05
+    learnt = Unicycle(1.3, **{**settings, "yaw.gain": 1.0, "yaw.integral": 1.0}).run(12.0)
+    assert abs(learnt["path.lateral_error"][-1]) < 3e-3
+
+
+@pytest.mark.parametrize(("gain", "agrees"), [(1.0, True), (1.03, False)])
+def test_a_heading_is_held(gain, agrees):
+    run = Unicycle(**{**PLAIN, "heading": 0.1, "heading.gain": gain}).run(3.0)
+    theory = -0.1 * np.exp(-H * np.arange(len(run.shown)))
+    assert (abs(run["path.heading_error"][1:] - theory[:-1]).max() < 3e-4) == agrees
+
+
+def test_it_stops_at_the_end():
+    run = Unicycle(**{**PLAIN, "path.arcs": "8 0; 4 0.1"}).run(15.0)
+    assert run["path.progress"][-1] == pytest.approx(12.0, abs=0.02)
+    assert run["speed.demand"][-1] < 0.1
+    assert run["speed.demand"].max() == pytest.approx(2.0)
+
+
+def test_a_path_turns_and_moves_with_the_start():
+    turned = {"start.heading": 0.7, "start.position.x": 3.0, "start.position.y": -2.0}
+    model = Model({"vehicle": TABLE})
+    model.initialise({"path.arcs": "5 0; 5 0.1"})
+    own = model._path
+    model.initialise({"path.arcs": "5 0; 5 0.1", **turned})
+    c, s = np.cos(0.7), np.sin(0.7)
+    assert np.allclose(model._path.x, 3.0 + c * own.x - s * own.y, atol=1e-12)
+    assert np.allclose(model._path.y, -2.0 + s * own.x + c * own.y, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"path.arcs": "5"}, "path.arcs = '5': must be 'length curvature"),
+        ({"path.arcs": "0 1"}, "lengths must be positive"),
+        ({"path.arcs": "1 nan"}, "finite numbers"),
+        ({"path.points": "0 0"}, "at least two points"),
+        ({"path.points": "0 0; 0 0"}, "each apart from the next"),
+        ({"path.points": "0 0; 1 0", "path.arcs": "1 0"}, "exclude each other"),
+        ({"reach": 0.0}, r"reach = 0.0 must be positive"),
+        ({"yaw.gain": -1.0}, r"yaw.gain = -1.0 must not be negative"),
+        ({"speed.points": "0 -1"}, r"speed.points = '0 -1' must not be negative"),
+        ({"ramp.start": 2.0}, "ramp.end = 1.0 s must not be before ramp.start"),
+    ],
+)
+def test_wrong_parameters_are_named(parameters, said):
+    with pytest.raises(InvalidParameter, match=said):
+        Model({"vehicle": TABLE}).initialise(parameters)
+
+
+def test_an_input_that_is_not_finite_is_named_and_changes_nothing():
+    run = Unicycle(**{**PLAIN, "path.arcs": "9 0"}).run(0.1)
+    before, u = run.model.state.copy(), run.hull()
+    u[8] = np.nan
+    with pytest.raises(StepFailed, match=r"the input chassis\.velocity\.y is not finite"):
+        run.model.step(0.1, H, u)
+    assert np.array_equal(run.model.state, before)
+
+
+def demanded(mode="speed", **parameters):
+    drive = {"inertia": 13.87, "mount": [0.0, 1.0795, 0.0], "demanded": True}
+    model = SprocketDrive({"drive": drive})
+    model.initialise({"mode": mode, **parameters})
+    return model
+
+
+@pytest.mark.parametrize(("lag", "agrees"), [(0.1, True), (0.103, False)])
+def test_the_speed_of_a_drive_follows_its_demand_at_any_step(lag, agrees):
+    names = [port.name for port in demanded().ports if port.causality == "output"]
+    speed = names.index("speed")
+    for h in (1e-3, 4e-3, 20e-3):
+        model, y = demanded(**{"demand.lag": lag}), np.zeros(26)
+        u = np.array([port.start for port in model.ports if port.causality == "input"])
+        assert [port.name for port in model.ports][len(u) - 1] == "speed.demand"
+        u[-1] = 7.0
+        for k in range(round(0.2 / h)):
+            model.step(k * h, h, u)
+        model.outputs(y)
+        assert (abs(y[speed] - 7.0 * (1.0 - np.exp(-2.0))) < 1e-12) == agrees
+
+
+def test_a_controller_follows_its_demand():
+    model, y = demanded("controller"), np.zeros(26)
+    u = np.array([port.start for port in model.ports if port.causality == "input"])
+    u[-1] = 7.0
+    for k in range(3000):
+        model.step(k * 1e-3, 1e-3, u)
+    model.outputs(y)
+    assert y[19] == pytest.approx(7.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"mode": "torque"}, "a drive with the input speed.demand has a speed or a controller"),
+        ({"speed.end": 3.0}, "speed.end = 3.0: the input speed.demand says how fast"),
+        ({"demand.lag": 0.0}, "demand.lag = 0.0 s must be positive"),
+    ],
+)
+def test_a_demanded_drive_has_no_profile(parameters, said):
+    with pytest.raises(InvalidParameter, match=said):
+        demanded(**parameters)
+
+
+def test_the_fmu_is_valid_and_drives_in_a_loop_of_fmpys(tmp_path):
+    """The same bits as the model, with a vehicle of five lines."""
+    file = build("Driver", {"vehicle": TABLE})
+    assert not validate_fmu(str(file))
+    said = read_model_description(str(file))
+    where = {variable.name: variable.valueReference for variable in said.modelVariables}
+    inputs = [v.valueReference for v in said.modelVariables if v.causality == "input"]
+    outputs = [v.valueReference for v in said.modelVariables if v.causality == "output" and v.type == "Real"]
+    run = Unicycle(**{"path.arcs": "2 0; 3 0.1", "speed.end": 2.0})
+    fmu = FMU2Slave(guid=said.guid, unzipDirectory=extract(str(file), str(tmp_path)), modelIdentifier="Driver",
+                    instanceName="driver")  # fmt: skip
+    fmu.instantiate()
+    try:
+        fmu.setString([where["path.arcs"]], ["2 0; 3 0.1"])
+        fmu.setReal([where["speed.end"]], [2.0])
+        fmu.setupExperiment(startTime=0.0)
+        fmu.enterInitializationMode()
+        fmu.exitInitializationMode()
+        for k in range(500):
+            demands = fmu.getReal(outputs)
+            seen = run.step(k * H)
+            assert demands == run.outputs.tolist(), k
+            fmu.setReal(inputs, seen.tolist())
+            fmu.doStep(k * H, H)
+        fmu.terminate()
+    finally:
+        fmu.freeInstance()
+    assert run["path.progress"][-1] > 0.5
