@@ -94,7 +94,7 @@ class Model:
         self.counters[:] = 0
 
     def step(self, t: float, h: float, u: Floats) -> None:
-        """The demands of t + h; those of t stay when that fails."""
+        """The demands of the step from t to t + h; those of the last one stay when that fails."""
         unconnected = u[0] == self._unconnected[0] and np.array_equal(u, self._unconnected)
         seen = self._stands if unconnected else u
         if not finite(seen):

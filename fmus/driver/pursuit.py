@@ -49,16 +49,17 @@ class Law(NamedTuple):
 
 @allocating
 def advance(p, path, x, t, h, u):
-    """The demands of t + h into x (WIDTH), from the motion u (13) of the hull at t, which goes on as it does."""
+    """The demands of the step from t on, those of its middle, into x (WIDTH); u: motion of the hull at t (13)."""
+    half = 0.5 * h
     A, v, w = quat_to_matrix(quat_normalise(u[3:7])), vector(u, 7), vector(u, 10)
     arm = to_world(A, (p.ahead, 0.0, 0.0))
     v = add(v, cross(w, arm))
-    px, py, _ = add(add(vector(u, 0), arm), scale(h, v))
-    heading = np.arctan2(A[1, 0], A[0, 0]) + h * w[2]
+    px, py, _ = add(add(vector(u, 0), arm), scale(half, v))
+    heading = np.arctan2(A[1, 0], A[0, 0]) + half * w[2]
     c, s = np.cos(heading), np.sin(heading)
     forward, sideways = c * v[0] + s * v[1], c * v[1] - s * v[0]
     way = heading + np.arctan2(sideways, max(abs(forward), SLOW))
-    x[SPEED] = at(p.speeds, t + h)[0] if given(p.speeds) else ramp(p, t + h)[0]
+    x[SPEED] = at(p.speeds, t + half)[0] if given(p.speeds) else ramp(p, t + half)[0]
     if path.s.size > 0:
         follow(p, path, x, px, py, heading, way, abs(forward))
         x[YAW_RATE] = x[CURVATURE] * max(forward, 0.0)
@@ -71,8 +72,8 @@ def advance(p, path, x, t, h, u):
         most = p.sharpest * forward
         x[SLIP] = min(max(x[SLIP] + h * p.integral * (x[YAW_RATE] - w[2]), -most), most)
     fades = x[SPEED] / np.sqrt(x[SPEED] ** 2 + SLOW**2)
-    half = 0.5 * p.width * (x[YAW_RATE] + p.gain * (x[YAW_RATE] - w[2]) + x[SLIP]) * fades
-    x[LEFT], x[RIGHT] = (x[SPEED] - half) / p.radius, (x[SPEED] + half) / p.radius
+    more = 0.5 * p.width * (x[YAW_RATE] + p.gain * (x[YAW_RATE] - w[2]) + x[SLIP]) * fades
+    x[LEFT], x[RIGHT] = (x[SPEED] - more) / p.radius, (x[SPEED] + more) / p.radius
 
 
 @kernel

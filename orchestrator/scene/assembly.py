@@ -203,7 +203,7 @@ def _driven() -> tuple[Connection, ...]:
     return (
         Connection("chassis", shown[:POSE], "driver", seen[:POSE], "state"),
         Connection("chassis", shown[POSE:], "driver", seen[POSE:], "rate"),
-        *(Connection("driver", (f"{side}.speed",), f"{side}_drive", ("speed.demand",)) for side in SIDES),
+        *(Connection("driver", (f"{side}.speed",), f"{side}_drive", ("speed.demand",), "mean") for side in SIDES),
     )
 
 

@@ -40,7 +40,7 @@ def text(value):
     return value if isinstance(value, str) else repr(float(value))
 
 
-STEERED = ("brake_turn", "pivot", "turn")
+STEERED = ("brake_turn", "pivot", "turn")  # serpentine's drives are alike
 
 
 @pytest.mark.parametrize("kind", VARIANTS)
