@@ -31,7 +31,8 @@ STEP, VELOCITY = (
     32,
 )  # of the last step: length (0 before the first), the mount's velocities at its start (6)
 TARGET = 38  # the speed that follows the demand, where there is one
-WIDTH = 39
+POWER_NOW = 39
+WIDTH = 40
 
 NO_ROTATION = -1  # instead of a number of steps: the mount's quaternion is none
 
@@ -58,6 +59,9 @@ class Drive(NamedTuple):
     torques: Course = NONE  # instead of the constant torque
     brakes: Course = NONE  # instead of the constant brake; ``brake`` is then the largest
     lag: float = 0.0  # s, with which the speed follows a demand; 0: there is none
+    engine: Course = NONE  # largest torque over the speed of the engine's shaft, N m and rad/s
+    gear: float = 1.0  # turns of the engine to one of the sprocket
+    steepest: float = 0.0  # slope of the engine's map as the sprocket feels it, N m s/rad
 
 
 @kernel
@@ -93,11 +97,14 @@ def profile_slope(p, t):
 @kernel
 def motor(p, t, speed, integral):
     """Torque of the motor on the sprocket, N m, and the rate of the controller's integral. (2)"""
+    most = p.gear * at(p.engine, p.gear * abs(speed))[0] if given(p.engine) else np.inf
     if p.mode == TORQUE:
-        return at(p.torques, t)[0] if given(p.torques) else p.torque, 0.0
+        wanted = at(p.torques, t)[0] if given(p.torques) else p.torque
+        return min(most, max(-most, wanted)), 0.0
+    most = min(most, p.limit)
     error = profile(p, t)[0] - speed
     wanted = p.proportional * error + p.integral * integral
-    torque = min(p.limit, max(-p.limit, wanted))
+    torque = min(most, max(-most, wanted))
     return torque, 0.0 if torque != wanted and wanted * error > 0.0 else error  # no wind-up at the limit
 
 
@@ -114,11 +121,11 @@ def rates(p, t, y, chain, mount_rate, out):
 
 @kernel
 def substeps(p, h):
-    """How many internal steps resolve brake and controller: half a time constant each. (4)"""
+    """How many internal steps resolve brake, controller and engine: half a time constant each. (4)"""
     if p.mode == SPEED:
         return 1
     gains = (p.proportional / p.inertia, np.sqrt(p.integral / p.inertia)) if p.mode == CONTROLLER else (0.0, 0.0)
-    fastest = p.brake / (p.brake_speed * p.inertia) + gains[0] + gains[1]
+    fastest = p.brake / (p.brake_speed * p.inertia) + gains[0] + gains[1] + p.steepest / p.inertia
     return max(1, int(np.ceil(min(2.0 * h * fastest, 1e9))))
 
 
@@ -194,7 +201,7 @@ def advance(p, x, t, h, u):
         if p.mode == SPEED:
             x[RATE] = profile(p, t)[0] + dot(a, w)
         put(x, MOMENTUM, scale(p.inertia * x[RATE], vector(a, 0)))
-    angle = x[ANGLE]
+    angle, work = x[ANGLE], x[WORK]
     if p.mode == SPEED:
         prescribe(p, x, t, h, chain, dot(a_end, w_end))
     else:
@@ -207,7 +214,7 @@ def advance(p, x, t, h, u):
     put(x, MOUNT + 3, add(torque, scale(-1.0 / h, kept)))
     put(x, MOMENTUM, momentum)
     x[PORT_WORK] += chain * (x[ANGLE] - angle) + dot(kept, w_mean)
-    x[TORQUE_NOW] = x[IMPULSE] / h
+    x[TORQUE_NOW], x[POWER_NOW] = x[IMPULSE] / h, (x[WORK] - work) / h
     place(x, add(vector(u, 0), scale(h, v_mean)), q_end, v_end, w_end)
     x[STEP] = h
     put(x, VELOCITY, v)
@@ -217,11 +224,11 @@ def advance(p, x, t, h, u):
 
 @kernel
 def observe(inertia, x, y):
-    """Write all Real outputs (26) of the state x into y, in port order."""
+    """Write all Real outputs (27) of the state x into y, in port order."""
     for i in range(13):
         y[i] = x[SPROCKET + i]
     for i in range(6):
         y[13 + i] = x[MOUNT + i]
     y[19], y[20], y[21] = x[SPEED_NOW], x[ANGLE], x[TORQUE_NOW]
     y[22], y[23], y[24] = 0.5 * inertia * (x[RATE] * x[RATE]), x[WORK], x[BRAKED]
-    y[25] = x[PORT_WORK]
+    y[25], y[26] = x[PORT_WORK], x[POWER_NOW]

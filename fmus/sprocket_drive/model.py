@@ -56,6 +56,9 @@ def parameter_ports(demanded: bool) -> list[Port]:
         Port("speed.points", "parameter", "1", f"{POINTS} speed against the mount, rad/s, instead of a ramp", ""),
         Port("torque.points", "parameter", "1", f"{POINTS} torque of the motor, N m, instead of torque.drive", ""),
         Port("brake.points", "parameter", "1", f"{POINTS} torque of the brake, N m, instead of brake.torque", ""),
+        Port("engine.points", "parameter", "1", "'speed torque; speed torque; ...', straight lines between: largest "
+             "torque of the engine's shaft, N m, over its speed, rad/s, not in mode speed", ""),
+        Port("gear.ratio", "parameter", "1", "turns of the engine to one of the sprocket", 1.0),
         Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed"),
         Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1),
         Port("controller.proportional", "parameter", "N.m.s/rad", "torque per speed error", 6000.0),
@@ -97,6 +100,7 @@ class Model:
             Port("energy.work", "output", "J", "work of the motor since the start"),
             Port("energy.dissipated", "output", "J", "work done on the brake since the start"),
             Port("port.work", "output", "J", "work of chain and mount on the spin since the start"),
+            Port("power", "output", "W", "power of the motor, mean over the step; negative where the chain turns it"),
             Port("solver.steps", "output", "1", "internal steps since the start", 0),
             Port("solver.evaluations", "output", "1", "evaluations of the spin's equation since the start", 0),
             *parameters,
@@ -166,6 +170,8 @@ class Model:
         for name in ("brake.torque", "controller.proportional", "controller.integral", "torque.limit"):
             if values[name] < 0.0:
                 raise InvalidParameter(f"{name} = {values[name]} must not be negative")
+        if values["gear.ratio"] <= 0.0:
+            raise InvalidParameter(f"gear.ratio = {values['gear.ratio']} must be positive")
         if values["brake.speed"] <= 0.0:
             raise InvalidParameter(f"brake.speed = {values['brake.speed']} rad/s must be positive")
         if values["ramp.end"] < values["ramp.start"]:
@@ -175,6 +181,11 @@ class Model:
         if 0.0 <= values["stop.start"] < values["ramp.end"]:
             raise InvalidParameter(f"stop.start = {values['stop.start']} s must not be before ramp.end")
         speeds, torques, brakes = (course(name, str(values[name])) for name in COURSES)
+        engine = course("engine.points", str(values["engine.points"]))
+        if engine.value.min(initial=0.0) < 0.0 or engine.time.min(initial=0.0) < 0.0:
+            raise InvalidParameter(f"engine.points = '{str(values['engine.points'])[:80]}' must not be negative")
+        if engine.time.size and values["mode"] == "speed":
+            raise InvalidParameter("engine.points needs mode 'torque' or 'controller': a prescribed speed has no limit")
         if self._demanded:
             speeds = self._followed(values)
         if brakes.value.min(initial=0.0) < 0.0:
@@ -200,6 +211,9 @@ class Model:
             speeds=speeds,
             torques=torques,
             brakes=brakes,
+            engine=engine,
+            gear=float(values["gear.ratio"]),
+            steepest=float(values["gear.ratio"]) ** 2 * _steepest(engine),
             lag=float(values["demand.lag"]) if self._demanded else 0.0,
         )
 
@@ -213,3 +227,8 @@ class Model:
             if values[name] != none:
                 raise InvalidParameter(f"{name} = {values[name]}: the input {DEMAND} says how fast the sprocket turns")
         return Course(np.zeros(2), np.full(2, float(values["speed.start"])), np.zeros(2))
+
+
+def _steepest(c: Course) -> float:
+    """Largest slope of a course, either way."""
+    return float(np.abs(np.diff(c.value) / np.diff(c.time)).max(initial=0.0))

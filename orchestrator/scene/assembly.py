@@ -323,9 +323,11 @@ def _drive_parameters(drive: Drive) -> Parameters:
     }
     if drive.stop is not None:
         parameters |= {"stop.start": drive.stop, "stop.time": drive.stop_time}
-    for name in ("speed", "torque", "brake"):
+    for name in ("speed", "torque", "brake", "engine"):
         if (points := getattr(drive, f"{name}_points")) is not None:
             parameters[f"{name}.points"] = _text(points)
+    if drive.engine_points is not None:
+        parameters["gear.ratio"] = drive.gear_ratio
     if drive.torque_limit is not None:
         parameters["torque.limit"] = drive.torque_limit
     return parameters

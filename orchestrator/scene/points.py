@@ -10,7 +10,7 @@ from typing import Any
 from fmus.vehicle import BadInput
 
 Tables = dict[str, Any]  # of a raw scene
-POINTS = ("speed_points", "torque_points", "brake_points", "points")
+POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "points")
 DRIVES = ("drive", "idler_drive", "driver")
 
 

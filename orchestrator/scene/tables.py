@@ -195,6 +195,7 @@ POINTS_OF = {  # and the modes in which they act
     "speed_points": ("speed", "controller"),
     "torque_points": ("torque",),
     "brake_points": ("torque", "controller"),
+    "engine_points": ("torque", "controller"),
 }
 
 
@@ -219,6 +220,12 @@ class Drive(Table):
     torque_points: tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None = None
     brake_points: tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None = None
 
+    # full-load curve of the engine, [speed, torque] of its shaft, or a CSV file: at the sprocket by the gear's ratio
+    engine_points: tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None = (
+        None
+    )
+    gear_ratio: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0  # turns of the engine to one of the sprocket
+
     @model_validator(mode="after")
     def _points_fit(self) -> Drive:
         for key, modes in POINTS_OF.items():
@@ -229,7 +236,9 @@ class Drive(Table):
                 raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
             times = [time for time, _ in points]
             if not times or any(later <= earlier for earlier, later in pairwise(times)):
-                raise ValueError(f"{key}: needs at least one point, and times that rise")
+                raise ValueError(
+                    f"{key}: needs at least one point, and {'speeds' if key == 'engine_points' else 'times'} that rise"
+                )
         if self.speed_points is not None and self.stop is not None:
             raise ValueError("speed_points and stop exclude each other: the points say when it stops")
         return self

@@ -187,7 +187,7 @@ def test_the_speed_of_a_drive_follows_its_demand_at_any_step(lag, agrees):
     names = [port.name for port in demanded().ports if port.causality == "output"]
     speed = names.index("speed")
     for h in (1e-3, 4e-3, 20e-3):
-        model, y = demanded(**{"demand.lag": lag}), np.zeros(26)
+        model, y = demanded(**{"demand.lag": lag}), np.zeros(27)
         u = np.array([port.start for port in model.ports if port.causality == "input"])
         assert [port.name for port in model.ports][len(u) - 1] == "speed.demand"
         u[-1] = 7.0
@@ -198,7 +198,7 @@ def test_the_speed_of_a_drive_follows_its_demand_at_any_step(lag, agrees):
 
 
 def test_a_controller_follows_its_demand():
-    model, y = demanded("controller"), np.zeros(26)
+    model, y = demanded("controller"), np.zeros(27)
     u = np.array([port.start for port in model.ports if port.causality == "input"])
     u[-1] = 7.0
     for k in range(3000):

@@ -493,3 +493,42 @@ def test_torque_and_brake_of_points():
 def test_points_that_are_none_are_a_sentence(given, sentence):
     with pytest.raises(InvalidParameter, match=sentence):
         Probe(**given)
+
+
+@pytest.mark.parametrize(("ratio", "agrees"), [(4.0, True), (4.1, False)])
+def test_an_engine_with_a_falling_curve_takes_the_sprocket_to_its_speed(ratio, agrees):
+    """T = r T0 (1 - r w / w0), so that w = w0/r (1 - exp(-t/tau)), tau = J w0 / (r^2 T0)."""
+    full, top = 200.0, 100.0
+    probe = Probe(
+        mode="torque", **{"torque.drive": 1e6, "engine.points": f"0 {full}; {top} 0", "gear.ratio": ratio}
+    ).run(0.3)
+    tau = J * top / (16.0 * full)
+    speed = top / 4.0 * (1.0 - np.exp(-0.3 / tau))
+    assert (abs(probe["speed"] / speed - 1.0) < 1e-6) == agrees
+    backwards = Probe(
+        mode="torque", **{"torque.drive": -1e6, "engine.points": f"0 {full}; {top} 0", "gear.ratio": ratio}
+    ).run(0.3)
+    assert backwards["speed"] == -probe["speed"]
+    assert probe["power"] == pytest.approx(probe["torque"] * probe["speed"], rel=2e-3)
+
+
+def test_a_controller_has_no_more_than_its_engine():
+    engine = {"engine.points": "0 50; 40 50; 80 0", "gear.ratio": 2.0}
+    profile_ = {"speed.end": 30.0, "ramp.end": 0.01}
+    probe = Probe(mode="controller", **profile_, **engine).run(1.0)
+    assert probe["torque"] == pytest.approx(100.0, rel=1e-9)  # w < 20 rad/s: the flat part
+    assert probe["speed"] == pytest.approx(100.0 / J, rel=1e-3)
+    assert Probe(mode="controller", **profile_).run(1.0)["speed"] > 2.0 * probe["speed"]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"engine.points": "0 5"}, "engine.points needs mode 'torque' or 'controller'"),
+        ({"engine.points": "0 -5", "mode": "torque"}, "engine.points = '0 -5' must not be negative"),
+        ({"gear.ratio": 0.0}, "gear.ratio = 0.0 must be positive"),
+    ],
+)
+def test_an_engine_that_cannot_be_is_refused(parameters, said):
+    with pytest.raises(InvalidParameter, match=said):
+        Probe(**parameters)

@@ -41,6 +41,11 @@ def wrench(view: View, names: Sequence[str]) -> Floats:
     return np.stack([found[name.split(".")[1]][:, "xyz".index(name[-1])] for name in names], axis=1)
 
 
+def power(view: View, names: Sequence[str]) -> Expected:
+    """Of the motor, mean over the step; none at the start."""
+    return np.concatenate([[0.0], np.diff(view.part["energy.work"]) / view.part.h])[:, None]
+
+
 def on_a_chassis(view: View) -> bool:
     return "chassis" in view.record.parts
 
@@ -55,6 +60,7 @@ CHECKS = (
     Check("speed", "profile, or torques", of(Spin.speed), 0.02, 1e-12, balance=True),
     Check("angle", "speed, summed", of(Spin.angle), 1e-3, 1e-12, balance=True),
     Check("torque", "parameter, controller, or what the profile needs", of(Spin.torque), 0.01, 1e-9, balance=True),
+    Check("power", "work of the step", power, 1e-9, 1e-9, balance=True),
     Check(r"energy\.kinetic", "spin", of(Spin.kinetic), 1e-9, 1e-9, balance=True),
     Check(r"energy\.work", "torque on the way", of(Spin.work), 1e-3, 0.1, balance=True),
     Check(r"energy\.dissipated", "brake", of(Spin.dissipated), 1e-3, 0.1, balance=True),
