@@ -62,6 +62,13 @@ CASES = {
     "two motors and brakes": Case(
         "turn", (*STEERED, "drive.mode=torque", "drive.left.torque=5e3", "drive.right.torque=4e3", "drive.brake=1e3")
     ),
+    "driven": Case(
+        "serpentine",
+        (
+            *QUICK[:1], *QUICK[3:], "driver.arcs=[[0.1, 0.05], [0.1, 0.2], [0.1, -0.1], [9, 0.1]]", "driver.reach=0.5",
+            "driver.ramp_start=0", "driver.ramp_time=0.02", "driver.speed=3",
+        ),
+    ),
     "on one track": Case("straight", (*VEHICLE, "tracks=['left']", "start.height=-0.05", "start.pitch=-0.06")),
     "buried": Case(
         "straight", ("tracks=[]", "ground.hull=true", "start.height=-2.5", "start.pitch=0.1", "placed=true"), 0.002
@@ -155,6 +162,9 @@ KEYS: dict[str, Acts] = {
     "drive.brake": Acts("motor"),
     "drive.torque": Acts("motor"),
     "drive.*": Acts("vehicle", value=0.03),
+    "driver.arcs.3.0": Acts("driven", ("rigid",), 0.1),
+    "driver.ramp_*": Acts("driven", ("rigid",), 0.03),
+    "driver.*": Acts("driven", ("rigid",)),
     "ground.bump.*": Acts("over a bump", ALL),
     "track.step": Acts("released", value=5e-5),
     "run.variable.shortest": Acts("follows an error", value=1.9e-3),

@@ -326,7 +326,7 @@ def _drive_parameters(drive: Drive) -> Parameters:
     for name in ("speed", "torque", "brake", "engine"):
         if (points := getattr(drive, f"{name}_points")) is not None:
             parameters[f"{name}.points"] = _text(points)
-    if drive.engine_points is not None:
+    if drive.gear_ratio is not None:
         parameters["gear.ratio"] = drive.gear_ratio
     if drive.torque_limit is not None:
         parameters["torque.limit"] = drive.torque_limit

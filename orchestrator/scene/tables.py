@@ -224,7 +224,9 @@ class Drive(Table):
     engine_points: tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None = (
         None
     )
-    gear_ratio: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0  # turns of the engine to one of the sprocket
+    gear_ratio: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = (
+        None  # turns of the engine to the sprocket's
+    )
 
     @model_validator(mode="after")
     def _points_fit(self) -> Drive:
@@ -239,6 +241,8 @@ class Drive(Table):
                 raise ValueError(
                     f"{key}: needs at least one point, and {'speeds' if key == 'engine_points' else 'times'} that rise"
                 )
+        if self.gear_ratio is not None and self.engine_points is None:
+            raise ValueError("gear_ratio needs engine_points: without an engine's curve there is nothing to gear")
         if self.speed_points is not None and self.stop is not None:
             raise ValueError("speed_points and stop exclude each other: the points say when it stops")
         return self

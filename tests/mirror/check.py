@@ -13,6 +13,7 @@ from mirror.hull import Hull
 from mirror.links import UP, Chain, chain
 from mirror.motion import Recursion, Wheels, wheels
 from mirror.record import Floats, Part, Record
+from mirror.seen import Seen
 from mirror.spin import Spin
 from mirror.touch import Touch, touch
 
@@ -86,6 +87,12 @@ class View:
     @cached_property
     def spin(self) -> Spin:
         return Spin(self.part)
+
+    # --- of a driver
+
+    @cached_property
+    def seen(self) -> Seen:
+        return Seen(self.part)
 
     def driven(self) -> bool:
         """Whether a track runs on wheels."""

@@ -87,6 +87,12 @@ def thrown() -> Record:
     return Record(system, 0.5)
 
 
+def driven() -> Record:
+    """Along a path to the left and to the right."""
+    path = "driver.arcs=[[0.3, 0], [1, 0.2], [2, -0.2]]", "driver.ramp_start=0 s", "driver.ramp_time=0.3 s"
+    return other("serpentine", "rigid", *path, "driver.speed=3 m/s", duration=0.8)
+
+
 class Run(NamedTuple):
     """What to run, and which of its components need no look: they do what another one does."""
 
@@ -100,6 +106,7 @@ RUNS = {
     "beam": Run(lambda: vehicle("flexible", "track.element=beam", overrides=BRAKED), ("left_track",)),
     "planar": Run(lambda: vehicle("flexible", "symmetric=true", "planar=true", *RAISED)),
     "thrown": Run(thrown),
+    "driven": Run(driven, ("left_track", "right_track", "left_drive", "right_drive", "chassis")),
     "explicit rigid": Run(partial(drawn, "rigid", *EXPLICIT, "bench.transverse_damping=0 N s/m", duration=0.02)),
     "explicit cable": Run(partial(swinging, *SOFT_LINKS["cable"], *EXPLICIT, *UNDAMPED, duration=0.05)),
     **{f"{name} {kind}": Run(partial(make, *settings))

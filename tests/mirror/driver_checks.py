@@ -1,0 +1,33 @@
+"""What the outputs of a driver should be; ``seen`` has the formulas."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from mirror.check import Check, Expected, View
+from mirror.record import Floats
+from mirror.seen import Seen
+
+
+def of(quantity: Callable[[Seen], Floats]) -> Callable[[View, Sequence[str]], Expected]:
+    """A check of one output: nothing at the start, then what belongs to each step."""
+    return lambda view, names: np.concatenate([[0.0], quantity(view.seen)])[:, None]
+
+
+def counted(view: View, names: Sequence[str]) -> Expected:
+    return np.arange(len(view.part.t), dtype=float)[:, None]
+
+
+CHECKS = (
+    Check(r"left\.speed", "speed less half of the turn", of(lambda seen: seen.sprocket(-1.0)), 1e-3, 1e-3),
+    Check(r"right\.speed", "speed and half of the turn", of(lambda seen: seen.sprocket(1.0)), 1e-3, 1e-3),
+    Check(r"path\.lateral_error", "distance of the path", of(Seen.error), 1e-4, 1e-6),
+    Check(r"path\.heading_error", "angle to the path", of(Seen.askew), 1e-2, 1e-5),
+    Check(r"path\.progress", "nearest of the path", of(Seen.progress), 0.0, 2e-4),
+    Check(r"speed\.demand", "ramp", of(Seen.speed), 1e-12, 1e-12),
+    Check(r"yaw_rate\.demand", "curvature times speed", of(Seen.yaw_rate), 1e-3, 1e-4),
+    Check(r"curvature\.demand", "circle through the goal", of(Seen.curvature), 1e-3, 1e-4),
+    Check(r"solver\.steps", "one a step", counted, 0.0),
+)
