@@ -37,6 +37,7 @@ class Seen:
         arcs = np.array([arc.split() for arc in self.p["path.arcs"].split(";")], float)
         self.s = np.arange(0.0, arcs[:, 0].sum() + 5.0, FINE)
         ends = np.cumsum(arcs[:, 0])
+        self.length = ends[-1]
         curvature = np.append(arcs[:, 1], 0.0)[np.searchsorted(ends, self.s[:-1] + 0.5 * FINE)]
         self.along = self.p["start.heading"] + np.concatenate([[0.0], np.cumsum(curvature * FINE)])
         middle = 0.5 * (self.along[1:] + self.along[:-1])
@@ -59,7 +60,8 @@ class Seen:
 
     def speed(self) -> Floats:
         s = (self.t + 0.5 * self.h - self.p["ramp.start"]) / (self.p["ramp.end"] - self.p["ramp.start"])
-        return self.p["speed.end"] * 0.5 * (1.0 - np.cos(np.pi * np.clip(s, 0.0, 1.0)))
+        ramp = self.p["speed.end"] * 0.5 * (1.0 - np.cos(np.pi * np.clip(s, 0.0, 1.0)))
+        return np.minimum(ramp, np.sqrt(2.0 * self.p["deceleration"] * np.maximum(self.length - self.progress(), 0.0)))
 
     def curvature(self) -> Floats:
         reach = np.maximum(self.p["reach"], self.p["preview"] * np.abs(self.forward))
