@@ -68,12 +68,15 @@ def outside(found, theory):
     wanted = {
         "yaw_rate": (theory.rate, 0.04 * theory.rate),
         "turn_radius": (theory.radius, 0.04 * theory.radius),
+        "ahead": (1.0055 * theory.ahead, 0.0105 * theory.ahead),  # pads run faster than the pitch circle
+        "load": (vehicle.mass * 9.81, 2e-3 * vehicle.mass * 9.81),
         "steering_moment": (theory.moment(vehicle), 0.04 * theory.moment(vehicle)),
         "lateral_speed": (theory.left, 0.12 * abs(theory.left)),
         "rotation_centre": (-theory.left / theory.rate, 0.12 * abs(theory.left / theory.rate)),
         "load_left": (0.5 * vehicle.mass * 9.81 - 1.15 * theory.transfer, 0.15 * theory.transfer + 300.0),
         "load_right": (0.5 * vehicle.mass * 9.81 + 1.15 * theory.transfer, 0.15 * theory.transfer + 300.0),
     }
+    found["load"] = found["load_left"] + found["load_right"]
     for k, side in enumerate(("left", "right")):
         wanted[f"propulsion_{side}"] = theory.force[k], max(0.04 * abs(theory.force[k]), 500.0)
         sign = (1.0, -1.0)[k]
@@ -130,6 +133,14 @@ def test_all_kinds_of_links_turn_alike(turned, speeds_of):
     }
     for kind, rate in rates.items():
         assert rate == pytest.approx(rates["rigid"], rel=3e-3), kind
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_turn_with_little_slip(turned, kind):
+    """At 19 and 21 rad/s tracks slip less than 3 %: the dither of the links weakens friction, the theory is coarse."""
+    found, theory = turned(kind, 19.0, 21.0, Window(4.0, 6.0))
+    assert -0.10 < found["yaw_rate"] / theory.rate - 1.0 < 0.03
 
 
 def test_a_turn_begins_as_that_of_beams():
