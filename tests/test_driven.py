@@ -71,6 +71,25 @@ def test_points_of_a_file_make_the_path(tmp_path, monkeypatch):
     assert type(scene).model_validate(scene.resolved()) == scene
 
 
+def test_a_driver_and_a_path_can_be_left_out():
+    held = load("serpentine", "rigid", ["driver.arcs=false", "driver.heading=1"])
+    assert (held.driver.arcs, held.driver.heading) == (None, 1.0)
+    alone = load("serpentine", "rigid", ["driver=false", "drive.speed=3"])
+    assert alone.driver is None
+    assert not alone.turns
+
+
+@pytest.mark.parametrize("head", ["", "\ufeff", "x,y\n"])
+def test_a_file_of_points_loses_no_line(tmp_path, monkeypatch, head):
+    (tmp_path / "way.csv").write_text(f"{head}0,0\n5,0\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    settings = ["driver.arcs=false", "driver.points=way.csv"]
+    assert load("serpentine", "rigid", settings).driver.points == ((0.0, 0.0), (5.0, 0.0))
+    (tmp_path / "way.csv").write_text("0,O\n5,0\n9,0\n")
+    with pytest.raises(BadInput, match=r"driver.points = 'way.csv', line 1: must be two numbers"):
+        load("serpentine", "rigid", settings)
+
+
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
@@ -78,10 +97,14 @@ def test_points_of_a_file_make_the_path(tmp_path, monkeypatch):
         (('tracks=["left"]',), "a driver steers with both sides, but tracks has no 'right'"),
         (("track.axes=fixed",), "this vehicle turns: track.axes = 'fixed' keeps cables in their plane"),
         (("drive.mode=torque",), "drive.mode = 'torque': a driver needs 'speed' or 'controller'"),
-        (("drive.speed=3",), "a driver says how fast the sprockets turn"),
+        (("drive.speed=3",), "drive.speed = 3.0: a driver says how fast sprockets turn"),
         (("driver.heading=1",), "arcs and heading exclude each other"),
         (("driver.arcs=[[0, 1]]",), "driver.arcs.0.0 = 0"),
         (("driver.arcs=[]",), "arcs: needs at least 1"),
+        (("driver.speed_points=[[0, 1]]",), "speed and speed_points exclude each other"),
+        (("driver.arcs=false", "driver.heading=1", "driver.reach=3"), "reach needs a path, arcs or points"),
+        (("driver.arcs=false", "driver.points=[[0, 0], [1, 0], [1, 0]]"), "number 2 and 3 are the same place"),
+        (("drive.left.brake=5", "drive.mode=speed"), "drive.left.brake = 5.0: a driver says how fast sprockets turn"),
         (("driver.sped=3",), "unknown key 'driver.sped': did you mean 'driver.speed'?"),
         (("driver.speed_points=[[1, 2], [0, 3]]",), "speed_points: needs times that rise"),
     ],

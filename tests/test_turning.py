@@ -265,7 +265,7 @@ def test_points_of_a_file_are_in_the_scene(tmp_path, monkeypatch):
     )
     assert type(scene).model_validate(scene.resolved()).drive == scene.drive
     (tmp_path / "left.csv").write_text("0,0\n2,fast\n")
-    with pytest.raises(BadInput, match=r"left.csv, line 2: must be two numbers"):
+    with pytest.raises(BadInput, match=r"left.csv', line 2: must be two numbers"):
         load("turn", "rigid", ["drive.left.speed_points=left.csv"])
     with pytest.raises(BadInput, match=r"drive.right.speed_points = 'none.csv': cannot be read"):
         load("turn", "rigid", ["drive.right.speed_points=none.csv"])

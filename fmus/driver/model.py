@@ -10,12 +10,13 @@ import numpy as np
 from fmus.course import course
 from fmus.defaults import configured
 from fmus.driver.path import NONE, Path, of_arcs, through
-from fmus.driver.pursuit import LEFT, SPEED, WIDTH, Law, advance
+from fmus.driver.pursuit import LEFT, OFF, WIDTH, Law, advance
 from fmus.model import InvalidParameter, StepFailed, check_orientation, finite
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, Port, start_pose, wheel_state
 from fmus.start import start
 
+FAR = 1.0  # m beside the path: worth a warning
 SLIPPERY = 1.4  # width that turns alike without slip over the tracks' distance: 0.449 over 0.3142 rad/s of `turn`
 
 
@@ -33,10 +34,11 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
         Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
         Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0),
         Port("speed.points", "parameter", "1", "'time value; ...', s and m/s, straight between: instead of a ramp", ""),
-        Port("deceleration", "parameter", "m/s2", "with which the vehicle comes to the end of its path", 1.0),
+        Port("deceleration", "parameter", "m/s2", "with which the vehicle slows down to curves and to the end", 1.0),
         Port("reach", "parameter", "m", "least distance ahead of the point that is pursued", 2.0),
         Port("preview", "parameter", "s", "the same in time: the larger of both counts", 1.0),
         Port("curvature.largest", "parameter", "1/m", "sharpest turn that is demanded", 0.5),
+        Port("acceleration.lateral", "parameter", "m/s2", "what speed times yaw rate may be: slower in curves", 1.0),
         Port("heading.gain", "parameter", "1/s", "yaw rate per error of the held heading", 1.0),
         Port("yaw.gain", "parameter", "1", "yaw rate per error of the yaw rate", 1.0),
         Port("yaw.integral", "parameter", "1/s", "yaw rate per second and error of the yaw rate", 1.0),
@@ -80,6 +82,7 @@ class Model:
         self._stands = self._unconnected.copy()
         self._law: Law
         self._path: Path = NONE
+        self._off, self._told = False, list[str]()
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(1, dtype=np.int64)
 
@@ -89,9 +92,10 @@ class Model:
         self._law, self._path = self._checked(values), self._placed(values)
         self._stands[:] = self._standing(values)
         self.state[:] = 0.0
-        self.state[SPEED] = self._law.start_speed
-        self.state[LEFT : LEFT + 2] = self._law.start_speed / self._radius
+        advance(self._law, self._path, self.state, 0.0, 0.0, self._stands)
         self.counters[:] = 0
+        self._off = False
+        self._told.clear()
 
     def step(self, t: float, h: float, u: Floats) -> None:
         """The demands of the step from t to t + h; those of the last one stay when that fails."""
@@ -107,6 +111,10 @@ class Model:
             raise StepFailed(f"at t = {t:.6g} s the demands are not finite: the vehicle is lost")
         self.state[:] = state
         self.counters += 1
+        far = abs(state[OFF])
+        if far > FAR and not self._off:
+            self._told.append(f"at t = {t:.6g} s the vehicle is {far:.3g} m beside its path")
+        self._off = far > FAR or (self._off and far > 0.5 * FAR)
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs, in port order."""
@@ -116,8 +124,9 @@ class Model:
         """None here."""
 
     def warnings(self) -> list[str]:
-        """None here."""
-        return []
+        """Where the vehicle left its path, since the last call."""
+        told, self._told = self._told, []
+        return told
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         """The hull's 13 when nothing moves it."""
@@ -143,7 +152,7 @@ class Model:
         for name, default in self._defaults.items():
             if isinstance(default, float) and not np.isfinite(values[name]):
                 raise InvalidParameter(f"{name} = {values[name]} must be a finite number")
-        for name in ("deceleration", "reach", "curvature.largest", "width"):
+        for name in ("deceleration", "reach", "curvature.largest", "acceleration.lateral", "width"):
             if values[name] <= 0.0:
                 raise InvalidParameter(f"{name} = {values[name]} must be positive")
         for name in ("preview", "heading.gain", "yaw.gain", "yaw.integral", "speed.start", "speed.end"):
@@ -165,6 +174,7 @@ class Model:
             gain=float(values["yaw.gain"]),
             integral=float(values["yaw.integral"]),
             sharpest=float(values["curvature.largest"]),
+            lateral=float(values["acceleration.lateral"]),
             deceleration=float(values["deceleration"]),
             start_speed=float(values["speed.start"]),
             end_speed=float(values["speed.end"]),

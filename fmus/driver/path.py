@@ -13,6 +13,7 @@ from fmus.model import InvalidParameter
 from fmus.physics.arrays import Floats
 
 FINE = 0.05  # m: arcs along a curve through points
+LONGEST = 1e5  # m of such a curve
 CLOSE = 1e-9  # m: along the path, where the nearest point is found
 MOST = 20  # iterations towards it
 
@@ -51,6 +52,8 @@ def through(name: str, text: str) -> Path:
     steps = np.hypot(*np.diff(points, axis=0).T)
     if len(points) < 2 or not (steps > 0.0).all():
         raise InvalidParameter(f"{name} = '{text[:80]}': must be at least two points, each apart from the next")
+    if steps.sum() > LONGEST:
+        raise InvalidParameter(f"{name} = '{text[:80]}': is {steps.sum():.3g} m long, {LONGEST:g} m are allowed")
     spline = CubicSpline(np.concatenate([[0.0], np.cumsum(steps)]), points, bc_type="natural")
     fine = [np.linspace(a, b, int(np.ceil((b - a) / FINE)), endpoint=False) for a, b in pairwise(spline.x)]
     u = np.concatenate([*fine, spline.x[-1:]])
@@ -84,11 +87,8 @@ def _along(path, k, way):
 
 
 @kernel
-def at(path, s):
-    """Place, heading and curvature at the way ``s``; beyond both ends the path is straight."""
-    if s < 0.0:
-        h = path.heading[0]
-        return path.x[0] + s * np.cos(h), path.y[0] + s * np.sin(h), h, 0.0
+def arc(path, s):
+    """The arc at the way ``s``."""
     low, high = 0, path.s.size
     while high - low > 1:  # s[low] <= s < s[high]
         middle = (low + high) // 2
@@ -96,6 +96,16 @@ def at(path, s):
             low = middle
         else:
             high = middle
+    return low
+
+
+@kernel
+def at(path, s):
+    """Place, heading and curvature at the way ``s``; beyond both ends the path is straight."""
+    if s < 0.0:
+        h = path.heading[0]
+        return path.x[0] + s * np.cos(h), path.y[0] + s * np.sin(h), h, 0.0
+    low = arc(path, s)
     beyond = max(s - path.length, 0.0)
     x, y, h = _along(path, low, s - beyond - path.s[low])
     if beyond > 0.0:
@@ -105,7 +115,10 @@ def at(path, s):
 
 @kernel
 def nearest(path, x, y, s):
-    """The way at which the path is nearest to a point, from the guess ``s``, and how far left of it the point is."""
+    """The way at which the path is nearest to a point, from the guess ``s``, and how far left of it the point is.
+
+    A point before its beginning is as far off as the beginning is.
+    """
     left = 0.0
     for _ in range(MOST):
         px, py, h, c = at(path, s)
@@ -113,5 +126,8 @@ def nearest(path, x, y, s):
         left = (y - py) * np.cos(h) - (x - px) * np.sin(h)
         if abs(ahead) < CLOSE:
             break
-        s += ahead / max(1.0 - c * left, 0.2)
+        if s == 0.0 and ahead < 0.0:
+            far = np.sqrt(ahead * ahead + left * left)
+            return 0.0, far if left >= 0.0 else -far
+        s = max(s + ahead / max(1.0 - c * left, 0.2), 0.0)
     return s, left

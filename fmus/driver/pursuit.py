@@ -24,6 +24,7 @@ from fmus.physics.vector import add, cross, scale, to_world, vector
 SLIP, LEFT, RIGHT, OFF, ASKEW, PROGRESS, SPEED, YAW_RATE, CURVATURE = range(9)
 WIDTH = 9
 SLOW = 0.1  # m/s: a slower vehicle is not steered
+STEEP, FARTHEST = 2.0, 10.0  # the point that is pursued is so many times as far away as the path, up to so many m
 
 
 class Law(NamedTuple):
@@ -39,7 +40,8 @@ class Law(NamedTuple):
     gain: float  # of the yaw rate's error
     integral: float  # the same summed up, 1/s
     sharpest: float  # curvature, 1/m
-    deceleration: float  # towards the end of the path, m/s2
+    lateral: float  # acceleration, m/s2, that bounds speed on a curve and curvature at a speed
+    deceleration: float  # towards curves and the end of the path, m/s2
     start_speed: float  # of the ramp, m/s
     end_speed: float
     ramp_start: float  # s
@@ -66,10 +68,10 @@ def advance(p, path, x, t, h, u):
     else:
         x[ASKEW] = turned(heading - p.heading)
         x[YAW_RATE] = -p.heading_gain * x[ASKEW]
-        x[CURVATURE] = min(max(x[YAW_RATE] / max(forward, SLOW), -p.sharpest), p.sharpest)
+        x[CURVATURE] = bounded(p, x[YAW_RATE] / max(forward, SLOW), forward)
         x[YAW_RATE] = x[CURVATURE] * max(forward, 0.0)
     if forward > SLOW:
-        most = p.sharpest * forward
+        most = bounded(p, np.inf, forward) * forward
         x[SLIP] = min(max(x[SLIP] + h * p.integral * (x[YAW_RATE] - w[2]), -most), most)
     fades = x[SPEED] / np.sqrt(x[SPEED] ** 2 + SLOW**2)
     more = 0.5 * p.width * (x[YAW_RATE] + p.gain * (x[YAW_RATE] - w[2]) + x[SLIP]) * fades
@@ -81,12 +83,35 @@ def follow(p, path, x, px, py, heading, way, forward):
     """Progress along the path, errors, curvature towards the point ahead; slower where the path ends."""
     x[PROGRESS], x[OFF] = route.nearest(path, px, py, x[PROGRESS])
     x[ASKEW] = turned(heading - route.at(path, x[PROGRESS])[2])
-    left = max(path.length - x[PROGRESS], 0.0)
-    x[SPEED] = min(x[SPEED], np.sqrt(2.0 * p.deceleration * left))
-    gx, gy, _, _ = route.at(path, x[PROGRESS] + max(p.reach, p.preview * forward))
+    x[SPEED] = safe(p, path, x[PROGRESS], x[SPEED])
+    gx, gy, _, _ = route.at(path, x[PROGRESS] + max(p.reach, p.preview * forward, min(STEEP * abs(x[OFF]), FARTHEST)))
     dx, dy = gx - px, gy - py
-    curvature = 2.0 * (np.cos(way) * dy - np.sin(way) * dx) / (dx * dx + dy * dy)
-    x[CURVATURE] = min(max(curvature, -p.sharpest), p.sharpest)
+    ahead, left = np.cos(way) * dx + np.sin(way) * dy, np.cos(way) * dy - np.sin(way) * dx
+    curvature = 2.0 * left / (dx * dx + dy * dy)
+    if ahead < 0.0:  # behind: as sharply as may be
+        curvature = np.inf if left >= 0.0 else -np.inf
+    x[CURVATURE] = bounded(p, curvature, forward)
+
+
+@kernel
+def safe(p, path, s, speed):
+    """A speed from which the vehicle can slow down to each curve ahead of ``s``, and to the end."""
+    k, speed = route.arc(path, s), min(speed, np.sqrt(2.0 * p.deceleration * max(path.length - s, 0.0)))
+    while k < path.s.size:
+        free = 2.0 * p.deceleration * max(path.s[k] - s, 0.0)
+        if free >= speed * speed:
+            break
+        if path.curvature[k] != 0.0:
+            speed = min(speed, np.sqrt(p.lateral / abs(path.curvature[k]) + free))
+        k += 1
+    return speed
+
+
+@kernel
+def bounded(p, curvature, speed):
+    """The curvature as far as the sharpest turn and the acceleration at this speed allow it."""
+    most = min(p.sharpest, p.lateral / max(speed * speed, SLOW * SLOW))
+    return min(max(curvature, -most), most)
 
 
 @kernel

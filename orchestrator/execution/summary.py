@@ -132,7 +132,7 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
             "ground_force": lambda: measures.ground_force(run, "", last),
             "weight": lambda: weight(vehicle),
         }
-        if scene.driver is not None:
+        if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
             wanted["path_error"] = lambda: turning.path_error(run, "", EVER)
         wanted |= _turning(run, last) if scene.turns else {"slip": lambda: measures.slip(run, "", last)}
     elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:

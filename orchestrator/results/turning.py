@@ -61,7 +61,10 @@ def drive_power(run: RunData, of: str, window: Window) -> float:
 
 
 def path_error(run: RunData, of: str, window: Window) -> float:
-    """Largest distance of the vehicle from the path that its driver follows, m."""
+    """Largest distance of the vehicle from the path that its driver follows, m; raises Missing where there is none."""
+    driver = run.scene.get("driver") or {}
+    if not driver.get("arcs") and not driver.get("points"):
+        raise Missing("there is no driver who follows a path")
     return float(np.abs(run.signal("driver.path.lateral_error", window)[1]).max())
 
 

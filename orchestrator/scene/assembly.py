@@ -216,6 +216,8 @@ def _driver_parameters(driver: Driver) -> Parameters:
         "ramp.end": driver.ramp_start + driver.ramp_time,
     }
     pairs = {"path.arcs": driver.arcs, "path.points": driver.points, "speed.points": driver.speed_points}
+    if driver.lateral_acceleration is not None:
+        own["acceleration.lateral"] = driver.lateral_acceleration
     return own | ramp | {name: _text(points) for name, points in pairs.items() if points is not None}
 
 

@@ -38,7 +38,7 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
 def _of_file(path: Path, key: str) -> list[list[float]]:
     """Pairs of numbers of a file with two columns, SI; a first line of words is a head."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:
             rows = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
     except (OSError, ValueError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else error
@@ -49,6 +49,14 @@ def _of_file(path: Path, key: str) -> list[list[float]]:
             first, second = (float(cell) for cell in row)
             found.append([first, second])
         except ValueError:
-            if number > 1:
-                raise BadInput(f"{path}, line {number}: must be two numbers") from None
+            if number > 1 or any(_is_number(cell) for cell in row):
+                raise BadInput(f"{key} = '{path}', line {number}: must be two numbers") from None
     return found
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

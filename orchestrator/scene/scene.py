@@ -35,6 +35,7 @@ from orchestrator.scene.tables import (
     Track,
     VehicleDrive,
     VehicleStart,
+    off,
     short_coupling,
     short_track,
 )
@@ -44,6 +45,8 @@ COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name",
     *(f"track.{key}" for key in ("model", "element", "elasticity", "axes", "integrator", "step", "link_outputs")),
 )  # fmt: skip
+# what a drive in mode controller may say beside a driver
+OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
 SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of theirs
 
 
@@ -142,7 +145,7 @@ class VehicleScene(TrackScene):
     tracks: tuple[Side, ...] = SIDES  # a side without one has no drive either
     ground: Ground = Ground()
     drive: VehicleDrive
-    driver: Driver | None = None  # without one the drives go by themselves
+    driver: Annotated[Driver | None, BeforeValidator(off)] = None  # without one, or false: drives go by themselves
     symmetric: bool = False  # only the left half runs, the right one mirrors it in the vehicle's own plane
 
     @field_validator("tracks")
@@ -197,11 +200,15 @@ class VehicleScene(TrackScene):
     def _may_be_driven(self) -> None:
         """Raise ValueError where the drives do not listen to a driver."""
         for side in SIDES:
-            drive = self.drive.of(side)
+            drive, where = self.drive.of(side), f"drive.{side}" if self.drive.steers else "drive"
             if drive.mode == "torque":
-                raise ValueError("drive.mode = 'torque': a driver needs 'speed' or 'controller'")
-            if drive.speed or drive.speed_points is not None or drive.stop is not None:
-                raise ValueError("drive: a driver says how fast the sprockets turn: leave out speed and stop")
+                raise ValueError(f"{where}.mode = 'torque': a driver needs 'speed' or 'controller'")
+            own = {"mode"} if drive.mode == "speed" else {"mode", *OF_CONTROLLERS}
+            for key, field in Drive.model_fields.items():
+                if key not in own and (value := getattr(drive, key)) != field.default:
+                    raise ValueError(
+                        f"{where}.{key} = {shown(value)}: a driver says how fast sprockets turn, leave it out"
+                    )
 
 
 class DirectScene(Scene):

@@ -82,7 +82,7 @@ def short_coupling(value: object) -> object:
     return {"scheme": value} if isinstance(value, str) else value
 
 
-def _off(value: object) -> object:
+def off(value: object) -> object:
     """What a scene has can be left out: TOML has no none."""
     return None if value is False else value
 
@@ -93,7 +93,7 @@ class Run(Table):
     stop: Duration
     step: Duration  # communication step H
     coupling: Annotated[Coupling, BeforeValidator(short_coupling)] = Coupling()
-    variable: Annotated[Variable | None, BeforeValidator(_off)] = None  # without it, or false: all of length H
+    variable: Annotated[Variable | None, BeforeValidator(off)] = None  # without it, or false: all of length H
     outputs: Every = 1  # outputs are recorded every n communication steps
     links: Every = 10  # per-link outputs are recorded every n communication steps
 
@@ -292,6 +292,9 @@ class VehicleDrive(Drive):
         return getattr(self, side) or self._both()
 
 
+Curvature = Annotated[float, In("rad/m", ge=-1e3, le=1e3)]
+
+
 class Driver(Table):
     """Who drives a vehicle along a path, or on a heading, at a speed; the path begins under its middle road wheel.
 
@@ -299,14 +302,17 @@ class Driver(Table):
     driver's own default.
     """
 
-    arcs: tuple[tuple[Distance, Annotated[float, In("rad/m")]], ...] | None = None  # [length, curvature], left positive
-    points: tuple[tuple[Place, Place], ...] | None = None  # [x, y] of a smooth path, or a CSV file of them
+    # [length, curvature], left positive
+    arcs: Annotated[tuple[tuple[Distance, Curvature], ...] | None, BeforeValidator(off)] = None
+    # [x, y] of a smooth path, or a CSV file of them
+    points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(off)] = None
     heading: Annotated[float, In("rad")] | None = None
-    speed: Annotated[float, In("m/s", ge=0)] = 0.0
+    speed: Annotated[float, In("m/s", ge=0, le=1e3)] = 0.0
     ramp_start: Time = 0.0
     ramp_time: Time = 1.0
     speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None  # instead of the ramp
-    deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # towards the end of the path
+    deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # towards curves and the end of the path
+    lateral_acceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # bounds speed and curvature
     reach: Distance | None = None  # least distance of the point that is pursued
     preview: Time | None = None  # and in time
     width: Distance | None = None  # distance of two tracks that would turn the vehicle alike without slip
@@ -322,6 +328,14 @@ class Driver(Table):
         times = [time for time, _ in self.speed_points or ()]
         if any(later <= earlier for earlier, later in pairwise(times)):
             raise ValueError("speed_points: needs times that rise")
+        for k, (one, other) in enumerate(pairwise(self.points or ())):
+            if one == other:
+                raise ValueError(f"points: number {k + 1} and {k + 2} are the same place, {list(one)}")
+        if self.speed_points is not None and self.speed:
+            raise ValueError("speed and speed_points exclude each other")
+        for key in ("deceleration", "reach", "preview"):
+            if getattr(self, key) is not None and self.arcs is None and self.points is None:
+                raise ValueError(f"{key} needs a path, arcs or points")
         return self
 
 

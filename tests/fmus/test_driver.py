@@ -135,6 +135,34 @@ def test_it_stops_at_the_end():
     assert run["speed.demand"].max() == pytest.approx(2.0)
 
 
+def test_it_slows_down_to_a_curve_and_takes_it_as_its_acceleration_allows():
+    settings = {**PLAIN, "speed.start": 4.0, "speed.end": 4.0, "deceleration": 0.5, "acceleration.lateral": 0.8}
+    run = Unicycle(**{**settings, "path.arcs": "20 0; 10 0.2; 40 0"}).run(14.0)
+    s, v = run["path.progress"], run["speed.demand"]
+    before, within = s < 20.0, (s > 20.0) & (s < 30.0)
+    np.testing.assert_allclose(v[before], np.minimum(4.0, np.sqrt(0.8 / 0.2 + 2 * 0.5 * (20.0 - s[before]))), rtol=1e-9)
+    np.testing.assert_allclose(v[within], 2.0, rtol=1e-9)
+    assert within.sum() > 100
+    assert v[s > 30.5].max() == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("off", [1.0, -3.0])
+def test_it_comes_back_from_afar_and_says_how_far_it_was(off):
+    settings = {"path.arcs": "200 0", "speed.start": 3.0, "speed.end": 3.0}
+    run = Unicycle(left=1.01 * off, **settings).run(12.0)
+    assert run["path.lateral_error"][0] == 0.0  # of the standing hull that nothing moved yet
+    assert abs(run["path.lateral_error"][1]) == pytest.approx(abs(1.01 * off), rel=1e-2)
+    assert abs(run["path.lateral_error"][-1]) < 5e-3
+    assert [text.split(" s ")[1][:14] for text in run.model.warnings()] == ["the vehicle is"]
+    assert run.model.warnings() == []
+
+
+def test_what_is_before_the_beginning_is_as_far_off_as_the_beginning():
+    way = path.of_arcs("path.arcs", "5 0")
+    assert path.nearest(way, -3.0, 4.0, 1.0) == (0.0, 5.0)
+    assert path.nearest(way, -3.0, -4.0, 0.0) == (0.0, -5.0)
+
+
 def test_a_path_turns_and_moves_with_the_start():
     turned = {"start.heading": 0.7, "start.position.x": 3.0, "start.position.y": -2.0}
     model = Model({"vehicle": TABLE})

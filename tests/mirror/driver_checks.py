@@ -12,8 +12,13 @@ from mirror.seen import Seen
 
 
 def of(quantity: Callable[[Seen], Floats]) -> Callable[[View, Sequence[str]], Expected]:
-    """A check of one output: nothing at the start, then what belongs to each step."""
-    return lambda view, names: np.concatenate([[0.0], quantity(view.seen)])[:, None]
+    """A check of one output: what belongs to each step; the start is the beginning of the first, all stands still."""
+
+    def expected(view: View, names: Sequence[str]) -> Expected:
+        found = quantity(view.seen)
+        return np.concatenate([found[:1], found])[:, None]
+
+    return expected
 
 
 def counted(view: View, names: Sequence[str]) -> Expected:

@@ -37,7 +37,8 @@ class Seen:
         arcs = np.array([arc.split() for arc in self.p["path.arcs"].split(";")], float)
         self.s = np.arange(0.0, arcs[:, 0].sum() + 5.0, FINE)
         ends = np.cumsum(arcs[:, 0])
-        self.length = ends[-1]
+        self.length, self.bends = ends[-1], arcs[:, 1]
+        self.starts, self.ends = ends - arcs[:, 0], ends
         curvature = np.append(arcs[:, 1], 0.0)[np.searchsorted(ends, self.s[:-1] + 0.5 * FINE)]
         self.along = self.p["start.heading"] + np.concatenate([[0.0], np.cumsum(curvature * FINE)])
         middle = 0.5 * (self.along[1:] + self.along[:-1])
@@ -61,13 +62,22 @@ class Seen:
     def speed(self) -> Floats:
         s = (self.t + 0.5 * self.h - self.p["ramp.start"]) / (self.p["ramp.end"] - self.p["ramp.start"])
         ramp = self.p["speed.end"] * 0.5 * (1.0 - np.cos(np.pi * np.clip(s, 0.0, 1.0)))
+        left = np.maximum(self.starts[None, :] - self.progress()[:, None], 0.0)
+        left[self.progress()[:, None] >= self.ends[None, :]] = np.inf  # passed
+        curves = self.p["acceleration.lateral"] / np.maximum(np.abs(self.bends), 1e-9)
+        ramp = np.minimum(ramp, np.sqrt(curves + 2.0 * self.p["deceleration"] * left).min(axis=1))
         return np.minimum(ramp, np.sqrt(2.0 * self.p["deceleration"] * np.maximum(self.length - self.progress(), 0.0)))
 
     def curvature(self) -> Floats:
         reach = np.maximum(self.p["reach"], self.p["preview"] * np.abs(self.forward))
+        reach = np.maximum(reach, np.minimum(2.0 * np.abs(self.error()), 10.0))
         goal = self.way[np.rint((self.progress() + reach) / FINE).astype(int)] - self.place
         way = self.heading + np.arctan2(self.sideways, np.maximum(np.abs(self.forward), SLOW))
-        return 2.0 * np.sin(np.arctan2(goal[:, 1], goal[:, 0]) - way) / np.linalg.norm(goal, axis=1)
+        asked = 2.0 * np.sin(np.arctan2(goal[:, 1], goal[:, 0]) - way) / np.linalg.norm(goal, axis=1)
+        most = np.minimum(
+            self.p["curvature.largest"], self.p["acceleration.lateral"] / np.maximum(self.forward**2, SLOW**2)
+        )
+        return np.clip(asked, -most, most)
 
     def yaw_rate(self) -> Floats:
         return self.curvature() * np.maximum(self.forward, 0.0)
