@@ -43,18 +43,25 @@ def given(c):
 
 
 @kernel
+def interval(grid, t):
+    """Index of the last of the rising numbers ``grid`` (n) that is not beyond ``t``; of the first where all are."""
+    low, high = 0, grid.size
+    while high - low > 1:
+        middle = (low + high) // 2
+        if grid[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
 def at(c, t):
     """Value at ``t``, its integral since the first point, its slope: at a point that of what follows."""
     n = c.time.size
     if t < c.time[0]:
         return c.value[0], c.value[0] * (t - c.time[0]), 0.0
-    low, high = 0, n
-    while high - low > 1:  # time[low] <= t < time[high]
-        middle = (low + high) // 2
-        if c.time[middle] <= t:
-            low = middle
-        else:
-            high = middle
+    low = interval(c.time, t)
     past = t - c.time[low]
     if low == n - 1:
         return c.value[low], c.area[low] + c.value[low] * past, 0.0

@@ -10,7 +10,7 @@ import numpy as np
 from fmus.course import course
 from fmus.defaults import configured
 from fmus.driver.path import NONE, Path, of_arcs, through
-from fmus.driver.pursuit import LEFT, OFF, WIDTH, Law, advance
+from fmus.driver.pursuit import LEFT, LOST, OFF, WIDTH, Law, advance
 from fmus.model import InvalidParameter, StepFailed, check_orientation, finite
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, Port, start_pose, wheel_state
@@ -82,7 +82,7 @@ class Model:
         self._stands = self._unconnected.copy()
         self._law: Law
         self._path: Path = NONE
-        self._off, self._told = False, list[str]()
+        self._told: list[str] = []
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(1, dtype=np.int64)
 
@@ -94,7 +94,6 @@ class Model:
         self.state[:] = 0.0
         advance(self._law, self._path, self.state, 0.0, 0.0, self._stands)
         self.counters[:] = 0
-        self._off = False
         self._told.clear()
 
     def step(self, t: float, h: float, u: Floats) -> None:
@@ -111,14 +110,14 @@ class Model:
             raise StepFailed(f"at t = {t:.6g} s the demands are not finite: the vehicle is lost")
         self.state[:] = state
         self.counters += 1
-        far = abs(state[OFF])
-        if far > FAR and not self._off:
+        far, lost = abs(state[OFF]), bool(state[LOST])
+        if far > FAR and not lost:
             self._told.append(f"at t = {t:.6g} s the vehicle is {far:.3g} m beside its path")
-        self._off = far > FAR or (self._off and far > 0.5 * FAR)
+        self.state[LOST] = far > FAR or (lost and far > 0.5 * FAR)
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs, in port order."""
-        y[:] = self.state[LEFT:]
+        y[:] = self.state[LEFT:LOST]
 
     def link_outputs(self, y: Floats) -> None:
         """None here."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from fmus.course import interval
 from fmus.jit import kernel
 from fmus.model import InvalidParameter
 from fmus.physics.arrays import Floats
@@ -87,25 +88,12 @@ def _along(path, k, way):
 
 
 @kernel
-def arc(path, s):
-    """The arc at the way ``s``."""
-    low, high = 0, path.s.size
-    while high - low > 1:  # s[low] <= s < s[high]
-        middle = (low + high) // 2
-        if path.s[middle] <= s:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-@kernel
 def at(path, s):
     """Place, heading and curvature at the way ``s``; beyond both ends the path is straight."""
     if s < 0.0:
         h = path.heading[0]
         return path.x[0] + s * np.cos(h), path.y[0] + s * np.sin(h), h, 0.0
-    low = arc(path, s)
+    low = interval(path.s, s)
     beyond = max(s - path.length, 0.0)
     x, y, h = _along(path, low, s - beyond - path.s[low])
     if beyond > 0.0:

@@ -14,15 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.course import Course, at, given, ramp
+from fmus.course import Course, at, given, interval, ramp
 from fmus.driver import path as route
 from fmus.jit import allocating, kernel
 from fmus.physics.rotation import quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, scale, to_world, vector
 
-# where things stand in the flat state; what follows SLIP is shown
-SLIP, LEFT, RIGHT, OFF, ASKEW, PROGRESS, SPEED, YAW_RATE, CURVATURE = range(9)
-WIDTH = 9
+# where things stand in the flat state; from LEFT to CURVATURE they are shown
+SLIP, LEFT, RIGHT, OFF, ASKEW, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)
+WIDTH = 10
 SLOW = 0.1  # m/s: a slower vehicle is not steered
 STEEP, FARTHEST = 2.0, 10.0  # the point that is pursued is so many times as far away as the path, up to so many m
 
@@ -96,7 +96,7 @@ def follow(p, path, x, px, py, heading, way, forward):
 @kernel
 def safe(p, path, s, speed):
     """A speed from which the vehicle can slow down to each curve ahead of ``s``, and to the end."""
-    k, speed = route.arc(path, s), min(speed, np.sqrt(2.0 * p.deceleration * max(path.length - s, 0.0)))
+    k, speed = interval(path.s, s), min(speed, np.sqrt(2.0 * p.deceleration * max(path.length - s, 0.0)))
     while k < path.s.size:
         free = 2.0 * p.deceleration * max(path.s[k] - s, 0.0)
         if free >= speed * speed:
