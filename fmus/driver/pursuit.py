@@ -64,12 +64,10 @@ def advance(p, path, x, t, h, u):
     x[SPEED] = at(p.speeds, t + half)[0] if given(p.speeds) else ramp(p, t + half)[0]
     if path.s.size > 0:
         follow(p, path, x, px, py, heading, way, abs(forward))
-        x[YAW_RATE] = x[CURVATURE] * max(forward, 0.0)
     else:
         x[ASKEW] = turned(heading - p.heading)
-        x[YAW_RATE] = -p.heading_gain * x[ASKEW]
-        x[CURVATURE] = bounded(p, x[YAW_RATE] / max(forward, SLOW), forward)
-        x[YAW_RATE] = x[CURVATURE] * max(forward, 0.0)
+        x[CURVATURE] = bounded(p, -p.heading_gain * x[ASKEW] / max(forward, SLOW), forward)
+    x[YAW_RATE] = x[CURVATURE] * max(forward, 0.0)
     if forward > SLOW:
         most = bounded(p, np.inf, forward) * forward
         x[SLIP] = min(max(x[SLIP] + h * p.integral * (x[YAW_RATE] - w[2]), -most), most)
