@@ -29,6 +29,7 @@ KINDS = {
     "TrackRigid": "track_rigid/track_rigid_fmu.py",
     "Chassis": "chassis/chassis_fmu.py",
     "SprocketDrive": "sprocket_drive/sprocket_drive_fmu.py",
+    "SteeringDifferential": "steering_differential/steering_differential_fmu.py",
     "Driver": "driver/driver_fmu.py",
 }
 

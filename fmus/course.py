@@ -1,4 +1,4 @@
-"""A quantity over time, given by points: straight between them, held before the first and after the last; or a ramp."""
+"""A quantity over time, or an engine's torque over speed, by points: straight between, held at both ends; or a ramp."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ class Course(NamedTuple):
 NONE = Course(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
-def course(name: str, text: str) -> Course:
-    """Of a parameter ``name``, "time value; time value; ..."; raises InvalidParameter."""
+def course(name: str, text: str, pair: str = "time value") -> Course:
+    """Of a parameter ``name``, "time value; time value; ..." or of another ``pair``; raises InvalidParameter."""
     if not text.strip():
         return NONE
     try:
         points = np.array([[float(number) for number in point.split()] for point in text.split(";") if point.strip()])
         time, value = points.T
     except ValueError:
-        raise InvalidParameter(f"{name} = '{text[:80]}': must be 'time value; time value; ...'") from None
+        raise InvalidParameter(f"{name} = '{text[:80]}': must be '{pair}; {pair}; ...'") from None
     if not np.isfinite(points).all() or not (np.diff(time) > 0.0).all():
-        raise InvalidParameter(f"{name} = '{text[:80]}': must be finite numbers, its times must rise")
+        raise InvalidParameter(f"{name} = '{text[:80]}': must be finite numbers, its {pair.split()[0]}s must rise")
     area = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(time))])
     return Course(time.copy(), value.copy(), area)
 

@@ -45,3 +45,20 @@ def check_names(ports: Iterable[Port], config: Mapping[str, Any]) -> None:
     for name in config.get(KEY, {}):
         if name not in known:
             raise InvalidParameter(f"there is no parameter '{name}'")
+
+
+def check_values(
+    ports: Iterable[Port], values: Mapping[str, Any], positive: Iterable[str] = (), not_negative: Iterable[str] = ()
+) -> None:
+    """Refuse a value that is no choice of its port, not finite or too small; raises InvalidParameter."""
+    least = {**dict.fromkeys(positive, "positive"), **dict.fromkeys(not_negative, "not negative")}
+    for port in ports:
+        value, unit = values[port.name], "" if port.unit == "1" else f" {port.unit}"
+        if port.choices and value not in port.choices:
+            raise InvalidParameter(f"{port.name} = {value!r} must be one of {', '.join(port.choices)}")
+        if isinstance(port.start, float) and not math.isfinite(value):
+            raise InvalidParameter(f"{port.name} = {value} must be a finite number")
+        if least.get(port.name) == "positive" and not value > 0.0:
+            raise InvalidParameter(f"{port.name} = {value}{unit} must be positive")
+        if least.get(port.name) == "not negative" and value < 0.0:
+            raise InvalidParameter(f"{port.name} = {value}{unit} must not be negative")

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FMUS = ROOT / "fmus"
 ORCHESTRATOR = ROOT / "orchestrator"
-COMPONENTS = ("track_flexible", "track_rigid", "chassis", "sprocket_drive", "driver")
+COMPONENTS = ("track_flexible", "track_rigid", "chassis", "sprocket_drive", "steering_differential", "driver")
 
 # The rooms of the orchestrator, storey by storey: each imports only from storeys below its own, wherever it does so.
 STOREYS = (

@@ -35,6 +35,7 @@ MODELS = {
     "TrackRigid": "fmus.track_rigid.model",
     "Chassis": "fmus.chassis.model",
     "SprocketDrive": "fmus.sprocket_drive.model",
+    "SteeringDifferential": "fmus.steering_differential.model",
     "Driver": "fmus.driver.model",
 }
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.course import course
-from fmus.defaults import configured
+from fmus.defaults import check_values, configured
 from fmus.driver.path import NONE, Path, of_arcs, through
 from fmus.driver.pursuit import LEFT, LOST, OFF, WIDTH, Law, advance
 from fmus.model import InvalidParameter, StepFailed, check_orientation, finite
@@ -148,15 +148,12 @@ class Model:
 
     def _checked(self, values: Mapping[str, Any]) -> Law:
         """The parameters as a Law; raises InvalidParameter."""
-        for name, default in self._defaults.items():
-            if isinstance(default, float) and not np.isfinite(values[name]):
-                raise InvalidParameter(f"{name} = {values[name]} must be a finite number")
-        for name in ("deceleration", "reach", "curvature.largest", "acceleration.lateral", "width"):
-            if values[name] <= 0.0:
-                raise InvalidParameter(f"{name} = {values[name]} must be positive")
-        for name in ("preview", "heading.gain", "yaw.gain", "yaw.integral", "speed.start", "speed.end"):
-            if values[name] < 0.0:
-                raise InvalidParameter(f"{name} = {values[name]} must not be negative")
+        check_values(
+            [port for port in self.ports if port.name in self._defaults],
+            values,
+            ("deceleration", "reach", "curvature.largest", "acceleration.lateral", "width"),
+            ("preview", "heading.gain", "yaw.gain", "yaw.integral", "speed.start", "speed.end"),
+        )
         if values["ramp.end"] < values["ramp.start"]:
             raise InvalidParameter(f"ramp.end = {values['ramp.end']} s must not be before ramp.start")
         speeds = course("speed.points", str(values["speed.points"]))

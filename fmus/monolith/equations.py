@@ -13,6 +13,10 @@ import numpy as np
 from fmus.chassis.dynamics import FINE, fault
 from fmus.chassis.dynamics import rates as chassis_rates
 from fmus.chassis.observe import put_sides
+from fmus.drives.motor import SPEED, profile, profile_slope
+from fmus.drives.mount import SPROCKET, place
+from fmus.drives.shaft import ANGLE, BRAKED, IMPULSE, INTEGRAL, PORT_WORK, RATE, SPUN, WORK
+from fmus.drives.shaft import rates as spin_rates
 from fmus.jit import allocating
 from fmus.physics.chain.kinds import close, derivative, speed
 from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
@@ -20,22 +24,6 @@ from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise, quat_rotate
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 from fmus.physics.wheels import read_states, to_world
-from fmus.sprocket_drive.dynamics import (
-    ANGLE,
-    BRAKED,
-    IMPULSE,
-    INTEGRAL,
-    PORT_WORK,
-    RATE,
-    SPEED,
-    SPROCKET,
-    SPUN,
-    WORK,
-    place,
-    profile,
-    profile_slope,
-)
-from fmus.sprocket_drive.dynamics import rates as spin_rates
 
 SPIN = PORT_WORK + 1  # of a drive's state: what the drive integrates, and the work of its port
 DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE = range(4)

@@ -14,6 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.chassis.observe import put_sides
+from fmus.drives import mount as mount_parts
+from fmus.drives import shaft
+from fmus.drives.motor import SPEED, TORQUE, Drive
 from fmus.jit import reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.monolith import chains as chain_parts
@@ -23,7 +26,6 @@ from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
 from fmus.ports import STATE, WRENCH
-from fmus.sprocket_drive import dynamics as spin
 
 RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
 JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
@@ -104,7 +106,7 @@ class Monolith:
         }
         self._lay_out(own)
         limits = [self.models[name].stable for name in self._chains]
-        limits += [1.0 / spin.substeps(self.models[name].drive, 1.0) for name in self._drives]
+        limits += [1.0 / shaft.substeps(self.models[name].drive, 1.0) for name in self._drives]
         self.step = min([*limits, 1e-3]) / refine
 
     # ---------------------------------------------------------------- layout
@@ -177,7 +179,7 @@ class Monolith:
             np.array(chain, dtype=np.int64),
             block,
             np.array(acting, dtype=np.int64),
-            np.zeros((fixed, spin.WIDTH)),
+            np.zeros((fixed, mount_parts.WIDTH)),
             np.zeros((fixed, 3)),
             np.zeros((fixed, 3)),
             self._body,
@@ -211,7 +213,7 @@ class Monolith:
     def _with_spins(tree: Any, drives: Sequence[Any], times: int) -> Any:
         """The tree with the spin inertia of sprockets whose speed against the chassis is prescribed. (3)"""
         inertia = tree.inertia.copy()
-        inertia[1, 1] += times * sum(m.drive.inertia for m in drives if m.drive.mode == spin.SPEED)
+        inertia[1, 1] += times * sum(m.drive.inertia for m in drives if m.drive.mode == SPEED)
         return tree._replace(inertia=inertia)
 
     def _begin(self) -> None:
@@ -222,7 +224,7 @@ class Monolith:
             self.x[self._body : self._spin] = self.models[self._chassis].state
         for d, name in enumerate(self._drives):
             self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)] = self.models[name].state[:SPIN]
-            momentum = self.models[name].state[spin.MOMENTUM : spin.MOMENTUM + 3]
+            momentum = self.models[name].state[mount_parts.MOMENTUM : mount_parts.MOMENTUM + 3]
             momentum[:] = self._momentum(d)
 
     def _momentum(self, d: int) -> Floats:
@@ -230,7 +232,7 @@ class Monolith:
         model = self.models[self._drives[d]]
         q = self._mount(d)[3:7] if np.any(self._mount(d)[3:7]) else model.standing[3:7]
         axis = quat_rotate(q, (0.0, 1.0, 0.0))
-        return model.drive.inertia * self.x[self._spin + SPIN * d + spin.RATE] * axis
+        return model.drive.inertia * self.x[self._spin + SPIN * d + shaft.RATE] * axis
 
     def _mount(self, d: int) -> Floats:
         at = 13 * self._plan.mount[d]
@@ -241,7 +243,7 @@ class Monolith:
     def advance(self, t: float, h: float) -> None:
         """From t to t + h in internal steps of ``step`` at most, and the models after it; raises StepFailed."""
         for d in range(len(self._drives)):
-            self.x[self._spin + SPIN * d + spin.IMPULSE] = 0.0
+            self.x[self._spin + SPIN * d + shaft.IMPULSE] = 0.0
         for sums in (self._plan.force, self._plan.reaction, *(a for p in self._places for a in (p.impulse, p.books))):
             sums[:] = 0.0
         count = 0
@@ -267,7 +269,7 @@ class Monolith:
     def _intervals(self, t: float, h: float) -> Iterator[tuple[float, float, int]]:
         """Begin, length and steps of the parts of a step: a ramp of a drive's speed begins and ends with one. (7)"""
         drives = [self.models[name].drive for name in self._drives]
-        ramps = [ramp for drive in drives if drive.mode != spin.TORQUE for ramp in _ramps(drive)]
+        ramps = [ramp for drive in drives if drive.mode != TORQUE for ramp in _ramps(drive)]
         for course in (each for drive in drives for each in (drive.torques, drive.brakes)):
             ramps += pairwise(course.time.tolist())
         inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
@@ -297,18 +299,18 @@ class Monolith:
         """A drive's state, its motor's mean torque and the mean wrench on its mount. (6)"""
         model, mount = self.models[self._drives[d]], self._mount(d)
         state, z = model.state, self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)]
-        before = state[spin.MOMENTUM : spin.MOMENTUM + 3].copy()
+        before = state[mount_parts.MOMENTUM : mount_parts.MOMENTUM + 3].copy()
         state[:SPIN] = z
-        spin.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
+        mount_parts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
         after = self._momentum(d)
-        state[spin.MOUNT : spin.MOUNT + 3] = self._plan.force[d] / h
-        state[spin.MOUNT + 3 : spin.MOUNT + 6] = (self._plan.reaction[d] - (after - before)) / h
-        state[spin.MOMENTUM : spin.MOMENTUM + 3] = after
-        state[spin.TORQUE_NOW] = z[spin.IMPULSE] / h
-        state[spin.STEP] = h
+        state[mount_parts.MOUNT : mount_parts.MOUNT + 3] = self._plan.force[d] / h
+        state[mount_parts.MOUNT + 3 : mount_parts.MOUNT + 6] = (self._plan.reaction[d] - (after - before)) / h
+        state[mount_parts.MOMENTUM : mount_parts.MOMENTUM + 3] = after
+        state[shaft.TORQUE_NOW] = z[shaft.IMPULSE] / h
+        state[mount_parts.STEP] = h
 
 
-def _ramps(drive: spin.Drive) -> list[tuple[float, float]]:
+def _ramps(drive: Drive) -> list[tuple[float, float]]:
     """Begin and end of the ramps of a drive's speed, s."""
     if drive.speeds.time.size:
         return list(pairwise(drive.speeds.time.tolist()))
@@ -343,7 +345,7 @@ def _mirror_drive(of: Any, model: Any, chassis: Any) -> None:
     mount, state = motions[-STATE:], model.state
     axis = quat_rotate(mount[3:7], (0.0, 1.0, 0.0))
     state[:] = of.state
-    spin.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
-    for at, sign in ((spin.MOUNT, 1.0), (spin.MOUNT + 3, -1.0), (spin.MOMENTUM, -1.0)):
+    mount_parts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
+    for at, sign in ((mount_parts.MOUNT, 1.0), (mount_parts.MOUNT + 3, -1.0), (mount_parts.MOMENTUM, -1.0)):
         v = of.state[at : at + 3]
         state[at : at + 3] = sign * (v - 2.0 * (v @ axis) * axis)

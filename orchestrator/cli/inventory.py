@@ -90,7 +90,9 @@ def _size(scene: TrackScene, part: Part) -> str:
         wheels = "1 wheel" if count == 1 else f"{count} wheels"
         return f"{size}, {wheels}, {'ground' if track['ground'] else 'no ground'}"
     if part.stage == DRIVE:
-        return f"spin inertia {part.config['drive']['inertia']:g} kg m2"
+        return f"spin inertia {part.config['drive']['inertia']:g} kg m2" + (
+            " a side, joined" if part.kind == "SteeringDifferential" else ""
+        )
     if part.stage == DRIVER:
         return "pure pursuit of a path" if {"path.arcs", "path.points"} & {*part.parameters} else "holds a heading"
     vehicle = part.config["vehicle"]
@@ -109,7 +111,8 @@ def _absent(scene: TrackScene, assembly: Assembly) -> list[str]:
     absent = {
         f"the {other} track model ({TRACKS[other]})": True,
         CHASSIS_PARTS: "Chassis" not in kinds,
-        "drives": "SprocketDrive" not in kinds,
+        "drives": not kinds & {"SprocketDrive", "SteeringDifferential"},
+        "a steering differential": "SteeringDifferential" not in kinds,
         "a driver": "Driver" not in kinds,
         CONTACTS[0]: wheels == 0,
         "contact with wheels other than the sprocket": wheels == 1,

@@ -134,7 +134,7 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
         }
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
             wanted["path_error"] = lambda: turning.path_error(run, "", EVER)
-        wanted |= _turning(run, last) if scene.turns else {"slip": lambda: measures.slip(run, "", last)}
+        wanted |= _turning(run, last, joined=scene.drive.steering is not None) if scene.turns else {"slip": lambda: measures.slip(run, "", last)}
     elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
         wanted |= {
             "sag": lambda: measures.sag(run, "", last),
@@ -145,7 +145,7 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
     return {name: _evaluated(value)[0] for name, value in wanted.items()}
 
 
-def _turning(run: RunData, last: Window) -> dict[str, Callable[[], float]]:
+def _turning(run: RunData, last: Window, joined: bool) -> dict[str, Callable[[], float]]:
     """Observables of a vehicle that is steered."""
     wanted: dict[str, Callable[[], float]] = {
         "yaw_rate": lambda: turning.yaw_rate(run, "", last),
@@ -154,6 +154,10 @@ def _turning(run: RunData, last: Window) -> dict[str, Callable[[], float]]:
     }
     for name, measure in (("slip", turning.track_slip), ("power", turning.drive_power)):
         wanted |= {f"{name}_{side}": partial(measure, run, side, last) for side in SIDES}
+    if joined:
+        for motor in ("propulsion", "steering"):
+            wanted[f"power_{motor}"] = partial(turning.drive_power, run, motor, last)
+        wanted["power_regenerated"] = partial(turning.regenerated_power, run, "", last)
     return wanted
 
 

@@ -64,6 +64,8 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
         raise BadInput(f"truth: scene '{scene.name}' has no track, and is its own reference")
     if isinstance(scene, VehicleScene) and scene.driver is not None:
         raise BadInput("truth: driver: the monolith knows no driver")
+    if isinstance(scene, VehicleScene) and scene.drive.steering is not None:
+        raise BadInput("truth: drive.steering: the monolith knows no steering differential")
     if scene.track.element == "beam":
         raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
     if scene.track.axes == "free":

@@ -332,9 +332,7 @@ def _track(run: RunData, of: str) -> str:
 
 def _drive(run: RunData, of: str) -> str:
     """The drive of a side; a mirrored side has that of the other, a rig its own."""
-    if f"{of}_drive" in run.instances:
-        return f"{of}_drive"
-    return f"{run.sides[0]}_drive" if run.sides else "drive"
+    return run.drive(of) or (run.drive(run.sides[0]) if run.sides else "drive")
 
 
 NAMES: dict[str, Measure] = {
@@ -375,6 +373,7 @@ NAMES: dict[str, Measure] = {
         turning.propulsion,
         turning.steering_moment,
         turning.drive_power,
+        turning.regenerated_power,
         turning.path_error,
     )
 }

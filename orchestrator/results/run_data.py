@@ -65,7 +65,13 @@ class RunData:
     @cached_property
     def sides(self) -> tuple[str, ...]:
         """Sides of a vehicle that ran; one of them is the whole of a symmetric vehicle."""
-        return tuple(side for side in ("left", "right") if f"{side}_drive" in self.instances)
+        return tuple(side for side in ("left", "right") if self.drive(side))
+
+    def drive(self, side: str) -> str:
+        """What the variables of a side's sprocket begin with, "instance" or "instance.side"; empty without a drive."""
+        if "differential" in self.instances and side in ("left", "right"):
+            return f"differential.{side}"
+        return f"{side}_drive" if f"{side}_drive" in self.instances else ""
 
     def once(self, name: str, make: Callable[[RunData], Made]) -> Made:
         """What ``make`` makes of this run; asked again by that name, the same."""

@@ -55,9 +55,21 @@ def steering_moment(run: RunData, of: str, window: Window) -> float:
 
 
 def drive_power(run: RunData, of: str, window: Window) -> float:
-    """Power of a side's motor, W; negative where the ground turns the sprocket."""
-    t, work = run.signal(f"{of}_drive.energy.work", window)
+    """Power of a side's motor or half shaft, W; negative where the ground turns the sprocket.
+
+    Of a steering differential also that of its motors, ``of`` being "propulsion" or "steering".
+    """
+    joined = "differential" in run.instances
+    t, work = run.signal(f"differential.{of}.work" if joined else f"{of}_drive.energy.work", window)
     return float((work[-1] - work[0]) / (t[-1] - t[0]))
+
+
+def regenerated_power(run: RunData, of: str, window: Window) -> float:
+    """Power that a steering differential takes from one side and gives to the other, W; raises Missing without one."""
+    if "differential" not in run.instances:
+        raise Missing("there is no steering differential")
+    powers = [drive_power(run, side, window) for side in SIGN]
+    return min(map(abs, powers)) if min(powers) < 0.0 < max(powers) else 0.0
 
 
 def path_error(run: RunData, of: str, window: Window) -> float:

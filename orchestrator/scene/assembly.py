@@ -20,6 +20,7 @@ TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
 AXLE = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
 DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages: who demands, then force sides first
+DIFFERENTIAL = "differential"
 POSE = 7  # of a wheel's 13: position and orientation, then its rates
 
 Parameters = dict[str, float | int | str]
@@ -176,34 +177,47 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     rollers = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
     wiring: list[Connection] = []
     tracks, drives = [], []
+    if scene.drive.steering is not None:
+        drives.append(_differential(scene, scene.drive.steering))
     sides = list(SIDES)[: 1 if scene.symmetric else 2]
     for side in (side for side in scene.tracks if side in sides):
-        sign = SIDES[side]
-        track, drive, lateral = f"{side}_track", f"{side}_drive", sign * vehicle.track.lateral
+        track, lateral = f"{side}_track", SIDES[side] * vehicle.track.lateral
         tracks.append(_track(scene, track, config, lateral))
-        drives.append(_drive(scene, drive, scene.drive.of(side), vehicle.sprocket.spin_inertia, AXLE, lateral))
-        if scene.driver is not None:
-            drives[-1].config["drive"]["demanded"] = True
-        wiring += _wheel(track, "sprocket", drive, "sprocket")
+        if scene.drive.steering is None:
+            inertia = vehicle.sprocket.spin_inertia
+            drives.append(_drive(scene, f"{side}_drive", scene.drive.of(side), inertia, AXLE, lateral))
+        drive, connector = _of_side(scene, side)
+        wiring += _wheel(track, "sprocket", drive, f"{connector}sprocket")
         for roller in rollers:
             wiring += _wheel(track, roller, "chassis", f"{side}.{roller}")
-        wiring += _wheel(drive, "mount", "chassis", f"{side}.sprocket")
+        wiring += _wheel(drive, f"{connector}mount", "chassis", f"{side}.sprocket")
     config = {"vehicle": vehicle.model_dump(), "chassis": {"sides": sides, **_touching(scene)}}
     chassis = Part("chassis", "Chassis", config, _start(scene), CHASSIS)
     if scene.driver is None:
         return Assembly((*tracks, *drives, chassis), tuple(wiring))
+    for part in drives:
+        part.config["drive"]["demanded"] = True
     config = {"vehicle": vehicle.model_dump()}
     driver = Part("driver", "Driver", config, {**_start(scene), **_driver_parameters(scene.driver)}, DRIVER)
-    return Assembly((*tracks, *drives, chassis, driver), (*wiring, *_driven()))
+    return Assembly((*tracks, *drives, chassis, driver), (*wiring, *_driven(scene)))
 
 
-def _driven() -> tuple[Connection, ...]:
+def _of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
+    """The component that drives a side, and what its variables of that side begin with."""
+    return (f"{side}_drive", "") if scene.drive.steering is None else (DIFFERENTIAL, f"{side}.")
+
+
+def _driven(scene: VehicleScene) -> tuple[Connection, ...]:
     """What a driver sees, and what the drives are told."""
     shown, seen = _names(wheel_state("chassis", "output")), _names(wheel_state("chassis", "input"))
     return (
         Connection("chassis", shown[:POSE], "driver", seen[:POSE], "state"),
         Connection("chassis", shown[POSE:], "driver", seen[POSE:], "rate"),
-        *(Connection("driver", (f"{side}.speed",), f"{side}_drive", ("speed.demand",), "mean") for side in SIDES),
+        *(
+            Connection("driver", (f"{side}.speed",), drive, (f"{connector}speed.demand",), "mean")
+            for side in SIDES
+            for drive, connector in [_of_side(scene, side)]
+        ),
     )
 
 
@@ -312,6 +326,16 @@ def _drive(
     config = {"vehicle": scene.vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
     parameters = {**_start(scene), "start.lateral": lateral, **_drive_parameters(drive)}
     return Part(name, "SprocketDrive", config, parameters, DRIVE)
+
+
+def _differential(scene: VehicleScene, steering: Drive) -> Part:
+    vehicle = scene.vehicle
+    mount = [*AXLE[:1], vehicle.track.lateral, *AXLE[2:]]
+    config = {"vehicle": vehicle.model_dump(), "drive": {"inertia": vehicle.sprocket.spin_inertia, "mount": mount}}
+    parameters = _start(scene)
+    for shaft, drive in (("propulsion", scene.drive), ("steering", steering)):
+        parameters |= {f"{shaft}.{name}": value for name, value in _drive_parameters(drive).items()}
+    return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
 
 
 def _drive_parameters(drive: Drive) -> Parameters:

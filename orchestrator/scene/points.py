@@ -30,7 +30,7 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
         drive = table.get(name)
         if isinstance(drive, dict):
             yield name, drive
-            for side in ("left", "right"):
+            for side in ("left", "right", "steering"):
                 if isinstance(drive.get(side), dict):
                     yield f"{name}.{side}", drive[side]
 

@@ -172,7 +172,7 @@ class VehicleScene(TrackScene):
     @property
     def turns(self) -> bool:
         """Whether the sides are driven differently."""
-        return self.drive.steers or self.driver is not None
+        return self.drive.steers or self.drive.steering is not None or self.driver is not None
 
     def with_axes(self) -> VehicleScene:
         """The scene with free axes where nothing is said of them, links are cables and the vehicle may turn or roll."""
@@ -193,14 +193,14 @@ class VehicleScene(TrackScene):
             raise ValueError("symmetric = true needs the same drive on both sides: the right half mirrors the left")
         if without := [side for side in SIDES if side not in self.tracks]:
             what = "a driver steers with both sides" if self.driver else "drive.left and drive.right differ"
+            what = "drive.steering joins both sides" if self.drive.steering else what
             raise ValueError(f"{what}, but tracks has no '{without[0]}'")
         if self.track.axes == "fixed":
             raise ValueError("this vehicle turns: track.axes = 'fixed' keeps cables in their plane")
 
     def _may_be_driven(self) -> None:
         """Raise ValueError where the drives do not listen to a driver."""
-        for side in SIDES:
-            drive, where = self.drive.of(side), f"drive.{side}" if self.drive.steers else "drive"
+        for where, drive in self.drive.motors().items():
             if drive.mode == "torque":
                 raise ValueError(f"{where}.mode = 'torque': a driver needs 'speed' or 'controller'")
             own = {"mode"} if drive.mode == "speed" else {"mode", *OF_CONTROLLERS}

@@ -248,11 +248,21 @@ class Drive(Table):
         return self
 
 
+class Steering(Drive):
+    """What turns right less left in a steering differential: ``speed`` is the right sprocket's less the left one's."""
+
+    mode: Literal["speed", "torque", "controller"] = "speed"
+
+
 class VehicleDrive(Drive):
-    """The drive of both sides of a vehicle; what ``left`` or ``right`` says lies over it."""
+    """The drive of both sides of a vehicle; what ``left`` or ``right`` says lies over it.
+
+    With ``steering`` both sprockets are joined by a differential, and the drive turns the mean of their speeds.
+    """
 
     left: Drive | None = None
     right: Drive | None = None
+    steering: Annotated[Steering | None, BeforeValidator(off)] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -273,7 +283,9 @@ class VehicleDrive(Drive):
         """Sides that differ are both named, sides that are alike neither; what else is said is then the left one's."""
         left, right = (getattr(self, side) or self._both() for side in SIDES)
         sides = {} if left == right else {"left": left, "right": right}
-        return self.model_construct(None, **left.model_dump(), **sides)
+        if sides and self.steering is not None:
+            raise ValueError("left and right exclude steering: a differential turns both, by their mean and difference")
+        return self.model_construct(None, **left.model_dump(), **sides, steering=self.steering)
 
     @model_serializer(mode="wrap")
     def _without_what_does_nothing(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -286,6 +298,11 @@ class VehicleDrive(Drive):
     def steers(self) -> bool:
         """Whether the sides' drives differ."""
         return self.left is not None and self.right is not None
+
+    def motors(self) -> dict[str, Drive]:
+        """All drives by their keys."""
+        own = {"drive.left": self.left, "drive.right": self.right} if self.steers else {"drive": self}
+        return {key: each for key, each in {**own, "drive.steering": self.steering}.items() if each is not None}
 
     def of(self, side: Side) -> Drive:
         """The drive of a side."""

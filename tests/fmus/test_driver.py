@@ -183,7 +183,7 @@ def test_a_path_turns_and_moves_with_the_start():
         ({"path.points": "0 0"}, "at least two points"),
         ({"path.points": "0 0; 0 0"}, "each apart from the next"),
         ({"path.points": "0 0; 1 0", "path.arcs": "1 0"}, "exclude each other"),
-        ({"reach": 0.0}, r"reach = 0.0 must be positive"),
+        ({"reach": 0.0}, r"reach = 0.0 m must be positive"),
         ({"yaw.gain": -1.0}, r"yaw.gain = -1.0 must not be negative"),
         ({"speed.points": "0 -1"}, r"speed.points = '0 -1' must not be negative"),
         ({"ramp.start": 2.0}, "ramp.end = 1.0 s must not be before ramp.start"),

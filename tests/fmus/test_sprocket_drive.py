@@ -5,8 +5,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
+from fmus.drives.motor import profile, profile_slope
+from fmus.drives.mount import WIDTH
+from fmus.drives.shaft import ANGLE, RATE, SPUN, spin
 from fmus.model import InvalidParameter, StepFailed
-from fmus.sprocket_drive.dynamics import ANGLE, RATE, SPUN, WIDTH, profile, profile_slope, spin
 from fmus.sprocket_drive.model import Model
 
 J = 13.87

@@ -1,0 +1,86 @@
+"""A motor with its brake on a shaft: a prescribed speed, a torque, or a controller of the speed.
+
+Equation numbers as in the README of ``sprocket_drive``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.course import NONE, Course, at, given, ramp
+from fmus.jit import kernel
+
+SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
+
+
+class Drive(NamedTuple):
+    """Parameters of a drive, SI."""
+
+    inertia: float  # of the spin, J, kg m2
+    mode: int  # SPEED, TORQUE or CONTROLLER
+    start_speed: float  # of the profile, relative to the mount, rad/s
+    end_speed: float
+    ramp_start: float  # s
+    ramp_end: float
+    torque: float  # of the motor in mode TORQUE, N m
+    brake: float  # largest torque of the brake, N m
+    brake_speed: float  # below which the brake fades, rad/s
+    proportional: float  # gain of the controller, N m s/rad
+    integral: float  # gain of the controller, N m/rad
+    limit: float  # largest torque of the controller, N m
+    accelerated: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
+    stop_start: float = -1.0  # s, after the ramp; below 0: it never stops
+    stop_time: float = 1e-3  # s
+    speeds: Course = NONE  # instead of the ramp and the stop
+    torques: Course = NONE  # instead of the constant torque
+    brakes: Course = NONE  # instead of the constant brake; ``brake`` is then the largest
+    lag: float = 0.0  # s, with which the speed follows a demand; 0: there is none
+    engine: Course = NONE  # largest torque over the speed of the engine's shaft, N m and rad/s
+    gear: float = 1.0  # turns of the engine to one of the sprocket
+    steepest: float = 0.0  # slope of the engine's map as the sprocket feels it, N m s/rad
+
+
+@kernel
+def profile(p, t):
+    """Speed of the profile at t, rad/s, and angle since ramp_start, rad: a half-cosine ramp, and one to a stop. (1)"""
+    if given(p.speeds):
+        speed, angle, _ = at(p.speeds, t)
+        return speed, angle
+    speed, angle = ramp(p, t)
+    past = t - p.stop_start
+    if p.stop_start < 0.0 or past <= 0.0:
+        return speed, angle
+    if past >= p.stop_time:
+        return 0.0, angle - p.end_speed * (past - 0.5 * p.stop_time)
+    s = past / p.stop_time
+    shape = 0.5 * (s - np.sin(np.pi * s) / np.pi)
+    return 0.5 * speed * (1.0 + np.cos(np.pi * s)), angle - p.end_speed * p.stop_time * shape
+
+
+@kernel
+def profile_slope(p, t):
+    """Angular acceleration of the profile at t, rad/s2."""
+    if given(p.speeds):
+        return at(p.speeds, t)[2]
+    rise, length, past = p.end_speed - p.start_speed, p.ramp_end - p.ramp_start, t - p.ramp_start
+    if p.stop_start >= 0.0 and t > p.stop_start:
+        rise, length, past = -p.end_speed, p.stop_time, t - p.stop_start
+    if past <= 0.0 or past >= length:
+        return 0.0
+    return rise * 0.5 * np.pi / length * np.sin(np.pi * past / length)
+
+
+@kernel
+def motor(p, t, speed, integral):
+    """Torque of the motor on the sprocket, N m, and the rate of the controller's integral. (2)"""
+    most = p.gear * at(p.engine, p.gear * abs(speed))[0] if given(p.engine) else np.inf
+    if p.mode == TORQUE:
+        wanted = at(p.torques, t)[0] if given(p.torques) else p.torque
+        return min(most, max(-most, wanted)), 0.0
+    most = min(most, p.limit)
+    error = profile(p, t)[0] - speed
+    wanted = p.proportional * error + p.integral * integral
+    torque = min(most, max(-most, wanted))
+    return torque, 0.0 if torque != wanted and wanted * error > 0.0 else error  # no wind-up at the limit

@@ -1,0 +1,105 @@
+"""The mount of a sprocket: how it moves on inside a step, and what it is handed; equations as in ``sprocket_drive``.
+
+The sprocket is axisymmetric: its mass and transverse inertia belong to the mount, what is left is a rotor with the
+angular momentum J Omega a, Omega absolute about the mount's lateral axis a.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.drives.shaft import ANGLE, PORT_WORK, RATE, SHAFT
+from fmus.jit import allocating, kernel
+from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate
+from fmus.physics.vector import add, dot, put, scale, vector
+
+# where things stand in the flat state of a sprocket on its mount, after those of its shaft
+SPEED_NOW = SHAFT
+MOMENTUM = 11  # J Omega a at the end of the last step, world (3)
+SPROCKET = 14  # position, orientation, velocity, angular velocity (13)
+MOUNT = 27  # mean wrench of the last step (6)
+STEP = 33  # length of the last step, s; 0 before the first
+VELOCITY = 34  # the mount's velocities at its start (6)
+WIDTH = 40
+
+
+class Carried(NamedTuple):
+    """A mount over a step, and what the chain does about its axis."""
+
+    position: tuple[float, float, float]  # at the end
+    q: np.ndarray  # (4) at the end
+    velocity: tuple[float, float, float]
+    spin: tuple[float, float, float]  # angular velocity at the end
+    middle: tuple[float, float, float]  # and its mean
+    begin: tuple[float, float, float]  # lateral axis at the start and at the end
+    end: tuple[float, float, float]
+    before: float  # rate about it at the start and at the end, rad/s
+    after: float
+    chain: float  # torque of the chain about it, mean, N m
+
+
+@kernel
+def is_rotation(u, i):
+    """Whether the quaternion at ``u[i]`` is one."""
+    length = np.sqrt(u[i] ** 2 + u[i + 1] ** 2 + u[i + 2] ** 2 + u[i + 3] ** 2)
+    return 0.9 < length < 1.1
+
+
+@allocating
+def carried(accelerated, x, h, u, i):
+    """The mount at ``u[i]``, its mean rates over the step, where they take it, what the chain does. (7)
+
+    ``u``: from ``i`` on the mount (13) at the start of the step and the chain's mean wrench (6).
+    """
+    q = quat_normalise(u[i + 3 : i + 7])
+    v, w = vector(u, i + 7), vector(u, i + 10)
+    a_v, a_w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if accelerated == 1 and x[STEP] != 0.0:
+        s = 1.0 / x[STEP]
+        a_v = scale(s, add(v, scale(-1.0, vector(x, VELOCITY))))
+        a_w = scale(s, add(w, scale(-1.0, vector(x, VELOCITY + 3))))
+    v_mean, w_mean = add(v, scale(0.5 * h, a_v)), add(w, scale(0.5 * h, a_w))
+    v_end, w_end = add(v, scale(h, a_v)), add(w, scale(h, a_w))
+    q_end = quat_advance(q, scale(h, w_mean))
+    lateral = (0.0, 1.0, 0.0)
+    a, a_end = quat_rotate(q, lateral), quat_rotate(q_end, lateral)
+    middle = quat_rotate(quat_advance(q, scale(0.5 * h, w_mean)), lateral)
+    torque = vector(u, i + 16)
+    chain = (dot(torque, a) + 4 * dot(torque, middle) + dot(torque, a_end)) / 6
+    return Carried(
+        add(vector(u, i), scale(h, v_mean)), q_end, v_end, w_end, w_mean, a, a_end, dot(a, w), dot(a_end, w_end), chain
+    )
+
+
+@allocating
+def hold(inertia, x, m):
+    """Before the first step: the momentum is what the sprocket has on this mount, nothing was handed over yet."""
+    put(x, MOMENTUM, scale(inertia * x[RATE], vector(m.begin, 0)))
+
+
+@allocating
+def hand_over(inertia, x, h, u, i, m):
+    """What the chain gave and the spin did not keep goes to the mount, in the mean over the step. (8)"""
+    momentum = scale(inertia * x[RATE], vector(m.end, 0))
+    kept = add(momentum, scale(-1.0, vector(x, MOMENTUM)))
+    put(x, MOUNT, vector(u, i + 13))
+    put(x, MOUNT + 3, add(vector(u, i + 16), scale(-1.0 / h, kept)))
+    put(x, MOMENTUM, momentum)
+    x[PORT_WORK] += dot(kept, m.middle)
+    place(x, m.position, m.q, m.velocity, m.spin)
+    x[STEP] = h
+    put(x, VELOCITY, vector(u, i + 7))
+    put(x, VELOCITY + 3, vector(u, i + 10))
+
+
+@allocating
+def place(x, position, q, velocity, omega):
+    """Write the sprocket's 13: the mount's pose turned by the angle, its rates with the absolute spin. (6)"""
+    half, a = 0.5 * x[ANGLE], quat_rotate(q, (0.0, 1.0, 0.0))
+    put(x, SPROCKET, position)
+    put_quat(x, SPROCKET + 3, quat_multiply(q, (np.cos(half), 0.0, np.sin(half), 0.0)))
+    put(x, SPROCKET + 7, velocity)
+    put(x, SPROCKET + 10, add(omega, scale(x[RATE] - dot(omega, a), a)))
+    x[SPEED_NOW] = x[RATE] - dot(omega, a)

@@ -1,0 +1,87 @@
+"""One step of a shaft's spin; equation numbers as in the README of ``sprocket_drive``.
+
+The state of a shaft begins with what is integrated together: angle, absolute rate, the controller's integral, work of
+the motor and of the brake, impulse of the motor.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.course import at, given, lay
+from fmus.drives.motor import CONTROLLER, SPEED, motor, profile
+from fmus.jit import allocating, kernel
+from fmus.physics.integrate.runge_kutta import RK4, finish, stage
+
+# where things stand in the flat state
+ANGLE, RATE, INTEGRAL, WORK, BRAKED, IMPULSE = 0, 1, 2, 3, 4, 5  # integrated together; rate is absolute
+SPUN = 6  # number of these
+PORT_WORK = 6  # of what turns the shaft from outside, and of the motion of its mount
+TARGET = 7  # the speed that follows the demand, where there is one
+TORQUE_NOW, POWER_NOW = 8, 9  # of the motor, means over the last step
+SHAFT = 10  # numbers of a shaft
+
+
+@kernel
+def rates(p, t, y, chain, mount_rate, out):
+    """Write the derivatives of the SPUN quantities y under the chain's torque about the axis. (3)"""
+    speed = y[RATE] - mount_rate
+    torque, growth = motor(p, t, speed, y[INTEGRAL])
+    largest = at(p.brakes, t)[0] if given(p.brakes) else p.brake
+    brake = largest * speed / np.sqrt(speed * speed + p.brake_speed * p.brake_speed)
+    out[ANGLE], out[RATE], out[INTEGRAL] = speed, (chain + torque - brake) / p.inertia, growth
+    out[WORK], out[BRAKED], out[IMPULSE] = torque * speed, brake * speed, torque
+
+
+@kernel
+def substeps(p, h):
+    """How many internal steps resolve brake, controller and engine: half a time constant each. (4)"""
+    if p.mode == SPEED:
+        return 1
+    gains = (p.proportional / p.inertia, np.sqrt(p.integral / p.inertia)) if p.mode == CONTROLLER else (0.0, 0.0)
+    fastest = p.brake / (p.brake_speed * p.inertia) + gains[0] + gains[1] + p.steepest / p.inertia
+    return max(1, int(np.ceil(min(2.0 * h * fastest, 1e9))))
+
+
+@allocating
+def spin(p, x, t, h, steps, chain, before, after):
+    """Advance the SPUN quantities of x; ``before``, ``after``: the mount's rate about it at t, t + h."""
+    y, k, d = np.empty(SPUN), np.empty((len(RK4.b), SPUN)), h / steps
+    x[IMPULSE] = 0.0
+    for n in range(steps):
+        for i in range(len(RK4.b)):
+            stage(RK4, i, d, x[:SPUN], k, y)
+            s = (n + RK4.c[i]) / steps
+            rates(p, t + s * h, y, chain, before + s * (after - before), k[i])
+        finish(RK4, d, x[:SPUN], k)
+
+
+@kernel
+def prescribe(p, x, t, h, chain, after):
+    """The same for a prescribed speed: the motor's torque follows. (5)"""
+    (now, angle), (then, end) = profile(p, t), profile(p, t + h)
+    turned, rate = end - angle, then + after
+    momentum = p.inertia * (rate - x[RATE])
+    x[ANGLE], x[RATE] = x[ANGLE] + turned, rate
+    x[IMPULSE] = momentum - chain * h
+    x[WORK] += 0.5 * momentum * (now + then) - chain * turned
+
+
+@allocating
+def turn(p, x, t, h, steps, chain, before, after):
+    """Advance a shaft's ``x`` by ``h`` s in ``steps``, or as prescribed, and what is shown of its motor."""
+    angle, work = x[ANGLE], x[WORK]
+    if p.mode == SPEED:
+        prescribe(p, x, t, h, chain, after)
+    else:
+        spin(p, x, t, h, steps, chain, before, after)
+    x[PORT_WORK] += chain * (x[ANGLE] - angle)
+    x[TORQUE_NOW], x[POWER_NOW] = x[IMPULSE] / h, (x[WORK] - work) / h
+
+
+@kernel
+def follow(p, x, t, h, demand):
+    """A demand that is held over the step makes the profile of the step."""
+    target = demand + (x[TARGET] - demand) * np.exp(-h / p.lag)
+    lay(p.speeds, t, h, x[TARGET], target)
+    x[TARGET] = target

@@ -1,0 +1,123 @@
+"""One step of two sprockets that a steering differential joins; equation numbers as in README.md."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fmus.drives.motor import SPEED, Drive, profile
+from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, WIDTH, carried, hand_over, hold, is_rotation
+from fmus.drives.shaft import (
+    ANGLE,
+    BRAKED,
+    PORT_WORK,
+    POWER_NOW,
+    RATE,
+    SHAFT,
+    TORQUE_NOW,
+    WORK,
+    follow,
+    substeps,
+    turn,
+)
+from fmus.jit import allocating, kernel
+from fmus.model import MOST_STEPS
+
+NO_ROTATION = -1, -2  # instead of a number of steps: the quaternion of the left or right mount is none
+# where things stand in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
+RIGHT, PROPULSION, STEERING = WIDTH, 2 * WIDTH, 2 * WIDTH + SHAFT
+SIZE = STEERING + SHAFT
+SIDE = 13 + 6  # of inputs and of outputs: a motion and a wrench
+
+
+class Gearbox(NamedTuple):
+    """Parameters of a steering differential, SI."""
+
+    inertia: float  # of each sprocket's spin, J, kg m2
+    propulsion: Drive  # of the mean p of both speeds, inertia 2 J  (1)
+    steering: Drive  # of the difference d, right less left, inertia J / 2
+
+
+@kernel
+def join(x, sign, propulsion, steering):
+    """Angle and rate of a side's sprocket from the two shafts; ``sign``: -1 left, 1 right. (3)"""
+    x[ANGLE] = propulsion[ANGLE] + 0.5 * sign * steering[ANGLE]
+    x[RATE] = propulsion[RATE] + 0.5 * sign * steering[RATE]
+
+
+@kernel
+def speed(p, x, t, mount_rate):
+    """Of a shaft at t, as its step begins, rad/s."""
+    return profile(p, t)[0] if p.mode == SPEED else x[RATE] - mount_rate
+
+
+@allocating
+def finish(g, x, sign, propulsion, steering, h, u, i, m, now):
+    """A side after the step: its sprocket, what its half shaft did, what its mount is given; ``now``: speed before."""
+    angle, rate = x[ANGLE], x[RATE]
+    join(x, sign, propulsion, steering)
+    momentum, turned = g.inertia * (x[RATE] - rate), x[ANGLE] - angle
+    work = 0.5 * momentum * (now + x[RATE] - m.after) - m.chain * turned  # (4)
+    x[WORK] += work
+    x[PORT_WORK] += m.chain * turned
+    x[TORQUE_NOW], x[POWER_NOW] = momentum / h - m.chain, work / h
+    hand_over(g.inertia, x, h, u, i, m)
+
+
+@allocating
+def advance(g, x, t, h, u):
+    """One step of x in place; u: of each side mount (13) at t and chain's mean wrench (6), then both demands, if any.
+
+    Returns the internal steps; x stays as it was when these are more than MOST_STEPS, or one of NO_ROTATION.
+    """
+    left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]
+    for k in range(2):
+        if not is_rotation(u, k * SIDE + 3):
+            return NO_ROTATION[k]
+    one, two = substeps(g.propulsion, h), substeps(g.steering, h)
+    if max(one, two) > MOST_STEPS:
+        return max(one, two)
+    if g.propulsion.lag > 0.0:
+        follow(g.propulsion, propulsion, t, h, 0.5 * (u[2 * SIDE] + u[2 * SIDE + 1]))
+        follow(g.steering, steering, t, h, u[2 * SIDE + 1] - u[2 * SIDE])
+    a = carried(g.propulsion.accelerated, left, h, u, 0)
+    b = carried(g.propulsion.accelerated, right, h, u, SIDE)
+    rate, twist = 0.5 * (a.before + b.before), b.before - a.before  # of the mounts, as the shafts see them
+    p, d = speed(g.propulsion, propulsion, t, rate), speed(g.steering, steering, t, twist)
+    if left[STEP] == 0.0:
+        propulsion[RATE], steering[RATE] = p + rate, d + twist
+        join(left, -1.0, propulsion, steering)
+        join(right, 1.0, propulsion, steering)
+        hold(g.inertia, left, a)
+        hold(g.inertia, right, b)
+    turn(g.propulsion, propulsion, t, h, one, a.chain + b.chain, rate, 0.5 * (a.after + b.after))  # (2)
+    turn(g.steering, steering, t, h, two, 0.5 * (b.chain - a.chain), twist, b.after - a.after)
+    finish(g, left, -1.0, propulsion, steering, h, u, 0, a, p - 0.5 * d)
+    finish(g, right, 1.0, propulsion, steering, h, u, SIDE, b, p + 0.5 * d)
+    return one + two
+
+
+@kernel
+def observe(inertia, x, y):
+    """Write all Real outputs of the state x into y, in port order."""
+    kinetic = port = 0.0
+    for k in range(2):
+        s = x[k * WIDTH : (k + 1) * WIDTH]
+        for i in range(13):
+            y[k * SIDE + i] = s[SPROCKET + i]
+        for i in range(6):
+            y[k * SIDE + 13 + i] = s[MOUNT + i]
+        o = 2 * SIDE + 5 * k
+        y[o], y[o + 1], y[o + 2], y[o + 3], y[o + 4] = s[SPEED_NOW], s[ANGLE], s[TORQUE_NOW], s[POWER_NOW], s[WORK]
+        kinetic += 0.5 * inertia * (s[RATE] * s[RATE])
+        port += s[PORT_WORK]
+    work = lost = 0.0
+    for k in range(2):
+        s, o = x[PROPULSION + k * SHAFT : PROPULSION + (k + 1) * SHAFT], 2 * SIDE + 10 + 4 * k
+        y[o] = 0.5 * (x[SPEED_NOW] + x[RIGHT + SPEED_NOW]) if k == 0 else x[RIGHT + SPEED_NOW] - x[SPEED_NOW]
+        y[o + 1], y[o + 2], y[o + 3] = s[TORQUE_NOW], s[POWER_NOW], s[WORK]
+        work += s[WORK]
+        lost += s[BRAKED]
+    one, two = x[POWER_NOW], x[RIGHT + POWER_NOW]
+    o = 2 * SIDE + 18
+    y[o] = min(abs(one), abs(two)) if one * two < 0.0 else 0.0
+    y[o + 1], y[o + 2], y[o + 3], y[o + 4] = kinetic, work, lost, port

@@ -1,0 +1,184 @@
+"""The steering differential as a component: ports, parameters, start, steps, outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from fmus.defaults import configured
+from fmus.drives.motor import SPEED, profile
+from fmus.drives.mount import WIDTH, place
+from fmus.drives.parameters import drive, lag_port, motor_ports, mount_ports
+from fmus.drives.shaft import ANGLE, RATE, TARGET
+from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation, finite
+from fmus.physics.arrays import Floats
+from fmus.physics.integrate.runge_kutta import RK4
+from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
+from fmus.start import start
+from fmus.steering_differential.dynamics import (
+    NO_ROTATION,
+    PROPULSION,
+    RIGHT,
+    SIDE,
+    SIZE,
+    STEERING,
+    Gearbox,
+    advance,
+    join,
+    observe,
+)
+
+SIDES = {"left": 1.0, "right": -1.0}  # sign of y
+DEMAND = "left.speed.demand"
+
+
+def parameter_ports(demanded: bool) -> list[Port]:
+    """What can be set before initialisation."""
+    return [
+        *([lag_port()] if demanded else []),
+        *start_pose(),
+        *mount_ports(),
+        *motor_ports("propulsion.", "the mean of both sprockets", "mean of both speeds against the mounts"),
+        *motor_ports("steering.", "the right sprocket less the left one", "speed of the right less the left sprocket"),
+    ]
+
+
+class Model:
+    """Spins of both sprockets of a vehicle on their mounts, joined by two shafts: mean and difference.
+
+    ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": [x, y, z] of the left mount in the vehicle frame at
+    the start, y positive, "demanded": whether the speeds follow inputs, false by default}}; what else it holds is not
+    read. Mounts whose inputs still have their start values stand still at the start pose.
+    """
+
+    kernel = advance
+    link_ports = 0
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        own = config["drive"]
+        self._inertia, self._place = float(own["inertia"]), tuple(float(x) for x in own["mount"])
+        if not self._inertia > 0.0:
+            raise InvalidParameter(f"drive.inertia = {self._inertia} kg m2 must be positive")
+        demanded = bool(own.get("demanded", False))
+        self._demand = DEMAND if demanded else ""
+        self._parameters = configured(parameter_ports(demanded), config)
+        left, right = self._standing({port.name: port.start for port in self._parameters})
+        mounts = {"left": left, "right": right}
+        said = "against its mount"
+        self.ports: tuple[Port, ...] = (
+            *(
+                port
+                for side, at in mounts.items()
+                for port in (*wheel_state(f"{side}.mount", "input", at), *wrench(f"{side}.sprocket", "input"))
+            ),
+            *(
+                Port(f"{side}.speed.demand", "input", "rad/s", f"wanted speed of the {side} sprocket {said}")
+                for side in SIDES
+                if demanded
+            ),
+            *(
+                port
+                for side, at in mounts.items()
+                for port in (*wheel_state(f"{side}.sprocket", "output", at), *wrench(f"{side}.mount", "output"))
+            ),
+            *(
+                port
+                for side in SIDES
+                for port in (
+                    Port(f"{side}.speed", "output", "rad/s", f"speed of the {side} sprocket {said}"),
+                    Port(f"{side}.angle", "output", "rad", f"angle of the {side} sprocket {said}, over revolutions"),
+                    Port(f"{side}.torque", "output", "N.m", f"torque of the {side} half shaft on its sprocket, mean"),
+                    Port(
+                        f"{side}.power", "output", "W", f"power of the {side} half shaft, mean; negative: it is turned"
+                    ),
+                    Port(f"{side}.work", "output", "J", f"work of the {side} half shaft on its sprocket so far"),
+                )
+            ),
+            *(
+                port
+                for shaft, speed in (("propulsion", "mean of both speeds"), ("steering", "right less left speed"))
+                for port in (
+                    Port(f"{shaft}.speed", "output", "rad/s", speed),
+                    Port(f"{shaft}.torque", "output", "N.m", f"torque of the {shaft} motor, mean over the step"),
+                    Port(f"{shaft}.power", "output", "W", f"power of the {shaft} motor, mean over the step"),
+                    Port(f"{shaft}.work", "output", "J", f"work of the {shaft} motor since the start"),
+                )
+            ),
+            Port("power.regenerated", "output", "W", "power that one half shaft takes and the other one gives, mean"),
+            Port("energy.kinetic", "output", "J", "kinetic energy of both spins"),
+            Port("energy.work", "output", "J", "work of both motors since the start"),
+            Port("energy.dissipated", "output", "J", "work done on the brakes of both shafts since the start"),
+            Port("port.work", "output", "J", "work of chains and mounts on the spins since the start"),
+            Port("solver.steps", "output", "1", "internal steps of both shafts since the start", 0),
+            Port("solver.evaluations", "output", "1", "evaluations of the spins' equations since the start", 0),
+            *self._parameters,
+        )
+        self._inputs = [port.name for port in self.ports if port.causality == "input"]
+        self._u = np.array([port.start for port in self.ports[: len(self._inputs)]])
+        self._unconnected = self._u.copy()
+        self._stands = self._u.copy()
+        self.gearbox: Gearbox
+        self.state: Floats = np.zeros(SIZE)
+        self.counters = np.zeros(2, dtype=np.int64)
+
+    def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
+        """Both sprockets at their start angle and speeds on mounts that stand still at the start pose."""
+        values = {port.name: parameters.get(port.name, port.start) for port in self._parameters}
+        self.gearbox = Gearbox(
+            self._inertia,
+            drive(self._parameters, values, 2.0 * self._inertia, self._demand, "propulsion."),  # (1)
+            drive(self._parameters, values, 0.5 * self._inertia, self._demand, "steering."),
+        )
+        self.state[:] = 0.0
+        shafts = self.state[PROPULSION:STEERING], self.state[STEERING:]
+        for x, shaft in zip(shafts, (self.gearbox.propulsion, self.gearbox.steering), strict=True):
+            x[TARGET], x[RATE] = shaft.start_speed, profile(shaft, 0.0)[0]
+        shafts[0][ANGLE] = float(values["start.angle"])
+        still = (0.0, 0.0, 0.0)
+        for k, stands in enumerate(self._standing(values)):
+            x = self.state[RIGHT * k : RIGHT * k + WIDTH]
+            self._stands[SIDE * k : SIDE * k + STATE] = stands
+            join(x, 2.0 * k - 1.0, *shafts)
+            place(x, tuple(stands[:3]), np.array(stands[3:7]), still, still)
+        self.counters[:] = 0
+
+    def step(self, t: float, h: float, u: Floats) -> None:
+        """Advance from t to t + h; the state is left as it was when that fails."""
+        self._u[:] = u
+        for at in (slice(0, STATE), slice(SIDE, SIDE + STATE)):
+            if np.array_equal(u[at], self._unconnected[at]):
+                self._u[at] = self._stands[at]
+        state = self.state.copy()
+        steps = advance(self.gearbox, state, t, h, self._u)
+        if steps in NO_ROTATION and finite(self._u):
+            side = NO_ROTATION.index(steps)
+            check_orientation(t, f"{list(SIDES)[side]}.mount", self._u[SIDE * side + 3 : SIDE * side + 7])
+        if steps > MOST_STEPS:
+            cause = "a brake.speed is too small, or gains of a controller too large"
+            raise StepFailed(f"at t = {t:.6g} s {cause}: {steps} internal steps in one of {h:.3g} s")
+        if steps in NO_ROTATION or not finite(state):
+            bad = [name for name, value in zip(self._inputs, u, strict=True) if not np.isfinite(value)]
+            what = f"input {bad[0]}" if bad else "sprockets' spin"
+            raise StepFailed(f"at t = {t:.6g} s the {what} is not finite")
+        self.state[:] = state
+        prescribed = [self.gearbox.propulsion.mode, self.gearbox.steering.mode].count(SPEED)  # a step each
+        self.counters += steps, prescribed + len(RK4.b) * (steps - prescribed)
+
+    def outputs(self, y: Floats) -> None:
+        """Write all Real outputs, in port order."""
+        observe(self._inertia, self.state, y)
+
+    def link_outputs(self, y: Floats) -> None:
+        """None here."""
+
+    def warnings(self) -> list[str]:
+        """None here."""
+        return []
+
+    def _standing(self, values: Mapping[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """The 13 of the left and of the right mount when nothing moves them."""
+        x, y, z = self._place
+        pose = start(values)
+        return pose.standing(x, y, z), pose.standing(x, -y, z)
