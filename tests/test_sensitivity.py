@@ -46,6 +46,7 @@ QUICK = ("track.start=polygon", "drive.ramp_start=0", "drive.ramp_time=0.02", "t
 # it falls on its suspension, nose down, and drives off to the right
 VEHICLE = (*QUICK, "start.pitch=0.01", "start.height=-0.01", "drive.speed=20")
 STEERED = (*QUICK, "start.pitch=0.01", "start.height=-0.01")
+JOINED = ("drive.steering.ramp_start=0", "drive.steering.ramp_time=0.02")
 RIG = (*QUICK, "drive.speed=2")
 SLOWER: Overrides = {"left_drive": {"speed.end": 8.0}}
 CASES = {
@@ -61,6 +62,17 @@ CASES = {
     ),
     "two motors and brakes": Case(
         "turn", (*STEERED, "drive.mode=torque", "drive.left.torque=5e3", "drive.right.torque=4e3", "drive.brake=1e3")
+    ),
+    "joined": Case("differential", (*STEERED, *JOINED, "drive.speed=20")),
+    "joined and stopped": Case(
+        "differential", (*STEERED, *JOINED, "drive.steering.stop=0.02", "drive.steering.stop_time=5e-3"), 0.03
+    ),
+    "joined, two motors": Case(
+        "differential",
+        (
+            *STEERED, *JOINED, "drive.mode=torque", "drive.torque=5e3", "drive.steering.mode=torque",
+            "drive.steering.torque=1e3", "drive.steering.brake=1e3",
+        ),
     ),
     "driven": Case(
         "serpentine",
@@ -154,6 +166,10 @@ KEYS: dict[str, Acts] = {
     "start.heading": Acts("vehicle", value=0.5),
     "start.roll": Acts("buried", value=math.pi),
     "start.*": Acts("vehicle", value=0.02),
+    "drive.steering.stop*": Acts("joined and stopped", ("rigid",)),
+    "drive.steering.brake": Acts("joined, two motors", ("rigid",)),
+    "drive.steering.torque": Acts("joined, two motors", ("rigid",)),
+    "drive.steering.*": Acts("joined", ("rigid",), 0.03),
     "drive.*.stop*": Acts("steered and stopped", ("rigid",)),
     "drive.*.brake": Acts("two motors and brakes", ("rigid",)),
     "drive.*.torque": Acts("two motors and brakes", ("rigid",)),
@@ -235,7 +251,7 @@ def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) 
         f"{one.name}.{name}": value
         for one in members
         for name, value in (*zip(one.outputs, one.y, strict=True), *zip(one.links, one.link_outputs(), strict=True))
-        if not (one.kind == "SprocketDrive" and name.startswith("sprocket."))
+        if not (one.kind in ("SprocketDrive", "SteeringDifferential") and "sprocket." in name)
     }
 
 

@@ -148,7 +148,7 @@ class Model:
         """Advance from t to t + h; the state is left as it was when that fails."""
         self._u[:] = u
         for at in (slice(0, STATE), slice(SIDE, SIDE + STATE)):
-            if np.array_equal(u[at], self._unconnected[at]):
+            if u[at.start] == self._unconnected[at.start] and np.array_equal(u[at], self._unconnected[at]):
                 self._u[at] = self._stands[at]
         state = self.state.copy()
         steps = advance(self.gearbox, state, t, h, self._u)

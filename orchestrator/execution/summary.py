@@ -134,7 +134,11 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
         }
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
             wanted["path_error"] = lambda: turning.path_error(run, "", EVER)
-        wanted |= _turning(run, last, joined=scene.drive.steering is not None) if scene.turns else {"slip": lambda: measures.slip(run, "", last)}
+        wanted |= (
+            _turning(run, last, joined=scene.drive.steering is not None)
+            if scene.turns
+            else {"slip": lambda: measures.slip(run, "", last)}
+        )
     elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
         wanted |= {
             "sag": lambda: measures.sag(run, "", last),

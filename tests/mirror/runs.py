@@ -93,6 +93,16 @@ def driven() -> Record:
     return other("serpentine", "rigid", *path, "driver.speed=3 m/s", duration=0.8)
 
 
+def joined() -> Record:
+    """Both sprockets joined: a controller drives them off and brakes, the right one is faster for a while."""
+    motors = (
+        "drive.mode=controller", "drive.speed=8 rad/s", "drive.ramp_start=0 s", "drive.ramp_time=0.3 s",
+        "drive.stop=0.5 s", "drive.stop_time=0.1 s", "drive.brake=800 N m", "drive.steering.speed=9 rad/s",
+        "drive.steering.ramp_start=0 s", "drive.steering.ramp_time=0.3 s",
+    )  # fmt: skip
+    return other("differential", "rigid", *motors, duration=0.65)
+
+
 class Run(NamedTuple):
     """What to run, and which of its components need no look: they do what another one does."""
 
@@ -106,6 +116,7 @@ RUNS = {
     "beam": Run(lambda: vehicle("flexible", "track.element=beam", overrides=BRAKED), ("left_track",)),
     "planar": Run(lambda: vehicle("flexible", "symmetric=true", "planar=true", *RAISED)),
     "thrown": Run(thrown),
+    "joined": Run(joined, ("left_track", "right_track", "chassis")),
     "driven": Run(driven, ("left_track", "right_track", "left_drive", "right_drive", "chassis")),
     "explicit rigid": Run(partial(drawn, "rigid", *EXPLICIT, "bench.transverse_damping=0 N s/m", duration=0.02)),
     "explicit cable": Run(partial(swinging, *SOFT_LINKS["cable"], *EXPLICIT, *UNDAMPED, duration=0.05)),

@@ -22,9 +22,10 @@ from fmus.chassis.model import Model as Chassis
 from fmus.driver.model import Model as Driver
 from fmus.slave import BUILD, Slave
 from fmus.sprocket_drive.model import Model as SprocketDrive
+from fmus.steering_differential.model import Model as SteeringDifferential
 from fmus.track_flexible.model import Model as TrackFlexible
 from fmus.track_rigid.model import Model as TrackRigid
-from mirror import chassis_checks, drive_checks, driver_checks, runs, track_checks
+from mirror import chassis_checks, drive_checks, driver_checks, joined_checks, runs, track_checks
 from mirror.check import FAULTS, View
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import TRACKS, assemble
@@ -35,11 +36,12 @@ CHECKS = {
     "TrackFlexible": track_checks.CHECKS,
     "Chassis": chassis_checks.CHECKS,
     "SprocketDrive": drive_checks.CHECKS,
+    "SteeringDifferential": joined_checks.CHECKS,
     "Driver": driver_checks.CHECKS,
 }
 MODELS = {
     "TrackRigid": TrackRigid, "TrackFlexible": TrackFlexible, "Chassis": Chassis, "SprocketDrive": SprocketDrive,
-    "Driver": Driver,
+    "SteeringDifferential": SteeringDifferential, "Driver": Driver,
 }  # fmt: skip
 # outputs that other tests of this module look at: of tracks, of all
 COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
@@ -51,7 +53,10 @@ NOTHING = {
 }
 # of the other elasticities what they alone decide
 STRAINED = r"tension\..*|stress\.max|link\[\d+\]\..*|joint\[\d+\]\.force\.[xy]|energy\.strain"
-KINDS = ("TrackRigid", "cable", "planar", "beam", "general", "engineering", "Chassis", "SprocketDrive", "Driver")
+KINDS = (
+    "TrackRigid", "cable", "planar", "beam", "general", "engineering", "Chassis", "SprocketDrive",
+    "SteeringDifferential", "Driver",
+)  # fmt: skip
 SOMETHING = "something where nothing is"
 
 
@@ -189,7 +194,8 @@ class Started:
 @pytest.mark.parametrize("kind", MODELS)
 def test_status_says_how_the_last_step_went(kind, tmp_path):
     """0: well, 1: it warned, 3: it failed; a component that has warned and goes on well says 0 again."""
-    scene = load("serpentine" if kind == "Driver" else "straight", "rigid" if kind == "TrackRigid" else "flexible")
+    name = {"Driver": "serpentine", "SteeringDifferential": "differential"}.get(kind, "straight")
+    scene = load(name, "rigid" if kind == "TrackRigid" else "flexible")
     part = next(part for part in assemble(scene).parts if part.kind == kind)
     component = Started(shell(kind, part.config, tmp_path / "resources"))
     first = component.slave.variables[0].name
@@ -224,7 +230,8 @@ def described() -> dict[str, set[str]]:
 def test_no_output_is_without_a_check():
     """Of each link kind's own runs: an output that no run shows, or no check looks at, is named here."""
     by_kind = {"TrackRigid": ["TrackRigid"], "TrackFlexible": ["cable", "planar", "beam"],
-               "Chassis": ["Chassis"], "SprocketDrive": ["SprocketDrive"], "Driver": ["Driver"]}  # fmt: skip
+               "Chassis": ["Chassis"], "SprocketDrive": ["SprocketDrive"],
+               "SteeringDifferential": ["SteeringDifferential"], "Driver": ["Driver"]}  # fmt: skip
     without = []
     for fmu, outputs in described().items():
         for kind in by_kind[fmu]:

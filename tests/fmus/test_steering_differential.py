@@ -1,0 +1,252 @@
+"""The steering differential: two drives in one where speeds are prescribed, an open one, exact spins, closed powers."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fmus.model import InvalidParameter, StepFailed
+from fmus.sprocket_drive.model import Model as Drive
+from fmus.steering_differential.model import Model
+
+J, H = 13.87, 1e-3
+PLACE = [0.1, 1.0795, -0.2]
+SIDES = {"left": 1.0, "right": -1.0}
+RAMP = {"ramp.start": 0.1, "ramp.end": 0.6}
+CHAINS = {"left": (30.0, -900.0, 50.0), "right": (-20.0, 500.0, 10.0)}  # torque on the sprocket, N m
+MOTION = ("position", "orientation", "velocity", "angular_velocity")
+
+
+def both(**values):
+    """The same of both motors."""
+    return {f"{shaft}.{name}": value for name, value in values.items() for shaft in ("propulsion", "steering")}
+
+
+class Probe:
+    """A component with its variables by name."""
+
+    def __init__(self, model, **parameters):
+        self.model, self.t = model, 0.0
+        real = [port for port in model.ports if isinstance(port.start, float) and port.causality != "parameter"]
+        inputs = [port for port in real if port.causality == "input"]
+        self.inputs = {port.name: k for k, port in enumerate(inputs)}
+        self.u = np.array([port.start for port in inputs])
+        self.names = {port.name: k for k, port in enumerate(p for p in real if p.causality == "output")}
+        self.y = np.zeros(len(self.names))
+        model.initialise(parameters)
+
+    def __getitem__(self, name):
+        self.model.outputs(self.y)
+        return self.y[self.names[name]]
+
+    def vector(self, name):
+        return np.array([self[f"{name}.{axis}"] for axis in "xyz"])
+
+    def give(self, name, values, axes="xyz"):
+        for axis, value in zip(axes, values, strict=True):
+            self.u[self.inputs[f"{name}.{axis}"]] = value
+
+    def step(self, h=H):
+        self.model.step(self.t, h, self.u)
+        self.t += h
+
+
+def differential(demanded=False, **parameters):
+    return Probe(Model({"drive": {"inertia": J, "mount": PLACE, "demanded": demanded}}), **parameters)
+
+
+def run(duration, chains=CHAINS, h=H, **parameters):
+    probe = differential(**parameters)
+    for side, torque in chains.items():
+        probe.give(f"{side}.sprocket.torque", torque)
+    for _ in range(round(duration / h)):
+        probe.step(h)
+    return probe
+
+
+def swaying(t, side):
+    """Position, attitude, velocity, angular velocity of a mount on a hull that yaws and pitches ever faster."""
+    omega = np.array([0.1, 0.3 + 0.8 * t, 0.5 * t])
+    turn = Rotation.from_rotvec([0.1 * t, 0.3 * t + 0.4 * t * t, 0.25 * t * t])
+    arm = turn.apply(np.array(PLACE) * (1, SIDES[side], 1))
+    ahead = np.array([2.0, 0.0, 0.0])
+    return arm + t * ahead, turn, np.cross(omega, arm) + ahead, omega
+
+
+def sway(probe, name, side):
+    x, turn, v, w = swaying(probe.t, side)
+    probe.give(f"{name}.position", x)
+    probe.give(f"{name}.orientation", turn.as_quat(scalar_first=True), "wxyz")
+    probe.give(f"{name}.velocity", v)
+    probe.give(f"{name}.angular_velocity", w)
+
+
+def test_prescribed_speeds_are_those_of_two_drives():
+    """8 and 12 rad/s: of everything that either side shows, on mounts that move."""
+    one = differential(**{"propulsion.speed.end": 10.0, "steering.speed.end": 4.0}, **both(**RAMP))
+    two = {}
+    for side, speed in (("left", 8.0), ("right", 12.0)):
+        place = [PLACE[0], SIDES[side] * PLACE[1], PLACE[2]]
+        two[side] = Probe(Drive({"drive": {"inertia": J, "mount": place}}), **{"speed.end": speed, **RAMP})
+    for k in range(400):
+        for side, drive in two.items():
+            sway(drive, "mount", side)
+            sway(one, f"{side}.mount", side)
+            drive.give("sprocket.torque", np.array(CHAINS[side]) * np.cos(0.01 * k))
+            one.give(f"{side}.sprocket.torque", np.array(CHAINS[side]) * np.cos(0.01 * k))
+            drive.step()
+        one.step()
+    for side, drive in two.items():
+        for name in drive.names:
+            if not name.startswith("energy") and name != "port.work":
+                assert one[f"{side}.{name}"] == pytest.approx(drive[name], rel=1e-9, abs=1e-9), name
+        assert one[f"{side}.work"] == pytest.approx(drive["energy.work"], rel=1e-9)
+    for name in ("energy.kinetic", "energy.work", "port.work"):
+        assert one[name] == pytest.approx(sum(drive[name] for drive in two.values()), rel=1e-9), name
+
+
+def test_an_open_differential_gives_both_sides_half_of_the_torque():
+    """Whatever the chains do; with a steering torque of 3 % it does not."""
+    probe = run(0.3, **{"propulsion.mode": "torque", "propulsion.torque.drive": 700.0, "steering.mode": "torque"})
+    assert [probe[f"{side}.torque"] for side in SIDES] == pytest.approx([350.0, 350.0], rel=1e-12)
+    assert abs(probe["left.speed"] - probe["right.speed"]) > 5.0
+    bent = run(0.3, **{"propulsion.mode": "torque", "propulsion.torque.drive": 700.0, "steering.mode": "torque",
+                       "steering.torque.drive": 21.0})  # fmt: skip
+    assert bent["right.torque"] - bent["left.torque"] == pytest.approx(42.0, rel=1e-9)
+
+
+def test_free_spins_under_constant_torques_are_exact():
+    """J w' = T_p/2 -+ T_s + T_c on either side."""
+    probe = run(0.4, **{"propulsion.mode": "torque", "propulsion.torque.drive": 700.0, "steering.mode": "torque",
+                        "steering.torque.drive": 90.0})  # fmt: skip
+    for side, sign in SIDES.items():
+        given = 350.0 - sign * 90.0
+        speed = (given + CHAINS[side][1]) / J * 0.4
+        assert probe[f"{side}.speed"] == pytest.approx(speed, rel=1e-11)
+        assert probe[f"{side}.angle"] == pytest.approx(0.5 * speed * 0.4, rel=1e-11)
+        assert probe[f"{side}.work"] == pytest.approx(given * 0.5 * speed * 0.4, rel=1e-9)
+        assert given / J * 0.4 != pytest.approx(speed, rel=0.03)
+
+
+MOTORS = {
+    "speeds": {"propulsion.speed.end": 10.0, "steering.speed.end": 4.0},
+    "controllers": {"propulsion.mode": "controller", "propulsion.speed.end": 10.0, "steering.mode": "controller",
+                    "steering.speed.end": 4.0},
+    "torques and brakes": {"propulsion.mode": "torque", "propulsion.torque.drive": 900.0, "steering.mode": "torque",
+                           "steering.torque.drive": 200.0, **both(**{"brake.torque": 150.0})},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("motors", MOTORS)
+def test_powers_of_both_half_shafts_are_those_of_the_motors_less_the_brakes(motors):
+    """On mounts that move; exact where speeds are prescribed, else better than of second order, 1e-8 at 1 ms."""
+    open_by = []
+    for h in (2 * H, H):
+        probe = differential(**MOTORS[motors], **both(**RAMP))
+        for _ in range(round(0.8 / h)):
+            for side in SIDES:
+                sway(probe, f"{side}.mount", side)
+                probe.give(f"{side}.sprocket.torque", CHAINS[side])
+            probe.step(h)
+        given = probe["left.work"] + probe["right.work"]
+        spent = probe["propulsion.work"] + probe["steering.work"]
+        assert probe["energy.work"] == pytest.approx(spent, rel=1e-12)
+        open_by.append(abs(given - (spent - probe["energy.dissipated"])) / abs(spent))
+    assert open_by[1] < (1e-11 if motors == "speeds" else 1e-8)
+    assert open_by[1] < 1e-11 or open_by[0] / open_by[1] > 3.0
+    assert abs(given - 1.03 * spent) > 0.01 * abs(spent)
+
+
+def test_what_one_side_takes_and_the_other_gives_is_said():
+    """The left track is turned by the ground, the right one drives."""
+    probe = run(0.8, {"left": (0, 900, 0), "right": (0, -1500, 0)}, **MOTORS["speeds"], **both(**RAMP))
+    assert [probe[f"{side}.power"] for side in SIDES] == pytest.approx([-900 * 8.0, 1500 * 12.0])
+    assert probe["power.regenerated"] == pytest.approx(900 * 8.0)
+    assert probe["propulsion.power"] == pytest.approx(600 * 10.0)
+    assert probe["steering.power"] == pytest.approx(1200 * 4.0)
+    same = run(0.8, {"left": (0, -900, 0), "right": (0, -1500, 0)}, **MOTORS["speeds"], **both(**RAMP))
+    assert same["power.regenerated"] == 0.0
+
+
+def test_impulse_of_the_chains_is_that_of_the_mounts_and_the_change_of_spin():
+    probe = differential(**MOTORS["controllers"], **both(**RAMP))
+    given = {side: np.zeros(3) for side in SIDES}
+    for _ in range(300):
+        for side in SIDES:
+            sway(probe, f"{side}.mount", side)
+            probe.give(f"{side}.sprocket.torque", CHAINS[side])
+        probe.step()
+        for side in SIDES:
+            given[side] += H * (np.array(CHAINS[side]) - probe.vector(f"{side}.mount.torque"))
+    for side in SIDES:
+        quaternion = [probe[f"{side}.sprocket.orientation.{part}"] for part in "wxyz"]
+        axle = Rotation.from_quat(quaternion, scalar_first=True).apply([0, 1, 0])
+        spin = J * (probe.vector(f"{side}.sprocket.angular_velocity") @ axle) * axle
+        # absolute rates begin at what the sprockets had: nothing, with controllers at rest in the world
+        assert given[side] == pytest.approx(spin, rel=1e-9, abs=1e-9)
+
+
+def test_each_side_follows_its_own_demand():
+    """w = w0 (1 - exp(-t/T)) on either side, at any step."""
+    for h in (H, 0.02):
+        probe = differential(demanded=True, **{"demand.lag": 0.2})
+        for side, speed in (("left", 5.0), ("right", -3.0)):
+            probe.u[probe.inputs[f"{side}.speed.demand"]] = speed
+        for _ in range(round(0.4 / h)):
+            probe.step(h)
+        for side, speed in (("left", 5.0), ("right", -3.0)):
+            assert probe[f"{side}.speed"] == pytest.approx(speed * (1.0 - np.exp(-2.0)), rel=1e-12)
+            assert probe[f"{side}.speed"] != pytest.approx(speed * (1.0 - np.exp(-2.06)), rel=1e-3)
+
+
+def test_unconnected_mounts_stand_and_a_saved_state_goes_on_to_the_bit():
+    probe = run(0.2, **MOTORS["torques and brakes"])
+    assert probe.vector("right.sprocket.position") == pytest.approx([0.1, -1.0795, -0.2])
+    state, u = probe.model.state.copy(), probe.u
+    probe.model.step(0.2, H, u)
+    after = probe.model.state.copy()
+    probe.model.state[:] = state
+    probe.model.step(0.2, H, u)
+    assert np.array_equal(probe.model.state, after)
+    assert not np.array_equal(state, after)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"steering.brake.torque": -1.0}, r"steering.brake.torque = -1.0 N.m must not be negative"),
+        ({"propulsion.mode": "fast"}, "propulsion.mode = 'fast' must be one of speed, torque, controller"),
+        ({"steering.gear.ratio": 0.0}, "steering.gear.ratio = 0.0 must be positive"),
+        ({"steering.ramp.end": -1.0}, "steering.ramp.end = -1.0 s must not be before steering.ramp.start"),
+        ({"propulsion.engine.points": "0 5"}, "propulsion.engine.points needs mode"),
+        ({"propulsion.engine.points": "0", "propulsion.mode": "torque"}, "must be 'speed torque; speed torque; ...'"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_its_name(parameters, said):
+    with pytest.raises(InvalidParameter, match=said):
+        differential(**parameters)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("right.sprocket.force.x", np.nan, "right.sprocket.force.x is not finite"),
+        ("right.mount.orientation.w", 3.0, "right.mount.orientation is no rotation"),
+        ("left.mount.orientation.w", 3.0, "left.mount.orientation is no rotation"),
+    ],
+)
+def test_absurd_inputs_fail_with_a_sentence(name, value, said):
+    probe = run(0.01)
+    before = probe.model.state.copy()
+    probe.u[probe.inputs[name]] = value
+    with pytest.raises(StepFailed, match=f"t = 0.01 s.*{said}"):
+        probe.step()
+    assert np.array_equal(probe.model.state, before)
+
+
+def test_an_engine_that_turns_slower_gives_no_more_than_its_curve():
+    """2 J w' = r T(r w), whatever is asked for; the other motor keeps the sides together."""
+    curve = {"propulsion.mode": "torque", "propulsion.torque.drive": 1e5, "propulsion.engine.points": "0 50; 400 50",
+             "propulsion.gear.ratio": 14.0}  # fmt: skip
+    probe = run(0.3, {}, **curve)
+    assert probe["propulsion.torque"] == pytest.approx(700.0, rel=1e-12)
+    assert probe["left.speed"] == pytest.approx(700.0 / (2 * J) * 0.3, rel=1e-9)
