@@ -16,7 +16,8 @@ from orchestrator.scene.scene import load
 
 QUICK = ("run.stop=1.5 s", "track.link_outputs=false", "drive.ramp_start=0.2 s", "drive.ramp_time=0.8 s")
 JOINED = (
-    *QUICK, "drive.speed=6", "drive.steering.speed=8", "drive.steering.ramp_start=0.2 s", "drive.steering.ramp_time=0.8 s"
+    *QUICK, "drive.speed=6", "drive.steering.speed=8", "drive.steering.ramp_start=0.2 s",
+    "drive.steering.ramp_time=0.8 s",
 )  # fmt: skip
 
 
