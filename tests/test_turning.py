@@ -10,6 +10,7 @@ from skid_steering import Vehicle, turn
 from vehicle_in_process import InProcess
 
 from fmus.vehicle import BadInput
+from orchestrator.cli.inventory import pairs
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.truth import truth
@@ -18,7 +19,7 @@ from orchestrator.results import turning
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, placed
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, unlike
 
 PADS = 1.0114  # speed of a track over that of the pitch circle, measured driving straight
 KINDS = ("rigid", "flexible")
@@ -190,6 +191,12 @@ def test_sides_that_are_alike_are_one_drive():
     assert not two.drive.steers
 
 
+def test_one_drive_and_two_are_named_as_what_they_are():
+    one, two = (load(name, "rigid").resolved() for name in ("straight", "turn"))
+    assert unlike(one, two).startswith("drive says brake, mode,")
+    assert unlike(one, two).endswith("and left, right")
+
+
 def test_a_side_says_what_differs():
     drive = load("straight", "rigid", ["drive.left.speed=8", "drive.stop=7"]).drive
     assert (drive.of("left").speed, drive.of("right").speed) == (8.0, 20.0)
@@ -232,6 +239,33 @@ def test_free_axes_hold_at_long_steps(step):
     yaw = InProcess(load("turn", "rigid", (*QUICK[1:2], *given, "track.link_outputs=false"))).run(200 * step)
     assert vehicle["chassis"]["yaw"] == pytest.approx(yaw["chassis"]["yaw"], abs=0.01)
     assert vehicle["left_track"]["tension.max"] < 6e4
+
+
+def leaning(kind, *settings):
+    """Roll, vertical force and rims' moment about the way of a vehicle on its left track and the bare right wheels."""
+    vehicle = InProcess(load("settle", kind, ('tracks=["left"]', "run.step=1 ms", "track.step=1 ms", *settings)))
+    track = vehicle.run(1.2)["left_track"]
+    held = sum(track[f"road_wheel[{i}].torque.x"] for i in range(1, 6))
+    return np.array([vehicle["chassis"]["roll"], track["ground.force.z"], held])
+
+
+def test_a_vehicle_leans_on_cables_as_on_rigid_links():
+    """It stands 42 mm higher on its track than on its wheels; fixed axes would let the rims tip over the links."""
+    rigid, cable, fixed = leaning("rigid"), leaning("flexible"), leaning("flexible", "track.axes=fixed")
+    assert 0.015 < rigid[0] < 0.025
+    np.testing.assert_allclose(cable, rigid, rtol=0.01)
+    assert abs(fixed[0] / rigid[0] - 1.0) > 0.01
+    assert fixed[2] / rigid[2] < 0.5
+
+
+def test_show_counts_what_turning_cables_touch():
+    scene = load("turn", "flexible")
+    found = pairs(scene, assemble(scene).parts[0])
+    assert found[1:] == [
+        "rims: 6 wheels x 64 links, 4 points where they touch",
+        "guides: 6 wheels x 64 links",
+        "ground: 64 links, 4 points each",
+    ]
 
 
 def test_a_replay_with_cables_lets_them_turn(tmp_path):

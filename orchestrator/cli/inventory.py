@@ -53,11 +53,12 @@ def _expected(name: str, check: Check) -> str:
 def _of_fmus(scene: TrackScene) -> tuple[list[str], list[str]]:
     """Lines of what is in, and of what is not."""
     assembly, present = assemble(scene), []
+    wide = max(len(part.kind) for part in assembly.parts)
     for part in assembly.parts:
         taken = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
         given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
         size = f"{_size(scene, part)}; {taken} values in, {given} out a step"
-        present.append(f"{part.name:12} {part.kind:13} {size}")
+        present.append(f"{part.name:12} {part.kind:{wide}} {size}")
     return present, _absent(scene, assembly)
 
 
@@ -84,6 +85,7 @@ def _size(scene: TrackScene, part: Part) -> str:
         if part.kind == TRACKS["flexible"]:
             own, shared = DOFS["planar" if scene.planar else scene.track.element or "cable"]
             size = f"{links} elements, {own * links - shared * pins} dofs"
+            size += " and 2 of their axes" if scene.track.axes == "free" else ""
         else:
             size = f"{links} bodies, {pins} pins"
         count = len(track["wheels"])
@@ -150,12 +152,12 @@ def pairs(scene: TrackScene, part: Part) -> list[str]:
     track = part.config["track"]
     links, kinds = track["links"], [wheel["kind"] for wheel in track["wheels"]]
     pins, rims = links + (0 if track["closed"] else 1), kinds.count("rim")
-    solid = scene.track.model == "rigid" or scene.track.element == "beam"  # two by two across a link
-    points = 4 if solid else 2
+    wide = scene.track.model == "rigid" or scene.track.element == "beam" or scene.track.axes == "free"
+    points = 4 if wide else 2  # two by two across a link
     found = {
         f"teeth: {kinds.count('teeth')} sprocket x {pins} pins": "teeth" in kinds,
         f"rims: {rims} wheels x {links} links, {points} points where they touch": rims,
-        f"guides: {rims} wheels x {links} links": rims and solid,
+        f"guides: {rims} wheels x {links} links": rims and wide,
         f"ground: {links} links, {points} points each": track["ground"],
     }
     return [pair for pair, is_there in found.items() if is_there]

@@ -323,6 +323,8 @@ def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") ->
         if key in COMPUTED or a == b:
             continue
         if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:
+            if a and b and a.keys().isdisjoint(b):
+                return f"{key} says {', '.join(sorted(a))} and {', '.join(sorted(b))}"
             if (found := unlike(a, b, f"{key}.")) is not None:
                 return found
         else:

@@ -166,7 +166,7 @@ class Track(Table):
     element: Literal["cable", "beam"] | None = None  # of flexible links
     elasticity: Elasticity | None = None  # of cables
     axes: Literal["fixed", "free"] | None = None  # of cables: fixed ones stay in their plane; as the scene needs
-    integrator: str | None = None
+    integrator: Literal["generalized_alpha", "runge_kutta"] | None = None
     step: Duration | None = None  # largest internal step
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
     link_outputs: bool = True
