@@ -34,7 +34,8 @@ def factor_mass(links: Any, contacts: Any, env: Environment, s: State, w: Any) -
 
     Returns -1, or the link where it is singular. No wheel and no ground is touched: ``w.moved`` is spoilt.
     """
-    w.moved[:] = 1e9
+    w.moved[:] = 0.0
+    w.moved[:, 0], w.moved[:, [10, 12]] = 1e9, 1.0  # upright, far ahead
     partners = contacts and contacts._replace(ground=0)
     x, by = Motion(s.q, w.still, w.still, s.axes), Slopes(0.0, 0.0, 1.0)
     bare = limp(links)._replace(element=massive(links.element))
