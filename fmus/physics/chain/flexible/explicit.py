@@ -1,6 +1,6 @@
 """Accelerations of a chain of flexible links: the constant mass matrix is factored once.
 
-Where the axes of the coordinates turn, their accelerations are two more unknowns: its border is made at each evaluation.
+Where the axes of the coordinates turn, it has a border for their accelerations, which is made at each evaluation.
 """
 
 from __future__ import annotations

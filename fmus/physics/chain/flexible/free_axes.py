@@ -5,7 +5,8 @@ rotation of all that the axes carry is none: the moment of inertia forces, weigh
 vanishes. Internal forces have no part in it. Newton's iteration gets a border of two columns. The turn of a step, the
 angular velocity and its derivative run through the generalised-alpha method as coordinates, rates and accelerations
 do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels, and no force
-depends on it. Wheels are seen from the axes, ground forces act in the frame of the start.
+depends on it. Explicitly, accelerations follow from the same border with the mass alone. Wheels are seen from the axes,
+ground forces act in the frame of the start.
 """
 
 from __future__ import annotations
