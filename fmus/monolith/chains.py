@@ -11,15 +11,18 @@ from fmus.physics.chain.flexible.state import State as Flexible
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.report import GROUND, SUMMED
 from fmus.physics.chain.rigid.state import State as Rigid
+from fmus.physics.chain.state import moving
 from fmus.physics.chain.state import take as take_evaluated
 from fmus.track import TrackModel
 
 FORCE = np.array([1.0, -1, 1])  # what a mirror in the plane of the track makes of a force, ...
 WRENCH = np.array([1.0, -1, 1, -1, 1, -1])  # ... of a wrench or a velocity with the angular one, ...
 POSE = np.array([1.0, -1, 1, 1, -1, 1, -1])  # ... of a pose, ...
-PIN = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # ... and of the coordinates of a pin of cables
+PIN = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # ... of the coordinates of a pin of cables, ...
+# ... and of axes that turn: rotation, origin with its rates, angular rates, their auxiliary ones, middle of the wheels
+AXES = np.concatenate([np.outer(FORCE, FORCE).ravel(), *3 * [FORCE], *2 * [-FORCE], [-1.0, -1.0], FORCE])
 MIRRORS = {
-    Flexible: {"q": PIN, "v": PIN, "residual": FORCE},
+    Flexible: {"q": PIN, "v": PIN, "axes": AXES, "residual": FORCE},
     Rigid: {"q": POSE, "v": WRENCH, "lam": FORCE, "load": FORCE},
 }
 
@@ -43,26 +46,25 @@ class Chain(NamedTuple):
     links: Any
     contacts: Any  # None where there are none
     env: Any
-    s: Any  # q and v are views of the stage's argument
+    s: Any  # what moves are views of the stage's argument
     w: Any
 
 
 def size(model: TrackModel) -> int:
-    """Coordinates and rates; raises InvalidParameter for links that the monolith does not know."""
+    """Numbers that move; raises InvalidParameter for links that the monolith does not know."""
     element = getattr(model, "element", "cable")
     if element != "cable":
         raise InvalidParameter(f"element = '{element}': the monolith knows chains of cables only")
-    if getattr(model, "axes", "fixed") != "fixed":
-        raise InvalidParameter("axes = 'free': the monolith knows chains with fixed axes only")
-    return int(model.s.q.size + model.s.v.size)
+    return sum(part.size for part in moving(model.s).values())
 
 
 def chain(model: TrackModel, place: Place, y: Floats) -> Chain:
     """The chain of an initialised model, its state being the part ``y`` of the stage's argument."""
-    q, v = np.split(y, [model.s.q.size])
-    return Chain(
-        place, *model.system(), model.s._replace(q=q.reshape(model.s.q.shape), v=v.reshape(model.s.v.shape)), model.work
-    )
+    views, start = {}, 0
+    for name, part in moving(model.s).items():
+        views[name] = y[start : start + part.size].reshape(part.shape)
+        start += part.size
+    return Chain(place, *model.system(), model.s._replace(**views), model.work)
 
 
 def give(model: TrackModel, x: Floats) -> None:
@@ -84,7 +86,9 @@ def mirror(of: TrackModel, model: TrackModel) -> None:
     """Make ``model`` the mirror image of ``of`` on the other side of the vehicle."""
     s, theirs = model.s, of.s
     for name, signs in MIRRORS[type(s)].items():
-        getattr(s, name)[..., : signs.size] = getattr(theirs, name)[..., : signs.size] * signs
+        mine, shown = getattr(s, name), getattr(theirs, name)
+        size = min(signs.size, shown.shape[-1])
+        mine[..., :size] = shown[..., :size] * signs[:size]
     s.wrench[:], s.mean[:], s.sums[:] = theirs.wrench * WRENCH, theirs.mean * WRENCH, theirs.sums
     model.report[:] = of.report
     model.report[GROUND + 1] *= -1.0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
-from fmus.physics.ancf.element import ELASTICITIES, highest_frequency
+from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.assembly import axials, evaluate
@@ -18,7 +18,7 @@ from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.dynamics import observe
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.equilibrium import settle
-from fmus.physics.chain.flexible.explicit import LIMIT, NOTHING, accelerations, factor_mass
+from fmus.physics.chain.flexible.explicit import NOTHING, accelerations, factor_mass, stable
 from fmus.physics.chain.flexible.newton import CHORD, newton
 from fmus.physics.chain.flexible.places import straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
@@ -29,7 +29,7 @@ from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.state import begin
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.ports import Port
-from fmus.track import EXPLICIT, TILTED, TrackModel
+from fmus.track import TILTED, TrackModel
 
 REST = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
@@ -124,8 +124,6 @@ class Model(TrackModel):
             raise InvalidParameter(f"axes = 'free' needs element = 'cable': a {element} has no use for them")
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
-        if axes == "free" and self.integrator == EXPLICIT:
-            raise InvalidParameter("axes = 'free' needs integrator = 'generalized_alpha', the only one yet")
         young, tau = float(p["material.youngs_modulus"]), float(p["material.relaxation_time"])
         if not young > 0.0:
             raise InvalidParameter(f"material.youngs_modulus = {young}: must be greater than 0")
@@ -146,7 +144,7 @@ class Model(TrackModel):
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list))
-        self.stable = LIMIT / highest_frequency(self.link.element)
+        self.stable = stable(self.link)
         self.factored = False
 
     def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:

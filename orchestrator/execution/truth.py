@@ -68,8 +68,6 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
         raise BadInput("truth: drive.steering: the monolith knows no steering differential")
     if scene.track.element == "beam":
         raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
-    if scene.track.axes == "free":
-        raise BadInput("truth: track.axes = 'free': the monolith knows cables with fixed axes and rigid links only")
     scene = bare(scene)
     folder = cache_folder() / "truth" / key(scene)
     try:

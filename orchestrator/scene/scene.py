@@ -180,11 +180,6 @@ class VehicleScene(TrackScene):
         cables = track.model == "flexible" and track.element != "beam"
         if not cables or track.axes is not None or not (self.turns or len(self.tracks) == 1):
             return self
-        if track.integrator == "runge_kutta":
-            raise ValueError(
-                "track.integrator = 'runge_kutta': this vehicle turns, and cables that turn have no other integrator"
-                " than generalized_alpha yet"
-            )
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
 
     def _may_steer(self) -> None:

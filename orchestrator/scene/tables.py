@@ -179,8 +179,6 @@ class Track(Table):
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
         if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
             raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
-        if self.axes == "free" and self.integrator == "runge_kutta":
-            raise ValueError("axes = 'free' needs integrator = 'generalized_alpha', the only one yet")
         if self.element == "beam" and self.axes is not None:
             raise ValueError(f"axes = '{self.axes}' needs element = 'cable': beams turn with their pins")
         return self

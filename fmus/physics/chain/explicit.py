@@ -13,7 +13,7 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain.kinds import close, derivative, first_speed, observe, speed
 from fmus.physics.chain.outcome import APART, DONE, SINGULAR, UNSTABLE, Outcome
 from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, PATCH_DEFECT, STEPS, TRAVEL, WORK
-from fmus.physics.chain.state import take
+from fmus.physics.chain.state import moving, take
 from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
@@ -23,7 +23,7 @@ FAR = 1e9  # m and m/s: a motion beyond is no longer finite
 
 def slopes(s) -> Floats:
     """Zeroed scratch of ``march`` for the State ``s``: the rates of all stages, and the state before a step."""
-    return np.zeros((RK4.b.size + 1, s.q.size + s.v.size))
+    return np.zeros((RK4.b.size + 1, sum(part.size for part in moving(s).values())))
 
 
 @allocating

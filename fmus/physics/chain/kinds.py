@@ -28,7 +28,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
 
 @door(_of, shared=True)
 def derivative(links, contacts, env, s, w, k):
-    """Of coordinates and rates, into ``k``, with the wheels in ``w.moved``. Returns -1, or the link where it failed."""
+    """Of ``state.moving``, into ``k``, with the wheels in ``w.moved``. Returns -1, or the link where it failed."""
 
 
 @door(_of, shared=True)

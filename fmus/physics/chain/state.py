@@ -2,7 +2,8 @@
 
 Every kind of link has its own State and Work (arrays made once). Both have, for n links and m wheels:
 
-    State   flat; q, v: coordinates and rates, first in ``flat``; a, vdot: auxiliary and true accelerations;
+    State   flat; q, v: coordinates and rates, first in ``flat``, after them axes, where the axes of the coordinates
+            turn; a, vdot: auxiliary and true accelerations;
             wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground: now, auxiliary, mean over the
             communication step; sums: of the last evaluation (``sums``)
     Work    before: the State at the beginning of a step; moved (m, 15): the wheels at the time of evaluation;
@@ -31,6 +32,11 @@ def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
     return kind(
         flat=flat, **{name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
     )
+
+
+def moving(s: Any) -> dict[str, np.ndarray]:
+    """The views that an explicit integrator moves, in order from the first of ``flat`` on."""
+    return {name: getattr(s, name) for name in ("q", "v", "axes") if name in s._fields}
 
 
 @kernel

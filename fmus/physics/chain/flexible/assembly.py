@@ -8,7 +8,6 @@ from fmus.jit import kernel
 from fmus.physics.ancf.element import axes, energy, force, mass, matter, tangent, vectors
 from fmus.physics.chain.flexible.axes import (
     absolute,
-    balance,
     border,
     burden,
     homeward,
@@ -64,9 +63,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
         if fresh:
             condense(links, w, i, j)
             border(links, w, i, j, by)
-    found = reduce(links, env, x, w, by.v, fresh)
-    balance(links, x, w, by, fresh)
-    return found
+    return reduce(links, env, x, w, by.v, fresh)
 
 
 @kernel

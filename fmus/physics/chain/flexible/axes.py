@@ -47,11 +47,6 @@ def border(links, w, i, j, by):
 
 
 @door(_of)
-def balance(links, x, w, by, tangent):
-    """After all links: what the balance of the turning lacks, without the links' own coordinates."""
-
-
-@door(_of)
 def foresee(links, method, h, s, w):
     """The axes at the end of a step of ``h`` s, as Newton's iteration begins with them."""
 
@@ -63,12 +58,42 @@ def brace(links, w):
 
 @door(_of)
 def bend(links, x, w, by):
-    """Take the Newton step of the axes out of the solution of the pins, which it amends; its size, m."""
+    """Take the Newton step of the axes out of the solutions of pins and links, which it amends; its size, m."""
 
 
 @door(_of)
 def arrive(links, method, s, w):
     """The axes at the end of a step that was found."""
+
+
+@door(_of)
+def follow(links, x, w):
+    """Before accelerations are asked for: that of the origin; the axes have none that is known."""
+
+
+@door(_of)
+def swing(links, x, w):
+    """After an evaluation with the mass factored: accelerations of the axes, and with them those of pins and links."""
+
+
+@door(_of)
+def rates(links, x, k, at):
+    """Time derivative of the axes, into ``k`` from ``at`` on."""
+
+
+@door(_of)
+def square(links, s):
+    """Make the axes orthogonal again after an explicit step."""
+
+
+@door(_of)
+def limp(links):
+    """The links without what ``sideways`` resists; not for kernels."""
+
+
+@door(_of)
+def sideways_frequency(links):
+    """Of the chain, the highest in the bending that ``sideways`` knows, rad/s; not for kernels."""
 
 
 @door(_of)

@@ -38,11 +38,6 @@ def border(links, w, i, j, by):
 
 
 @kernel
-def balance(links, x, w, by, tangent):
-    """See ``axes``."""
-
-
-@kernel
 def foresee(links, method, h, s, w):
     """See ``axes``."""
 
@@ -61,6 +56,36 @@ def bend(links, x, w, by):
 @kernel
 def arrive(links, method, s, w):
     """See ``axes``."""
+
+
+@kernel
+def follow(links, x, w):
+    """See ``axes``."""
+
+
+@kernel
+def swing(links, x, w):
+    """See ``axes``."""
+
+
+@kernel
+def rates(links, x, k, at):
+    """See ``axes``."""
+
+
+@kernel
+def square(links, s):
+    """See ``axes``."""
+
+
+def limp(links):
+    """See ``axes``."""
+    return links
+
+
+def sideways_frequency(links):
+    """See ``axes``."""
+    return 0.0
 
 
 @kernel

@@ -5,7 +5,8 @@ rotation of all that the axes carry is none: the moment of inertia forces, weigh
 vanishes. Internal forces have no part in it. Newton's iteration gets a border of two columns. The turn of a step, the
 angular velocity and its derivative run through the generalised-alpha method as coordinates, rates and accelerations
 do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels, and no force
-depends on it. Wheels are seen from the axes, ground forces act in the frame of the start.
+depends on it. Explicitly, accelerations follow from the same border with the mass alone. Wheels are seen from the axes,
+ground forces act in the frame of the start.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from fmus.physics.chain.flexible.axes_state import (
     to_axes,
 )
 from fmus.physics.chain.flexible.cables import LAYOUT
+from fmus.physics.chain.flexible.elements import gather
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
@@ -123,12 +125,18 @@ def sideways(links, w, r, tangent):
 @kernel
 def border(links, w, i, j, by):
     """See ``axes``: G = (K_contact + by.vdot M) (axis x e), condensed as the link's matrix was."""
-    a, G, K, M, touched = w.axes, w.axes.border[i], w.stiffening[i], w.M, w.touched[i]
+    _border(w, i, j, by.vdot, w.touched[i])
+
+
+@kernel
+def _border(w, i, j, by_acceleration, touched):
+    """Without K_contact where not ``touched``."""
+    a, G, K, M = w.axes, w.axes.border[i], w.stiffening[i], w.M
     e = vector(w.e[0], 0), vector(w.e[1], 0), vector(w.e[2], 0), vector(w.e[3], 0)
     for n in range(4):
         m = (0.0, 0.0, 0.0)
         for k in range(4):
-            m = add(m, scale(by.vdot * M[n, k], e[k]))
+            m = add(m, scale(by_acceleration * M[n, k], e[k]))
         roll, yaw = (0.0, -m[2], m[1]), (-m[1], m[0], 0.0)
         for r in range(3):
             p, q = roll[r], yaw[r]
@@ -169,29 +177,10 @@ def border(links, w, i, j, by):
 
 
 @kernel
-def balance(links, x, w, by, tangent):
-    """See ``axes``."""
-    a = w.axes
-    for i in range(links.n):
-        for n in range(4):
-            for c in range(2):
-                a.moment[c] -= a.border[i, LAYOUT.inner[n], c] * w.own[i, n]
-    a.moment[0] += links.twist * x.axes[GROWTH]
-    a.moment[1] += links.twist * x.axes[GROWTH + 2]
-    if tangent:
-        a.corner[0, 0] += links.twist * by.vdot
-        a.corner[1, 1] += links.twist * by.vdot
-
-
-@kernel
 def foresee(links, method, h, s, w):
     """See ``axes``."""
-    f, c, wheels = s.axes, method.alpha, w.moved.shape[0]
+    f, c = s.axes, method.alpha
     rate, growth = vector(f, RATE), vector(f, GROWTH)
-    middle, moving = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for k in range(wheels):
-        middle = add(middle, scale(1.0 / wheels, vector(w.moved[k], 0)))
-        moving = add(moving, scale(1.0 / wheels, vector(w.moved[k], 3)))
     for k in range(2):
         a0 = f[AUXILIARY + k]
         a1 = auxiliary(c, a0, growth[2 * k], growth[2 * k])
@@ -199,15 +188,24 @@ def foresee(links, method, h, s, w):
         f[RATE + 2 * k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
     _turn(f, w.before.axes, w.axes.psi)
     # the origin by the trapezoid, its acceleration at the end from where it comes to: stable at any step
-    m0, o, v, a = vector(f, MIDDLE), vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION)
-    off = add(middle, scale(-1.0, add(from_axes(f, m0), add(o, add(scale(h, v), scale(0.25 * h * h, a))))))
-    slow = add(moving, scale(-1.0, add(from_axes(f, cross(vector(f, RATE), m0)), add(v, scale(0.5 * h, a)))))
-    follow = FOLLOW * FOLLOW / (1.0 + 0.5 * FOLLOW * h) ** 2
-    after = add(scale(follow, off), scale(2.0 * follow / FOLLOW, slow))
+    o, v, a = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION)
+    there, going = add(o, add(scale(h, v), scale(0.25 * h * h, a))), add(v, scale(0.5 * h, a))
+    after = scale(1.0 / (1.0 + 0.5 * FOLLOW * h) ** 2, _after_wheels(f, w, there, going))
     mean = scale(0.5, add(a, after))
     put(f, ORIGIN, add(o, add(scale(h, v), scale(0.5 * h * h, mean))))
     put(f, VELOCITY, add(v, scale(h, mean)))
     put(f, ACCELERATION, after)
+
+
+@kernel
+def _after_wheels(f, w, o, v):
+    """Acceleration of the origin at ``o`` with the velocity ``v``, critically damped."""
+    wheels, m0 = w.moved.shape[0], vector(f, MIDDLE)
+    off, slow = add(o, from_axes(f, m0)), add(v, from_axes(f, cross(vector(f, RATE), m0)))
+    for k in range(wheels):
+        off = add(off, scale(-1.0 / wheels, vector(w.moved[k], 0)))
+        slow = add(slow, scale(-1.0 / wheels, vector(w.moved[k], 3)))
+    return add(scale(-FOLLOW * FOLLOW, off), scale(-2.0 * FOLLOW, slow))
 
 
 @kernel
@@ -239,11 +237,16 @@ def brace(links, w):
 
 
 @kernel
-def bend(links, x, w, by):
-    """See ``axes``."""
-    a, f, y, edge, Z = w.axes, x.axes, w.b, w.axes.edge, w.axes.answer
-    t0, t1 = a.moment[0], a.moment[1]
-    s00, s01, s10, s11 = a.corner[0, 0], a.corner[0, 1], a.corner[1, 0], a.corner[1, 1]
+def _bent(links, x, w, by_acceleration):
+    """The step of roll and yaw, taken out of the solutions of the pins and of the links."""
+    a, y, own, edge, Z = w.axes, w.b, w.own, w.axes.edge, w.axes.answer
+    t0, t1 = a.moment[0] + links.twist * x.axes[GROWTH], a.moment[1] + links.twist * x.axes[GROWTH + 2]
+    s00, s11 = a.corner[0, 0] + links.twist * by_acceleration, a.corner[1, 1] + links.twist * by_acceleration
+    s01, s10 = a.corner[0, 1], a.corner[1, 0]
+    for i in range(links.n):
+        for n in range(4):
+            p, q = a.border[i, LAYOUT.inner[n], 0], a.border[i, LAYOUT.inner[n], 1]
+            t0, t1 = t0 - p * own[i, n], t1 - q * own[i, n]
     for i in range(y.shape[0]):
         for k in range(y.shape[1]):
             p, q = edge[i, k, 0], edge[i, k, 1]
@@ -256,8 +259,16 @@ def bend(links, x, w, by):
         for k in range(y.shape[1]):
             y[i, k] -= Z[0, i, k] * roll + Z[1, i, k] * yaw
     for i in range(links.n):
-        for k in range(w.own.shape[1]):
-            w.own[i, k] -= a.own[i, k, 0] * roll + a.own[i, k, 1] * yaw
+        for n in range(4):
+            own[i, n] -= a.own[i, n, 0] * roll + a.own[i, n, 1] * yaw
+    return roll, yaw
+
+
+@kernel
+def bend(links, x, w, by):
+    """See ``axes``."""
+    a, f = w.axes, x.axes
+    roll, yaw = _bent(links, x, w, by.vdot)
     a.psi[0] -= roll
     a.psi[1] -= yaw
     f[RATE] -= by.v * roll
@@ -274,6 +285,64 @@ def arrive(links, method, s, w):
     c, f, before = method.alpha, s.axes, w.before.axes
     for k in range(2):
         f[AUXILIARY + k] = auxiliary(c, before[AUXILIARY + k], before[GROWTH + 2 * k], f[GROWTH + 2 * k])
+
+
+@kernel
+def follow(links, x, w):
+    """See ``axes``."""
+    f = x.axes
+    put(f, ACCELERATION, _after_wheels(f, w, vector(f, ORIGIN), vector(f, VELOCITY)))
+    f[GROWTH] = f[GROWTH + 2] = 0.0
+
+
+@kernel
+def swing(links, x, w):
+    """See ``axes``: the border of the mass hangs on the coordinates."""
+    f, nodes = x.axes, x.q.shape[0]
+    w.axes.edge[:] = 0.0
+    w.axes.corner[:] = 0.0
+    for i in range(links.n):
+        j = i + 1 if i + 1 < nodes else 0
+        gather(links, x.q, i, j, w.e)
+        _border(w, i, j, 1.0, False)
+    brace(links, w)
+    roll, yaw = _bent(links, x, w, 1.0)
+    f[GROWTH], f[GROWTH + 2] = -roll, -yaw
+
+
+@kernel
+def rates(links, x, k, at):
+    """See ``axes``: R' = R (rate x)."""
+    f, rate = x.axes, vector(x.axes, RATE)
+    for i in range(3):
+        put(k, at + 3 * i, cross(vector(f, 3 * i), rate))
+        k[at + ORIGIN + i], k[at + VELOCITY + i], k[at + RATE + i] = f[VELOCITY + i], f[ACCELERATION + i], f[GROWTH + i]
+    for i in range(f.size):
+        if ACCELERATION <= i < RATE or i >= GROWTH:
+            k[at + i] = 0.0
+
+
+@kernel
+def square(links, s):
+    """See ``axes``: one step of Newton's iteration for the polar factor, R (3 - R^T R) / 2."""
+    f = s.axes
+    rows = vector(f, 0), vector(f, 3), vector(f, 6)
+    for i in range(3):
+        row = rows[i]
+        for j in range(3):
+            row = add(row, scale((0.5 if i == j else 0.0) - 0.5 * dot(rows[i], rows[j]), rows[j]))
+        put(f, 3 * i, row)
+
+
+def limp(links):
+    """See ``axes``."""
+    return links._replace(sideways=0.0)
+
+
+def sideways_frequency(links):
+    """See ``axes``: EI w^4 / rho A of cubic elements that share their slopes; one alone (the ends) is stiffer."""
+    c, most = links.element, 2520.0 if links.closed else 8400.0
+    return np.sqrt(most * (c.EI + links.sideways) / c.rhoA) / c.l**2
 
 
 @kernel

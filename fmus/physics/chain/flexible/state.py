@@ -19,13 +19,13 @@ class State(NamedTuple):
     flat: np.ndarray
     q: np.ndarray  # (nodes, width) coordinates
     v: np.ndarray  # (nodes, width) rates
+    axes: np.ndarray  # that of ``axes_state``; (0) where the axes of the coordinates are fixed
     a: np.ndarray  # (nodes, width) auxiliary accelerations
     vdot: np.ndarray  # (nodes, width) accelerations
     wrench: np.ndarray  # (m + 1, 6) on each wheel now, and on the ground
     aux: np.ndarray  # (m + 1, 6) auxiliary wrenches
     mean: np.ndarray  # (m + 1, 6) over the communication step
     sums: np.ndarray  # (SUMS) of the last evaluation
-    axes: np.ndarray  # that of ``axes_state``; (0) where the axes of the coordinates are fixed
     residual: np.ndarray  # (links, rows, axes) of each link: inertia + internal - external
 
 
@@ -42,8 +42,8 @@ def shapes(width: int, element: tuple[int, int], links: int, nodes: int, wheels:
     """Of the views; ``width``: coordinates of a pin, ``element``: vectors of a link and their components."""
     pins, on = (nodes, width), (wheels + 1, 6)
     return {
-        "q": pins, "v": pins, "a": pins, "vdot": pins, "wrench": on, "aux": on, "mean": on, "sums": (SUMS,),
-        "axes": (axes,), "residual": (links, *element),
+        "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins, "wrench": on, "aux": on, "mean": on,
+        "sums": (SUMS,), "residual": (links, *element),
     }  # fmt: skip
 
 
