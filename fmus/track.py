@@ -108,7 +108,9 @@ class TrackModel:
         self.start_rows = np.zeros((wheels, WIDTH))
         self.frame = np.zeros(5)
         self.ports = self._ports(config)
-        self.link_ports = (2 * self.links_count + 6 * self.nodes) if config.get("link_outputs", True) else 0
+        shown = bool(config.get("link_outputs", True))
+        self.soiled = self.links_count if shown and self.config["ground"] else 0  # links that say what the ground does
+        self.link_ports = (2 * self.links_count + 6 * self.nodes + 3 * self.soiled) if shown else 0
         self.counters = np.zeros(COUNTERS, dtype=np.int64)
         self.allocate()
         self._warnings: list[str] = []
@@ -150,6 +152,9 @@ class TrackModel:
                     )
                     for a in "xyz"
                 ]
+            for i in range(1, (self.links_count if self.config["ground"] else 0) + 1):
+                text = f"force of the ground on link {i}, world, mean over the step"
+                ports += [Port(f"link[{i}].ground.force.{a}", "output", "N", f"{a} {text}") for a in "xyz"]
         for name in ("steps", "evaluations", "iterations", "rejected"):
             ports.append(Port(f"solver.{name}", "output", "1", f"{name} of the integrator so far", 0))
         ports += place
@@ -345,13 +350,15 @@ class TrackModel:
         to_world(self.report[GROUND : GROUND + 3].reshape(1, 3), self.frame, y[n + GROUND : n + GROUND + 3])
 
     def link_outputs(self, y: Floats) -> None:
-        """Tension and stress of each link, position of and force at each pin, world."""
+        """Tension and stress of each link, position of and force at each pin, force of the ground on links, world."""
         n, m = self.links_count, self.nodes
         position, force = np.empty((m, 3)), np.empty((m, 3))
         self.links(y[:n], y[n : 2 * n], position, force)
         to_world(position, self.frame, y[2 * n : 2 * n + 3 * m])
         y[2 * n : 2 * n + 3 * m].reshape(m, 3)[:] += self.frame[:3]
         to_world(force, self.frame, y[2 * n + 3 * m : 2 * n + 6 * m])
+        if self.soiled:
+            to_world(self.s.soil_mean, self.frame, y[2 * n + 6 * m :])
 
     def warnings(self) -> list[str]:
         """Warnings since the last call."""

@@ -36,6 +36,7 @@ class Place(NamedTuple):
     wrench: int  # the first of its m + 1 wrenches, the last one being the ground's
     frame: np.ndarray  # (5) of the track, see fmus.physics.wheels
     impulse: np.ndarray  # (m + 1, 6) of its wrenches over the step
+    soil: np.ndarray  # (k, 3) likewise of the ground on each link
     books: np.ndarray  # dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
 
 
@@ -75,7 +76,7 @@ def give(model: TrackModel, x: Floats) -> None:
 def take(model: TrackModel, place: Place, x: Floats, h: float) -> None:
     """The state after a step of ``h``, evaluated, into the model and its report."""
     model.s.flat[: x.size] = x
-    model.s.mean[:] = place.impulse / h
+    model.s.mean[:], model.s.soil_mean[:] = place.impulse / h, place.soil / h
     take_evaluated(model.s, model.work)
     model.settle_forces()
     observe(model.link, model.environment, model.s, model.work, model.report)
@@ -89,6 +90,7 @@ def mirror(of: TrackModel, model: TrackModel) -> None:
         mine, shown = getattr(s, name), getattr(theirs, name)
         size = min(signs.size, shown.shape[-1])
         mine[..., :size] = shown[..., :size] * signs[:size]
+    s.soil_mean[:] = theirs.soil_mean * FORCE
     s.wrench[:], s.mean[:], s.sums[:] = theirs.wrench * WRENCH, theirs.mean * WRENCH, theirs.sums
     model.report[:] = of.report
     model.report[GROUND + 1] *= -1.0

@@ -19,6 +19,7 @@ from fmus.drives.shaft import ANGLE, BRAKED, IMPULSE, INTEGRAL, PORT_WORK, RATE,
 from fmus.drives.shaft import rates as spin_rates
 from fmus.jit import allocating
 from fmus.physics.chain.kinds import close, derivative, speed
+from fmus.physics.chain.state import add_share
 from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise, quat_rotate
@@ -119,7 +120,8 @@ def rates(chains, drives, tree, plan, t, x, k):
 def gather(chains, drives, plan, share):
     """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
     for c in chains:
-        c.place.impulse[:] += share * c.w.wrench
+        add_share(share, c.w.wrench, c.place.impulse)
+        add_share(share, c.w.soil, c.place.soil)
         c.place.books[0] += share * c.w.sums[POWER]
         c.place.books[1] += share * c.w.sums[END_POWER]
         c.place.books[2] += share * c.w.sums[PATCH_POWER]

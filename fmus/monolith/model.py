@@ -159,6 +159,7 @@ class Monolith:
                     block,
                     model.frame,
                     np.zeros((m + 1, WRENCH)),
+                    np.zeros((model.soiled, 3)),
                     np.zeros(4),
                 )
             )
@@ -244,7 +245,11 @@ class Monolith:
         """From t to t + h in internal steps of ``step`` at most, and the models after it; raises StepFailed."""
         for d in range(len(self._drives)):
             self.x[self._spin + SPIN * d + shaft.IMPULSE] = 0.0
-        for sums in (self._plan.force, self._plan.reaction, *(a for p in self._places for a in (p.impulse, p.books))):
+        for sums in (
+            self._plan.force,
+            self._plan.reaction,
+            *(a for p in self._places for a in (p.impulse, p.soil, p.books)),
+        ):
             sums[:] = 0.0
         count = 0
         for begin, length, steps in self._intervals(t, h):

@@ -104,7 +104,7 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.axes_state import SIZE
 
             axes = SIZE
-        return shapes(*ELEMENTS[self.element], self.links_count, self.nodes, len(self.wheel_list), axes)
+        return shapes(*ELEMENTS[self.element], self.links_count, self.nodes, len(self.wheel_list), axes, self.soiled)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
@@ -143,7 +143,7 @@ class Model(TrackModel):
             self.element, self.axes = element, axes
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
-        self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list))
+        self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list), self.soiled)
         self.stable = stable(self.link)
         self.factored = False
 

@@ -41,7 +41,7 @@ class Model(TrackModel):
 
     def shapes(self) -> state.Shapes:
         """Of the views into the chain's state."""
-        return shapes(self.links_count, self.closed, len(self.wheel_list))
+        return shapes(self.links_count, self.closed, len(self.wheel_list), self.soiled)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from the vehicle table."""
@@ -53,7 +53,7 @@ class Model(TrackModel):
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)
         self.link = RigidLinks(0.5 * self.pitch, v["face"], 0.25 * v["width"], v["mass"], inertia, ends)
-        self.work = work(self.links_count, self.closed, len(self.wheel_list))
+        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.soiled)
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """Links between the pins, then static equilibrium, or the accelerations of the release.

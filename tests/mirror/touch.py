@@ -58,7 +58,7 @@ class Touch(NamedTuple):
     """All contacts of a chain at T instants."""
 
     wrench: Floats  # (T, m, 6) on the wheels, about their centres
-    ground: Floats  # (T, 3) force on the chain
+    ground: Floats  # (T, n, 3) of the ground on the links
     force: Floats  # (T, n, 3) on the links by rims, guides and ground
     torque: Floats  # (T, n, 3) about their middles
     teeth: Floats  # (T, nodes, 3) on the pins
@@ -75,7 +75,7 @@ class _Sum:
         T, m = wheels.centre.shape[:2]
         z = np.zeros
         self.chain, self.wheels = chain, wheels
-        self.t = Touch(z((T, m, 6)), z((T, 3)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
+        self.t = Touch(z((T, m, 6)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
                        z(T), z(T), z(T), z(T), z(T), z((T, 3)))  # fmt: skip
 
     def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, pins: bool = False) -> None:
@@ -87,7 +87,7 @@ class _Sum:
             np.add.at(sums.force, (t, at), f)
             np.add.at(sums.torque, (t, at), np.cross(x - self.chain.middle[t, at], f))
         if m is None:
-            np.add.at(sums.ground, t, f)
+            np.add.at(sums.ground, (t, at), f)
         else:
             arm = x - self.wheels.centre[t, m]
             np.add.at(sums.wrench, (t, m), -np.concatenate([f, np.cross(arm, f)], axis=-1))

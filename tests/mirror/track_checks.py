@@ -49,9 +49,22 @@ def wrenches(view: View, names: Sequence[str]) -> Floats:
 
 
 def ground(view: View, names: Sequence[str]) -> Floats:
-    """The same of the ground."""
+    """The same of the ground, on all links or on each."""
     means = started(view.touch.ground[0], view.recursion.means(view.touch.ground))
-    return means[:, [AXES[name[-1]] for name in names]]
+    whole = means.sum(1)
+    columns = []
+    for name in names:
+        link = re.match(r"link\[(\d+)\]", name)
+        columns.append((means[:, int(link[1]) - 1] if link else whole)[:, AXES[name[-1]]])
+    return np.stack(columns, axis=1)
+
+
+def ground_of_links(view: View, names: Sequence[str]) -> Floats:
+    """What the track has of the ground, less what other links have."""
+    (name,) = names
+    axis = name[-1]
+    others = [f"link[{i}].ground.force.{axis}" for i in range(1, view.chain.n + 1)]
+    return (view.part[f"ground.force.{axis}"] - sum(view.part[other] for other in others if other != name))[:, None]
 
 
 def momentum(view: View, names: Sequence[str]) -> Floats:
@@ -368,6 +381,9 @@ CHECKS = (
     Check(WHEEL + r"\.torque\.[xyz]", "contact laws", wrenches, 1e-3, 0.05, applies=implicit_on_wheels),
     Check(WHEEL + r"\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=undamped),
     Check(r"ground\.force\.[xyz]", "contact laws", ground, 1e-3, 2.0, applies=implicit),
+    Check(r"link\[\d+\]\.ground\.force\.[xyz]", "contact laws", ground, 1e-3, 2.0, applies=implicit),
+    Check(r"link\[\d+\]\.ground\.force\.[xyz]", "the track's less that of others", ground_of_links, 1e-9, 1e-7,
+          balance=True),
     Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=on_a_vehicle),
     Check("travel", "straight runs over the carrier, summed", travel, 5e-3, 1e-4),
     Check("travel", "pins that have passed, counted", passed, 0.02, 2e-3, applies=on_a_vehicle),

@@ -13,7 +13,7 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain.kinds import close, derivative, first_speed, observe, speed
 from fmus.physics.chain.outcome import APART, DONE, SINGULAR, UNSTABLE, Outcome
 from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, PATCH_DEFECT, STEPS, TRAVEL, WORK
-from fmus.physics.chain.state import moving, take
+from fmus.physics.chain.state import add_share, moving, take
 from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
@@ -38,6 +38,7 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     stages = RK4.b.size
     x, x0 = s.flat[: k.shape[1]], k[stages]
     s.mean[:] = 0.0
+    s.soil_mean[:] = 0.0
     move(rows, 0.0, w.moved)
     along = first_speed(links, env, s, w, report)
     for step in range(steps):
@@ -49,7 +50,8 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
             if failed >= 0:
                 return Outcome(SINGULAR, (step + RK4.c[i]) * dt, failed, 0.0)
             share = dt * RK4.b[i]
-            s.mean[:] += share / h * w.wrench
+            add_share(share / h, w.wrench, s.mean)
+            add_share(share / h, w.soil, s.soil_mean)
             report[DISSIPATED] += share * w.sums[POWER]
             report[PATCH_DEFECT] += share * w.sums[PATCH_POWER]
             report[WORK] += share * w.sums[END_POWER]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating
+from fmus.jit import allocating, kernel
 from fmus.physics.chain.kinds import end_work, first_speed, newton, observe, speed
 from fmus.physics.chain.outcome import DONE, Outcome
 from fmus.physics.chain.report import DISSIPATED, PATCH_DEFECT, REJECTED, STEPS, TRAVEL, WORK
@@ -26,6 +26,16 @@ class Method(NamedTuple):
     moves: bool  # friction may be sharp; it is not on the way to equilibrium
 
 
+@kernel
+def average(c, share, before, now, aux, mean):
+    """``share`` of a step of rows ``before`` and ``now`` onto their ``mean``, by the recursion of the momentum."""
+    for k in range(aux.shape[0]):
+        for i in range(aux.shape[1]):
+            old = aux[k, i]
+            aux[k, i] = auxiliary(c, old, before[k, i], now[k, i])
+            mean[k, i] += share * ((1.0 - c.gamma) * old + c.gamma * aux[k, i])
+
+
 @allocating
 def advance(links, contacts, env, method, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s with the wheels ``rows`` (m, 15) of its beginning, in steps of ``longest`` s at most.
@@ -35,6 +45,7 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
     """
     c = method.alpha
     s.mean[:] = 0.0
+    s.soil_mean[:] = 0.0
     move(rows, 0.0, w.moved)
     along = first_speed(links, env, s, w, report)
     done, failure, link, residual = 0.0, DONE, 0, 0.0
@@ -54,11 +65,8 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
             continue
         done += dt
         counters[STEPS] += 1
-        for k in range(s.aux.shape[0]):
-            for i in range(6):
-                old = s.aux[k, i]
-                s.aux[k, i] = auxiliary(c, old, s.wrench[k, i], w.wrench[k, i])
-                s.mean[k, i] += dt / h * ((1.0 - c.gamma) * old + c.gamma * s.aux[k, i])
+        average(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
+        average(c, dt / h, s.soil, w.soil, s.soil_aux, s.soil_mean)
         report[DISSIPATED] += 0.5 * dt * (s.sums[POWER] + w.sums[POWER])
         report[PATCH_DEFECT] += 0.5 * dt * (s.sums[PATCH_POWER] + w.sums[PATCH_POWER])
         report[WORK] += end_work(links, env, dt, s, w)

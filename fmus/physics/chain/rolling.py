@@ -119,6 +119,9 @@ def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
 def _soil(links, contacts, x, w, by_rate, tangent):
     """The ground on the outer faces."""
     (n, nodes), (places, side_by), law = count(links, x), across(links), contacts.soil
+    for i in range(w.soil.shape[0]):
+        for j in range(3):
+            w.soil[i, j] = 0.0
     summit, first = contacts.shape.height + contacts.shape.rise, POINTS * len(contacts.teeth) * nodes
     for i in range(n):
         a, b = pins(links, x, w, i)
@@ -142,5 +145,7 @@ def _soil(links, contacts, x, w, by_rate, tangent):
                 w.sums[SIDESLIP] -= f.normal * v[1]
                 for j in range(3):
                     w.wrench[-1, j] -= f.f[j]
+                    if i < w.soil.shape[0]:
+                        w.soil[i, j] += f.f[j]
                 push(links, w, i, from_ground(links, x, w, f, tangent), tangent)
             pushed(links, w, i, tangent)

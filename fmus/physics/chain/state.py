@@ -5,9 +5,10 @@ Every kind of link has its own State and Work (arrays made once). Both have, for
     State   flat; q, v: coordinates and rates, first in ``flat``, after them axes, where the axes of the coordinates
             turn; a, vdot: auxiliary and true accelerations;
             wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground: now, auxiliary, mean over the
-            communication step; sums: of the last evaluation (``sums``)
+            communication step; soil, soil_aux, soil_mean (k, 3): likewise the force of the ground on each link, k = n,
+            or k = 0 where nobody asks for it; sums: of the last evaluation (``sums``)
     Work    before: the State at the beginning of a step; moved (m, 15): the wheels at the time of evaluation;
-            wrench, sums: of the evaluation; contact: a ``Memory``
+            wrench, soil, sums: of the evaluation; contact: a ``Memory``
 """
 
 from __future__ import annotations
@@ -47,19 +48,35 @@ def copy(source, target):
 
 
 @kernel
+def _put(source, target):
+    """Rows into rows of the same shape."""
+    for k in range(target.shape[0]):
+        for i in range(target.shape[1]):
+            target[k, i] = source[k, i]
+
+
+@kernel
+def add_share(share, source, target):
+    """``share`` times rows onto rows of the same shape."""
+    for k in range(target.shape[0]):
+        for i in range(target.shape[1]):
+            target[k, i] += share * source[k, i]
+
+
+@kernel
 def take(s, w):
-    """Wrenches and sums of the last evaluation are those of the state."""
-    for k in range(s.wrench.shape[0]):
-        for i in range(6):
-            s.wrench[k, i] = w.wrench[k, i]
+    """Wrenches, forces of the ground and sums of the last evaluation are those of the state."""
+    _put(w.wrench, s.wrench)
+    _put(w.soil, s.soil)
     for i in range(s.sums.shape[0]):
         s.sums[i] = w.sums[i]
 
 
 @kernel
 def begin(s, w):
-    """``take``, of a state that begins: the mean wrenches are those of now."""
+    """``take``, of a state that begins: the means are those of now."""
     take(s, w)
-    for k in range(s.wrench.shape[0]):
-        for i in range(6):
-            s.aux[k, i] = s.mean[k, i] = w.wrench[k, i]
+    _put(w.wrench, s.aux)
+    _put(w.wrench, s.mean)
+    _put(w.soil, s.soil_aux)
+    _put(w.soil, s.soil_mean)

@@ -25,6 +25,9 @@ class State(NamedTuple):
     wrench: np.ndarray  # (m + 1, 6) on each wheel now, and on the ground
     aux: np.ndarray  # (m + 1, 6) auxiliary wrenches
     mean: np.ndarray  # (m + 1, 6) over the communication step
+    soil: np.ndarray  # (k, 3) force of the ground on each link now, N; none where nobody asks
+    soil_aux: np.ndarray  # (k, 3) auxiliary
+    soil_mean: np.ndarray  # (k, 3) over the communication step
     sums: np.ndarray  # (SUMS) of the last evaluation
     residual: np.ndarray  # (links, rows, axes) of each link: inertia + internal - external
 
@@ -38,12 +41,17 @@ class Motion(NamedTuple):
     axes: np.ndarray = FIXED  # those of the coordinates, see ``State``
 
 
-def shapes(width: int, element: tuple[int, int], links: int, nodes: int, wheels: int, axes: int = 0) -> state.Shapes:
-    """Of the views; ``width``: coordinates of a pin, ``element``: vectors of a link and their components."""
-    pins, on = (nodes, width), (wheels + 1, 6)
+def shapes(
+    width: int, element: tuple[int, int], links: int, nodes: int, wheels: int, axes: int = 0, soiled: int = 0
+) -> state.Shapes:
+    """Of the views; ``width``: coordinates of a pin, ``element``: vectors of a link and their components.
+
+    ``soiled``: links whose force on the ground is asked for, all or none.
+    """
+    pins, on, soil = (nodes, width), (wheels + 1, 6), (soiled, 3)
     return {
         "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins, "wrench": on, "aux": on, "mean": on,
-        "sums": (SUMS,), "residual": (links, *element),
+        "soil": soil, "soil_aux": soil, "soil_mean": soil, "sums": (SUMS,), "residual": (links, *element),
     }  # fmt: skip
 
 

@@ -45,6 +45,7 @@ class Work(NamedTuple):
     load: np.ndarray  # (links, rows, axes) residual of its contacts, where touched
     stiffening: np.ndarray  # (links, rows axes, rows axes) and their iteration matrix
     wrench: np.ndarray  # (wheels + 1, 6) on the wheels, and on the ground
+    soil: np.ndarray  # (k, 3) of the ground on each link
     sums: np.ndarray  # (SUMS)
     contact: Memory
     axes: Axes | None  # of coordinates along axes that turn
@@ -52,11 +53,11 @@ class Work(NamedTuple):
     change: np.ndarray  # (2, nodes, width) accelerations that are looked for; what comes with them and is not
 
 
-def work(kit: Any, links: int, nodes: int, wheels: int) -> Work:
+def work(kit: Any, links: int, nodes: int, wheels: int, soiled: int = 0) -> Work:
     """Zeroed; ``kit`` is the module of the links."""
     rows, dims = kit.ELEMENT
     m, n, whole = len(kit.LAYOUT.shared), len(kit.LAYOUT.own), rows * dims
-    sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels, kit.FREE)
+    sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels, kit.FREE, soiled)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     moved = z((wheels, 15))
     return Work(
@@ -69,7 +70,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int) -> Work:
         S=z(rows), C=z(rows), t=z(3),
         moved=moved, flat=moved if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
-        wrench=z((wheels + 1, 6)), sums=z(SUMS), contact=memory(points(wheels, nodes)),
+        wrench=z((wheels + 1, 6)), soil=z((soiled, 3)), sums=z(SUMS), contact=memory(points(wheels, nodes)),
         axes=axes(links, nodes, n, m) if kit.FREE else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
     )  # fmt: skip

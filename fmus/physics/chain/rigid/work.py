@@ -24,6 +24,7 @@ class Work(NamedTuple):
     x: np.ndarray  # (n, 6) increments over the step
     moved: np.ndarray  # (m, 15) wheels at the time of evaluation
     wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
+    soil: np.ndarray  # (k, 3) of the ground on each link
     sums: np.ndarray  # (SUMS)
     pins: np.ndarray  # (2, p, 3) their positions and velocities
     lever: np.ndarray  # (3) of a contact point
@@ -32,10 +33,10 @@ class Work(NamedTuple):
     still: np.ndarray  # (3, 3) their rotation matrix, ones
 
 
-def work(links: int, closed: bool, wheels: int) -> Work:
+def work(links: int, closed: bool, wheels: int, soiled: int = 0) -> Work:
     """Zeroed."""
     z, pins = np.zeros, links if closed else links + 1
-    sizes, ground = shapes(links, closed, wheels), z((2, 7))
+    sizes, ground = shapes(links, closed, wheels, soiled), z((2, 7))
     ground[:, 3] = 1.0
     return Work(
         before=views(z(size(sizes)), sizes),
@@ -44,6 +45,7 @@ def work(links: int, closed: bool, wheels: int) -> Work:
         x=z((links, 6)),
         moved=z((wheels, WIDTH)),
         wrench=z((wheels + 1, 6)),
+        soil=z((soiled, 3)),
         sums=z(SUMS),
         pins=z((2, pins, 3)),
         lever=z(3),
