@@ -478,11 +478,17 @@ def test_view_from_above(cotrack, tmp_path):
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     with Log("a.mcap") as log:
         places, force = above._track(RunData(log), "left_track", [0.0, 0.02])
+        whole = [log.signal(f"left_track.ground.force.{axis}")[1] for axis in "xy"]
     assert np.ptp(places[1][:, 0]) == pytest.approx(4.5, abs=0.3)  # as long as a track, in its plane
     assert places[1][:, 1] == pytest.approx(1.0795, abs=1e-3)
-    assert force.shape == (2, 2)
+    assert [each.shape for each in force] == [(64, 2), (64, 2)]
+    for k, row in ((0, 0), (1, 20)):
+        assert force[k].sum(axis=0) == pytest.approx([part[row] for part in whole], abs=1e-6)
     assert "from 0 to 0.02 s" in cotrack("view", "a.mcap", "--above", "--at", "1", "-o", "b.png")[2]
     assert cotrack(*SHORT, "--log", "chain.mcap")[0] == 0
+    short = ("--set", "track.link_outputs=false", "--log", "short.mcap")
+    assert cotrack(*brief, *short)[0] in (0, 1)
+    assert "short.mcap holds no vehicle" in cotrack("view", "short.mcap", "--above", "-o", "d.png")[2]
     status, _, err = cotrack("view", "chain.mcap", "--above", "-o", "c.png")
     assert (status, "chain.mcap holds no vehicle with the links of its tracks" in err) == (2, True)
 
