@@ -20,7 +20,7 @@ WRENCH = np.array([1.0, -1, 1, -1, 1, -1])  # ... of a wrench or a velocity with
 POSE = np.array([1.0, -1, 1, 1, -1, 1, -1])  # ... of a pose, ...
 PIN = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # ... of the coordinates of a pin of cables, ...
 # ... and of axes that turn: rotation, origin with its rates, angular rates, their auxiliary ones, middle of the wheels
-AXES = np.concatenate([np.outer(FORCE, FORCE).ravel(), *3 * [FORCE], *2 * [-FORCE], [-1.0, -1.0], FORCE])
+AXES = np.concatenate([np.outer(FORCE, FORCE).ravel(), *3 * [FORCE], *2 * [-FORCE], [-1.0, -1.0], FORCE, FORCE])
 MIRRORS = {
     Flexible: {"q": PIN, "v": PIN, "axes": AXES, "residual": FORCE},
     Rigid: {"q": POSE, "v": WRENCH, "lam": FORCE, "load": FORCE},

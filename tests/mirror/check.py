@@ -39,6 +39,8 @@ class View:
         part = self.part
         if part.kind != "TrackFlexible":
             return part.kind
+        if part.parameters["axes"] == "free":
+            return "turning"
         elasticity = str(part.parameters["elasticity"])
         return str(part.parameters["element"]) if elasticity == "small_deformation" else elasticity
 

@@ -82,7 +82,7 @@ def joints(view: View) -> Floats:
         free, force = elastic_force(view)
         missing = force - found[np.arange(len(found)), free]
         if not isinstance(c, Beam):  # sideways alone
-            missing = (missing * c.across).sum(1, keepdims=True) * c.across
+            missing = (missing * axis).sum(1, keepdims=True) * axis
         found = found + missing[:, None]
     found[:30] = np.nan
     return found[:, : c.nodes]
@@ -97,7 +97,7 @@ def elastic_force(view: View) -> tuple[Floats, Floats]:
     free = np.argmax(abs(view.touch.force).max(-1) == 0.0, axis=1)
     t = np.arange(len(free))
     e = c.e[t, free] + float(view.part.parameters["material.relaxation_time"]) * c.v[t, free]
-    force = np.einsum("a,tai->ti", c.mass_matrix[0], c.coordinates(view.accelerations, False)[t, free])
+    force = np.einsum("a,tai->ti", c.mass_matrix[0], c.accelerated(view.accelerations)[t, free])
     force += c.mass * c.gravity * 0.5 * UP
     for axis in range(3):
         shift = np.zeros(e.shape[1:])

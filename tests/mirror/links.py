@@ -195,8 +195,12 @@ class Element(Chain):
     def middle(self) -> Floats:
         return 0.5 * (self.ends[0] + self.ends[1])
 
+    def accelerated(self, a: Floats) -> Floats:
+        """Accelerations (T, n, rows, 3), world, of rates' rates ``a`` (T, nodes, w)."""
+        return self.coordinates(a, False)
+
     def momentum_rates(self, a: Floats) -> tuple[Floats, Floats]:
-        dde = self.coordinates(a, False)
+        dde = self.accelerated(a)
         x, w = gauss(4)
         linear = self.mass * np.einsum("p,pa,tnai->tni", w, self.centreline(x), dde)
         arm = self.e.copy()
@@ -286,6 +290,98 @@ class Cable(Element):
         EA, EI = self.stiffness
         x, w = gauss(3)
         return 0.5 * self.pitch * (EA * self.stretched(e) ** 2 + EI * self.bent(e, x) ** 2 @ w)
+
+
+class Turning(Cable):
+    """The cable in axes that turn: rotation, origin, its velocity and acceleration, rate of turning and its derivative.
+
+    A link has a width, and is stiffer about its normal. What a state holds is along the axes, as ``c`` and ``dc`` are.
+    """
+
+    guided = True
+
+    def read(self, state: Floats) -> None:
+        T, size = len(state), self.nodes * self.width
+        self.lateral = (-0.25 * self.vehicle["track"]["width"], 0.25 * self.vehicle["track"]["width"])
+        self.own = state[:, size : 2 * size].reshape(T, self.nodes, self.width)
+        f = state[:, 2 * size : 2 * size + 24]
+        self.R = self.turn.as_matrix() @ f[:, :9].reshape(T, 3, 3)
+        self.o, self.do, self.ddo = (
+            self.origin + self.world(f[:, 9:12]),
+            self.world(f[:, 12:15]),
+            self.world(f[:, 15:18]),
+        )
+        self.w, self.dw = f[:, 18:21], f[:, 21:24]
+        self.c = self.vectors(state[:, :size].reshape(T, self.nodes, self.width))
+        self.dc = self.vectors(self.own)
+        self.place()
+
+    def vectors(self, x: Floats) -> Floats:
+        """(T, nodes, 8) to (T, n, 4, 3), along the axes."""
+        first, last = x[:, : self.n], x[:, self.second]
+        return np.stack(
+            [first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2
+        )
+
+    def place(self) -> None:
+        """All that is in the world."""
+        self.e, self.v = self.out(self.c), self.out(self.dc + np.cross(self.w[:, None, None], self.c))
+        self.e[:, :, [0, 2]] += self.o[:, None, None]
+        self.v[:, :, [0, 2]] += self.do[:, None, None]
+        self.pins, self.rates = self.e[:, :, 0], self.v[:, :, 0]
+
+    def out(self, a: Floats) -> Floats:
+        return np.einsum("tij,tnaj->tnai", self.R, a)
+
+    def moved(self, tau: float) -> Turning:
+        other = copy(self)
+        other.c, other.o = self.c + tau * self.dc, self.o + tau * self.do
+        other.R = self.R @ Rotation.from_rotvec(tau * self.w).as_matrix()
+        other.place()
+        return other
+
+    def accelerated(self, a: Floats) -> Floats:
+        w, dw = self.w[:, None, None], self.dw[:, None, None]
+        found = self.vectors(a) + 2.0 * np.cross(w, self.dc) + np.cross(dw, self.c) + np.cross(w, np.cross(w, self.c))
+        found = self.out(found)
+        found[:, :, [0, 2]] += self.ddo[:, None, None]
+        return found
+
+    @property
+    def axes(self) -> Floats:
+        return np.broadcast_to(self.R[:, None, :, 1], self.e[:, :, 0].shape)
+
+    def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
+        """The normal is square to the pins' axis; ``y`` lies square to the link, which yaws against that axis."""
+        c, dc, S, C = self.c[t, i], self.dc[t, i], hermite(xi, self.pitch), hermite(xi, self.pitch, 1)
+        x, u, slope, rate = (np.einsum("...a,...ai->...i", f, g) for f, g in ((S, c), (S, dc), (C, c), (C, dc)))
+        across = np.array([0.0, 1.0, 0.0])
+        plane = np.array([1.0, 0.0, 1.0])
+        size = np.linalg.norm(slope * plane, axis=-1, keepdims=True)
+        t_ = slope * plane / size
+        turning = (rate * plane - t_ * (t_ * rate).sum(-1, keepdims=True)) / size
+        off, y = np.asarray(off)[..., None], np.broadcast_to(y, np.shape(t))[..., None]
+        x = x + off * np.cross(t_, across) + y * (across - slope[..., 1:2] / size * t_)
+        u = u + off * np.cross(turning, across) - y * rate[..., 1:2] / size * t_
+        return self.seen(t, x, u)
+
+    def pin(self, t, j, y) -> tuple[Floats, Floats]:
+        y = np.broadcast_to(y, np.shape(t))[..., None] * np.array([0.0, 1.0, 0.0])
+        return self.seen(t, self.c[t, j, 0] + y, self.dc[t, j, 0])
+
+    def seen(self, t, x: Floats, u: Floats) -> tuple[Floats, Floats]:
+        """Place and velocity in the world of points at the instants ``t``, along the axes."""
+        u = u + np.cross(self.w[t], x)
+        return tuple(at[t] + np.einsum("...ij,...j->...i", self.R[t], a) for at, a in ((self.o, x), (self.do, u)))
+
+    def energies(self, e: Floats) -> Floats:
+        """Bending about the normal is that of the section."""
+        section, (_, EI) = self.vehicle["section"], self.stiffness
+        x, w = gauss(3)
+        axis = self.R[:, :, 1].reshape(len(self.R), *[1] * (e.ndim - 3), 1, 3)
+        bent = (self.slopes(e, x, 2) * axis).sum(-1)
+        more = EI * (section["lateral_bending"] / section["bending"] - 1.0)
+        return super().energies(e) + 0.5 * self.pitch * more * bent**2 @ w
 
 
 class General(Cable):
@@ -465,5 +561,7 @@ def chain(part: Part) -> Chain:
     """The links of a track."""
     if part.kind == "TrackRigid":
         return Rigid(part)
+    if part.parameters["axes"] == "free":
+        return Turning(part)
     elasticity = str(part.parameters["elasticity"])
     return KINDS[str(part.parameters["element"]) if elasticity == "small_deformation" else elasticity](part)

@@ -113,6 +113,10 @@ class Run(NamedTuple):
 RUNS = {
     "rigid": Run(lambda: vehicle("rigid", overrides=TURN), ("left_track",)),
     "cable": Run(lambda: vehicle("flexible", overrides={"left_drive": {"speed.end": 10.0}}), ("right_track",)),
+    "turning": Run(
+        lambda: vehicle("flexible", "track.axes=free", overrides={"left_drive": {"speed.end": 20.0}}),
+        ("right_track", "left_drive", "right_drive", "chassis"),
+    ),
     "beam": Run(lambda: vehicle("flexible", "track.element=beam", overrides=BRAKED), ("left_track",)),
     "planar": Run(lambda: vehicle("flexible", "symmetric=true", "planar=true", *RAISED)),
     "thrown": Run(thrown),

@@ -359,7 +359,11 @@ def explicit(view: View) -> bool:
 
 def undamped(view: View) -> bool:
     """On wheels; what damps pins across is known at instants alone, and by the recursion."""
-    return view.driven() and (implicit(view) or not view.track["transverse_damping"])
+    return view.driven() and not turning(view) and (implicit(view) or not view.track["transverse_damping"])
+
+
+def turning(view: View) -> bool:
+    return view.kind == "turning"
 
 
 def in_free_air(view: View) -> bool:
@@ -368,6 +372,10 @@ def in_free_air(view: View) -> bool:
 
 def on_a_vehicle(view: View) -> bool:
     return "chassis" in view.record.parts
+
+
+def straight_on(view: View) -> bool:
+    return on_a_vehicle(view) and not turning(view)
 
 
 def strained(view: View) -> bool:
@@ -380,11 +388,14 @@ CHECKS = (
     Check(WHEEL + r"\.force\.[xyz]", "contact laws", wrenches, 1e-3, 0.2, applies=implicit_on_wheels),
     Check(WHEEL + r"\.torque\.[xyz]", "contact laws", wrenches, 1e-3, 0.05, applies=implicit_on_wheels),
     Check(WHEEL + r"\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=undamped),
+    # what turns with the axes goes by the recursion to second order
+    Check(rf"({WHEEL}|ground)\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 5.0, balance=True,
+          applies=turning),
     Check(r"ground\.force\.[xyz]", "contact laws", ground, 1e-3, 2.0, applies=implicit),
     Check(r"link\[\d+\]\.ground\.force\.[xyz]", "contact laws", ground, 1e-3, 2.0, applies=implicit),
     Check(r"link\[\d+\]\.ground\.force\.[xyz]", "the track's less that of others", ground_of_links, 1e-9, 1e-7,
           balance=True),
-    Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=on_a_vehicle),
+    Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=straight_on),
     Check("travel", "straight runs over the carrier, summed", travel, 5e-3, 1e-4),
     Check("travel", "pins that have passed, counted", passed, 0.02, 2e-3, applies=on_a_vehicle),
     Check("speed", "straight runs over the carrier", speed, 5e-3, 1e-3),

@@ -2,7 +2,7 @@
 
 ``f`` holds the rotation R row by row (start = origin + R x along the axes), the origin and its velocity and
 acceleration in the frame of the start, the angular velocity of the axes and its derivative along them, the auxiliary
-accelerations of yaw and roll, and the middle of the wheels at the start.
+accelerations of roll and yaw and of the origin, and the middle of the wheels at the start.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 
 from fmus.jit import kernel
 
-ROTATION, ORIGIN, VELOCITY, ACCELERATION, RATE, GROWTH, AUXILIARY, MIDDLE = 0, 9, 12, 15, 18, 21, 24, 26
-SIZE = 29
+ROTATION, ORIGIN, VELOCITY, ACCELERATION, RATE, GROWTH, AUXILIARY, CARRIED, MIDDLE = 0, 9, 12, 15, 18, 21, 24, 26, 29
+SIZE = 32
 
 
 class Axes(NamedTuple):

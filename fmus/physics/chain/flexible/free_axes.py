@@ -19,6 +19,7 @@ from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.axes_state import (
     ACCELERATION,
     AUXILIARY,
+    CARRIED,
     GROWTH,
     MIDDLE,
     ORIGIN,
@@ -187,14 +188,19 @@ def foresee(links, method, h, s, w):
         w.axes.psi[k] = h * rate[2 * k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
         f[RATE + 2 * k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
     _turn(f, w.before.axes, w.axes.psi)
-    # the origin by the trapezoid, its acceleration at the end from where it comes to: stable at any step
-    o, v, a = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION)
-    there, going = add(o, add(scale(h, v), scale(0.25 * h * h, a))), add(v, scale(0.5 * h, a))
-    after = scale(1.0 / (1.0 + 0.5 * FOLLOW * h) ** 2, _after_wheels(f, w, there, going))
-    mean = scale(0.5, add(a, after))
-    put(f, ORIGIN, add(o, add(scale(h, v), scale(0.5 * h * h, mean))))
-    put(f, VELOCITY, add(v, scale(h, mean)))
+    # the origin likewise, so that forces make the chain's momentum; it follows where it comes to: stable at any step
+    o, v, a, a0 = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION), vector(f, CARRIED)
+    a1 = auxiliary(c, a0[0], a[0], 0.0), auxiliary(c, a0[1], a[1], 0.0), auxiliary(c, a0[2], a[2], 0.0)
+    more = auxiliary(c, 0.0, 0.0, 1.0)  # of a1, by the acceleration at the end
+    there = add(o, add(scale(h, v), scale(h * h, add(scale(0.5 - c.beta, a0), scale(c.beta, a1)))))
+    going = add(v, scale(h, add(scale(1.0 - c.gamma, a0), scale(c.gamma, a1))))
+    by_place, by_rate = more * c.beta * h * h, more * c.gamma * h
+    stiff = 1.0 + by_place * FOLLOW * FOLLOW + 2.0 * by_rate * FOLLOW
+    after = scale(1.0 / stiff, _after_wheels(f, w, there, going))
+    put(f, ORIGIN, add(there, scale(by_place, after)))
+    put(f, VELOCITY, add(going, scale(by_rate, after)))
     put(f, ACCELERATION, after)
+    put(f, CARRIED, add(a1, scale(more, after)))
 
 
 @kernel
