@@ -5,7 +5,8 @@
 (b) Whole runs, which may come apart as they do when one number is changed by its last bit, times a factor (``growth``).
 (c) Errors of default runs against their truths, which must not be larger (``true_errors``).
 
-``python -m orchestrator.studies.baseline COMMIT`` makes the file anew of the tree as it stands.
+``python -m orchestrator.studies.baseline COMMIT`` makes the file anew of the tree as it stands; with ``--add`` it
+puts in the runs of (b) that the file lacks, and leaves the rest as it was.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 from fmus.physics.arrays import Floats
 from fmus.vehicle import BadInput
 from orchestrator.studies import Case, baseline_file, files, growth
-from orchestrator.studies.baseline_file import FILE, Baseline
+from orchestrator.studies.baseline_file import FILE, Baseline, Grown
 from orchestrator.studies.compared import checked, series, table
 from orchestrator.studies.evaluations import KINDS
 from orchestrator.studies.gathering import Gathered, Source, gather, sources
@@ -148,11 +149,10 @@ def make(
     windows: Sequence[Window] = WINDOWS,
 ) -> Baseline:
     """Make the baseline of this tree; with shorter lists, a part. Raises BadInput, OSError, or what a run raises."""
-    if not re.fullmatch("[0-9a-f]{7,40}", commit):
-        raise BadInput(f"COMMIT = {commit}: must be the hash of the commit that this tree is, 7 to 40 of 0-9, a-f")
-    ways = [(pair, way) for pair in pairs for way in ((), *(changed(pair, key) for key in growth.CHANGED))]
+    _check(commit)
+    ways = _ways(pairs)
     tasks: list[Task] = [(window.name, errors, (window,)) for window in windows]
-    tasks += [(f"{pair.name} {' '.join(way)}", _signals, (pair, way)) for pair, way in ways]
+    tasks += ways
     tasks += [(source.name, gather, (source,)) for source in (sources() if wanted is None else wanted)]
     done = _all("runs", tasks, workers)
     of_windows, of_ways = done[: len(windows)], done[len(windows) :][: len(ways)]
@@ -163,7 +163,7 @@ def make(
     refused = [one for one in done if isinstance(one, str)]
     tasks = [(f"{kind}, {run.name}", _numbers, (kind, run)) for kind in KINDS for run in gathered]
     done = _all("states", tasks, workers)
-    n, m = len(gathered), 1 + len(growth.CHANGED)
+    n = len(gathered)
     of_kinds = {kind: done[k * n : (k + 1) * n] for k, kind in enumerate(KINDS)}
     baseline = Baseline(
         {
@@ -176,11 +176,40 @@ def make(
         gathered,
         {kind: [values for values, _ in found] for kind, found in of_kinds.items()},
         {kind: [most for _, most in found] for kind, found in of_kinds.items()},
-        [grown(pair, of_ways[m * k : m * (k + 1)]) for k, pair in enumerate(pairs)],
+        _grown(pairs, of_ways),
         {window.name: found for window, found in zip(windows, of_windows, strict=True)},
     )
     baseline_file.save(file, baseline)
     return baseline
+
+
+def add(commit: str, file: Path = FILE, workers: int = 2, pairs: Sequence[Pair] = RUNS) -> Baseline:
+    """Put the runs of (b) that the file lacks into it. Raises BadInput, OSError, or what a run raises."""
+    _check(commit)
+    known = baseline_file.load(file)
+    lacking = [pair for pair in pairs if pair.name not in {one.name for one in known.grown}]
+    more = _grown(lacking, _all("runs", _ways(lacking), workers))
+    made = {**known.made, **{one.name: commit for one in more}}
+    baseline = known._replace(made=made, grown=[*known.grown, *more])
+    baseline_file.save(file, baseline)
+    return baseline
+
+
+def _check(commit: str) -> None:
+    if not re.fullmatch("[0-9a-f]{7,40}", commit):
+        raise BadInput(f"COMMIT = {commit}: must be the hash of the commit that this tree is, 7 to 40 of 0-9, a-f")
+
+
+def _ways(pairs: Sequence[Pair]) -> list[Task]:
+    """Each run as it is, and with each number changed by an ulp."""
+    ways = [(pair, way) for pair in pairs for way in ((), *(changed(pair, key) for key in growth.CHANGED))]
+    return [(f"{pair.name} {' '.join(way)}", _signals, (pair, way)) for pair, way in ways]
+
+
+def _grown(pairs: Sequence[Pair], done: Sequence[Floats]) -> list[Grown]:
+    """What came of ``_ways``."""
+    m = 1 + len(growth.CHANGED)
+    return [grown(pair, done[m * k : m * (k + 1)]) for k, pair in enumerate(pairs)]
 
 
 def _signals(pair: Pair, settings: Sequence[str]) -> Floats:
@@ -254,9 +283,10 @@ def _main() -> None:
     parser.add_argument("commit", metavar="COMMIT", help="hash of the commit that this tree is")
     parser.add_argument("-o", "--output", type=Path, default=FILE, metavar="FILE", help=f"default {FILE.name} here")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes; default 2")
+    parser.add_argument("--add", action="store_true", help="put in the runs that FILE lacks, leave the rest as it is")
     chosen = parser.parse_args()
     try:
-        made = make(chosen.commit, chosen.output, chosen.workers)
+        made = (add if chosen.add else make)(chosen.commit, chosen.output, chosen.workers)
     except (BadInput, OSError, RuntimeError) as error:
         sys.exit(f"cotrack: {error}")
     size = chosen.output.stat().st_size / 1e6

@@ -55,6 +55,7 @@ RUNS = (
     Pair("straight", "rigid", 4.0, 0.5, THEN),
     Pair("hard_stop", "flexible", 8.0, 1.0),
     Pair("hard_stop", "rigid", 8.0, 1.0),
+    Pair("turn", "flexible", 4.0, 0.5),
 )
 
 

@@ -304,6 +304,24 @@ def test_the_study_writes_tables_and_a_figure(made, monkeypatch, capsys, tmp_pat
     }  # fmt: skip
 
 
+def test_runs_that_a_file_lacks_are_added_and_the_rest_stays(made, monkeypatch, tmp_path):
+    file, known, asked = tmp_path / "small.npz", known_growth(), []
+    baseline_file.save(file, made._replace(grown=[known]))
+    monkeypatch.setattr(
+        baseline, "_signals", lambda pair, settings: asked.append((pair.name, settings)) or known.values + len(asked)
+    )
+    lacking = growth.Pair("turn", "flexible", 4.0, 0.5)
+    baseline.add("abcdef01", file, 1, (growth.RUNS[0], lacking))
+    assert {name for name, _ in asked} == {"turn, flexible"}
+    assert len({settings for _, settings in asked}) == 1 + len(growth.CHANGED)
+    found = baseline_file.load.__wrapped__(file)
+    assert [one.name for one in found.grown] == [known.name, "turn, flexible"]
+    assert found.made["turn, flexible"] == "abcdef01"
+    assert found.made["commit"] == made.made["commit"]
+    np.testing.assert_allclose(found.grown[1].values, known.values + 1)
+    assert found.states == made.states
+
+
 # --- this tree -------------------------------------------------------------------------------------
 
 of_this_tree = pytest.mark.skipif(not FILE.is_file(), reason="orchestrator/studies/baseline.npz is not made yet")
