@@ -254,6 +254,17 @@ def test_orders_of_the_integrators_in_a_tumble():
     assert np.abs(stiffer.pins() - truth).max() > 1e-4
 
 
+@pytest.mark.parametrize("links", [{"axes": "free"}, {"element": "beam"}])
+def test_the_mass_that_is_factored_touches_nothing(links):
+    """Guide horns least of all: with their stiffness in it explicit beams on wheels blow up at once."""
+    model = test_track_flexible.carrier(**links)
+    assert model.work.touched.any()
+    model.factored = False
+    model.factor_mass(0.0)
+    assert not model.work.touched.any()
+    assert not model.work.wrench.any()
+
+
 def test_the_origin_goes_where_it_will():
     still, shaken_by_wheels = (tumbling(2.5e-4, shake=shake)[0] for shake in (0.0, 2.0))
     assert np.abs(shaken_by_wheels.s.axes[ORIGIN : ORIGIN + 3]).min() > 1e-3
