@@ -7,7 +7,6 @@ from vehicle_in_process import InProcess
 from fmus.vehicle import BadInput
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
-from orchestrator.execution.truth import truth
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import load
@@ -113,8 +112,3 @@ def test_what_a_driver_cannot_is_a_sentence(settings, sentence):
     with pytest.raises(BadInput) as refused:
         load("serpentine", "flexible", settings)
     assert sentence in str(refused.value)
-
-
-def test_there_is_no_truth_of_a_driven_vehicle():
-    with pytest.raises(BadInput, match="truth: driver: the monolith knows no driver"):
-        truth(load("serpentine", "rigid"))

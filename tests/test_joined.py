@@ -7,7 +7,6 @@ from vehicle_in_process import InProcess
 from fmus.vehicle import BadInput
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
-from orchestrator.execution.truth import truth
 from orchestrator.log.reader import Log
 from orchestrator.results import measures, turning
 from orchestrator.results.run_data import Missing, RunData, Window
@@ -139,8 +138,3 @@ def test_what_cannot_be_joined_is_a_sentence(settings, sentence):
     with pytest.raises(BadInput) as refused:
         load("differential", "flexible", settings)
     assert sentence in str(refused.value)
-
-
-def test_there_is_no_truth_of_it():
-    with pytest.raises(BadInput, match=r"truth: drive\.steering: the monolith knows no steering differential"):
-        truth(load("differential", "rigid"))

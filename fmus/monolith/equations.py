@@ -13,40 +13,31 @@ import numpy as np
 from fmus.chassis.dynamics import FINE, fault
 from fmus.chassis.dynamics import rates as chassis_rates
 from fmus.chassis.observe import put_sides
-from fmus.drives.motor import SPEED, profile, profile_slope
-from fmus.drives.mount import SPROCKET, place
-from fmus.drives.shaft import ANGLE, BRAKED, IMPULSE, INTEGRAL, PORT_WORK, RATE, SPUN, WORK
-from fmus.drives.shaft import rates as spin_rates
 from fmus.jit import allocating
+from fmus.monolith.spins import Spins, book, react, turn
+from fmus.monolith.spins import gather as gather_spins
 from fmus.physics.chain.kinds import close, derivative, speed
 from fmus.physics.chain.state import add_share
 from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
-from fmus.physics.rotation import quat_normalise, quat_rotate
-from fmus.physics.vector import add, cross, dot, put, scale, vector
+from fmus.physics.rotation import quat_normalise
 from fmus.physics.wheels import read_states, to_world
 
-SPIN = PORT_WORK + 1  # of a drive's state: what the drive integrates, and the work of its port
 DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE = range(4)
 
 
 class Plan(NamedTuple):
-    """What hangs on what; motions are blocks of 13, wrenches of 6, world axes; D drives."""
+    """What hangs on what; motions are blocks of 13, wrenches of 6, world axes; D sprockets with drives."""
 
     motion: np.ndarray  # flat: stations of the chassis, standing mounts (D), sprockets (D)
     wrench: np.ndarray  # flat: those of the chains, then of the mounts (D)
     u: np.ndarray  # scratch: motions of a chain's wheels, or wrenches on the chassis
     stations: int  # motions that the chassis makes
     sides: int  # of the chassis that have stations
-    mount: np.ndarray  # (D) the motion of each drive's mount
-    chain: np.ndarray  # (D) the wrench on each sprocket
-    mounts: int  # the first wrench of the mounts
     inputs: np.ndarray  # which wrench acts on each unit of the chassis that has an input
-    spun: np.ndarray  # (D, WIDTH of a drive's state) scratch
-    reaction: np.ndarray  # (D, 3) means over the step: the torque of the chain, world
-    force: np.ndarray  # (D, 3) and its force
     body: int  # where the chassis' state begins
-    spin: int  # and the first drive's
+    spin: int  # and that of the drives
+    spins: Spins
 
 
 @allocating
@@ -57,17 +48,7 @@ def rates(chains, drives, tree, plan, t, x, k):
     if tree is not None:
         put_sides(tree, x[plan.body : plan.spin], plan.sides, motion, 0)
     if drives is not None:
-        for d in range(len(drives)):  # (1)
-            at, m = plan.spin + SPIN * d, 13 * plan.mount[d]
-            q, w = motion[m + 3 : m + 7], vector(motion, m + 10)
-            if drives[d].mode == SPEED:
-                axis = quat_rotate(q, (0.0, 1.0, 0.0))
-                x[at + RATE] = profile(drives[d], t)[0] + dot(axis, w)
-            spun = plan.spun[d]
-            spun[:SPIN] = x[at : at + SPIN]
-            place(spun, vector(motion, m), q, vector(motion, m + 7), w)
-            m = 13 * (plan.stations + len(drives) + d)
-            motion[m : m + 13] = spun[SPROCKET : SPROCKET + 13]
+        turn(drives, plan.spins, motion, t, x)
     for c in chains:
         p = c.place
         m = p.seen.size
@@ -78,41 +59,13 @@ def rates(chains, drives, tree, plan, t, x, k):
         failed = max(failed, where)
         to_world(c.w.wrench.reshape(2 * m + 2, 3), p.frame, wrench[6 * p.wrench :])
     if drives is not None:
-        for d in range(len(drives)):
-            p, at, m, i = drives[d], plan.spin + SPIN * d, 13 * plan.mount[d], 6 * plan.chain[d]
-            w, axis = vector(motion, m + 10), vector(quat_rotate(motion[m + 3 : m + 7], (0.0, 1.0, 0.0)), 0)
-            torque = vector(wrench, i + 3)
-            out = k[at : at + SPIN]
-            if p.mode == SPEED:  # (3): what the chassis' own inertia does not hold already
-                rate, growth = profile(p, t)[0], profile_slope(p, t)
-                out[:] = 0.0
-            else:  # (2)
-                rate = x[at + RATE]
-                spin_rates(p, t, x[at : at + SPUN], dot(torque, axis), dot(axis, w), out)
-                growth = out[RATE]
-            turned = add(scale(growth, axis), scale(rate, cross(w, axis)))
-            o = 6 * (plan.mounts + d)
-            put(wrench, o, vector(wrench, i))
-            put(wrench, o + 3, add(torque, scale(-p.inertia, turned)))
+        react(drives, plan.spins, motion, wrench, t, x, k)
     if tree is not None:
         for j in range(plan.inputs.size):
             u[6 * j : 6 * j + 6] = wrench[6 * plan.inputs[j] : 6 * plan.inputs[j] + 6]
         chassis_rates(tree, None, x[plan.body : plan.spin], u, k[plan.body : plan.spin])
     if drives is not None:
-        for d in range(len(drives)):
-            p, at, m, i = drives[d], plan.spin + SPIN * d, 13 * plan.mount[d], 6 * plan.chain[d]
-            w, axis = vector(motion, m + 10), vector(quat_rotate(motion[m + 3 : m + 7], (0.0, 1.0, 0.0)), 0)
-            torque, mount_rate = dot(vector(wrench, i + 3), axis), dot(axis, w)
-            relative, out = x[at + RATE] - mount_rate, k[at : at + SPIN]
-            growth = out[RATE]
-            if p.mode == SPEED:  # (4)
-                growth = profile_slope(p, t)
-                if plan.mount[d] < plan.stations:
-                    growth += k[plan.body + 11]
-                motor = p.inertia * growth - torque
-                out[ANGLE], out[INTEGRAL], out[BRAKED] = relative, 0.0, 0.0
-                out[WORK], out[IMPULSE] = motor * relative, motor
-            out[PORT_WORK] = torque * relative + p.inertia * growth * mount_rate
+        book(drives, plan.spins, t, x, k)
     return failed
 
 
@@ -126,11 +79,7 @@ def gather(chains, drives, plan, share):
         c.place.books[1] += share * c.w.sums[END_POWER]
         c.place.books[2] += share * c.w.sums[PATCH_POWER]
     if drives is not None:
-        for d in range(len(drives)):
-            i = 6 * plan.chain[d]
-            for j in range(3):
-                plan.force[d, j] += share * plan.wrench[i + j]
-                plan.reaction[d, j] += share * plan.wrench[i + 3 + j]
+        gather_spins(plan.spins, plan.wrench, share)
 
 
 @allocating

@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.chassis.observe import put_sides
-from fmus.drives import mount as mount_parts
+from fmus.drives import mount as mounts
 from fmus.drives import shaft
 from fmus.drives.motor import SPEED, TORQUE, Drive
 from fmus.jit import reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.monolith import chains as chain_parts
 from fmus.monolith.chains import Place
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, SPIN, Plan, march
+from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, Plan, march
+from fmus.monolith.spins import HALF, SPIN, Spins, side
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
@@ -32,13 +33,18 @@ JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
 
 
 CHAINS = ("TrackFlexible", "TrackRigid")  # the kinds of parts that are chains
+JOINED = "SteeringDifferential"
+# what sprockets of a kind of drive are called, and where they stand in its state
+SPROCKETS = {"SprocketDrive": {"": 0}, JOINED: {"left.": 0, "right.": mounts.WIDTH}}
+# where its shafts do
+SHAFTS = {"SprocketDrive": (0,), JOINED: (2 * mounts.WIDTH, 2 * mounts.WIDTH + shaft.SHAFT)}
 
 
 class Part(NamedTuple):
     """A component of a scene, before it starts."""
 
     name: str
-    kind: str  # of an FMU: TrackFlexible, TrackRigid, Chassis or SprocketDrive
+    kind: str  # of an FMU
     config: Mapping[str, Any]  # what the build of the FMU packs beside the model
     parameters: Mapping[str, float | int | str]  # set before it starts
 
@@ -57,6 +63,10 @@ def _class(kind: str) -> Any:
         from fmus.chassis.model import Model  # type: ignore[assignment]
     elif kind == "SprocketDrive":
         from fmus.sprocket_drive.model import Model  # type: ignore[assignment]
+    elif kind == JOINED:
+        from fmus.steering_differential.model import Model  # type: ignore[assignment]
+    elif kind == "Driver":
+        from fmus.driver.model import Model  # type: ignore[assignment]
     else:
         raise InvalidParameter(f"a monolith has no part of kind '{kind}'")
     return Model
@@ -73,8 +83,20 @@ def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float
     return model
 
 
+class Sprocket(NamedTuple):
+    """One that a drive turns."""
+
+    name: str  # of the drive
+    prefix: str  # of its variables there
+    inertia: float  # of its spin, kg m2
+    state: Floats  # its part of the drive's state
+    standing: Floats  # (13) its mount where nothing moves it
+
+
 class Monolith:
     """Chains, chassis and drives of a scene as x' = f(t, x), integrated by the classical Runge-Kutta method.
+
+    A driver is no part of that: what he sees at an output he demands until the next one.
 
     ``connections`` have a source with its outputs and a target with its inputs, by name. Raises InvalidParameter or
     StepFailed where a part cannot start. ``models`` by name are what shows the state; ``step`` is the internal step, s:
@@ -87,15 +109,20 @@ class Monolith:
         self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
         self._kinds = {part.name: part.kind for part in parts}
         self._mirrored = _alike(parts) if halved else {}
-        for part in parts:
-            if part.kind == "SprocketDrive":  # a jump has no slope to integrate
-                drive = self.models[part.name].drive
-                self.models[part.name].drive = drive._replace(
-                    ramp_end=max(drive.ramp_end, drive.ramp_start + JUMP), stop_time=max(drive.stop_time, JUMP)
-                )
         own = [part for part in parts if part.name not in self._mirrored]
         self._chains = [p.name for p in own if p.kind in CHAINS]
-        self._drives = [p.name for p in own if p.kind == "SprocketDrive"]
+        self._sprockets, self._shafts, self._spun = [], [], []  # with the state of each shaft
+        self._joined = any(part.kind == JOINED for part in own)
+        for part in (part for part in own if part.kind in SPROCKETS):
+            model = self.models[part.name]
+            for (prefix, at), standing in zip(
+                SPROCKETS[part.kind].items(), model.standing.reshape(-1, STATE), strict=True
+            ):
+                state = model.state[at : at + mounts.WIDTH]
+                self._sprockets.append(Sprocket(part.name, prefix, model.inertia, state, standing))
+            self._shafts += [_without_jumps(drive) for drive in model.shafts]
+            self._spun += [model.state[at : at + shaft.SHAFT] for at in SHAFTS[part.kind]]
+        self._driver = next((p.name for p in own if p.kind == "Driver"), "")
         self._chassis = next((p.name for p in own if p.kind == "Chassis"), "")
         if not self._chains:
             raise InvalidParameter("a monolith needs a chain")
@@ -106,14 +133,14 @@ class Monolith:
         }
         self._lay_out(own)
         limits = [self.models[name].stable for name in self._chains]
-        limits += [1.0 / shaft.substeps(self.models[name].drive, 1.0) for name in self._drives]
+        limits += [1.0 / shaft.substeps(drive, 1.0) for drive in self._shafts]
         self.step = min([*limits, 1e-3]) / refine
 
     # ---------------------------------------------------------------- layout
 
     def _lay_out(self, own: Sequence[Part]) -> None:
         """The state, and who gets what from whom."""
-        models, chains, drives = self.models, self._chains, self._drives
+        models, chains, sprockets = self.models, self._chains, self._sprockets
         sizes = [chain_parts.size(models[name]) for name in chains]
         body, tree, sides = sum(sizes), None, 0
         stations: list[str] = []
@@ -126,22 +153,22 @@ class Monolith:
             sides = len(config["chassis"]["sides"])
             ports = [p.name for p in chassis.ports if p.causality == "output"]
             stations = [n.removesuffix(".position.x") for n in ports if n.endswith(".position.x")][:-1]
-            tree = self._with_spins(chassis.tree, [self.models[name] for name in drives], 2 // sides)
+            tree = self._with_spins(chassis.tree, 2 // sides)
             inputs = [p.name for p in chassis.ports if p.causality == "input" and p.name.endswith(".force.x")]
         width = chassis.state.size if self._chassis else 0
         self._body, self._spin = body, body + width
-        self.x = np.zeros(body + width + SPIN * len(drives))
+        self.x = np.zeros(body + width + SPIN * len(sprockets) + (2 * HALF if self._joined else 0))
         self._y, self._k = np.zeros_like(self.x), np.zeros((len(RK4.b), self.x.size))
 
         motions = {(self._chassis, station): i for i, station in enumerate(stations)}
-        count, fixed = len(stations), len(drives)
-        motions |= {(name, "sprocket"): count + fixed + d for d, name in enumerate(drives)}
+        count, fixed = len(stations), len(sprockets)
+        motions |= {(s.name, f"{s.prefix}sprocket"): count + fixed + d for d, s in enumerate(sprockets)}
         motion = np.zeros(STATE * (count + 2 * fixed))
         mount = np.zeros(fixed, dtype=np.int64)
-        for d, name in enumerate(drives):
-            source = self._source(name, "mount.position.x")
+        for d, sprocket in enumerate(sprockets):
+            source = self._source(sprocket.name, f"{sprocket.prefix}mount.position.x")
             mount[d] = count + d if source is None else motions[source]
-            motion[13 * (count + d) : 13 * (count + d + 1)] = models[name].standing
+            motion[13 * (count + d) : 13 * (count + d + 1)] = sprocket.standing
 
         wrenches: dict[tuple[str, str], int] = {}
         places, start, block = [], 0, 0
@@ -164,27 +191,38 @@ class Monolith:
                 )
             )
             start, block = start + size, block + m + 1
-        chain = [wrenches[self._needed(name, "sprocket.force.x")] for name in drives]
-        wrenches |= {(name, "mount"): block + d for d, name in enumerate(drives)}
+        chain = [wrenches[self._needed(s.name, f"{s.prefix}sprocket.force.x")] for s in sprockets]
+        wrenches |= {(s.name, f"{s.prefix}mount"): block + d for d, s in enumerate(sprockets)}
         acting = []
         if self._chassis:
             acting = [wrenches[self._needed(self._chassis, name)] for name in inputs]
         units = max([len(acting) * WRENCH, *(STATE * len(p.seen) for p in places)])
+        self._spins = Spins(
+            joined=int(self._joined),
+            start=self._spin,
+            body=self._body,
+            inertia=np.array([sprocket.inertia for sprocket in sprockets]),
+            stations=count,
+            mount=mount,
+            chain=np.array(chain, dtype=np.int64),
+            mounts=block,
+            spun=np.zeros((fixed, mounts.WIDTH)),
+            seen=np.zeros((fixed, 2)),
+            growth=np.zeros(fixed),
+            pace=np.zeros(fixed),
+            reaction=np.zeros((fixed, 3)),
+            force=np.zeros((fixed, 3)),
+        )
         self._plan = Plan(
             motion,
             np.zeros(WRENCH * (block + fixed)),
             np.zeros(units),
             count,
             sides,
-            mount,
-            np.array(chain, dtype=np.int64),
-            block,
             np.array(acting, dtype=np.int64),
-            np.zeros((fixed, mount_parts.WIDTH)),
-            np.zeros((fixed, 3)),
-            np.zeros((fixed, 3)),
             self._body,
             self._spin,
+            self._spins,
         )
         self._places = places
         self._tree = tree
@@ -193,7 +231,7 @@ class Monolith:
                 chain_parts.chain(models[name], place, self._y[place.start : place.end])
                 for name, place in zip(chains, places, strict=True)
             ),
-            tuple(models[name].drive for name in drives) or None,
+            tuple(self._shafts) or None,
             tree,
             self._plan,
         )
@@ -210,11 +248,11 @@ class Monolith:
             raise InvalidParameter(f"{target}: the input {variable} is not connected")
         return source
 
-    @staticmethod
-    def _with_spins(tree: Any, drives: Sequence[Any], times: int) -> Any:
+    def _with_spins(self, tree: Any, times: int) -> Any:
         """The tree with the spin inertia of sprockets whose speed against the chassis is prescribed. (3)"""
         inertia = tree.inertia.copy()
-        inertia[1, 1] += times * sum(m.drive.inertia for m in drives if m.drive.mode == SPEED)
+        seen = self._shafts[:1] if self._joined else self._shafts  # the difference knows nothing of the chassis
+        inertia[1, 1] += times * sum(drive.inertia for drive in seen if drive.mode == SPEED)
         return tree._replace(inertia=inertia)
 
     def _begin(self) -> None:
@@ -223,33 +261,39 @@ class Monolith:
             chain_parts.give(self.models[name], self.x[place.start : place.end])
         if self._chassis:
             self.x[self._body : self._spin] = self.models[self._chassis].state
-        for d, name in enumerate(self._drives):
-            self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)] = self.models[name].state[:SPIN]
-            momentum = self.models[name].state[mount_parts.MOMENTUM : mount_parts.MOMENTUM + 3]
-            momentum[:] = self._momentum(d)
+        for d, state in enumerate(self._spun):
+            self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)] = state[:SPIN]
+        for d, sprocket in enumerate(self._sprockets):
+            sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
+
+    def _of_side(self, d: int, i: int) -> float:
+        """A number of the shafts as a side has it."""
+        last = self._spin + SPIN * (len(self._spun) - 1) + i
+        found: float = side(self._spins, d, self.x[self._spin + i], self.x[last])
+        return found
 
     def _momentum(self, d: int) -> Floats:
-        """J Omega a of a drive in world axes, its mount as it was evaluated last (at the start: as it stands)."""
-        model = self.models[self._drives[d]]
-        q = self._mount(d)[3:7] if np.any(self._mount(d)[3:7]) else model.standing[3:7]
+        """J Omega a of a sprocket in world axes, its mount as it was evaluated last (at the start: as it stands)."""
+        sprocket, mount = self._sprockets[d], self._mount(d)
+        q = mount[3:7] if np.any(mount[3:7]) else sprocket.standing[3:7]
         axis = quat_rotate(q, (0.0, 1.0, 0.0))
-        return model.drive.inertia * self.x[self._spin + SPIN * d + shaft.RATE] * axis
+        return sprocket.inertia * self._of_side(d, shaft.RATE) * axis
 
     def _mount(self, d: int) -> Floats:
-        at = 13 * self._plan.mount[d]
+        at = 13 * self._spins.mount[d]
         return self._plan.motion[at : at + 13]
 
     # ---------------------------------------------------------------- time
 
     def advance(self, t: float, h: float) -> None:
         """From t to t + h in internal steps of ``step`` at most, and the models after it; raises StepFailed."""
-        for d in range(len(self._drives)):
+        if self._driver:
+            self._ask_driver(t, h)
+        before = self.x[self._spin :].copy()
+        for d in range(len(self._spun)):
             self.x[self._spin + SPIN * d + shaft.IMPULSE] = 0.0
-        for sums in (
-            self._plan.force,
-            self._plan.reaction,
-            *(a for p in self._places for a in (p.impulse, p.soil, p.books)),
-        ):
+        spins = self._spins
+        for sums in (spins.force, spins.reaction, *(a for p in self._places for a in (p.impulse, p.soil, p.books))):
             sums[:] = 0.0
         count = 0
         for begin, length, steps in self._intervals(t, h):
@@ -261,10 +305,12 @@ class Monolith:
             chain_parts.take(self.models[name], place, self.x[place.start : place.end], h)
         if self._chassis:
             self._take_chassis()
-        for d in range(len(self._drives)):
-            self._take_drive(d, h)
-        for model in self.models.values():
-            model.counters[:2] += (count, len(RK4.b) * count)
+        self._take_shafts(before, h)
+        for d in range(len(self._sprockets)):
+            self._take_sprocket(d, before, h)
+        for name, model in self.models.items():
+            if name != self._driver:
+                model.counters[:2] += (count, len(RK4.b) * count)
         for name, of in self._mirrored.items():
             if self._kinds[name] in CHAINS:
                 chain_parts.mirror(self.models[of], self.models[name])
@@ -273,9 +319,8 @@ class Monolith:
 
     def _intervals(self, t: float, h: float) -> Iterator[tuple[float, float, int]]:
         """Begin, length and steps of the parts of a step: a ramp of a drive's speed begins and ends with one. (7)"""
-        drives = [self.models[name].drive for name in self._drives]
-        ramps = [ramp for drive in drives if drive.mode != TORQUE for ramp in _ramps(drive)]
-        for course in (each for drive in drives for each in (drive.torques, drive.brakes)):
+        ramps = [ramp for drive in self._shafts if drive.mode != TORQUE for ramp in _ramps(drive)]
+        for course in (each for drive in self._shafts for each in (drive.torques, drive.brakes)):
             ramps += pairwise(course.time.tolist())
         inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
         for begin, end in pairwise([t, *sorted(inside), t + h]):
@@ -300,19 +345,53 @@ class Monolith:
         held = self._tree.inertia[1, 1] - model.tree.inertia[1, 1]
         model.state[-1] -= 0.5 * held * x[11] ** 2
 
-    def _take_drive(self, d: int, h: float) -> None:
-        """A drive's state, its motor's mean torque and the mean wrench on its mount. (6)"""
-        model, mount = self.models[self._drives[d]], self._mount(d)
-        state, z = model.state, self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)]
-        before = state[mount_parts.MOMENTUM : mount_parts.MOMENTUM + 3].copy()
-        state[:SPIN] = z
-        mount_parts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
+    def _ask_driver(self, t: float, h: float) -> None:
+        """What the driver demands from here on, and the speeds that follow it over the step."""
+        driver, chassis = self.models[self._driver], self.models[self._chassis]
+        names = [port.name for port in chassis.ports if port.causality == "output"]
+        y = np.zeros(len(names))
+        chassis.outputs(y[: len(names) - len(chassis.counters)])
+        wanted = [port.name for port in driver.ports if port.causality == "input"]
+        driver.step(t, h, np.array([y[names.index(self._sources[self._driver, name][1])] for name in wanted]))
+        shown = [port.name for port in driver.ports if port.causality == "output"]
+        demands = np.zeros(len(shown) - len(driver.counters))
+        driver.outputs(demands)
+        told = [demands[shown.index(self._sources[s.name, f"{s.prefix}speed.demand"][1])] for s in self._sprockets]
+        if self._joined:
+            told = [0.5 * (told[0] + told[1]), told[1] - told[0]]
+        for drive, state, demand in zip(self._shafts, self._spun, told, strict=True):
+            shaft.follow(drive, state, t, h, demand)
+
+    def _take_shafts(self, before: Floats, h: float) -> None:
+        """The state of each shaft, its motor's mean torque and power."""
+        for d, state in enumerate(self._spun):
+            z = self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)]
+            state[:SPIN] = z
+            state[shaft.TORQUE_NOW] = z[shaft.IMPULSE] / h
+            state[shaft.POWER_NOW] = (z[shaft.WORK] - before[SPIN * d + shaft.WORK]) / h
+
+    def _take_sprocket(self, d: int, before: Floats, h: float) -> None:
+        """A sprocket's state and the mean wrench on its mount; what its half shaft did where sides are joined. (6)"""
+        state, mount = self._sprockets[d].state, self._mount(d)
+        if self._joined:
+            at = len(self._spun) * SPIN + HALF * d
+            impulse, work, port = self.x[self._spin + at : self._spin + at + HALF]
+            state[shaft.ANGLE], state[shaft.RATE] = self._of_side(d, shaft.ANGLE), self._of_side(d, shaft.RATE)
+            state[shaft.WORK], state[shaft.PORT_WORK] = work, port
+            state[shaft.TORQUE_NOW] = (impulse - before[at]) / h
+            state[shaft.POWER_NOW] = (work - before[at + 1]) / h
+        held = state[mounts.MOMENTUM : mounts.MOMENTUM + 3].copy()
+        mounts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
         after = self._momentum(d)
-        state[mount_parts.MOUNT : mount_parts.MOUNT + 3] = self._plan.force[d] / h
-        state[mount_parts.MOUNT + 3 : mount_parts.MOUNT + 6] = (self._plan.reaction[d] - (after - before)) / h
-        state[mount_parts.MOMENTUM : mount_parts.MOMENTUM + 3] = after
-        state[shaft.TORQUE_NOW] = z[shaft.IMPULSE] / h
-        state[mount_parts.STEP] = h
+        state[mounts.MOUNT : mounts.MOUNT + 3] = self._spins.force[d] / h
+        state[mounts.MOUNT + 3 : mounts.MOUNT + 6] = (self._spins.reaction[d] - (after - held)) / h
+        state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = after
+        state[mounts.STEP] = h
+
+
+def _without_jumps(drive: Drive) -> Drive:
+    """A jump of speed has no slope to integrate."""
+    return drive._replace(ramp_end=max(drive.ramp_end, drive.ramp_start + JUMP), stop_time=max(drive.stop_time, JUMP))
 
 
 def _ramps(drive: Drive) -> list[tuple[float, float]]:
@@ -350,7 +429,7 @@ def _mirror_drive(of: Any, model: Any, chassis: Any) -> None:
     mount, state = motions[-STATE:], model.state
     axis = quat_rotate(mount[3:7], (0.0, 1.0, 0.0))
     state[:] = of.state
-    mount_parts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
-    for at, sign in ((mount_parts.MOUNT, 1.0), (mount_parts.MOUNT + 3, -1.0), (mount_parts.MOMENTUM, -1.0)):
+    mounts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
+    for at, sign in ((mounts.MOUNT, 1.0), (mounts.MOUNT + 3, -1.0), (mounts.MOMENTUM, -1.0)):
         v = of.state[at : at + 3]
         state[at : at + 3] = sign * (v - 2.0 * (v @ axis) * axis)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.defaults import configured
-from fmus.drives.motor import profile
+from fmus.drives.motor import Drive, profile
 from fmus.drives.mount import WIDTH, place
 from fmus.drives.parameters import drive, lag_port, motor_ports, mount_ports
 from fmus.drives.shaft import ANGLE, RATE, TARGET
@@ -47,9 +47,9 @@ class Model:
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         own = config["drive"]
-        self._inertia, self._place = float(own["inertia"]), tuple(float(x) for x in own["mount"])
-        if not self._inertia > 0.0:
-            raise InvalidParameter(f"drive.inertia = {self._inertia} kg m2 must be positive")
+        self.inertia, self._place = float(own["inertia"]), tuple(float(x) for x in own["mount"])
+        if not self.inertia > 0.0:
+            raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         self._demanded = bool(own.get("demanded", False))
         self._parameters = configured(parameter_ports(self._demanded), config)
         mount = self._standing({port.name: port.start for port in self._parameters})
@@ -80,7 +80,7 @@ class Model:
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """The sprocket at its start angle and speed on a mount that stands still at the start pose."""
         values = {port.name: parameters.get(port.name, port.start) for port in self._parameters}
-        self.drive = drive(self._parameters, values, self._inertia, DEMAND if self._demanded else "")
+        self.drive = drive(self._parameters, values, self.inertia, DEMAND if self._demanded else "")
         self.standing[:] = self._standing(values)
         self.state[:] = 0.0
         self.state[ANGLE] = float(values["start.angle"])
@@ -111,7 +111,7 @@ class Model:
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs, in port order."""
-        observe(self._inertia, self.state, y)
+        observe(self.inertia, self.state, y)
 
     def link_outputs(self, y: Floats) -> None:
         """None here."""
@@ -119,6 +119,11 @@ class Model:
     def warnings(self) -> list[str]:
         """None here."""
         return []
+
+    @property
+    def shafts(self) -> tuple[Drive, ...]:
+        """What the motor turns: the sprocket."""
+        return (self.drive,)
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         """The mount's 13 when nothing moves it."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.defaults import configured
-from fmus.drives.motor import SPEED, profile
+from fmus.drives.motor import SPEED, Drive, profile
 from fmus.drives.mount import WIDTH, place
 from fmus.drives.parameters import drive, lag_port, motor_ports, mount_ports
 from fmus.drives.shaft import ANGLE, RATE, TARGET
@@ -58,9 +58,9 @@ class Model:
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         own = config["drive"]
-        self._inertia, self._place = float(own["inertia"]), tuple(float(x) for x in own["mount"])
-        if not self._inertia > 0.0:
-            raise InvalidParameter(f"drive.inertia = {self._inertia} kg m2 must be positive")
+        self.inertia, self._place = float(own["inertia"]), tuple(float(x) for x in own["mount"])
+        if not self.inertia > 0.0:
+            raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         demanded = bool(own.get("demanded", False))
         self._demand = DEMAND if demanded else ""
         self._parameters = configured(parameter_ports(demanded), config)
@@ -127,9 +127,9 @@ class Model:
         """Both sprockets at their start angle and speeds on mounts that stand still at the start pose."""
         values = {port.name: parameters.get(port.name, port.start) for port in self._parameters}
         self.gearbox = Gearbox(
-            self._inertia,
-            drive(self._parameters, values, 2.0 * self._inertia, self._demand, "propulsion."),  # (1)
-            drive(self._parameters, values, 0.5 * self._inertia, self._demand, "steering."),
+            self.inertia,
+            drive(self._parameters, values, 2.0 * self.inertia, self._demand, "propulsion."),  # (1)
+            drive(self._parameters, values, 0.5 * self.inertia, self._demand, "steering."),
         )
         self.state[:] = 0.0
         shafts = self.state[PROPULSION:STEERING], self.state[STEERING:]
@@ -168,7 +168,7 @@ class Model:
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs, in port order."""
-        observe(self._inertia, self.state, y)
+        observe(self.inertia, self.state, y)
 
     def link_outputs(self, y: Floats) -> None:
         """None here."""
@@ -176,6 +176,16 @@ class Model:
     def warnings(self) -> list[str]:
         """None here."""
         return []
+
+    @property
+    def shafts(self) -> tuple[Drive, ...]:
+        """Propulsion and steering."""
+        return self.gearbox.propulsion, self.gearbox.steering
+
+    @property
+    def standing(self) -> Floats:
+        """Motions (2, 13) of the mounts that nothing moves."""
+        return np.stack([self._stands[at : at + STATE] for at in (0, SIDE)])
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The 13 of the left and of the right mount when nothing moves them."""

@@ -25,7 +25,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.execution import monolithic
 from orchestrator.results.difference import Difference, differences_of_logs
 from orchestrator.scene import assembly
-from orchestrator.scene.scene import Scene, TrackScene, VehicleScene
+from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
 ORDER = 2
@@ -62,10 +62,6 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     """
     if not isinstance(scene, TrackScene):
         raise BadInput(f"truth: scene '{scene.name}' has no track, and is its own reference")
-    if isinstance(scene, VehicleScene) and scene.driver is not None:
-        raise BadInput("truth: driver: the monolith knows no driver")
-    if isinstance(scene, VehicleScene) and scene.drive.steering is not None:
-        raise BadInput("truth: drive.steering: the monolith knows no steering differential")
     if scene.track.element == "beam":
         raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
     scene = bare(scene)

@@ -176,7 +176,7 @@ class Chain:
         if self.variant == STEEL:
             links, n, pins = np.zeros(m.link_ports), m.links_count, 3 * m.nodes
             m.link_outputs(links)
-            parts = links[:n], links[n : 2 * n], links[2 * n : 2 * n + pins], links[2 * n + pins :]
+            parts = links[:n], links[n : 2 * n], links[2 * n : 2 * n + pins], links[2 * n + pins : 2 * n + 2 * pins]
         ground = [count + k for k, name in enumerate(self.outputs) if name.startswith("ground.force")]
         powers = m.work.sums[[POWER, PATCH_POWER, END_POWER]]
         return np.concatenate([y[:count], y[ground]]), powers, y[count:], parts

@@ -127,7 +127,8 @@ def test_a_failed_check_is_exit_1(cotrack):
         (("run", "straight", "--set", "vehicle.chassis.mass=-1"), "vehicle.chassis.mass = -1"),
         (("run", "rig", "--set", "rig.links=40"), "rig.links = 40: the track cannot be laid out"),
         (("run", "rig", "--set", "rig.tension=1e9"), "rig.tension = 1e+09 N: not reached with the idler"),
-        (("run", "hanging_chain", "--set", "track.integrator=euler"), "integrator = 'euler': must be one of"),
+        (("run", "hanging_chain", "--set", "track.integrator=euler"), "hanging_chain.toml: track.integrator = 'euler'"),
+        (("run", "hanging_chain", "--set", "track.start=straight"), "start = 'straight': must be one of rest, polygon"),
         (("run", "hanging_chain", "--set", "vehicle=none.toml"), "none.toml"),
     ],
 )

@@ -143,11 +143,10 @@ def test_build_takes_settings_and_refuses_what_no_fmu_can_have(monkeypatch, caps
         return 0, capsys.readouterr()
 
     where = ("hanging_chain", "-o", str(tmp_path / "fmus"))
-    status, said = cotrack("build", *where, "--set", "track.integrator=euler")
+    status, said = cotrack("build", *where, "--set", "track.start=straight")
     assert status == 2
     assert said.err == (
-        "cotrack: cannot build track_flexible_fmu: "
-        "integrator = 'euler': must be one of generalized_alpha, runge_kutta\n"
+        "cotrack: cannot build track_flexible_fmu: start = 'straight': must be one of rest, polygon, displaced\n"
     )
     assert list((tmp_path / "fmus").iterdir()) == []
     status, said = cotrack("build", *where, "--set", "track.elmnt=beam")

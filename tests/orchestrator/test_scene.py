@@ -59,7 +59,7 @@ def test_settings_reach_scene_vehicle_and_track():
         [
             "run.step=2 ms",
             "vehicle.contact.ground.friction=0.5",
-            "track.integrator=explicit",
+            "track.integrator=runge_kutta",
             "track=rigid",
             "drive.speed=600 deg/s",
             "vehicle.road_wheel.x.0=-0.7",
@@ -68,7 +68,7 @@ def test_settings_reach_scene_vehicle_and_track():
     assert scene.run.step == pytest.approx(2e-3, rel=1e-15)
     assert scene.run.steps == 4000
     assert scene.vehicle.contact.ground.friction == 0.5
-    assert scene.track.integrator == "explicit"
+    assert scene.track.integrator == "runge_kutta"
     assert scene.track.model == "rigid"
     assert scene.drive.speed == pytest.approx(10.471975512)
     assert scene.vehicle.road_wheel.x[0] == -0.7

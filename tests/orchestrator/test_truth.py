@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from typer.testing import CliRunner
+from vehicle_in_process import InProcess
 
 from fmus.model import InvalidParameter
 from fmus.monolith.model import Monolith
@@ -210,6 +211,77 @@ def test_cables_begin_to_turn_as_rigid_links_do(pivoted, tmp_path):
     monolithic.run(load("turn", "rigid", ("run.step=1ms", *PIVOT)), tmp_path / "a.mcap")
     rigid, cables = (at_the_end(path, TURNED[:2]) for path in (tmp_path / "a.mcap", pivoted))
     np.testing.assert_allclose(cables, rigid, rtol=2e-3)
+
+
+def outputs(models):
+    """Real outputs of the models of a vehicle by name."""
+    found = {}
+    for name, model in models.items():
+        names = [p.name for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
+        y = np.zeros(len(names) - model.link_ports)
+        model.outputs(y)
+        found |= {f"{name}.{port}": value for port, value in zip(names, y, strict=False)}
+    return found
+
+
+def whole(scene, *settings, steps, h=1e-3):
+    """Outputs of the monolith of a scene on rigid links after so many steps of ``h`` s."""
+    assembly = assemble(placed(load(scene, "rigid", ("track.link_outputs=false", *settings))))
+    monolith = Monolith(monolithic.parts_of(assembly), assembly.connections)
+    for k in range(steps):
+        monolith.advance(k * h, h)
+    return outputs(monolith.models)
+
+
+AT_ONCE = ("drive.ramp_start=0", "drive.ramp_time=0.04")
+JOINED = (*AT_ONCE, "drive.steering.ramp_start=0", "drive.steering.ramp_time=0.04")
+
+
+def test_a_differential_with_prescribed_speeds_is_two_drives():
+    joined, apart = whole("differential", *JOINED, steps=50), whole("turn", *AT_ONCE, steps=50)
+    of_drives = {"energy.work": "work"}
+    for name, value in apart.items():
+        instance, _, port = name.partition(".")
+        same = name
+        if instance.endswith("_drive"):
+            if port.startswith("energy") and port not in of_drives:
+                continue
+            same = f"differential.{instance.removesuffix('_drive')}.{of_drives.get(port, port)}"
+        if same in joined:
+            assert joined[same] == pytest.approx(value, rel=1e-9, abs=1e-9), name
+    assert abs(joined["chassis.yaw"]) > 1e-6
+    powers = [joined[f"differential.{name}.power"] for name in ("left", "right", "propulsion", "steering")]
+    assert sum(powers[:2]) == pytest.approx(sum(powers[2:]), rel=1e-9)
+    assert sum(powers[:2]) != pytest.approx(1.02 * sum(powers[2:]), rel=1e-3)
+
+
+@pytest.mark.parametrize("mode", ["speed", "controller"])
+def test_books_of_a_differential_close(mode, tmp_path):
+    motors = (f"drive.mode={mode}", f"drive.steering.mode={mode}")
+    scene = load("differential", "rigid", ("run.outputs=1", *JOINED, *motors, "run.stop=0.03"))
+    monolithic.run(scene, tmp_path / "a.mcap")
+    with Log(tmp_path / "a.mcap") as log:
+        assert open_part(log, "chassis", ("port.work",), STORED)[0] < 1e-9
+        spin, twin = open_part(log, "differential", ("port.work", "energy.work"), STORED[:2])
+        assert spin < 1e-9 < twin
+
+
+@pytest.mark.parametrize("motors", [(), ("drive.steering.mode=controller", "drive.mode=controller")])
+def test_driven_co_simulation_goes_to_the_monolith(motors):
+    """With order 1 in the step, whoever turns the sprockets; what the driver's own step does there is a thousandth."""
+    path = ("driver.arcs=[[0.05, 0], [9, 0.3]]", "driver.reach=0.5", "driver.preview=0.2", "driver.ramp_start=0",
+            "driver.ramp_time=0.1", *motors)  # fmt: skip
+    names = ("chassis.chassis.position.x", "chassis.chassis.velocity.x")
+    truth = np.array([whole("serpentine", *path, steps=240, h=0.5e-3)[name] for name in names])
+    off = []
+    for ms in (1.0, 0.5, 0.25):
+        steps = f"run.step={ms} ms", f"track.step={ms} ms", "track.link_outputs=false"
+        vehicle = InProcess(load("serpentine", "rigid", (*path, *steps))).run(0.12)
+        off.append(np.array([vehicle["chassis"][name.removeprefix("chassis.")] for name in names]) - truth)
+    assert (abs(truth - [-2.0, 0.0]) > 10.0 * abs(off[0])).all()
+    for one, half in ((off[0], off[1]), (off[1], off[2])):
+        order = np.log2(one / half)
+        assert np.all(abs(order - 1.0) < 0.3), order
 
 
 @pytest.fixture
