@@ -2,8 +2,12 @@
 
 import numpy as np
 import pytest
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+from fmpy.validation import validate_fmu
 from scipy.spatial.transform import Rotation
 
+from fmus.build import build
 from fmus.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model as Drive
 from fmus.steering_differential.model import Model
@@ -250,3 +254,36 @@ def test_an_engine_that_turns_slower_gives_no_more_than_its_curve():
     probe = run(0.3, {}, **curve)
     assert probe["propulsion.torque"] == pytest.approx(700.0, rel=1e-12)
     assert probe["left.speed"] == pytest.approx(700.0 / (2 * J) * 0.3, rel=1e-9)
+
+
+def test_the_fmu_is_valid_and_spins_in_a_loop_of_fmpys(tmp_path):
+    """The same bits as the model."""
+    file = build("SteeringDifferential", {"drive": {"inertia": J, "mount": PLACE}})
+    assert not validate_fmu(str(file))
+    said = read_model_description(str(file))
+    where = {variable.name: variable.valueReference for variable in said.modelVariables}
+    outputs = [v.valueReference for v in said.modelVariables if v.causality == "output" and v.type == "Real"]
+    given = {"propulsion.speed.end": 10.0, "steering.torque.drive": 80.0, **both(**RAMP)}
+    probe = differential(**given, **{"steering.mode": "torque"})
+    fmu = FMU2Slave(guid=said.guid, unzipDirectory=extract(str(file), str(tmp_path)),
+                    modelIdentifier="SteeringDifferential", instanceName="gearbox")  # fmt: skip
+    fmu.instantiate()
+    try:
+        fmu.setString([where["steering.mode"]], ["torque"])
+        fmu.setReal([where[name] for name in given], list(given.values()))
+        fmu.setupExperiment(startTime=0.0)
+        fmu.enterInitializationMode()
+        fmu.exitInitializationMode()
+        for k in range(300):
+            probe["left.speed"]
+            assert fmu.getReal(outputs) == probe.y.tolist(), k
+            torque = 100.0 * np.sin(0.02 * k)
+            probe.give("left.sprocket.torque", (0.0, torque, 0.0))
+            fmu.setReal([where["left.sprocket.torque.y"]], [torque])
+            probe.t = k * H
+            probe.step()
+            fmu.doStep(k * H, H)
+        fmu.terminate()
+    finally:
+        fmu.freeInstance()
+    assert abs(probe["steering.speed"]) > 1.0

@@ -180,6 +180,7 @@ def pivoted(tmp_path_factory):
     return path
 
 
+@pytest.mark.study
 def test_books_of_a_turn_close(pivoted, scaled):
     with Log(pivoted) as log:
         run = RunData(log)
@@ -189,6 +190,7 @@ def test_books_of_a_turn_close(pivoted, scaled):
         assert third_law(run, "", Window(0.0, 0.05)) < 1e-12
 
 
+@pytest.mark.study
 def test_co_simulation_of_a_turn_converges_to_the_monolith(pivoted, tmp_path):
     """Linearly; a sprocket that is 2 % faster is not what it converges to."""
     ends, path = {}, tmp_path / "a.mcap"
@@ -266,6 +268,7 @@ def test_books_of_a_differential_close(mode, tmp_path):
         assert spin < 1e-9 < twin
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("motors", [(), ("drive.steering.mode=controller", "drive.mode=controller")])
 def test_driven_co_simulation_goes_to_the_monolith(motors):
     """With order 1 in the step, whoever turns the sprockets; what the driver's own step does there is a thousandth."""
