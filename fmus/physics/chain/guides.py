@@ -15,44 +15,47 @@ from fmus.physics.vector import dot, vector
 
 
 @kernel
-def guide(links, contacts, x, w, rows, by_rate, tangent):
-    """Guide horns on the middle of the inner faces against the discs of all wheels."""
-    for k in range(rows.shape[0]):
-        _discs(links, contacts, x, w, k, rows[k], by_rate, tangent)
+def guide(links, contacts, x, w, k, row, by_rate, tangent):
+    """See ``faces``."""
+    for i in range(count(links, x)[0]):
+        a, b = pins(links, x, w, i)
+        off, square = middle(row, a, b)
+        horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent)
 
 
 @kernel
-def _discs(links, contacts, x, w, k, row, by_rate, tangent):
-    """Those of wheel ``k``."""
-    (n, nodes), law, play = count(links, x), contacts.wheel, contacts.clearance
+def horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent):
+    """See ``faces``."""
     disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
-    far, axis = reached(links, disc), vector(row, 9)
-    for i in range(n):
-        a, b = pins(links, x, w, i)
-        off, square = middle(row, a, b)
-        lean = 0.5 * (dot(b, axis) - dot(a, axis))
-        if square > far or abs(off) + abs(lean) <= play:
+    lean = 0.5 * (dot(b, vector(row, 9)) - dot(a, vector(row, 9)))
+    if square <= reached(links, disc) and abs(off) + abs(lean) > contacts.clearance:
+        _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent)
+
+
+@kernel
+def _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent):
+    """The horn on the middle of the inner face of link ``i`` against the ``disc`` of wheel ``k``, m."""
+    nodes, law, play = count(links, x)[1], contacts.wheel, contacts.clearance
+    part, side = reach(row, disc, a, b, links.face)
+    low, high, _ = part
+    if high <= low:
+        return
+    enter(links, x, w, i)
+    va, vb = pin_rates(links, x, w, i)
+    ends = creeping(row, a, b, va, vb, links.face, side, part)
+    share = 0.5 * (high - low)
+    for g in range(2):
+        half = 2.0 * g - 1.0
+        at = section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
+        p, v = locate(links, x, w, i, at, 0.0)
+        depth, face = guide_face(row, play, p, v)
+        if depth <= 0.0:
             continue
-        part, side = reach(row, disc, a, b, links.face)
-        low, high, _ = part
-        if high <= low:
-            continue
-        enter(links, x, w, i)
-        va, vb = pin_rates(links, x, w, i)
-        ends = creeping(row, a, b, va, vb, links.face, side, part)
-        share = 0.5 * (high - low)
-        for g in range(2):
-            half = 2.0 * g - 1.0
-            at = section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
-            p, v = locate(links, x, w, i, at, 0.0)
-            depth, face = guide_face(row, play, p, v)
-            if depth <= 0.0:
-                continue
-            point = POINTS * (k * nodes + i) + GUIDES + g
-            f = touch(law, share, depth, face, by_rate, tangent, w.contact, point)
-            note(w.sums, depth, f.energy, f.power)
-            slope = -dot(face.n, along(links, x, w, i))
-            w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
-            collect(row, p, f.f, w.wrench[k])
-            push(links, w, i, f, tangent)
-            pushed(links, w, i, tangent)
+        point = POINTS * (k * nodes + i) + GUIDES + g
+        f = touch(law, share, depth, face, by_rate, tangent, w.contact, point)
+        note(w.sums, depth, f.energy, f.power)
+        slope = -dot(face.n, along(links, x, w, i))
+        w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
+        collect(row, p, f.f, w.wrench[k])
+        push(links, w, i, f, tangent)
+        pushed(links, w, i, tangent)

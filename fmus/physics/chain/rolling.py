@@ -15,6 +15,7 @@ from fmus.physics.chain.faces import (
     enter,
     from_ground,
     guide,
+    horn,
     length,
     lift,
     locate,
@@ -51,19 +52,21 @@ def roll(links, contacts, x, w, rows, by_rate, tangent):
             _rim(links, contacts, x, w, k, rows[k], by_rate, tangent)
         if contacts.teeth[k] != 0:
             _teeth(links, contacts, x, w, k, rows[k], by_rate, tangent)
-    guide(links, contacts, x, w, rows, by_rate, tangent)
+            guide(links, contacts, x, w, k, rows[k], by_rate, tangent)
     if contacts.ground != 0:
         _soil(links, contacts, x, w, by_rate, tangent)
 
 
 @kernel
 def _rim(links, contacts, x, w, k, row, by_rate, tangent):
-    """The rim of wheel ``k`` on the inner faces."""
+    """The rim of wheel ``k`` on the inner faces, and its disc on the guides."""
     (n, nodes), (places, side_by), law, radius = count(links, x), across(links), contacts.wheel, contacts.radius[k]
     far = reached(links, radius)
     for i in range(n):
         a, b = pins(links, x, w, i)
-        if middle(row, a, b)[1] > far:
+        off, square = middle(row, a, b)
+        horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent)
+        if square > far:
             continue
         part, side = reach(row, radius, a, b, links.face)
         low, high, foot = part
@@ -101,10 +104,13 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
 def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
     """The teeth of sprocket ``k`` on the pins."""
     nodes, (places, side_by) = count(links, x)[1], across(links)
+    far = (contacts.profile.top + 2.0 * side_by) ** 2
     for i in range(nodes):
         for m in range(places):
             y = (2.0 * m - 1.0) * side_by
             p, v = locate_pin(links, x, w, i, y)
+            if middle(row, p, p)[1] > far:  # nor does its other end touch
+                break
             depth, face = tooth_face(contacts.profile, row, p, v)
             if depth <= 0.0:
                 continue

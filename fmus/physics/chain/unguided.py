@@ -1,4 +1,4 @@
-"""Links that keep their plane have no guides; sibling: ``guides``."""
+"""Links that cannot leave their plane need no guides; the sibling is ``guides``."""
 
 from __future__ import annotations
 
@@ -6,5 +6,10 @@ from fmus.jit import kernel
 
 
 @kernel
-def guide(links, contacts, x, w, rows, by_rate, tangent):
-    """Nothing to guide."""
+def guide(links, contacts, x, w, k, row, by_rate, tangent):
+    """See ``faces``."""
+
+
+@kernel
+def horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent):
+    """See ``faces``."""

@@ -29,10 +29,9 @@ class Axes(NamedTuple):
     moment: np.ndarray  # (2) what the balance of the turning lacks, N m
     point: np.ndarray  # (3) the contact point, along the axes
     lever: np.ndarray  # (3) from the line of the pins to it
-    sums: np.ndarray  # (30) over the contact points of a section, see ``turning_faces``
-    pull: np.ndarray  # (3, 3) accelerations by places, 1/s2
-    swirl: np.ndarray  # (3, 3) and by rates, 1/s
+    sums: np.ndarray  # (40) over the contact points of a section, see ``turning_faces``
     drift: np.ndarray  # (3) of the origin, along the axes
+    due: np.ndarray  # (1) 1 where the border is to be made anew with the next matrix: once a step
 
 
 def axes(links: int, nodes: int, own: int, shared: int) -> Axes:
@@ -40,7 +39,7 @@ def axes(links: int, nodes: int, own: int, shared: int) -> Axes:
     z = np.zeros
     return Axes(
         z(2), z((links, 12, 2)), z((links, own, 2)), z((nodes, shared, 2)), z((2, nodes, shared)),
-        z((2, 2)), z(2), z(3), z(3), z(30), z((3, 3)), z((3, 3)), z(3),
+        z((2, 2)), z(2), z(3), z(3), z(40), z(3), z(1),
     )  # fmt: skip
 
 

@@ -39,7 +39,7 @@ ARM = 2.0  # m: a correction of the axes moves the pins by about so much
 
 @kernel
 def outside(links, x, w, tangent):
-    """Wheels ``w.moved`` as the axes see them into ``w.flat``; what places and rates add to accelerations."""
+    """Wheels ``w.moved`` as the axes see them into ``w.flat``."""
     f, a = x.axes, w.axes
     o, ov, rate = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, RATE)
     for k in range(w.moved.shape[0]):
@@ -50,16 +50,9 @@ def outside(links, x, w, tangent):
         put(seen, 6, add(to_axes(f, vector(row, 6)), scale(-1.0, rate)))
         put(seen, 9, to_axes(f, vector(row, 9)))
         put(seen, 12, to_axes(f, vector(row, 12)))
-    d, square = vector(f, GROWTH), rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        a.swirl[i, i] = 0.0
-        a.swirl[i, j], a.swirl[i, k] = -2.0 * rate[k], 2.0 * rate[j]
-        a.pull[i, i] = rate[i] * rate[i] - square
-        a.pull[i, j], a.pull[i, k] = rate[i] * rate[j] - d[k], rate[i] * rate[k] + d[j]
     put(a.drift, 0, to_axes(f, vector(f, ACCELERATION)))
     a.moment[:] = 0.0
-    if tangent:
+    if tangent and a.due[0] == 1.0:
         a.edge[:] = 0.0
         a.corner[:] = 0.0
 
@@ -76,27 +69,29 @@ def homeward(links, x, w):
 def burden(links, x, w, weight, r):
     """See ``axes``; books their moment."""
     f, a, l = x.axes, w.axes, links.element.l
-    pull, swirl, drift = _rows(a.pull), _rows(a.swirl), vector(a.drift, 0)
+    drift, roll, yaw, d_roll, d_yaw = vector(a.drift, 0), f[RATE], f[RATE + 2], f[GROWTH], f[GROWTH + 2]
+    square = roll * roll + yaw * yaw
     for n in range(4):
-        e, de, dv = vector(w.e[n], 0), vector(w.v[n], 0), vector(w.dv[n], 0)
+        x0, y0, z0 = vector(w.e[n], 0)
+        dx, dy, dz = vector(w.v[n], 0)
+        along = roll * x0 + yaw * z0
+        more = (  # rate' x e + 2 rate x e' + rate x (rate x e)
+            roll * along - square * x0 - d_yaw * y0 - 2.0 * yaw * dy,
+            d_yaw * x0 - d_roll * z0 - square * y0 + 2.0 * (yaw * dx - roll * dz),
+            yaw * along - square * z0 + d_roll * y0 + 2.0 * roll * dy,
+        )
         for k in range(3):
-            w.dv[n, k] = dv[k] + dot(pull[k], e) + dot(swirl[k], de) + (drift[k] if n % 2 == 0 else 0.0)
+            w.dv[n, k] += more[k] + (drift[k] if n % 2 == 0 else 0.0)
     inertia.inertia(4, 3, w.M, w.dv, r)
-    roll = yaw = 0.0
+    about_x = about_z = 0.0
     for k in range(3):
         inertia.weigh(weight * f[6 + k], l, 2, k, r)
     for n in range(4):
         e, q = vector(w.e[n], 0), vector(r[n], 0)
-        roll += e[1] * q[2] - e[2] * q[1]
-        yaw += e[0] * q[1] - e[1] * q[0]
-    a.moment[0] += roll
-    a.moment[1] += yaw
-
-
-@kernel
-def _rows(A):
-    """Of a matrix (3, 3)."""
-    return vector(A[0], 0), vector(A[1], 0), vector(A[2], 0)
+        about_x += e[1] * q[2] - e[2] * q[1]
+        about_z += e[0] * q[1] - e[1] * q[0]
+    a.moment[0] += about_x
+    a.moment[1] += about_z
 
 
 @kernel
@@ -126,7 +121,8 @@ def sideways(links, w, r, tangent):
 @kernel
 def border(links, w, i, j, by):
     """See ``axes``: G = (K_contact + by.vdot M) (axis x e), condensed as the link's matrix was."""
-    _border(w, i, j, by.vdot, w.touched[i])
+    if w.axes.due[0] == 1.0:
+        _border(w, i, j, by.vdot, w.touched[i])
 
 
 @kernel
@@ -179,8 +175,9 @@ def _border(w, i, j, by_acceleration, touched):
 
 @kernel
 def foresee(links, method, h, s, w):
-    """See ``axes``."""
+    """See ``axes``; of a step the border is made once, although contacts change with its iterations."""
     f, c = s.axes, method.alpha
+    w.axes.due[0] = 1.0
     rate, growth = vector(f, RATE), vector(f, GROWTH)
     for k in range(2):
         a0 = f[AUXILIARY + k]
@@ -234,12 +231,20 @@ def _turn(f, before, psi):
 @kernel
 def brace(links, w):
     """See ``axes``."""
+    if w.axes.due[0] == 0.0:
+        return
+    w.axes.due[0] = 0.0
+    corner = w.axes.corner
     for c in range(2):
         b = w.axes.answer[c]
         for i in range(b.shape[0]):
             for k in range(b.shape[1]):
                 b[i, k] = w.axes.edge[i, k, c]
         solve(w.A, w.U, w.factors, links.closed == 1, b)
+        for i in range(b.shape[0]):
+            for k in range(b.shape[1]):
+                corner[0, c] -= w.axes.edge[i, k, 0] * b[i, k]
+                corner[1, c] -= w.axes.edge[i, k, 1] * b[i, k]
 
 
 @kernel
@@ -255,10 +260,7 @@ def _bent(links, x, w, by_acceleration):
             t0, t1 = t0 - p * own[i, n], t1 - q * own[i, n]
     for i in range(y.shape[0]):
         for k in range(y.shape[1]):
-            p, q = edge[i, k, 0], edge[i, k, 1]
-            t0, t1 = t0 - p * y[i, k], t1 - q * y[i, k]
-            s00, s01 = s00 - p * Z[0, i, k], s01 - p * Z[1, i, k]
-            s10, s11 = s10 - q * Z[0, i, k], s11 - q * Z[1, i, k]
+            t0, t1 = t0 - edge[i, k, 0] * y[i, k], t1 - edge[i, k, 1] * y[i, k]
     per = 1.0 / (s00 * s11 - s01 * s10)
     roll, yaw = per * (s11 * t0 - s01 * t1), per * (s00 * t1 - s10 * t0)
     for i in range(y.shape[0]):
@@ -311,6 +313,7 @@ def swing(links, x, w):
         j = i + 1 if i + 1 < nodes else 0
         gather(links, x.q, i, j, w.e)
         _border(w, i, j, 1.0, False)
+    w.axes.due[0] = 1.0
     brace(links, w)
     roll, yaw = _bent(links, x, w, 1.0)
     f[GROWTH], f[GROWTH + 2] = -roll, -yaw

@@ -26,6 +26,8 @@ from fmus.physics.vector import add, cross, scale, vector
 
 # sums over the points of a section, by powers of y: how many, f, t f, g, g t, t g, t g t
 HITS, FORCE, ALONG, MATRIX, RIGHT, LEFT, BOTH = 0, 1, 4, 6, 15, 21, 27
+# and of df / d rate r: r, t r by powers of y; how a rim hears of its rate: by rates of the pins, where, at which side
+RATES, TURNED, HEARD, FOOT, OUTWARDS = 30, 33, 35, 36, 37
 
 
 @kernel
@@ -157,19 +159,28 @@ def pushed(links, w, i, tangent):
             for k in range(4):
                 for a in range(3):
                     K[3 * k + a, 3 * b + j] -= S[k] * right[a] - C[k] * left[a]
+    if s[HEARD] == 0.0:
+        return
+    l, foot = (s[TURNED] * m0, s[TURNED + 1], s[TURNED] * m2), s[FOOT]
+    for k in range(4):
+        for a in range(3):
+            r = s[HEARD] * (S[k] * s[RATES + a] - C[k] * l[a])
+            for j in range(3):
+                K[3 * k + a, j] += r * s[OUTWARDS + j] * (1.0 - foot)
+                K[3 * k + a, 6 + j] += r * s[OUTWARDS + j] * foot
 
 
 @kernel
 def resist(links, w, i, push, by_rate, foot, side):
-    """K -= B^T r (d rate / d pins) with r = df / d rate; the rate falls as the face moves along its normal."""
-    S, C, K, r, m = w.S, w.C, w.stiffening[i], push.by_rate, w.axes.lever
+    """Sum up r = df / d rate for ``pushed``: K -= B^T r (d rate / d pins); the rate falls as a face moves outwards."""
+    s, r, y = w.axes.sums, push.by_rate, w.axes.lever[1]
     a = r[0] * w.t[0] + r[2] * w.t[2]
-    for k in range(4):
-        for n in range(3):
-            turned = by_rate * (S[k] * r[n] - C[k] * a * m[n])
-            for j in range(3):
-                K[3 * k + n, j] += turned * side[j] * (1.0 - foot)
-                K[3 * k + n, 6 + j] += turned * side[j] * foot
+    s[TURNED] += a
+    s[TURNED + 1] += y * a
+    s[HEARD], s[FOOT] = by_rate, foot
+    for j in range(3):
+        s[RATES + j] += r[j]
+        s[OUTWARDS + j] = side[j]
 
 
 @kernel
@@ -190,10 +201,13 @@ def push_pin(links, x, w, i, y, push, tangent):
         w.b[i, a] -= f[a]
     if not tangent:
         return
-    p = w.axes.point
     for a in range(3):
         for b in range(3):
             w.A[i, a, b] -= g[3 * a + b]
+    if w.axes.due[0] == 0.0:
+        return
+    p = w.axes.point
+    for a in range(3):
         edge[a, 0] -= g[3 * a + 2] * p[1] - g[3 * a + 1] * p[2]
         edge[a, 1] -= g[3 * a + 1] * p[0] - g[3 * a] * p[1]
     for k in range(2):
