@@ -8,7 +8,7 @@ from fmus.vehicle import BadInput
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.results import measures, turning
+from orchestrator.results import difference, measures, turning
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import load
@@ -80,6 +80,12 @@ def test_its_measures_are_those_of_its_outputs(tmp_path):
         for of, name in (("left", "left"), ("right", "right"), ("propulsion", "propulsion"), ("steering", "steering")):
             mean = run.mean(f"differential.{name}.power", window)
             assert turning.drive_power(run, of, window) == pytest.approx(mean, rel=0.02)
+        with pytest.raises(Missing, match="'steer': there is that of left, right, propulsion, steering"):
+            turning.drive_power(run, "steer", window)
+        with np.errstate(invalid="ignore"):
+            assert np.isnan(turning.regenerated_power(run, "", Window(1.1, 1.1)))
+        torques = dict(difference.observables(run))["torque"].read(run)
+        assert torques.values.shape[1] == 2
         taken = turning.regenerated_power(run, "", window)
         assert taken == -turning.drive_power(run, "left", window) > 0.0
         assert measures.speed_excess(run, "", window) == pytest.approx(
@@ -130,6 +136,10 @@ def test_nothing_of_it_where_it_is_not_asked_for():
             ("drive.steering.engine_points=[[0, 1]]",),
             "engine_points needs mode = 'torque' or 'controller', not 'speed'",
         ),
+        (("drive.steering.torque=2 kN m",), "torque needs mode = 'torque', not 'speed'"),
+        (("drive.steering.brake=2 kN m",), "brake needs mode = 'torque' or 'controller', not 'speed'"),
+        (("drive.steering.stop=0.1",), "stop = 0.1 s must not be before the ramp ends, 2 s"),
+        (("drive.steering.engine_points=none.csv",), "differential.toml: drive.steering.engine_points = 'none.csv'"),
         (("drive.steering.gear_ratio=3",), "gear_ratio needs engine_points"),
         (("driver={speed=3}", "drive={mode='speed', steering={mode='torque'}}"), "drive.steering.mode = 'torque'"),
     ],

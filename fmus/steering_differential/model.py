@@ -11,7 +11,7 @@ from fmus.defaults import configured
 from fmus.drives.motor import SPEED, Drive, profile
 from fmus.drives.mount import WIDTH, place
 from fmus.drives.parameters import drive, lag_port, motor_ports, mount_ports
-from fmus.drives.shaft import ANGLE, RATE, TARGET
+from fmus.drives.shaft import ANGLE, RATE, TARGET, substeps
 from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation, finite
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
@@ -156,8 +156,9 @@ class Model:
             side = NO_ROTATION.index(steps)
             check_orientation(t, f"{list(SIDES)[side]}.mount", self._u[SIDE * side + 3 : SIDE * side + 7])
         if steps > MOST_STEPS:
-            cause = "a brake.speed is too small, or gains of a controller too large"
-            raise StepFailed(f"at t = {t:.6g} s {cause}: {steps} internal steps in one of {h:.3g} s")
+            shaft = "propulsion" if substeps(self.gearbox.propulsion, h) == steps else "steering"
+            cause = "its brake too sharp for its brake.speed, its engine's curve too steep, or its gains too large"
+            raise StepFailed(f"at t = {t:.6g} s {shaft} has {cause}: {steps} internal steps in one of {h:.3g} s")
         if steps in NO_ROTATION or not finite(state):
             bad = [name for name, value in zip(self._inputs, u, strict=True) if not np.isfinite(value)]
             what = f"input {bad[0]}" if bad else "sprockets' spin"

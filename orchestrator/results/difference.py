@@ -125,10 +125,10 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
         yield "position", Observable("m", 0.1, _position)
         yield "velocity", Observable("m/s", 0.1, _velocity)
         yield "pitch", Observable("rad", 0.01, lambda run: _signals(run, ["chassis.pitch"]))
-    drives = [name for name in run.instances if run.has(f"{name}.torque")]
+    drives = [name for name in (*run.instances, *map(run.drive, run.sides)) if run.has(f"{name}.torque")]
     if drives:
-        names = [f"{drive}.torque" for drive in drives]
-        yield "torque", Observable("N m", 100.0, lambda run: _signals(run, names, mean=True))
+        torques = [f"{drive}.torque" for drive in dict.fromkeys(drives)]
+        yield "torque", Observable("N m", 100.0, lambda run: _signals(run, torques, mean=True))
     if not run.tracks:
         return
     if not drives:  # a chain on its own: its pins, one by one

@@ -60,6 +60,9 @@ def drive_power(run: RunData, of: str, window: Window) -> float:
     Of a steering differential also that of its motors, ``of`` being "propulsion" or "steering".
     """
     joined = "differential" in run.instances
+    allowed = (*SIGN, "propulsion", "steering") if joined else tuple(SIGN)
+    if of not in allowed:
+        raise Missing(f"drive_power of '{of}': there is that of {', '.join(allowed)}")
     t, work = run.signal(f"differential.{of}.work" if joined else f"{of}_drive.energy.work", window)
     return float((work[-1] - work[0]) / (t[-1] - t[0]))
 
@@ -68,8 +71,8 @@ def regenerated_power(run: RunData, of: str, window: Window) -> float:
     """Power that a steering differential takes from one side and gives to the other, W; raises Missing without one."""
     if "differential" not in run.instances:
         raise Missing("there is no steering differential")
-    powers = [drive_power(run, side, window) for side in SIGN]
-    return min(map(abs, powers)) if min(powers) < 0.0 < max(powers) else 0.0
+    left, right = (drive_power(run, side, window) for side in SIGN)
+    return 0.0 if left * right >= 0.0 else float(np.minimum(abs(left), abs(right)))  # a NaN stays one
 
 
 def path_error(run: RunData, of: str, window: Window) -> float:

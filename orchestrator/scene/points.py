@@ -14,15 +14,15 @@ POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "poi
 DRIVES = ("drive", "idler_drive", "driver")
 
 
-def read(table: Tables, folder: Path) -> None:
+def read(table: Tables, folder: Path, where: str) -> None:
     """Put the points of all files that the drives of a raw scene name in their place; paths are from ``folder``.
 
-    Raises BadInput for what cannot be read.
+    Raises BadInput for what cannot be read, which begins with ``where``.
     """
     for name, drive in _drives(table):
         for key in POINTS:
             if isinstance(drive.get(key), str):
-                drive[key] = _of_file(folder / drive[key], f"{name}.{key}")
+                drive[key] = _of_file(folder / drive[key], f"{where}: {name}.{key}")
 
 
 def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -253,7 +253,7 @@ KINDS: dict[str, type[Scene]] = {
 def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> Scene:
     """Read a scene of the gallery or a file, with track model and ``KEY=VALUE`` settings; raises BadInput."""
     name, table = gallery.read(scene)
-    points.read(table, Path(scene).parent)
+    points.read(table, Path(scene).parent, f"{name}.toml")
     changes = [setting(text) for text in settings]
     if _has_track(table):
         _complete(table, f"{name}.toml", track, changes)
@@ -261,7 +261,7 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
         raise BadInput(f"--track {track}: scene '{name}' has no track")
     for key, value in changes:
         put(table, key, value)
-    points.read(table, Path())
+    points.read(table, Path(), f"{name}.toml")
     return from_table({"name": name, **table}, f"{name}.toml")
 
 

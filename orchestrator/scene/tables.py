@@ -241,6 +241,10 @@ class Drive(Table):
                 )
         if self.gear_ratio is not None and self.engine_points is None:
             raise ValueError("gear_ratio needs engine_points: without an engine's curve there is nothing to gear")
+        if self.stop is not None and self.stop < self.ramp_start + self.ramp_time:
+            raise ValueError(
+                f"stop = {self.stop:g} s must not be before the ramp ends, {self.ramp_start + self.ramp_time:g} s"
+            )
         if self.speed_points is not None and self.stop is not None:
             raise ValueError("speed_points and stop exclude each other: the points say when it stops")
         return self
@@ -250,6 +254,15 @@ class Steering(Drive):
     """What turns right less left in a steering differential: ``speed`` is the right sprocket's less the left one's."""
 
     mode: Literal["speed", "torque", "controller"] = "speed"
+
+    @model_validator(mode="after")
+    def _acts(self) -> Steering:
+        """Raise ValueError for what the mode, which may not have been said, leaves without effect."""
+        acting = {"torque": ("torque",), "torque_limit": ("controller",), "brake": ("torque", "controller")}
+        for key, modes in acting.items():
+            if getattr(self, key) and self.mode not in modes:
+                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+        return self
 
 
 class VehicleDrive(Drive):

@@ -39,7 +39,6 @@ def residual(model, turn=(0.0, 0.0, 0.0), growth=(0.0, 0.0, 0.0), fresh=False):
     axes[GROWTH : GROWTH + 3] += growth
     w = model.work
     motion = Motion(model.s.q, w.still, w.still, axes)
-    w.axes.due[0] = 1.0
     evaluate(*model.system(), motion, BY, w, fresh)
     return w.R.reshape(len(w.R), -1).copy(), w.axes.moment.copy()
 

@@ -42,13 +42,13 @@ def _guided(links: type) -> Any:
 
 
 @door(_guided)
-def guide(links, contacts, x, w, k, row, by_rate, tangent):
-    """Guide horns of all links against the disc of wheel ``k``; see ``rolling.roll``."""
+def guide(links, contacts, x, w, rows, by_rate, tangent):
+    """Guide horns of all links against the discs of sprockets; see ``rolling.roll``."""
 
 
 @door(_guided)
 def horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent):
-    """The same of link ``i`` with its pins at ``a`` and ``b``, whose ``middle`` is known."""
+    """That of link ``i`` with its pins at ``a`` and ``b``, whose ``middle`` is known, against the disc of wheel ``k``."""
 
 
 @door(_of)

@@ -15,12 +15,14 @@ from fmus.physics.vector import dot, vector
 
 
 @kernel
-def guide(links, contacts, x, w, k, row, by_rate, tangent):
+def guide(links, contacts, x, w, rows, by_rate, tangent):
     """See ``faces``."""
-    for i in range(count(links, x)[0]):
-        a, b = pins(links, x, w, i)
-        off, square = middle(row, a, b)
-        horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent)
+    for k in range(rows.shape[0]):
+        if contacts.teeth[k] != 0:
+            for i in range(count(links, x)[0]):
+                a, b = pins(links, x, w, i)
+                off, square = middle(rows[k], a, b)
+                horn(links, contacts, x, w, k, rows[k], i, a, b, off, square, by_rate, tangent)
 
 
 @kernel

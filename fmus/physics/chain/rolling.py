@@ -52,7 +52,7 @@ def roll(links, contacts, x, w, rows, by_rate, tangent):
             _rim(links, contacts, x, w, k, rows[k], by_rate, tangent)
         if contacts.teeth[k] != 0:
             _teeth(links, contacts, x, w, k, rows[k], by_rate, tangent)
-            guide(links, contacts, x, w, k, rows[k], by_rate, tangent)
+    guide(links, contacts, x, w, rows, by_rate, tangent)
     if contacts.ground != 0:
         _soil(links, contacts, x, w, by_rate, tangent)
 

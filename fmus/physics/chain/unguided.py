@@ -6,7 +6,7 @@ from fmus.jit import kernel
 
 
 @kernel
-def guide(links, contacts, x, w, k, row, by_rate, tangent):
+def guide(links, contacts, x, w, rows, by_rate, tangent):
     """See ``faces``."""
 
 

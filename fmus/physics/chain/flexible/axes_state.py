@@ -22,7 +22,8 @@ class Axes(NamedTuple):
 
     psi: np.ndarray  # (2) turn of the axes over the step so far, rad
     border: np.ndarray  # (links, 12, 2) of each link's residual by the turning
-    own: np.ndarray  # (links, n, 2) inner^-1 times the part of its own coordinates
+    inside: np.ndarray  # (links, n, 2) the part of its own coordinates, one after the other
+    own: np.ndarray  # (links, n, 2) inner^-1 times that
     edge: np.ndarray  # (nodes, m, 2) what is left for the pins
     answer: np.ndarray  # (2, nodes, m) of the pins to the turning
     corner: np.ndarray  # (2, 2)
@@ -31,15 +32,14 @@ class Axes(NamedTuple):
     lever: np.ndarray  # (3) from the line of the pins to it
     sums: np.ndarray  # (40) over the contact points of a section, see ``turning_faces``
     drift: np.ndarray  # (3) of the origin, along the axes
-    due: np.ndarray  # (1) 1 where the border is to be made anew with the next matrix: once a step
 
 
 def axes(links: int, nodes: int, own: int, shared: int) -> Axes:
     """Zeroed."""
     z = np.zeros
     return Axes(
-        z(2), z((links, 12, 2)), z((links, own, 2)), z((nodes, shared, 2)), z((2, nodes, shared)),
-        z((2, 2)), z(2), z(3), z(3), z(40), z(3), z(1),
+        z(2), z((links, 12, 2)), z((links, own, 2)), z((links, own, 2)), z((nodes, shared, 2)), z((2, nodes, shared)),
+        z((2, 2)), z(2), z(3), z(3), z(40), z(3),
     )  # fmt: skip
 
 

@@ -52,7 +52,7 @@ def outside(links, x, w, tangent):
         put(seen, 12, to_axes(f, vector(row, 12)))
     put(a.drift, 0, to_axes(f, vector(f, ACCELERATION)))
     a.moment[:] = 0.0
-    if tangent and a.due[0] == 1.0:
+    if tangent:
         a.edge[:] = 0.0
         a.corner[:] = 0.0
 
@@ -121,8 +121,7 @@ def sideways(links, w, r, tangent):
 @kernel
 def border(links, w, i, j, by):
     """See ``axes``: G = (K_contact + by.vdot M) (axis x e), condensed as the link's matrix was."""
-    if w.axes.due[0] == 1.0:
-        _border(w, i, j, by.vdot, w.touched[i])
+    _border(w, i, j, by.vdot, w.touched[i])
 
 
 @kernel
@@ -155,6 +154,7 @@ def _border(w, i, j, by_acceleration, touched):
             p += inverse[n, k] * G[inside[k], 0]
             q += inverse[n, k] * G[inside[k], 1]
         own[n, 0], own[n, 1] = p, q
+        a.inside[i, n, 0], a.inside[i, n, 1] = G[inside[n], 0], G[inside[n], 1]
     for n in range(8):
         p, q = G[shared[n], 0], G[shared[n], 1]
         for k in range(4):
@@ -175,9 +175,8 @@ def _border(w, i, j, by_acceleration, touched):
 
 @kernel
 def foresee(links, method, h, s, w):
-    """See ``axes``; of a step the border is made once, although contacts change with its iterations."""
+    """See ``axes``."""
     f, c = s.axes, method.alpha
-    w.axes.due[0] = 1.0
     rate, growth = vector(f, RATE), vector(f, GROWTH)
     for k in range(2):
         a0 = f[AUXILIARY + k]
@@ -231,9 +230,6 @@ def _turn(f, before, psi):
 @kernel
 def brace(links, w):
     """See ``axes``."""
-    if w.axes.due[0] == 0.0:
-        return
-    w.axes.due[0] = 0.0
     corner = w.axes.corner
     for c in range(2):
         b = w.axes.answer[c]
@@ -256,8 +252,7 @@ def _bent(links, x, w, by_acceleration):
     s01, s10 = a.corner[0, 1], a.corner[1, 0]
     for i in range(links.n):
         for n in range(4):
-            p, q = a.border[i, LAYOUT.inner[n], 0], a.border[i, LAYOUT.inner[n], 1]
-            t0, t1 = t0 - p * own[i, n], t1 - q * own[i, n]
+            t0, t1 = t0 - a.inside[i, n, 0] * own[i, n], t1 - a.inside[i, n, 1] * own[i, n]
     for i in range(y.shape[0]):
         for k in range(y.shape[1]):
             t0, t1 = t0 - edge[i, k, 0] * y[i, k], t1 - edge[i, k, 1] * y[i, k]
@@ -313,7 +308,6 @@ def swing(links, x, w):
         j = i + 1 if i + 1 < nodes else 0
         gather(links, x.q, i, j, w.e)
         _border(w, i, j, 1.0, False)
-    w.axes.due[0] = 1.0
     brace(links, w)
     roll, yaw = _bent(links, x, w, 1.0)
     f[GROWTH], f[GROWTH + 2] = -roll, -yaw

@@ -204,8 +204,6 @@ def push_pin(links, x, w, i, y, push, tangent):
     for a in range(3):
         for b in range(3):
             w.A[i, a, b] -= g[3 * a + b]
-    if w.axes.due[0] == 0.0:
-        return
     p = w.axes.point
     for a in range(3):
         edge[a, 0] -= g[3 * a + 2] * p[1] - g[3 * a + 1] * p[2]
