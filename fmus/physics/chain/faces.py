@@ -48,7 +48,7 @@ def guide(links, contacts, x, w, rows, by_rate, tangent):
 
 @door(_guided)
 def horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent):
-    """That of link ``i`` with its pins at ``a`` and ``b``, whose ``middle`` is known, against the disc of wheel ``k``."""
+    """That of link ``i``, its pins at ``a`` and ``b`` and its ``middle`` known, against the disc of wheel ``k``."""
 
 
 @door(_of)
