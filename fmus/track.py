@@ -372,8 +372,6 @@ class TrackModel:
     def advance(self, t: float, h: float) -> None:
         """Integrate over the communication step with the wheels ``rows``; raises StepFailed."""
         explicit = self.integrator == EXPLICIT
-        if explicit:
-            self.factor_mass(t)
         longest = min(self.max_step, self.stable) if explicit else self.max_step
         scheme = (self.slopes,) if explicit else (self.method,)
         args = (*self.system(), *scheme, self.rows, h, longest, self.s, self.work, self.report, self.counters)
@@ -388,14 +386,6 @@ class TrackModel:
                     f" {longest:.3g} s"
                 )
             raise StepFailed(f"{FAILED[failure]} {where}: residual {residual:.3g} N")
-        if explicit:
-            self.settle_forces()
-
-    def factor_mass(self, t: float) -> None:
-        """What explicit integration needs at ``t``; rigid links nothing."""
-
-    def settle_forces(self) -> None:
-        """Forces in the links after an explicit step; rigid links have them."""
 
     # What a subclass brings ------------------------------------------------------------------------------------
 

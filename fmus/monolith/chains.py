@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.model import Floats, InvalidParameter
 from fmus.physics.chain.flexible.state import State as Flexible
-from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.kinds import observe, settle_forces
 from fmus.physics.chain.report import GROUND, SUMMED
 from fmus.physics.chain.rigid.state import State as Rigid
 from fmus.physics.chain.state import moving
@@ -78,7 +78,7 @@ def take(model: TrackModel, place: Place, x: Floats, h: float) -> None:
     model.s.flat[: x.size] = x
     model.s.mean[:], model.s.soil_mean[:] = place.impulse / h, place.soil / h
     take_evaluated(model.s, model.work)
-    model.settle_forces()
+    settle_forces(*model.system(), model.s, model.work)
     observe(model.link, model.environment, model.s, model.work, model.report)
     model.report[[*SUMMED]] += place.books
 

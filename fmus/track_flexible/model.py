@@ -15,18 +15,16 @@ from fmus.physics.chain.flexible.assembly import axials, evaluate
 from fmus.physics.chain.flexible.axes_state import ORIGIN, VELOCITY
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
-from fmus.physics.chain.flexible.dynamics import observe
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.equilibrium import settle
-from fmus.physics.chain.flexible.explicit import NOTHING, accelerations, factor_mass, stable
+from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD, newton
 from fmus.physics.chain.flexible.places import straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
+from fmus.physics.chain.flexible.release import bare, let_go
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
-from fmus.physics.chain.report import SUMMED
-from fmus.physics.chain.state import begin
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.ports import Port
 from fmus.track import TILTED, TrackModel
@@ -145,7 +143,6 @@ class Model(TrackModel):
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list), self.soiled)
         self.stable = stable(self.link)
-        self.factored = False
 
     def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:
         if element == "planar":
@@ -225,7 +222,7 @@ class Model(TrackModel):
                 raise StepFailed(
                     f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
                 )
-        self._observe()
+        self._let_go()
 
     def move(self, turning: Floats, velocity: Floats) -> None:
         """Rates of the pins and of the slopes of the links that end and begin there."""
@@ -236,7 +233,7 @@ class Model(TrackModel):
             for x, z in vectors:
                 self.s.v[:, x] += rate * self.s.q[:, z]
                 self.s.v[:, z] -= rate * self.s.q[:, x]
-        self._observe()
+        self._let_go()
 
     def tighten(self) -> None:
         """Deform the links of a chain that is let go, so that no wave is born with it."""
@@ -246,7 +243,7 @@ class Model(TrackModel):
         chain = Chain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
         if not tighten(chain, self._residuals, max(REST, self._rounding())):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
-        self._observe()
+        self._let_go()
 
     def _residuals(self, accelerations: Floats) -> Floats:
         """Of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
@@ -276,24 +273,12 @@ class Model(TrackModel):
                 f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
             )
 
-    def _observe(self) -> None:
-        """Wrenches, pin forces and report of the state as it stands."""
-        s, w = self.s, self.work
-        self._let_go()
-        w.moved[:] = self.start_rows
-        evaluate(*self.system(), Motion(s.q, s.v, s.vdot, s.axes), NOTHING, w, False)
-        begin(s, w)
-        observe(self.link, self.environment, s, w, self.report)
-        self.report[[*SUMMED]] = 0.0
-
     def _let_go(self) -> None:
-        """Accelerations of the start: the integrator's order rests on them."""
-        s, w = self.s, self.work
-        self.factored = False
-        self.factor_mass(0.0)
-        w.moved[:] = self.start_rows
-        accelerations(*self.system(), s, w)
-        s.vdot[:] = s.a[:] = w.change[0]
+        """Accelerations of the start, and what they show of the state as it stands."""
+        system = self.system()
+        failed = let_go(*system, bare(*system), self.start_rows, self.s, self.work, self.report)
+        if failed >= 0:
+            raise StepFailed(f"the chain's mass matrix is singular at the start, link {failed + 1}")
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3)."""
@@ -304,22 +289,6 @@ class Model(TrackModel):
     def _rotation(self) -> Floats:
         """Of the axes that turn, against the track's frame (3, 3)."""
         return self.s.axes[:ORIGIN].reshape(3, 3)
-
-    def factor_mass(self, t: float) -> None:
-        """The mass of the chain, for its accelerations: once."""
-        if self.factored:
-            return
-        failed = factor_mass(*self.system(), self.s, self.work)
-        if failed >= 0:
-            raise StepFailed(f"the chain's mass matrix is singular at t = {t:.6g} s, link {failed + 1}")
-        self.factored = True
-
-    def settle_forces(self) -> None:
-        """Residuals of the links, and so the pin forces, with the accelerations of the state as it stands."""
-        s, w = self.s, self.work
-        accelerations(*self.system(), s, w)
-        evaluate(*self.system(), Motion(s.q, s.v, w.change[0], s.axes), NOTHING, w, False)
-        s.residual[:] = w.R
 
     def _watch(self, t: float) -> None:
         """Cables with fixed axes cannot leave their plane: say so when a wheel's axis does, fail when it is far out."""

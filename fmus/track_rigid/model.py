@@ -11,15 +11,14 @@ from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.implicit import Method
-from fmus.physics.chain.report import SUMMED
-from fmus.physics.chain.rigid.dynamics import observe, pin_forces, pin_motion, tensions
+from fmus.physics.chain.rigid.dynamics import pin_forces, pin_motion, tensions
 from fmus.physics.chain.rigid.equilibrium import settle
-from fmus.physics.chain.rigid.explicit import LIMIT, accelerations
+from fmus.physics.chain.rigid.explicit import LIMIT
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import FORCE, newton
+from fmus.physics.chain.rigid.release import let_go, show
 from fmus.physics.chain.rigid.state import State, shapes
 from fmus.physics.chain.rigid.work import work
-from fmus.physics.chain.state import begin
 from fmus.physics.integrate.generalized_alpha import BACKWARD, coefficients
 from fmus.physics.rigid.augmented import Ends
 from fmus.ports import Port
@@ -70,7 +69,7 @@ class Model(TrackModel):
                     f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
                 )
             self.counters[:] = 0
-            self._observe()
+            show(self.link, self.environment, s, w, self.report)
         else:
             w.moved[:] = self.start_rows
             s.v[:, 0], s.v[:, 2], s.v[:, 4] = spin * s.q[:, 2], -spin * s.q[:, 0], spin
@@ -85,16 +84,9 @@ class Model(TrackModel):
 
     def _let_go(self) -> None:
         """Accelerations of the start."""
-        failed = accelerations(*self.system(), self.s, self.work)
+        failed = let_go(*self.system(), self.s, self.work, self.report)
         if failed >= 0:
             raise StepFailed(f"the accelerations of the start were not found: link {failed + 1}")
-        self._observe()
-
-    def _observe(self) -> None:
-        """Wrenches and report of the state as it stands."""
-        begin(self.s, self.work)
-        observe(self.link, self.environment, self.s, self.work, self.report)
-        self.report[[*SUMMED]] = 0.0
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3)."""

@@ -239,6 +239,7 @@ AT_ONCE = ("drive.ramp_start=0", "drive.ramp_time=0.04")
 JOINED = (*AT_ONCE, "drive.steering.ramp_start=0", "drive.steering.ramp_time=0.04")
 
 
+@pytest.mark.study  # compiles two monoliths
 def test_a_differential_with_prescribed_speeds_is_two_drives():
     joined, apart = whole("differential", *JOINED, steps=50), whole("turn", *AT_ONCE, steps=50)
     of_drives = {"energy.work": "work"}
@@ -257,6 +258,7 @@ def test_a_differential_with_prescribed_speeds_is_two_drives():
     assert sum(powers[:2]) != pytest.approx(1.02 * sum(powers[2:]), rel=1e-3)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("mode", ["speed", "controller"])
 def test_books_of_a_differential_close(mode, tmp_path):
     motors = (f"drive.mode={mode}", f"drive.steering.mode={mode}")

@@ -12,8 +12,9 @@ from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.cable_nodes import gather
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.explicit import accelerations, factor_mass
+from fmus.physics.chain.flexible.explicit import accelerations
 from fmus.physics.chain.flexible.places import straight
+from fmus.physics.chain.flexible.release import bare, factor_mass
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.flexible.state import shapes as flexible_shapes
 from fmus.physics.chain.flexible.state import views as flexible_views
@@ -44,6 +45,9 @@ def ring(n: int, pitch: float = P) -> np.ndarray:
 
 class Rigid(Rods):
     """Rigid links; the first pin held or not, the last one free."""
+
+    def factor(self):
+        assert factor_mass(*bare(self.links, None, self.env), self.s, self.w) == -1
 
     def run(self, time, h, integrator="generalized_alpha"):
         return super().run(time, h, EXPLICIT if integrator == "runge_kutta" else IMPLICIT)
@@ -87,16 +91,19 @@ class Flexible:
     def release(self):
         """Accelerations of the start."""
         system = self.links, None, self.env, self.s, self.w
-        assert factor_mass(*system) == -1
+        self.factor()
         accelerations(*system)
         self.s.vdot[:] = self.s.a[:] = self.w.change[0]
         begin(self.s, self.w)
         return self
 
+    def factor(self):
+        assert factor_mass(*bare(self.links, None, self.env), self.s, self.w) == -1
+
     def run(self, time, h, integrator="generalized_alpha"):
         system, span = (self.links, None, self.env), (NO_ROWS, time, h, self.s, self.w, self.report, self.counters)
         if integrator == "runge_kutta":
-            assert factor_mass(*system, self.s, self.w) == -1
+            self.factor()
             outcome = march(*system, slopes(self.s), *span)
         else:
             outcome = advance(*system, self.method, *span)

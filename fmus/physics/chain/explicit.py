@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.kinds import close, derivative, first_speed, observe, speed
+from fmus.physics.chain.kinds import close, derivative, first_speed, observe, settle_forces, speed
 from fmus.physics.chain.outcome import APART, DONE, SINGULAR, UNSTABLE, Outcome
 from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, PATCH_DEFECT, STEPS, TRAVEL, WORK
 from fmus.physics.chain.state import add_share, moving, take
@@ -30,7 +30,7 @@ def slopes(s) -> Floats:
 def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s with the wheels ``rows`` (m, 15) of its beginning, in equal steps of at most ``longest``.
 
-    ``k`` from ``slopes``; flexible links want their mass factored in ``w`` (``flexible.explicit``). The mean wrenches
+    ``k`` from ``slopes``; flexible links want their mass factored in ``w`` (``flexible.release``). The mean wrenches
     are weighted as the momentum is. Returns an Outcome; after a failure ``s`` is spoilt.
     """
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
@@ -69,4 +69,5 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
         report[TRAVEL] += 0.5 * dt * (before + along)
     take(s, w)
     observe(links, env, s, w, report)
+    settle_forces(links, contacts, env, s, w)
     return Outcome(DONE, h, 0, 0.0)

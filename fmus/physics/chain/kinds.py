@@ -37,6 +37,11 @@ def close(links, s, w):
 
 
 @door(_of, shared=True)
+def settle_forces(links, contacts, env, s, w):
+    """After an explicit step: forces in the links with the accelerations of the state; rigid links have them."""
+
+
+@door(_of, shared=True)
 def end_work(links, env, h, s, w):
     """Work that the loads on the ends did in an implicit step of ``h`` s from ``w.before``, J."""
 

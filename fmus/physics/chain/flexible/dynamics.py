@@ -7,7 +7,7 @@ from fmus.physics.ancf.element import axes
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
 from fmus.physics.chain.flexible.assembly import totals
-from fmus.physics.chain.flexible.explicit import close, derivative  # noqa: F401 - behind the door
+from fmus.physics.chain.flexible.explicit import close, derivative, keep_residuals, settle_forces  # noqa: F401
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import SPEED, write
@@ -40,9 +40,6 @@ def first_speed(links, env, s, w, report):
 @kernel
 def observe(links, env, s, w, report):
     """See ``kinds``; and the residuals of the links."""
-    for i in range(s.residual.shape[0]):
-        for a in range(s.residual.shape[1]):
-            for k in range(s.residual.shape[2]):
-                s.residual[i, a, k] = w.R[i, a, k]
+    keep_residuals(s, w)
     tension, energy = totals(links, env, Motion(s.q, s.v, s.vdot, s.axes), w)
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], tension, energy)

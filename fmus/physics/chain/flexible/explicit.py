@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.ancf.element import highest_frequency, massive
-from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.environment import Environment
+from fmus.physics.ancf.element import highest_frequency
+from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.axes import follow, limp, rates, sideways_frequency, square, swing
+from fmus.physics.chain.flexible.axes import follow, rates, sideways_frequency, square, swing
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.state import Motion, State
+from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.integrate.generalized_alpha import Slopes
 
 # step times highest frequency, within the stability region of the method for lightly damped modes
@@ -27,20 +26,6 @@ NOTHING = Slopes(0.0, 0.0, 0.0)  # no matrix is asked for
 def stable(links: Any) -> float:
     """The longest step of the explicit method, s, contacts apart."""
     return LIMIT / max(highest_frequency(links.element), float(sideways_frequency(links)))
-
-
-def factor_mass(links: Any, contacts: Any, env: Environment, s: State, w: Any) -> int:
-    """Factor the chain's mass into ``w``: the iteration matrix of links without stiffness.
-
-    Returns -1, or the link where it is singular. No wheel and no ground is touched: ``w.moved`` is spoilt.
-    """
-    w.moved[:] = 0.0
-    w.moved[:, 0], w.moved[:, [10, 12]] = 1e9, 1.0  # upright, far ahead
-    partners = contacts and contacts._replace(ground=0)
-    x, by = Motion(s.q, w.still, w.still, s.axes), Slopes(0.0, 0.0, 1.0)
-    bare = limp(links)._replace(element=massive(links.element))
-    evaluate(bare, partners, env._replace(transverse=0.0), x, by, w, True)
-    return int(factor(w.A, w.U, w.L, w.factors, links.closed == 1))
 
 
 @kernel
@@ -66,6 +51,23 @@ def derivative(links, contacts, env, s, w, k):
             k[n + i * width + j] = w.change[0, i, j]
     rates(links, s, k, 2 * n)
     return -1
+
+
+@kernel
+def settle_forces(links, contacts, env, s, w):
+    """See ``kinds``."""
+    accelerations(links, contacts, env, s, w)
+    evaluate(links, contacts, env, Motion(s.q, s.v, w.change[0], s.axes), NOTHING, w, False)
+    keep_residuals(s, w)
+
+
+@kernel
+def keep_residuals(s, w):
+    """Those of the links in the last evaluation are the state's."""
+    for i in range(s.residual.shape[0]):
+        for a in range(s.residual.shape[1]):
+            for k in range(s.residual.shape[2]):
+                s.residual[i, a, k] = w.R[i, a, k]
 
 
 @kernel

@@ -7,7 +7,7 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.report import write
-from fmus.physics.chain.rigid.explicit import close, derivative  # noqa: F401 - behind the door
+from fmus.physics.chain.rigid.explicit import close, derivative, settle_forces  # noqa: F401 - behind the door
 from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.speed import chain_speed
 from fmus.physics.chain.sums import END_POWER

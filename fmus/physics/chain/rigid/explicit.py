@@ -91,6 +91,11 @@ def normalise(s):
             s.q[i, j] /= norm
 
 
+@kernel
+def settle_forces(links, contacts, env, s, w):
+    """See ``kinds``."""
+
+
 @allocating
 def close(links, s, w):
     """Close the pins in position, then in velocity, with the factors of the last stage; see ``kinds``."""
