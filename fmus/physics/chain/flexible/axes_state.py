@@ -18,19 +18,21 @@ SIZE = 32
 
 
 class Axes(NamedTuple):
-    """Arrays that free axes work in; ``border`` has a column for roll and one for yaw, about x and z of the axes."""
+    """Arrays that free axes work in; a border has columns for roll and yaw, about x and z of the axes, and as rows."""
 
     psi: np.ndarray  # (2) turn of the axes over the step so far, rad
-    border: np.ndarray  # (links, 12, 2) of each link's residual by the turning
-    inside: np.ndarray  # (links, n, 2) the part of its own coordinates, one after the other
-    own: np.ndarray  # (links, n, 2) inner^-1 times that
-    edge: np.ndarray  # (nodes, m, 2) what is left for the pins
+    border: np.ndarray  # (links, 12, 4) each link's residual by the turning, the balance of the turning by the link
+    turned: np.ndarray  # (links, 4, 12) the contacts' part, where touched
+    inside: np.ndarray  # (links, n, 2) the balance by each link's own coordinates
+    own: np.ndarray  # (links, n, 2) inner^-1 times its own residual by the turning
+    edge: np.ndarray  # (nodes, m, 4) what is left of the border for the pins
     answer: np.ndarray  # (2, nodes, m) of the pins to the turning
-    corner: np.ndarray  # (2, 2)
+    corner: np.ndarray  # (2, 2) the balance by the turning
     moment: np.ndarray  # (2) what the balance of the turning lacks, N m
-    point: np.ndarray  # (3) the contact point, along the axes
-    lever: np.ndarray  # (3) from the line of the pins to it
-    sums: np.ndarray  # (40) over the contact points of a section, see ``turning_faces``
+    point: np.ndarray  # (3) the contact point of a pin, along the axes
+    place: np.ndarray  # (6) of a section of a face: p, d of its points at p + y d
+    lever: np.ndarray  # (3) from the line of the pins to a contact point
+    sums: np.ndarray  # (36) over the contact points of a section, see ``turning_faces``
     drift: np.ndarray  # (3) of the origin, along the axes
 
 
@@ -38,8 +40,8 @@ def axes(links: int, nodes: int, own: int, shared: int) -> Axes:
     """Zeroed."""
     z = np.zeros
     return Axes(
-        z(2), z((links, 12, 2)), z((links, own, 2)), z((links, own, 2)), z((nodes, shared, 2)), z((2, nodes, shared)),
-        z((2, 2)), z(2), z(3), z(3), z(40), z(3),
+        z(2), z((links, 12, 4)), z((links, 4, 12)), z((links, own, 2)), z((links, own, 2)), z((nodes, shared, 4)),
+        z((2, nodes, shared)), z((2, 2)), z(2), z(3), z(6), z(3), z(36), z(3),
     )  # fmt: skip
 
 

@@ -2,11 +2,11 @@
 
 The pins of a chain share their direction, the y axis. Where nothing but contacts turns the chain, the virtual work of a
 rotation of all that the axes carry is none: the moment of inertia forces, weight and contacts about x and z of the axes
-vanishes. Internal forces have no part in it. Newton's iteration gets a border of two columns. The turn of a step, the
-angular velocity and its derivative run through the generalised-alpha method as coordinates, rates and accelerations
-do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels, and no force
-depends on it. Explicitly, accelerations follow from the same border with the mass alone. Wheels are seen from the axes,
-ground forces act in the frame of the start.
+vanishes. Internal forces have no part in it. Newton's iteration gets a border of two columns and two rows. The turn of
+a step, the angular velocity and its derivative run through the generalised-alpha method as coordinates, rates and
+accelerations do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels, and
+no force depends on it. Explicitly, accelerations follow from the same border with the mass alone. Wheels are seen from
+the axes, ground forces act in the frame of the start.
 """
 
 from __future__ import annotations
@@ -120,51 +120,51 @@ def sideways(links, w, r, tangent):
 
 @kernel
 def border(links, w, i, j, by):
-    """See ``axes``: G = (K_contact + by.vdot M) (axis x e), condensed as the link's matrix was."""
+    """See ``axes``; condensed as the link's matrix was."""
     _border(w, i, j, by.vdot, w.touched[i])
 
 
 @kernel
 def _border(w, i, j, by_acceleration, touched):
-    """Without K_contact where not ``touched``."""
-    a, G, K, M = w.axes, w.axes.border[i], w.stiffening[i], w.M
+    """By inertia M (axis x e), and by contacts where ``touched``."""
+    a, G, M, turned = w.axes, w.axes.border[i], w.M, w.axes.turned[i]
     e = vector(w.e[0], 0), vector(w.e[1], 0), vector(w.e[2], 0), vector(w.e[3], 0)
+    c00 = c01 = c10 = c11 = 0.0
     for n in range(4):
         m = (0.0, 0.0, 0.0)
         for k in range(4):
             m = add(m, scale(by_acceleration * M[n, k], e[k]))
         roll, yaw = (0.0, -m[2], m[1]), (-m[1], m[0], 0.0)
+        c00, c01 = c00 + e[n][1] * roll[2] - e[n][2] * roll[1], c01 + e[n][1] * yaw[2] - e[n][2] * yaw[1]
+        c10, c11 = c10 + e[n][0] * roll[1] - e[n][1] * roll[0], c11 + e[n][0] * yaw[1] - e[n][1] * yaw[0]
         for r in range(3):
-            p, q = roll[r], yaw[r]
+            at = 3 * n + r
+            G[at, 0] = G[at, 2] = roll[r]
+            G[at, 1] = G[at, 3] = yaw[r]
             if touched:
                 for k in range(4):
-                    one, two, three = vector(K[3 * n + r], 3 * k)
-                    p += three * e[k][1] - two * e[k][2]
-                    q += two * e[k][0] - one * e[k][1]
-            G[3 * n + r, 0], G[3 * n + r, 1] = p, q
-    own, inverse, left, inside, shared = a.own[i], w.inner[i], w.left[i], LAYOUT.inner, LAYOUT.outer
-    c00 = c01 = c10 = c11 = 0.0
-    for n in range(4):
-        one, two, three = G[3 * n], G[3 * n + 1], G[3 * n + 2]
-        c00, c01 = c00 + e[n][1] * three[0] - e[n][2] * two[0], c01 + e[n][1] * three[1] - e[n][2] * two[1]
-        c10, c11 = c10 + e[n][0] * two[0] - e[n][1] * one[0], c11 + e[n][0] * two[1] - e[n][1] * one[1]
+                    G[at, k] += turned[k, at]
+    own, inside, inverse, left, right = a.own[i], a.inside[i], w.inner[i], w.left[i], w.right[i]
+    inner, shared = LAYOUT.inner, LAYOUT.outer
     for n in range(4):
         p = q = 0.0
         for k in range(4):
-            p += inverse[n, k] * G[inside[k], 0]
-            q += inverse[n, k] * G[inside[k], 1]
+            p += inverse[n, k] * G[inner[k], 0]
+            q += inverse[n, k] * G[inner[k], 1]
         own[n, 0], own[n, 1] = p, q
-        a.inside[i, n, 0], a.inside[i, n, 1] = G[inside[n], 0], G[inside[n], 1]
+        inside[n, 0], inside[n, 1] = G[inner[n], 2], G[inner[n], 3]
     for n in range(8):
-        p, q = G[shared[n], 0], G[shared[n], 1]
+        p, q, r, s = G[shared[n], 0], G[shared[n], 1], G[shared[n], 2], G[shared[n], 3]
         for k in range(4):
             p -= left[n, k] * own[k, 0]
             q -= left[n, k] * own[k, 1]
+            r -= right[k, n] * inside[k, 0]
+            s -= right[k, n] * inside[k, 1]
         pin, place = (i, n) if n < 4 else (j, n - 4)
-        a.edge[pin, place, 0] += p
-        a.edge[pin, place, 1] += q
+        edge = a.edge[pin, place]
+        edge[0], edge[1], edge[2], edge[3] = edge[0] + p, edge[1] + q, edge[2] + r, edge[3] + s
     for n in range(4):
-        p, q = G[inside[n], 0], G[inside[n], 1]
+        p, q = inside[n, 0], inside[n, 1]
         c00, c01 = c00 - p * own[n, 0], c01 - p * own[n, 1]
         c10, c11 = c10 - q * own[n, 0], c11 - q * own[n, 1]
     a.corner[0, 0] += c00
@@ -239,8 +239,8 @@ def brace(links, w):
         solve(w.A, w.U, w.factors, links.closed == 1, b)
         for i in range(b.shape[0]):
             for k in range(b.shape[1]):
-                corner[0, c] -= w.axes.edge[i, k, 0] * b[i, k]
-                corner[1, c] -= w.axes.edge[i, k, 1] * b[i, k]
+                corner[0, c] -= w.axes.edge[i, k, 2] * b[i, k]
+                corner[1, c] -= w.axes.edge[i, k, 3] * b[i, k]
 
 
 @kernel
@@ -255,7 +255,7 @@ def _bent(links, x, w, by_acceleration):
             t0, t1 = t0 - a.inside[i, n, 0] * own[i, n], t1 - a.inside[i, n, 1] * own[i, n]
     for i in range(y.shape[0]):
         for k in range(y.shape[1]):
-            t0, t1 = t0 - edge[i, k, 0] * y[i, k], t1 - edge[i, k, 1] * y[i, k]
+            t0, t1 = t0 - edge[i, k, 2] * y[i, k], t1 - edge[i, k, 3] * y[i, k]
     per = 1.0 / (s00 * s11 - s01 * s10)
     roll, yaw = per * (s11 * t0 - s01 * t1), per * (s00 * t1 - s10 * t0)
     for i in range(y.shape[0]):

@@ -16,18 +16,26 @@ from fmus.physics.chain.flexible.cable_faces import along  # noqa: F401 - behind
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
     begin,
     count,
-    enter,
     length,
     pin_rates,
     pins,
 )
+from fmus.physics.chain.flexible.node_faces import enter as enter_node
 from fmus.physics.contact.face import Push
-from fmus.physics.vector import add, cross, scale, vector
+from fmus.physics.vector import add, cross, dot, put, scale, vector
 
-# sums over the points of a section, by powers of y: how many, f, t f, g, g t, t g, t g t
-HITS, FORCE, ALONG, MATRIX, RIGHT, LEFT, BOTH = 0, 1, 4, 6, 15, 21, 27
-# and of df / d rate r: r, t r by powers of y; how a rim hears of its rate: by rates of the pins, where, at which side
-RATES, TURNED, HEARD, FOOT, OUTWARDS = 30, 33, 35, 36, 37
+# sums over the points of a section, each by powers 0 and 1 of y: how many, f, g = df / d place + by_rate df / d rate
+HITS, FORCE, MATRIX = 0, 1, 7
+# and the damper's df / d rate; how a rim hears of that rate: by rates of the pins, where along the link, on which side
+RATES, HEARD, FOOT, OUTWARDS = 25, 31, 32, 33
+
+
+@kernel
+def enter(links, x, w, i):
+    """See ``node_faces``."""
+    if not w.touched[i]:
+        w.axes.turned[i] = 0.0
+    enter_node(links, x, w, i)
 
 
 @kernel
@@ -65,7 +73,7 @@ def from_ground(links, x, w, push, tangent):
 
 @kernel
 def section(links, x, w, i, xi, z):
-    """Leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``, m without y in ``w.axes``, and sums of nothing."""
+    """Leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``, m without y, place and j - b t in ``w.axes``."""
     S, C, e, de, lever = w.S, w.C, w.e, w.v, w.axes.lever
     shape(links.element, xi, S)
     shape_slope(links.element, xi, C)
@@ -83,136 +91,220 @@ def section(links, x, w, i, xi, z):
     lever[0], lever[2] = -z * t2, z * t0
     turn = per * z * (t0 * db - t2 * da)
     w.axes.sums[:] = 0.0
-    return (p[0] - z * t2, p[1], p[2] + z * t0), (v[0] - turn * t0, v[1], v[2] - turn * t2), per * yaw, per * sway
+    at, sideways = (p[0] - z * t2, p[1], p[2] + z * t0), (-per * yaw * t0, 1.0, -per * yaw * t2)
+    put(w.axes.place, 0, at)
+    put(w.axes.place, 3, sideways)
+    return at, (v[0] - turn * t0, v[1], v[2] - turn * t2), sideways, per * sway
 
 
 @kernel
 def locate(links, x, w, i, at, y):
-    """Leaves y and the point in ``w.axes``."""
-    (p, v, yaw, sway), t0, t2, point = at, w.t[0], w.t[2], w.axes.point
+    """Leaves y in ``w.axes``."""
+    p, v, sideways, sway = at
     w.axes.lever[1] = y
-    point[0], point[1], point[2] = p[0] - y * yaw * t0, p[1] + y, p[2] - y * yaw * t2
-    return vector(point, 0), (v[0] - y * sway * t0, v[1], v[2] - y * sway * t2)
-
-
-@kernel
-def _turned(w, f):
-    """Book the moment of a force at the point about the axes of yaw and roll."""
-    p, moment = w.axes.point, w.axes.moment
-    moment[0] -= p[1] * f[2] - p[2] * f[1]
-    moment[1] -= p[0] * f[1] - p[1] * f[0]
+    return add(p, scale(y, sideways)), (v[0] - y * sway * w.t[0], v[1], v[2] - y * sway * w.t[2])
 
 
 @kernel
 def push(links, w, i, push, tangent):
     """Sum up what the points of a section feel, by powers of y, for ``pushed``."""
-    s, t0, t2, y, f, g = w.axes.sums, w.t[0], w.t[2], w.axes.lever[1], push.f, push.g
-    _turned(w, f)
-    a = f[0] * t0 + f[2] * t2
+    s, y, f, g = w.axes.sums, w.axes.lever[1], push.f, push.g
     s[HITS] += 1.0
     for j in range(3):
         s[FORCE + j] += f[j]
-    s[ALONG] += a
-    s[ALONG + 1] += y * a
-    if not tangent:
-        return
-    p = g[0] * t0 + g[2] * t2, g[3] * t0 + g[5] * t2, g[6] * t0 + g[8] * t2  # g t
-    o = g[0] * t0 + g[6] * t2, g[1] * t0 + g[7] * t2, g[2] * t0 + g[8] * t2  # t g
-    r = p[0] * t0 + p[2] * t2
-    for j in range(9):
-        s[MATRIX + j] += g[j]
+        s[FORCE + 3 + j] += y * f[j]
+    if tangent:
+        for j in range(9):
+            s[MATRIX + j] += g[j]
+            s[MATRIX + 9 + j] += y * g[j]
+
+
+@kernel
+def resist(links, w, i, push, by_rate, foot, side):
+    """Sum up df / d rate for ``pushed``; the rate falls as a face moves outwards."""
+    s, r, y = w.axes.sums, push.by_rate, w.axes.lever[1]
+    s[HEARD], s[FOOT] = by_rate, foot
     for j in range(3):
-        s[RIGHT + j] += p[j]
-        s[RIGHT + 3 + j] += y * p[j]
-        s[LEFT + j] += o[j]
-        s[LEFT + 3 + j] += y * o[j]
-    s[BOTH] += r
-    s[BOTH + 1] += y * r
-    s[BOTH + 2] += y * y * r
+        s[RATES + j] += r[j]
+        s[RATES + 3 + j] += y * r[j]
+        s[OUTWARDS + j] = side[j]
+
+
+@kernel
+def _rows(s, i):
+    """Of a matrix that lies in ``s`` from ``i`` on."""
+    return vector(s, i), vector(s, i + 3), vector(s, i + 6)
+
+
+@kernel
+def _columns(s, i):
+    """Of a matrix that lies in ``s`` from ``i`` on: the rows of its transpose."""
+    return (s[i], s[i + 3], s[i + 6]), (s[i + 1], s[i + 4], s[i + 7]), (s[i + 2], s[i + 5], s[i + 8])
+
+
+@kernel
+def _times(rows, a):
+    """A matrix of these rows times the vector ``a``."""
+    return dot(rows[0], a), dot(rows[1], a), dot(rows[2], a)
+
+
+@kernel
+def about_x(a):
+    """How the axes' roll moves what is at ``a``."""
+    return 0.0, -a[2], a[1]
+
+
+@kernel
+def about_z(a):
+    """How their yaw does."""
+    return -a[1], a[0], 0.0
+
+
+@kernel
+def _carried(w, h, h_y):
+    """A force h that acts with the leverage y as h_y, along the normal, the pin axis and the tangent: what B^T adds."""
+    t0, t2, lever = w.t[0], w.t[2], w.axes.lever
+    pull = h[0] * t0 + h[2] * t2
+    return pull * lever[0], h_y[0] * t0 + h_y[2] * t2, pull * lever[2]
 
 
 @kernel
 def pushed(links, w, i, tangent):
-    """Force on residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - c t m^T."""
-    S, C, R, K, s, m0, m2 = w.S, w.C, w.load[i], w.stiffening[i], w.axes.sums, w.axes.lever[0], w.axes.lever[2]
+    """Force on residual and matrix of the link, R -= B^T f, K -= B^T g B with B = S - c t m^T; moment; border."""
+    S, C, R, s, moment = w.S, w.C, w.load[i], w.axes.sums, w.axes.moment
     if s[HITS] == 0.0:
         return
-    l = s[ALONG] * m0, s[ALONG + 1], s[ALONG] * m2  # of (t f) m
+    f, f_y = vector(s, FORCE), vector(s, FORCE + 3)
+    l = _carried(w, f, f_y)
     for k in range(4):
         for j in range(3):
-            R[k, j] -= S[k] * s[FORCE + j] - C[k] * l[j]
-    if not tangent:
-        return
-    n = s[BOTH] * m0, s[BOTH + 1], s[BOTH] * m2  # of (t g t) m
-    q = s[BOTH + 1] * m0, s[BOTH + 2], s[BOTH + 1] * m2  # times y
+            R[k, j] -= S[k] * f[j] - C[k] * l[j]
+    p, d = vector(w.axes.place, 0), vector(w.axes.place, 3)
+    moment[0] -= dot(about_x(p), f) + dot(about_x(d), f_y)
+    moment[1] -= dot(about_z(p), f) + dot(about_z(d), f_y)
+    if tangent:
+        _stiffen(w, i)
+        _brace(w, i, p, d)
+
+
+@kernel
+def _stiffen(w, i):
+    """K -= B^T g B."""
+    S, C, K, s, (m0, y, m2) = w.S, w.C, w.stiffening[i], w.axes.sums, vector(w.axes.lever, 0)
+    t, g, g_y = (w.t[0], 0.0, w.t[2]), _rows(s, MATRIX), _columns(s, MATRIX)
+    p, p_y = _times(g, t), _times(_rows(s, MATRIX + 9), t)  # g t
+    o, o_y = _times(g_y, t), _times(_columns(s, MATRIX + 9), t)  # t g
+    r, r_y = dot(p, t), dot(p_y, t)
+    n, q = (r * m0, r_y, r * m2), (r_y * m0, r * y * y, r_y * m2)  # of (t g t) m; times y
     for j in range(3):
         # columns of (g t) m^T, and of m (t g) and m (t g t) m^T
         if j == 1:
-            p, u = (s[RIGHT + 3], s[RIGHT + 4], s[RIGHT + 5]), (n[1] * m0, q[1], n[1] * m2)
+            right, both = p_y, q
         else:
             m = m0 if j == 0 else m2
-            p, u = scale(m, vector(s, RIGHT)), (n[0] * m, n[1] * m, n[2] * m)
-        o = s[LEFT + j] * m0, s[LEFT + 3 + j], s[LEFT + j] * m2
-        g = s[MATRIX + j], s[MATRIX + 3 + j], s[MATRIX + 6 + j]
+            right, both = scale(m, p), scale(m, n)
+        left, whole = (o[j] * m0, o_y[j], o[j] * m2), (g[0][j], g[1][j], g[2][j])
         for b in range(4):
-            right, left = add(scale(S[b], g), scale(-C[b], p)), add(scale(S[b], o), scale(-C[b], u))
+            one, two = add(scale(S[b], whole), scale(-C[b], right)), add(scale(S[b], left), scale(-C[b], both))
             for k in range(4):
                 for a in range(3):
-                    K[3 * k + a, 3 * b + j] -= S[k] * right[a] - C[k] * left[a]
+                    K[3 * k + a, 3 * b + j] -= S[k] * one[a] - C[k] * two[a]
     if s[HEARD] == 0.0:
         return
-    l, foot = (s[TURNED] * m0, s[TURNED + 1], s[TURNED] * m2), s[FOOT]
+    rate, foot = vector(s, RATES), s[FOOT]
+    l = _carried(w, rate, vector(s, RATES + 3))
     for k in range(4):
         for a in range(3):
-            r = s[HEARD] * (S[k] * s[RATES + a] - C[k] * l[a])
+            r = s[HEARD] * (S[k] * rate[a] - C[k] * l[a])
             for j in range(3):
                 K[3 * k + a, j] += r * s[OUTWARDS + j] * (1.0 - foot)
                 K[3 * k + a, 6 + j] += r * s[OUTWARDS + j] * foot
 
 
 @kernel
-def resist(links, w, i, push, by_rate, foot, side):
-    """Sum up r = df / d rate for ``pushed``: K -= B^T r (d rate / d pins); the rate falls as a face moves outwards."""
-    s, r, y = w.axes.sums, push.by_rate, w.axes.lever[1]
-    a = r[0] * w.t[0] + r[2] * w.t[2]
-    s[TURNED] += a
-    s[TURNED + 1] += y * a
-    s[HEARD], s[FOOT] = by_rate, foot
-    for j in range(3):
-        s[RATES + j] += r[j]
-        s[OUTWARDS + j] = side[j]
+def _answer(g, g_y, y2, a, a_y):
+    """Of the points at p + y d to a motion a + y a_y: the sums of g (a + y a_y), and of y times that."""
+    return add(_times(g, a), _times(g_y, a_y)), add(_times(g_y, a), scale(y2, _times(g, a_y)))
+
+
+@kernel
+def _put(w, line, h, h_y):
+    """A line of the border -= B^T h."""
+    S, C, l = w.S, w.C, _carried(w, h, h_y)
+    for n in range(4):
+        for j in range(3):
+            line[3 * n + j] -= S[n] * h[j] - C[n] * l[j]
+
+
+@kernel
+def _brace(w, i, p, d):
+    """The turning of the axes moves a point at p + y d by a = axis x (p + y d).
+
+    Into the border of the link: its residual by the turning, -B^T g a, and the balance of the turning by its
+    coordinates, -a^T g B; into the corner the balance by the turning. That forces turn with the axes is left out.
+    """
+    s, turned, corner, y = w.axes.sums, w.axes.turned[i], w.axes.corner, w.axes.lever[1]
+    roll, roll_y, yaw, yaw_y = about_x(p), about_x(d), about_z(p), about_z(d)
+    g, g_y = _rows(s, MATRIX), _rows(s, MATRIX + 9)
+    h, h_y = _answer(g, g_y, y * y, roll, roll_y)
+    k, k_y = _answer(g, g_y, y * y, yaw, yaw_y)
+    if s[HEARD] != 0.0:
+        rate, rate_y, side, e = vector(s, RATES), vector(s, RATES + 3), vector(s, OUTWARDS), w.e
+        one, other = s[HEARD] * (1.0 - s[FOOT]), s[HEARD] * s[FOOT]
+        place = add(scale(one, vector(e[0], 0)), scale(other, vector(e[2], 0)))
+        slow, slower = -dot(side, about_x(place)), -dot(side, about_z(place))
+        h, h_y = add(h, scale(slow, rate)), add(h_y, scale(slow, rate_y))
+        k, k_y = add(k, scale(slower, rate)), add(k_y, scale(slower, rate_y))
+        felt, sensed = dot(roll, rate) + dot(roll_y, rate_y), dot(yaw, rate) + dot(yaw_y, rate_y)
+        for j in range(3):
+            turned[2, j] += felt * one * side[j]
+            turned[2, 6 + j] += felt * other * side[j]
+            turned[3, j] += sensed * one * side[j]
+            turned[3, 6 + j] += sensed * other * side[j]
+    corner[0, 0] -= dot(roll, h) + dot(roll_y, h_y)
+    corner[0, 1] -= dot(roll, k) + dot(roll_y, k_y)
+    corner[1, 0] -= dot(yaw, h) + dot(yaw_y, h_y)
+    corner[1, 1] -= dot(yaw, k) + dot(yaw_y, k_y)
+    _put(w, turned[0], h, h_y)
+    _put(w, turned[1], k, k_y)
+    g, g_y = _columns(s, MATRIX), _columns(s, MATRIX + 9)
+    h, h_y = _answer(g, g_y, y * y, roll, roll_y)
+    k, k_y = _answer(g, g_y, y * y, yaw, yaw_y)
+    _put(w, turned[2], h, h_y)
+    _put(w, turned[3], k, k_y)
 
 
 @kernel
 def locate_pin(links, x, w, i, y):
     """See ``faces``."""
     q, v = x.q[i], x.v[i]
-    p, point = (q[0], q[1] + y, q[2]), w.axes.point
-    point[0], point[1], point[2] = p
+    p = q[0], q[1] + y, q[2]
+    put(w.axes.point, 0, p)
     return p, (v[0], v[1], v[2])
 
 
 @kernel
 def push_pin(links, x, w, i, y, push, tangent):
-    """Residual into ``w.b``, matrix into ``w.A``; what the axes' turning does to the pin into their border."""
-    f, g, edge, corner = push.f, push.g, w.axes.edge[i], w.axes.corner
-    _turned(w, f)
+    """Residual into ``w.b``, matrix into ``w.A``; what the turning of the axes does to the pin into their border."""
+    p, f, g, edge, corner = vector(w.axes.point, 0), push.f, push.g, w.axes.edge[i], w.axes.corner
     for a in range(3):
         w.b[i, a] -= f[a]
+    roll, yaw = about_x(p), about_z(p)
+    w.axes.moment[0] -= dot(roll, f)
+    w.axes.moment[1] -= dot(yaw, f)
     if not tangent:
         return
     for a in range(3):
         for b in range(3):
             w.A[i, a, b] -= g[3 * a + b]
-    p = w.axes.point
+    rows, columns = (g[:3], g[3:6], g[6:]), (g[::3], g[1::3], g[2::3])
+    h, k, balance, other = _times(rows, roll), _times(rows, yaw), _times(columns, roll), _times(columns, yaw)
     for a in range(3):
-        edge[a, 0] -= g[3 * a + 2] * p[1] - g[3 * a + 1] * p[2]
-        edge[a, 1] -= g[3 * a + 1] * p[0] - g[3 * a] * p[1]
-    for k in range(2):
-        e = (0.0, -p[2], p[1]) if k == 0 else (-p[1], p[0], 0.0)
-        for b in range(2):
-            h = (0.0, -p[2], p[1]) if b == 0 else (-p[1], p[0], 0.0)
-            s = 0.0
-            for a in range(3):
-                s += e[a] * (g[3 * a] * h[0] + g[3 * a + 1] * h[1] + g[3 * a + 2] * h[2])
-            corner[k, b] -= s
+        edge[a, 0] -= h[a]
+        edge[a, 1] -= k[a]
+        edge[a, 2] -= balance[a]
+        edge[a, 3] -= other[a]
+    corner[0, 0] -= dot(roll, h)
+    corner[0, 1] -= dot(roll, k)
+    corner[1, 0] -= dot(yaw, h)
+    corner[1, 1] -= dot(yaw, k)
