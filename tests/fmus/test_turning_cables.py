@@ -9,6 +9,7 @@ from test_track_flexible import TABLE, make, parameters, wheels
 from fmus.model import InvalidParameter
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes_state import GROWTH, ORIGIN, RATE
+from fmus.physics.chain.flexible.places import places
 from fmus.physics.chain.flexible.release import bare, factor_mass
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import KINETIC, STRAIN
@@ -33,32 +34,51 @@ def shaken(model, size=1e-3):
     return model
 
 
-def residual(model, turn=(0.0, 0.0, 0.0), growth=(0.0, 0.0, 0.0), fresh=False):
-    """Of the links (n, 12), N, and the moment that their balance lacks, with the axes turned."""
-    axes = model.s.axes.copy()
+def residual(model, turn=(0.0, 0.0, 0.0), by=BY, moved=None, fresh=False):
+    """Of the links (n, 12), N, and the moment that their balance lacks, with the axes turned or the pins ``moved``.
+
+    Rates and accelerations go with that as ``by`` says.
+    """
+    axes, w, still = model.s.axes.copy(), model.work, model.work.still
     axes[:ORIGIN] = (Rotation.from_rotvec(turn).as_matrix()).ravel()
-    axes[GROWTH : GROWTH + 3] += growth
-    w = model.work
-    motion = Motion(model.s.q, w.still, w.still, axes)
-    evaluate(*model.system(), motion, BY, w, fresh)
+    axes[RATE : RATE + 3] += by.v * np.asarray(turn)
+    axes[GROWTH : GROWTH + 3] += by.vdot * np.asarray(turn)
+    change = still if moved is None else moved
+    motion = Motion(model.s.q + change, by.v * change, by.vdot * change, axes)
+    evaluate(*model.system(), motion, by, w, fresh)
     return w.R.reshape(len(w.R), -1).copy(), w.axes.moment.copy()
 
 
-def test_the_border_is_what_a_turn_of_the_axes_does():
-    """By differences, at rest, but for the turning of the faces themselves; what is off by a fiftieth is seen."""
-    model = shaken(
-        carrier(**{"contact.wheel.damping": 0.0, "contact.ground.damping": 0.0, "contact.sprocket.damping": 0.0})
-    )
-    residual(model, fresh=True)
-    border, step = model.work.axes.border.copy(), 1e-7
+def differences(function, step):
+    """Of what a function returns, by its argument."""
+    return [(there - back) / (2.0 * step) for there, back in zip(function(step), function(-step), strict=True)]
+
+
+@pytest.mark.parametrize("by", [BY, Slopes(0.0, 2e3, 4e6), Slopes(0.0, 2e4, 4e6)])
+def test_the_border_is_what_a_turn_of_the_axes_does(by):
+    """By differences, at rest, but for the turning of faces and forces; what is off by a fiftieth is seen."""
+    model = shaken(carrier())
+    model.contacts = model.contacts._replace(sprocket=model.contacts.sprocket._replace(k=0.0, c=0.0, mu=0.0))
+    residual(model, by=by, fresh=True)
+    a, step = model.work.axes, 1e-9
+    border, corner = a.border.copy(), a.corner + np.einsum("lnj,lnk->jk", a.inside, a.own)
     assert model.work.touched.sum() > 20
-    for c, axis in ((0, 0), (1, 2)):
-        e = np.eye(3)[axis] * step
-        there, back = (residual(model, s * e, s * BY.vdot * e)[0] for s in (1.0, -1.0))
-        found = (there - back) / (2.0 * step)
-        scale = np.abs(border[:, :, c]).max()
-        assert np.abs(found - border[:, :, c]).max() < 1e-3 * scale
-        assert np.abs(found - 1.02 * border[:, :, c]).max() > 5e-3 * scale
+    found = [differences(lambda d, e=e: residual(model, d * np.array(e), by), step) for e in ((1, 0, 0), (0, 0, 1))]
+    for c, (residuals, moments) in enumerate(found):
+        for by_turn, known in ((residuals, border[:, :, c]), (moments, corner[:, c])):
+            scale = np.abs(known).max()
+            assert np.abs(by_turn - known).max() < 1e-3 * scale
+            assert np.abs(by_turn - 1.02 * known).max() > 5e-3 * scale
+    at = places(model.kit, model.s.q, 4, model.links_count).reshape(model.links_count, -1)
+    balance = np.zeros((model.s.q.size, 2))
+    np.add.at(balance, at, border[:, :, 2:])
+    for pin in (3, 17, 40):
+        for k in range(8):
+            moved = np.zeros_like(model.s.q)
+            moved[pin, k] = 1.0
+            by_pin = differences(lambda d, moved=moved: residual(model, by=by, moved=d * moved)[1:], step)[0]
+            known, scale = balance.reshape(*moved.shape, 2)[pin, k], np.abs(balance).max()
+            assert np.abs(by_pin - known).max() < 1e-3 * scale
 
 
 def test_the_balance_is_the_work_of_a_rotation():
