@@ -45,6 +45,18 @@ def test_equals_dense(n: int, m: int, closed: bool):
     assert np.abs(x - expected).max() < 1e-12 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_pair_is_solved_as_each_of_them(closed):
+    A, U, L, _, b = system(9, 4, closed)
+    work, d = block_cyclic.workspace(9, 4), np.flip(b).copy()
+    pair = b.copy(), d.copy()
+    assert block_cyclic.factor(A, U, L, work, closed) == -1
+    block_cyclic.solve_pair(A, U, work, closed, *pair)
+    for one, together in zip((b, d), pair, strict=True):
+        block_cyclic.solve(A, U, work, closed, one)
+        assert np.array_equal(one, together)
+
+
 def test_corner_blocks_matter_in_a_loop_only():
     A, U, L, dense, b = system(9, 4, True)
     expected = np.linalg.solve(dense, b.ravel()).reshape(9, 4)

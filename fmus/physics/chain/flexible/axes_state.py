@@ -21,7 +21,7 @@ class Axes(NamedTuple):
     """Arrays that free axes work in; a border has columns for roll and yaw, about x and z of the axes, and as rows."""
 
     psi: np.ndarray  # (2) turn of the axes over the step so far, rad
-    border: np.ndarray  # (links, 12, 4) each link's residual by the turning, the balance of the turning by the link
+    border: np.ndarray  # (links, 4, 12) each link's residual by the turning, the balance of the turning by the link
     turned: np.ndarray  # (links, 4, 12) the contacts' part, where touched
     inside: np.ndarray  # (links, n, 2) the balance by each link's own coordinates
     own: np.ndarray  # (links, n, 2) inner^-1 times its own residual by the turning
@@ -40,7 +40,7 @@ def axes(links: int, nodes: int, own: int, shared: int) -> Axes:
     """Zeroed."""
     z = np.zeros
     return Axes(
-        z(2), z((links, 12, 4)), z((links, 4, 12)), z((links, own, 2)), z((links, own, 2)), z((nodes, shared, 4)),
+        z(2), z((links, 4, 12)), z((links, 4, 12)), z((links, own, 2)), z((links, own, 2)), z((nodes, shared, 4)),
         z((2, nodes, shared)), z((2, 2)), z(2), z(3), z(6), z(3), z(36), z(3),
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.block_cyclic import solve
+from fmus.physics.block_cyclic import solve_pair
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.axes_state import (
     ACCELERATION,
@@ -127,34 +127,35 @@ def border(links, w, i, j, by):
 @kernel
 def _border(w, i, j, by_acceleration, touched):
     """By inertia M (axis x e), and by contacts where ``touched``."""
-    a, G, M, turned = w.axes, w.axes.border[i], w.M, w.axes.turned[i]
+    a, G, M = w.axes, w.axes.border[i], w.M
     e = vector(w.e[0], 0), vector(w.e[1], 0), vector(w.e[2], 0), vector(w.e[3], 0)
     c00 = c01 = c10 = c11 = 0.0
     for n in range(4):
         m = (0.0, 0.0, 0.0)
         for k in range(4):
-            m = add(m, scale(by_acceleration * M[n, k], e[k]))
-        roll, yaw = (0.0, -m[2], m[1]), (-m[1], m[0], 0.0)
-        c00, c01 = c00 + e[n][1] * roll[2] - e[n][2] * roll[1], c01 + e[n][1] * yaw[2] - e[n][2] * yaw[1]
-        c10, c11 = c10 + e[n][0] * roll[1] - e[n][1] * roll[0], c11 + e[n][0] * yaw[1] - e[n][1] * yaw[0]
-        for r in range(3):
-            at = 3 * n + r
-            G[at, 0] = G[at, 2] = roll[r]
-            G[at, 1] = G[at, 3] = yaw[r]
-            if touched:
-                for k in range(4):
-                    G[at, k] += turned[k, at]
+            m = add(m, scale(M[n, k], e[k]))
+        x, y, z = scale(by_acceleration, m)
+        across = e[n][2] * x
+        c00, c01 = c00 + e[n][1] * y + e[n][2] * z, c01 - across
+        c10, c11 = c10 - across, c11 + e[n][0] * x + e[n][1] * y
+        for line in range(0, 4, 2):
+            put(G[line], 3 * n, (0.0, -z, y))
+            put(G[line + 1], 3 * n, (-y, x, 0.0))
+    if touched:
+        for line in range(4):
+            for n in range(12):
+                G[line, n] += a.turned[i, line, n]
     own, inside, inverse, left, right = a.own[i], a.inside[i], w.inner[i], w.left[i], w.right[i]
     inner, shared = LAYOUT.inner, LAYOUT.outer
     for n in range(4):
         p = q = 0.0
         for k in range(4):
-            p += inverse[n, k] * G[inner[k], 0]
-            q += inverse[n, k] * G[inner[k], 1]
+            p += inverse[n, k] * G[0, inner[k]]
+            q += inverse[n, k] * G[1, inner[k]]
         own[n, 0], own[n, 1] = p, q
-        inside[n, 0], inside[n, 1] = G[inner[n], 2], G[inner[n], 3]
+        inside[n, 0], inside[n, 1] = G[2, inner[n]], G[3, inner[n]]
     for n in range(8):
-        p, q, r, s = G[shared[n], 0], G[shared[n], 1], G[shared[n], 2], G[shared[n], 3]
+        p, q, r, s = G[0, shared[n]], G[1, shared[n]], G[2, shared[n]], G[3, shared[n]]
         for k in range(4):
             p -= left[n, k] * own[k, 0]
             q -= left[n, k] * own[k, 1]
@@ -230,17 +231,16 @@ def _turn(f, before, psi):
 @kernel
 def brace(links, w):
     """See ``axes``."""
-    corner = w.axes.corner
-    for c in range(2):
-        b = w.axes.answer[c]
-        for i in range(b.shape[0]):
-            for k in range(b.shape[1]):
-                b[i, k] = w.axes.edge[i, k, c]
-        solve(w.A, w.U, w.factors, links.closed == 1, b)
-        for i in range(b.shape[0]):
-            for k in range(b.shape[1]):
-                corner[0, c] -= w.axes.edge[i, k, 2] * b[i, k]
-                corner[1, c] -= w.axes.edge[i, k, 3] * b[i, k]
+    corner, edge, b, d = w.axes.corner, w.axes.edge, w.axes.answer[0], w.axes.answer[1]
+    for i in range(b.shape[0]):
+        for k in range(b.shape[1]):
+            b[i, k], d[i, k] = edge[i, k, 0], edge[i, k, 1]
+    solve_pair(w.A, w.U, w.factors, links.closed == 1, b, d)
+    for i in range(b.shape[0]):
+        for k in range(b.shape[1]):
+            p, q = edge[i, k, 2], edge[i, k, 3]
+            corner[0, 0], corner[0, 1] = corner[0, 0] - p * b[i, k], corner[0, 1] - p * d[i, k]
+            corner[1, 0], corner[1, 1] = corner[1, 0] - q * b[i, k], corner[1, 1] - q * d[i, k]
 
 
 @kernel
