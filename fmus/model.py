@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.jit import entry, kernel
 from fmus.physics.arrays import Floats
 from fmus.ports import Port
+from fmus.sentences import TOLD, Sentence, say
 
 
 class InvalidParameter(ValueError):
@@ -29,20 +31,89 @@ def finite(values: Floats) -> bool:
     return math.isfinite(values.dot(values)) or bool(np.isfinite(values).all())
 
 
-def check_steps(t: float, h: float, longest: float) -> None:
-    """Refuse a communication step of ``h`` s at ``t`` that takes too many steps of ``longest`` s."""
-    if h / longest > MOST_STEPS:
-        raise StepFailed(
-            f"at t = {t:.6g} s a communication step of {h:.3g} s takes {h / longest:.3g} internal steps of"
-            f" {longest:.3g} s: {MOST_STEPS} are allowed"
-        )
+TOO_MANY = Sentence(
+    "at t = {0:.6g} s a communication step of {1:.3g} s takes {2:.3g} internal steps of {3:.3g} s:"
+    f" {MOST_STEPS} are allowed"
+)
+NO_ROTATION = "at t = {0:.6g} s the input {1:name}.orientation is no rotation: its length is {2:.3g}"
 
 
-def check_orientation(t: float, name: str, q: Floats) -> None:
-    """Refuse a quaternion ``q`` (4) of the input ``name`` that is no rotation."""
-    length = math.hypot(*q)
-    if not 0.9 < length < 1.1:
-        raise StepFailed(f"at t = {t:.6g} s the input {name}.orientation is no rotation: its length is {length:.3g}")
+@kernel
+def too_many(told, t, h, longest):
+    """Whether a communication step of ``h`` s takes more steps of ``longest`` s than are allowed: tells it."""
+    steps = h / longest
+    told[0], told[1], told[2], told[3] = t, h, steps, longest
+    return not steps <= MOST_STEPS
+
+
+@kernel
+def no_rotation(told, t, name, u, i):
+    """Whether the quaternion at ``u[i]`` of the input ``name`` (a number) is none: tells it, see ``NO_ROTATION``."""
+    length = np.sqrt(u[i] ** 2 + u[i + 1] ** 2 + u[i + 2] ** 2 + u[i + 3] ** 2)
+    told[0], told[1], told[2] = t, name, length
+    return not 0.9 < length < 1.1
+
+
+class Component:
+    """What runs, of every component alike: named tuples and arrays, its ``parts``, and kernels on them.
+
+    A model that starts calls ``begin`` with its parts. The kernels are ``stepping(parts, told, t, h, u)``, which
+    returns 0 or which of the ``failures`` it was, and tells numbers of that into the first row of ``told``, of the
+    warning k into row k + 1 behind a 1; ``showing(parts, y)``, and ``showing_links(parts, y)`` where there are link
+    outputs. They know nothing but their parts, so they can be compiled to a library of their own (``fmus.native``).
+    """
+
+    failures: tuple[Sentence, ...] = ()  # the first is none
+    warned: tuple[Sentence, ...] = ()
+    ports: tuple[Port, ...]
+    inputs: int  # Real inputs
+    state: Floats
+    counters: NDArray[np.int64]
+    link_ports = 0
+    stepping: Callable[..., int]
+    showing: Callable[..., None]
+    showing_links: Callable[..., None] | None = None
+
+    def begin(self, parts: Any) -> None:
+        """Run from here on with these parts."""
+        self.parts = parts
+        self._told, self._u, self._y = np.zeros((1 + len(self.warned), TOLD + 1)), np.zeros(self.inputs), np.zeros(1)
+        self._step = entry(self.stepping, parts, self._told, 0.0, 0.0, self._u)
+        self._show = entry(self.showing, parts, self._y)
+        self._said: list[str] = []
+
+    def step(self, t: float, h: float, u: Floats) -> None:
+        """Advance from t to t + h with the inputs ``u`` given at t; raises StepFailed, the state is then as it was."""
+        self._u[:] = u
+        self._take(t, h, self._u)
+
+    def _take(self, t: float, h: float, u: Floats) -> None:
+        before = self.state.copy(), self.counters.copy()
+        failed = self._step(self.parts, self._told, t, h, u)
+        for sentence, row in zip(self.warned, self._told[1:], strict=True):
+            if row[0]:
+                row[0] = 0.0
+                self._said.append(say(sentence, row[1:]))
+        if failed:
+            self.state[:], self.counters[:] = before
+            for port, value in zip(self.ports, u.tolist(), strict=False):
+                if not math.isfinite(value):
+                    raise StepFailed(f"at t = {t:.6g} s the input {port.name} is not finite")
+            raise StepFailed(say(self.failures[failed], self._told[0]))
+
+    def outputs(self, y: Floats) -> None:
+        """Write all Real outputs but those of links, in port order."""
+        self._show(self.parts, y)
+
+    def link_outputs(self, y: Floats) -> None:
+        """Write those of links."""
+        if self.showing_links is not None:
+            entry(self.showing_links, self.parts, y)(self.parts, y)
+
+    def warnings(self) -> list[str]:
+        """Warnings since the last call."""
+        said, self._said = self._said, []
+        return said
 
 
 class Model(Protocol):
@@ -53,7 +124,7 @@ class Model(Protocol):
     array made once: saving a model is copying it (and ``counters``), restoring is copying back in place.
     """
 
-    kernel: Any  # what a step spends its time in: compiled at the first one on a machine
+    stepping: Any  # the kernel of a step: compiled at the first one on a machine
     ports: tuple[Port, ...]
     link_ports: int  # how many of the Real outputs, the last ones, are link outputs (computed only when read)
     state: Floats

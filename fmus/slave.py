@@ -128,7 +128,7 @@ class Slave(Fmi2Slave):
             self._load(Path(self.resources))
             with spared():
                 check(cache_folder())  # before a minute of compilation
-            if not compiled_before(type(self).model.kernel):
+            if not compiled_before(type(self).model.stepping):
                 self.log("the first start on this machine compiles the kernels, which takes up to a minute")
             self._pass_on()
         except Exception as error:

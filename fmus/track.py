@@ -6,18 +6,19 @@ y = 0: whatever the heading, the joint axis is y and the numbers are small.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+import fmus.track_steps as steps
 from fmus.defaults import configured
-from fmus.jit import entry
-from fmus.model import Floats, InvalidParameter, StepFailed, check_orientation, check_steps
+from fmus.model import NO_ROTATION, TOO_MANY, Component, Floats, InvalidParameter
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
-from fmus.physics.chain.explicit import march, slopes
-from fmus.physics.chain.implicit import Method, advance
+from fmus.physics.chain.explicit import slopes
+from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.kinds import pin_places
 from fmus.physics.chain.layout import (
     catenary,
     chain_of_angles,
@@ -30,9 +31,10 @@ from fmus.physics.chain.layout import (
     rescaled,
 )
 from fmus.physics.chain.outcome import APART, SINGULAR, STALLED, UNSTABLE
-from fmus.physics.chain.report import COUNTERS, GROUND, REJECTED, REPORT, STEPS
-from fmus.physics.wheels import WIDTH, read_states, to_world
+from fmus.physics.chain.report import COUNTERS, REPORT
+from fmus.physics.wheels import WIDTH
 from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
+from fmus.sentences import Sentence
 from fmus.start import start
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
@@ -61,14 +63,49 @@ OUTPUTS = (
     ("energy.covered", "J", "energy lost so far as spread contacts come to cover other parts of a link"),
 )
 INTEGRATORS = IMPLICIT, EXPLICIT = "generalized_alpha", "runge_kutta"
-FAILED = {
-    STALLED: "Newton's iteration of the chain did not converge",
-    SINGULAR: "the chain's matrix is singular",
-    UNSTABLE: "blew up",
-    APART: "opened its pins",
+CAUSES = {  # of a failure: implicitly, explicitly
+    STALLED: ("Newton's iteration of the chain did not converge", ""),
+    SINGULAR: ("the chain's matrix is singular", "the chain's matrix is singular"),
+    UNSTABLE: ("", "blew up"),
+    APART: ("", "opened its pins"),
 }
-MANY = 5  # halvings in one communication step that are worth a word
-HALVED, TILTED = TOLD = range(2)  # what is warned of, once: flags at the end of the state
+WARNED = (
+    Sentence(
+        "the internal step was halved {0:d} times from t = {1:.4g} s on: contacts or friction are too sharp for it, and"
+        " the run becomes slow"
+    ),
+    Sentence(
+        "a wheel's axis is {0:.2f} degrees off the pin axis at t = {1:.4g} s: cables with axes = 'fixed' drive in their"
+        " own plane only, turns and side slopes need axes = 'free'"
+    ),
+)
+
+
+def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
+    """What a step of a track on these wheels may fail with, in the order of ``track_steps``."""
+    where, causes = "at t = {0:.6g} s, link {1:no}", sorted(CAUSES.items())
+    return (
+        Sentence(""),
+        Sentence(NO_ROTATION, tuple(wheels)),
+        TOO_MANY,
+        Sentence(
+            "at t = {0:.6g} s the {1:name} is {2:.3g} m from where the track was laid round it: start.lateral = {3:g} m"
+            " must be the side's, and all start.* the vehicle's",
+            tuple(wheels),
+        ),
+        Sentence(
+            "at t = {0:.6g} s a wheel's axis is {1:.1f} degrees off the pin axis: cables with axes = 'fixed' stay in"
+            " their plane, a vehicle that turns or rolls needs axes = 'free'"
+        ),
+        *(Sentence(f"{implicitly} {where}: residual {{2:.3g}} N") for _, (implicitly, _) in causes),
+        *(
+            Sentence(
+                f"the explicit integration of the chain {explicitly} {where}: take a smaller step than {{2:.3g}} s"
+            )
+            for _, (_, explicitly) in causes
+        ),
+    )
+
 
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
 STARTS = {
@@ -80,13 +117,17 @@ STARTS = {
 }
 
 
-class TrackModel:
+class TrackModel(Component):
     """A chain of links behind the ports of a track; a subclass brings the mechanics of its links.
 
     The subclass gives ``shapes``, ``prepare``, ``settle``, ``move`` and ``links``; what it prepares is ``link``,
     ``method``, ``work`` and ``stable``.
     """
 
+    stepping, showing = staticmethod(steps.implicit), staticmethod(steps.show)
+    showing_links = staticmethod(steps.show_links)
+    warned = WARNED
+    plane = 0  # 1: links that stay in their plane
     State: Any  # of its links
     link: Any
     method: Method
@@ -112,14 +153,15 @@ class TrackModel:
         self.soiled = self.links_count if shown and self.config["ground"] else 0  # links that say what the ground does
         self.link_ports = (2 * self.links_count + 6 * self.nodes + 3 * self.soiled) if shown else 0
         self.counters = np.zeros(COUNTERS, dtype=np.int64)
+        self.inputs = STATE * wheels
+        self.failures = failures([wheel["name"] for wheel in self.wheel_list])
         self.allocate()
-        self._warnings: list[str] = []
 
     def allocate(self) -> None:
         """The state, zeroed, and the views into it; again where a parameter decides on the size of a chain."""
         shapes = self.shapes()
         size = state.size(shapes)
-        self.state = np.zeros(size + REPORT + len(TOLD))
+        self.state = np.zeros(size + REPORT + len(steps.TOLD))
         self.s = state.views(self.State, shapes, self.state[:size])
         self.report, self.told = self.state[size : size + REPORT], self.state[size + REPORT :]
 
@@ -222,7 +264,6 @@ class TrackModel:
             row[12], row[14] = self.pose.pitched(1.0, 0.0)
         self.counters[:] = 0
         self.state[:] = 0.0
-        self._kernels: dict[str, Any] = {}
         self.prepare(p)
         self.slopes = slopes(self.s)
         self._start(str(p["start"]), float(p.get("start.spin", 0.0)))
@@ -231,7 +272,34 @@ class TrackModel:
             if self.links_count < 4:
                 raise InvalidParameter(f"start.ovalling = {oval}: a triangle of links is rigid, it must be 0")
             self.move(*ovalling(self.pins()[:, [0, 2]], oval))
-        self._warnings.clear()
+        self.run_as_set()
+
+    def run_as_set(self) -> None:
+        """Steps are from here on those of ``integrator`` with what was prepared."""
+        explicit = self.integrator == EXPLICIT
+        self.stepping = steps.explicit if explicit else steps.implicit
+        self.begin(
+            steps.Parts(
+                *self.system(),
+                scheme=self.slopes if explicit else self.method,
+                longest=min(self.max_step, self.stable) if explicit else self.max_step,
+                plane=self.plane,
+                pitch=self.pitch,
+                lateral=self.lateral,
+                frame=self.frame,
+                start_rows=self.start_rows,
+                rows=self.rows,
+                s=self.s,
+                work=self.work,
+                report=self.report,
+                given=self.told,
+                links=self.links_count,
+                nodes=self.nodes,
+                soiled=self.soiled,
+                state=self.state,
+                counters=self.counters,
+            )
+        )
 
     def _partners(self, p: Mapping[str, Any]) -> Any:
         """What the chain touches (a ``fmus.contacts.Contacts``); None, and nothing of it imported, for nothing."""
@@ -302,90 +370,19 @@ class TrackModel:
         except ValueError as error:
             raise InvalidParameter(f"start = 'folded': {error}") from None
 
-    def step(self, t: float, h: float, u: Floats) -> None:
-        """Advance by ``h`` with the wheels' states ``u`` given at ``t``."""
-        check_steps(t, h, self.max_step)
-        wrong = read_states(u, self.frame, self.rows)
-        if wrong >= 0:
-            self._refuse(t, wrong, u.reshape(-1, STATE)[wrong])
-        if self.counters[STEPS] == 0:
-            self._check_places(t)
-        self._watch(t)
-        before = int(self.counters[REJECTED])
-        self.advance(t, h)
-        halved = int(self.counters[REJECTED]) - before
-        if halved > MANY and not self.told[HALVED]:
-            self.told[HALVED] = True
-            self._warnings.append(
-                f"the internal step was halved {halved} times from t = {t:.4g} s on: contacts or friction are too sharp"
-                " for it, and the run becomes slow"
-            )
+    def advance(self, t: float, h: float) -> None:
+        """A step with the wheels ``rows`` as they stand; raises StepFailed."""
+        self._take(t, h, self._u[:0])
 
-    def _refuse(self, t: float, wheel: int, u: Floats) -> None:
-        """Say what is wrong with the state ``u`` (13) of a wheel."""
-        for port, value in zip(self.ports[STATE * wheel :], u, strict=False):
-            if not np.isfinite(value):
-                raise StepFailed(f"the input {port.name} is not a finite number at t = {t:.6g} s")
-        check_orientation(t, self.wheel_list[wheel]["name"], u[3:7])
-
-    def _check_places(self, t: float) -> None:
-        """Refuse wheels that are not where the chain was laid round them: it would touch none of them."""
-        off = np.linalg.norm(self.rows[:, :3] - self.start_rows[:, :3], axis=1)
-        if off.max(initial=0.0) > self.pitch:
-            k = int(np.argmax(off))
-            raise StepFailed(
-                f"at t = {t:.6g} s the {self.wheel_list[k]['name']} is {off[k]:.3g} m from where the track was laid"
-                f" round it: start.lateral = {self.lateral:g} m must be the side's, and all start.* the vehicle's"
-            )
-
-    def _watch(self, t: float) -> None:
-        """A place for a subclass to warn about what its mechanics cannot do."""
-
-    def outputs(self, y: Floats) -> None:
-        """Wrenches on the wheels and the report, world axes."""
-        wrenches = self.s.mean[:-1].reshape(-1, 3)  # force, torque by turns
-        n = wrenches.size
-        to_world(wrenches, self.frame, y[:n])
-        y[n:] = self.report
-        to_world(self.report[GROUND : GROUND + 3].reshape(1, 3), self.frame, y[n + GROUND : n + GROUND + 3])
-
-    def link_outputs(self, y: Floats) -> None:
-        """Tension and stress of each link, position of and force at each pin, force of the ground on links, world."""
-        n, m = self.links_count, self.nodes
-        position, force = np.empty((m, 3)), np.empty((m, 3))
-        self.links(y[:n], y[n : 2 * n], position, force)
-        to_world(position, self.frame, y[2 * n : 2 * n + 3 * m])
-        y[2 * n : 2 * n + 3 * m].reshape(m, 3)[:] += self.frame[:3]
-        to_world(force, self.frame, y[2 * n + 3 * m : 2 * n + 6 * m])
-        if self.soiled:
-            to_world(self.s.soil_mean, self.frame, y[2 * n + 6 * m :])
-
-    def warnings(self) -> list[str]:
-        """Warnings since the last call."""
-        said, self._warnings = self._warnings, []
-        return said
+    def pins(self) -> Floats:
+        """Places of the pins (nodes, 3) in the track's frame."""
+        places = np.zeros((self.nodes, 3))
+        pin_places(self.link, self.s, self.work, places)
+        return places
 
     def system(self) -> tuple[Any, Any, Environment]:
         """What the kernels of a chain take first: the links, what they touch, what acts on them besides."""
         return self.link, self.contacts, self.environment
-
-    def advance(self, t: float, h: float) -> None:
-        """Integrate over the communication step with the wheels ``rows``; raises StepFailed."""
-        explicit = self.integrator == EXPLICIT
-        longest = min(self.max_step, self.stable) if explicit else self.max_step
-        scheme = (self.slopes,) if explicit else (self.method,)
-        args = (*self.system(), *scheme, self.rows, h, longest, self.s, self.work, self.report, self.counters)
-        if self.integrator not in self._kernels:
-            self._kernels[self.integrator] = entry(march if explicit else advance, *args)
-        failure, done, link, residual = self._kernels[self.integrator](*args)
-        if failure:
-            where = f"at t = {t + done:.6g} s, link {link + 1}"
-            if explicit:
-                raise StepFailed(
-                    f"the explicit integration of the chain {FAILED[failure]} {where}: take a smaller step than"
-                    f" {longest:.3g} s"
-                )
-            raise StepFailed(f"{FAILED[failure]} {where}: residual {residual:.3g} N")
 
     # What a subclass brings ------------------------------------------------------------------------------------
 
@@ -410,11 +407,3 @@ class TrackModel:
 
     def tighten(self) -> None:
         """Give the links of a chain that is let go the tension of that instant; rigid links have it."""
-
-    def pins(self) -> Floats:
-        """Positions of the pins (nodes, 3) in the track's frame."""
-        raise NotImplementedError
-
-    def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
-        """Fill the per-link arrays, (n), (n), (nodes, 3), (nodes, 3), in the track's frame."""
-        raise NotImplementedError

@@ -9,11 +9,14 @@ Derivation and symbols: README.md of this folder, whose equation numbers stand a
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
+from fmus.model import too_many
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_quat, quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
@@ -23,6 +26,20 @@ LEAF = 4  # and of a leaf's
 BOOKS = 2  # dissipated energy, work of the wrenches
 
 FINE, NOT_FINITE, BROKEN_QUATERNION, OUT_OF_REACH = 0, 1, 2, 3  # faults; a leaf's number is added to the last
+TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # failures of a step beside the first faults
+
+
+class Parts(NamedTuple):
+    """A chassis that runs."""
+
+    packed: Any  # the tree, see ``tree``
+    contacts: Any  # with the ground, None where there are none
+    longest: float  # internal step, s
+    start: np.ndarray  # (4) centre of mass and heading at the start
+    gravity: float  # gravity energy there, J
+    sides: int
+    state: np.ndarray
+    counters: np.ndarray  # (2) int
 
 
 @kernel
@@ -222,6 +239,35 @@ def advance(packed, contacts, x, u, h, steps):
             return done + 1, code
         put_quat(x, 3, quat_normalise(x[3:7]))
     return steps, FINE
+
+
+@allocating
+def step(c, told, t, h, u):
+    """See ``fmus.model.Component``; under the mean wrenches ``u``."""
+    if too_many(told[0], t, h, c.longest):
+        return TOO_LONG
+    tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
+    done, code = advance(c.packed, c.contacts, x, u, h / steps, steps)
+    told[0, 0] = t + done * h / steps
+    if code == FINE:
+        c.counters[0] += steps
+        c.counters[1] += len(RK4.b) * steps
+    return blame(tree, code, x, told[0])
+
+
+@kernel
+def blame(tree, code, x, told):
+    """The failure of a step to the state ``x`` that has a ``fault``; tells which part it is, and where that is."""
+    if code == NOT_FINITE:
+        for i in range(x.size):
+            if not np.isfinite(x[i]):
+                told[1] = i
+                break
+    if code < OUT_OF_REACH:
+        return code
+    leaf = code - OUT_OF_REACH
+    told[1], told[2] = ROOT + leaf, x[ROOT + leaf]
+    return TURNED_TOO_FAR if tree.turns[leaf] else MOVED_TOO_FAR
 
 
 @allocating

@@ -7,23 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from fmus.chassis.dynamics import (
-    BOOKS,
-    BROKEN_QUATERNION,
-    FINE,
-    LEAF,
-    NOT_FINITE,
-    OUT_OF_REACH,
-    ROOT,
-    advance,
-    energies,
-)
+from fmus.chassis.dynamics import BOOKS, LEAF, ROOT, Parts, blame, energies, step
 from fmus.chassis.observe import observe
 from fmus.chassis.tree import packed, tree
-from fmus.model import InvalidParameter, StepFailed, check_steps
+from fmus.model import TOO_MANY, Component, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.physics.integrate.runge_kutta import RK4
-from fmus.ports import Port, start_pose, wheel_state, wrench
+from fmus.ports import WRENCH, Port, start_pose, wheel_state, wrench
+from fmus.sentences import TOLD, Sentence, say
 from fmus.start import start
 
 
@@ -70,7 +60,7 @@ def touch_ports() -> list[Port]:
     ]
 
 
-class Model:
+class Model(Component):
     """Chassis, road arms, springs, wheels, idlers, sprocket masses, on the sides that have ports.
 
     ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
@@ -78,8 +68,7 @@ class Model:
     ``ground``, where the chassis itself touches it: see ``contacts.contacts``.
     """
 
-    kernel = advance
-    link_ports = 0
+    stepping, showing = staticmethod(step), staticmethod(observe)
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         vehicle, sides = config["vehicle"], list(config["chassis"]["sides"])
@@ -115,7 +104,19 @@ class Model:
         self._defaults = {port.name: port.start for port in self.ports if port.causality == "parameter"}
         self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.turns) + BOOKS)
         self.counters = np.zeros(2, dtype=np.int64)
-        self._step, self._start, self.gravity = 1e-3, np.zeros(4), 0.0
+        self._start, self.gravity = np.zeros(4), 0.0
+        self.inputs = WRENCH * len(places)
+        names = tuple(self._part(i) for i in range(self.state.size))
+        self.failures = (
+            Sentence(""),
+            Sentence("at t = {0:.6g} s the motion of the {1:name} is not finite", names),
+            Sentence(
+                "at t = {0:.6g} s the chassis turns too fast for the internal step: its quaternion lost its length"
+            ),
+            Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} rad from its drawn position", names),
+            Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} m from its drawn position", names),
+            TOO_MANY,
+        )
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Drawn position at the start pose, at rest."""
@@ -125,7 +126,6 @@ class Model:
                 raise InvalidParameter(f"{name} = {value} must be a finite number")
         if values["step"] <= 0.0:
             raise InvalidParameter(f"step = {values['step']} s must be positive")
-        self._step = values["step"]
         preload = np.where(self.tree.turns == 1, values["suspension.preload"], values["tensioner.preload"])
         self.tree = self.tree._replace(preload=preload)
         self._packed = packed(self.tree)
@@ -140,44 +140,24 @@ class Model:
         self.state[3:7] = pose.quaternion
         self.counters[:] = 0
         self.gravity = energies(self.tree, self.state)[1]
+        self.begin(
+            Parts(
+                self._packed,
+                self._contacts,
+                values["step"],
+                self._start,
+                self.gravity,
+                len(self._sides),
+                self.state,
+                self.counters,
+            )
+        )
 
-    def step(self, t: float, h: float, u: Floats) -> None:
-        """Integrate from t to t + h under the mean wrenches u; a failure leaves the state as it was."""
-        check_steps(t, h, self._step)
-        steps = max(1, int(np.ceil(h / self._step - 1e-9)))
-        state = self.state.copy()
-        done, code = advance(self._packed, self._contacts, state, u, h / steps, steps)
-        if code != FINE:
-            raise StepFailed(f"at t = {t + done * h / steps:.6g} s {self.complaint(code, state, u)}")
-        self.state[:] = state
-        self.counters += (steps, len(RK4.b) * steps)
-
-    def outputs(self, y: Floats) -> None:
-        """Write all Real outputs, in port order."""
-        observe(self._packed, self._contacts, self.state, self._start, self.gravity, len(self._sides), y)
-
-    def link_outputs(self, y: Floats) -> None:
-        """None here."""
-
-    def warnings(self) -> list[str]:
-        """None here."""
-        return []
-
-    def complaint(self, code: int, state: Floats, u: Floats) -> str:
-        """What is wrong with ``state`` by its ``fault``, half a sentence."""
-        if code == NOT_FINITE:
-            inputs = [port.name for port in self.ports if port.causality == "input"]
-            bad = np.flatnonzero(~np.isfinite(u))
-            if len(bad):
-                return f"the input {inputs[bad[0]]} is not finite"
-            return f"the motion of the {self._part(int(np.argmax(~np.isfinite(state))))} is not finite"
-        if code == BROKEN_QUATERNION:
-            return "the chassis turns too fast for the internal step: its quaternion lost its length"
-        leaf = code - OUT_OF_REACH
-        name, value = self._part(ROOT + leaf), state[ROOT + leaf]
-        if self.tree.turns[leaf]:
-            return f"the {name} is beyond its reach, {value:.3g} rad from its drawn position"
-        return f"the {name} is beyond its reach, {value:.3g} m from its drawn position"
+    def complaint(self, t: float, code: int, state: Floats) -> str:
+        """What is wrong at ``t`` with ``state`` by its ``fault``."""
+        told = np.zeros(TOLD)
+        told[0] = t
+        return say(self.failures[blame(self.tree, code, state, told)], told)
 
     def _part(self, index: int) -> str:
         """The part of the vehicle that the state's entry ``index`` belongs to."""

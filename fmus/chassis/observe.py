@@ -74,17 +74,23 @@ def put_springs(tree, x, sides, y, i):
 
 
 @allocating
-def observe(packed, contacts, x, start, gravity, sides, y):
-    """Write all outputs of the state x into y; ``gravity`` is the gravity energy at the start, J."""
-    tree = unpacked(packed)
-    i = put_sides(tree, x, sides, y, 0)
-    i = put_chassis(x, start, y, i)
-    i = put_springs(tree, x, sides, y, i)
+def observe(c, y):
+    """See ``fmus.model.Component``."""
+    tree, x = unpacked(c.packed), c.state
+    i = put_sides(tree, x, c.sides, y, 0)
+    i = put_chassis(x, c.start, y, i)
+    i = put_springs(tree, x, c.sides, y, i)
     y[i], y[i + 1], y[i + 2] = energies(tree, x)
-    y[i + 1] -= gravity
+    y[i + 1] -= c.gravity
     y[i + 3], y[i + 4] = x[-2], x[-1]
+    put_touch(c.contacts, tree, x, y, i + 5)
+
+
+@allocating
+def put_touch(contacts, tree, x, y, i):
+    """What a chassis that touches the ground shows of it."""
     if contacts is not None:
         A = quat_to_matrix(x[3:7])
         touch(contacts, tree, x, A, to_body(A, vector(x, 7)), vector(x, 10))
-        y[i + 5] = contacts.sums[0]
-        put(y, i + 6, vector(contacts.sums, 2))
+        y[i] = contacts.sums[0]
+        put(y, i + 1, vector(contacts.sums, 2))

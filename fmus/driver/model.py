@@ -10,13 +10,13 @@ import numpy as np
 from fmus.course import course
 from fmus.defaults import check_values, configured
 from fmus.driver.path import NONE, Path, of_arcs, through
-from fmus.driver.pursuit import LEFT, LOST, OFF, WIDTH, Law, advance
-from fmus.model import InvalidParameter, StepFailed, check_orientation, finite
+from fmus.driver.pursuit import WIDTH, Law, Parts, advance, show, step
+from fmus.model import NO_ROTATION, Component, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, Port, start_pose, wheel_state
+from fmus.sentences import Sentence
 from fmus.start import start
 
-FAR = 1.0  # m beside the path: worth a warning
 SLIPPERY = 1.4  # width that turns alike without slip over the tracks' distance: 0.449 over 0.3142 rad/s of `turn`
 
 
@@ -46,15 +46,21 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
     ]  # fmt: skip
 
 
-class Model:
+class Model(Component):
     """A driver who sees the hull's motion and demands a speed of each sprocket.
 
     ``config``: {"vehicle": a vehicle's table}; what else it holds is not read. A hull whose inputs still have their
     start values stands still at the start pose.
     """
 
-    kernel = advance
-    link_ports = 0
+    stepping, showing = staticmethod(step), staticmethod(show)
+    failures = (
+        Sentence(""),
+        Sentence(NO_ROTATION, ("chassis",)),
+        Sentence("at t = {0:.6g} s the demands are not finite: the vehicle is lost"),
+    )
+    warned = (Sentence("at t = {0:.6g} s the vehicle is {1:.3g} m beside its path"),)
+    inputs = STATE
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         vehicle = config["vehicle"]
@@ -82,7 +88,6 @@ class Model:
         self._stands = self._unconnected.copy()
         self._law: Law
         self._path: Path = NONE
-        self._told: list[str] = []
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(1, dtype=np.int64)
 
@@ -94,38 +99,8 @@ class Model:
         self.state[:] = 0.0
         advance(self._law, self._path, self.state, 0.0, 0.0, self._stands)
         self.counters[:] = 0
-        self._told.clear()
-
-    def step(self, t: float, h: float, u: Floats) -> None:
-        """The demands of the step from t to t + h; those of the last one stay when that fails."""
-        unconnected = u[0] == self._unconnected[0] and np.array_equal(u, self._unconnected)
-        seen = self._stands if unconnected else u
-        if not finite(seen):
-            bad = next(port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value))
-            raise StepFailed(f"at t = {t:.6g} s the input {bad} is not finite")
-        check_orientation(t, "chassis", seen[3:7])
-        state = self.state.copy()
-        advance(self._law, self._path, state, t, h, seen)
-        if not finite(state):
-            raise StepFailed(f"at t = {t:.6g} s the demands are not finite: the vehicle is lost")
-        self.state[:] = state
-        self.counters += 1
-        far, lost = abs(state[OFF]), bool(state[LOST])
-        if far > FAR and not lost:
-            self._told.append(f"at t = {t:.6g} s the vehicle is {far:.3g} m beside its path")
-        self.state[LOST] = far > FAR or (lost and far > 0.5 * FAR)
-
-    def outputs(self, y: Floats) -> None:
-        """Write all Real outputs, in port order."""
-        y[:] = self.state[LEFT:LOST]
-
-    def link_outputs(self, y: Floats) -> None:
-        """None here."""
-
-    def warnings(self) -> list[str]:
-        """Where the vehicle left its path, since the last call."""
-        told, self._told = self._told, []
-        return told
+        seen = np.zeros(self.inputs)
+        self.begin(Parts(self._law, self._path, self._unconnected, self._stands, seen, self.state, self.counters))
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         """The hull's 13 when nothing moves it."""

@@ -16,7 +16,9 @@ import numpy as np
 
 from fmus.course import Course, at, given, interval, ramp
 from fmus.driver import path as route
+from fmus.drives.mount import stand
 from fmus.jit import allocating, kernel
+from fmus.model import no_rotation
 from fmus.physics.rotation import quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, scale, to_world, vector
 
@@ -24,6 +26,8 @@ from fmus.physics.vector import add, cross, scale, to_world, vector
 SLIP, LEFT, RIGHT, OFF, ASKEW, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)
 WIDTH = 10
 SLOW = 0.1  # m/s: a slower vehicle is not steered
+FAR = 1.0  # m beside the path: worth a warning
+TURNED_NOT, ASTRAY = 1, 2  # failures
 STEEP, FARTHEST = 2.0, 10.0  # the point that is pursued is so many times as far away as the path, up to so many m
 
 
@@ -47,6 +51,47 @@ class Law(NamedTuple):
     ramp_start: float  # s
     ramp_end: float
     speeds: Course  # instead of the ramp
+
+
+class Parts(NamedTuple):
+    """A driver that drives."""
+
+    law: Law
+    path: route.Path
+    unconnected: np.ndarray  # (13) start values of the inputs: they say that nothing moves the hull
+    standing: np.ndarray  # (13) it then stands still here
+    seen: np.ndarray  # (13) what is taken of the inputs
+    state: np.ndarray
+    counters: np.ndarray  # (1) int
+
+
+@allocating
+def step(c, told, t, h, u):
+    """See ``fmus.model.Component``; u: motion of the hull at t (13)."""
+    x, seen, lost = c.state, c.seen, c.state[LOST] != 0.0
+    for i in range(u.size):
+        seen[i] = u[i]
+    stand(seen, 0, c.unconnected, c.standing, 0)
+    if no_rotation(told[0], t, 0, seen, 3):
+        return TURNED_NOT
+    advance(c.law, c.path, x, t, h, seen)
+    for i in range(x.size):
+        if not np.isfinite(x[i]):
+            told[0, 0] = t
+            return ASTRAY
+    c.counters[0] += 1
+    far = abs(x[OFF])
+    if far > FAR and not lost:
+        told[1, 0], told[1, 1], told[1, 2] = 1.0, t, far
+    x[LOST] = 1.0 if far > FAR or (lost and far > 0.5 * FAR) else 0.0
+    return 0
+
+
+@kernel
+def show(c, y):
+    """See ``fmus.model.Component``."""
+    for i in range(LOST - LEFT):
+        y[i] = c.state[LEFT + i]
 
 
 @allocating

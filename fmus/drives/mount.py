@@ -41,10 +41,16 @@ class Carried(NamedTuple):
 
 
 @kernel
-def is_rotation(u, i):
-    """Whether the quaternion at ``u[i]`` is one."""
-    length = np.sqrt(u[i] ** 2 + u[i + 1] ** 2 + u[i + 2] ** 2 + u[i + 3] ** 2)
-    return 0.9 < length < 1.1
+def stand(seen, at, unconnected, standing, i):
+    """A mount (13) whose inputs, from ``at`` on in ``seen``, still are start values ``unconnected`` stands still.
+
+    It does so at ``standing``; both from ``i`` on.
+    """
+    for k in range(13):
+        if seen[at + k] != unconnected[i + k]:
+            return
+    for k in range(13):
+        seen[at + k] = standing[i + k]
 
 
 @allocating

@@ -330,9 +330,8 @@ class Monolith:
     def _failed(self, failure: int, where: int, at: float) -> StepFailed:
         """The sentence of a part that could not be done."""
         if failure == CHASSIS_FAILED:
-            chassis, u = self.models[self._chassis], np.zeros(0)
-            what = chassis.complaint(where, self.x[self._body : self._spin], u)
-            return StepFailed(f"at t = {at:.6g} s {what}")
+            chassis = self.models[self._chassis]
+            return StepFailed(chassis.complaint(at, where, self.x[self._body : self._spin]))
         if failure == CHAIN_FAILED:
             return StepFailed(f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}")
         return StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")

@@ -50,11 +50,12 @@ def move(rows, tau, out):
 def read_states(u, frame, rows):
     """Wheel states ``u`` (13 m; world: position, quaternion, velocity, angular velocity) as ``rows`` (m, 15).
 
-    ``frame`` (5): origin of the track's frame in the world, cosine and sine of its heading about z. Returns the first
+    ``frame`` (5): origin of the track's frame in the world, cosine and sine of its heading about z. Rows whose states
+    are left out stay. Returns the first
     wheel that has a number that is not finite or a quaternion whose length is not nearly 1, or -1.
     """
     c, s, wrong = frame[3], frame[4], -1
-    for k in range(rows.shape[0]):
+    for k in range(u.size // 13):
         a = u[13 * k : 13 * k + 13]
         x, y = a[0] - frame[0], a[1] - frame[1]
         rows[k, 0], rows[k, 1], rows[k, 2] = c * x + s * y, c * y - s * x, a[2] - frame[2]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from fmus.drives.motor import SPEED, profile
-from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, carried, hand_over, hold, is_rotation
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.drives.motor import SPEED, Drive, profile
+from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, carried, hand_over, hold, stand
 from fmus.drives.shaft import (
     ANGLE,
     BRAKED,
@@ -17,22 +21,49 @@ from fmus.drives.shaft import (
     turn,
 )
 from fmus.jit import allocating, kernel
-from fmus.model import MOST_STEPS
+from fmus.model import MOST_STEPS, no_rotation
+from fmus.physics.integrate.runge_kutta import RK4
 
-NO_ROTATION = -1  # instead of a number of steps: the mount's quaternion is none
+TURNED_NOT, STIFF, WILD = 1, 2, 3  # failures
+
+
+class Parts(NamedTuple):
+    """A drive that runs."""
+
+    drive: Drive
+    unconnected: np.ndarray  # (13) start values of the mount's inputs: they say that nothing moves it
+    standing: np.ndarray  # (13) it then stands still here
+    seen: np.ndarray  # (inputs) what is taken of the inputs
+    state: np.ndarray
+    counters: np.ndarray  # (2) int
 
 
 @allocating
-def advance(p, x, t, h, u):
-    """One step of x in place; u: mount (13) at t, chain's mean wrench (6), demanded speed if one is followed.
-
-    Returns the internal steps; x stays as it was when these are more than MOST_STEPS, or NO_ROTATION.
-    """
+def step(c, told, t, h, u):
+    """See ``fmus.model.Component``; u: mount (13) at t, chain's mean wrench (6), demanded speed if one is followed."""
+    p, x, seen = c.drive, c.state, c.seen
+    for i in range(u.size):
+        seen[i] = u[i]
+    stand(seen, 0, c.unconnected, c.standing, 0)
+    if no_rotation(told[0], t, 0, seen, 3):
+        return TURNED_NOT
     steps = substeps(p, h)
-    if not is_rotation(u, 3):
-        return NO_ROTATION
     if steps > MOST_STEPS:
-        return steps
+        told[0, 0], told[0, 1], told[0, 2] = t, steps, h
+        return STIFF
+    advance(p, x, t, h, steps, seen)
+    for i in range(x.size):
+        if not np.isfinite(x[i]):
+            told[0, 0] = t
+            return WILD
+    c.counters[0] += steps
+    c.counters[1] += len(RK4.b) * steps if p.mode else 1
+    return 0
+
+
+@allocating
+def advance(p, x, t, h, steps, u):
+    """One step of x in place, in ``steps`` internal ones."""
     if p.lag > 0.0:
         follow(p, x, t, h, u[19])
     m = carried(p.accelerated, x, h, u, 0)
@@ -42,12 +73,12 @@ def advance(p, x, t, h, u):
         hold(p.inertia, x, m)
     turn(p, x, t, h, steps, m.chain, m.before, m.after)
     hand_over(p.inertia, x, h, u, 0, m)
-    return steps
 
 
 @kernel
-def observe(inertia, x, y):
-    """Write all Real outputs (27) of the state x into y, in port order."""
+def observe(c, y):
+    """See ``fmus.model.Component``."""
+    x, inertia = c.state, c.drive.inertia
     for i in range(13):
         y[i] = x[SPROCKET + i]
     for i in range(6):

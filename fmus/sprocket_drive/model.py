@@ -12,11 +12,11 @@ from fmus.drives.motor import Drive, profile
 from fmus.drives.mount import WIDTH, place
 from fmus.drives.parameters import drive, lag_port, motor_ports, mount_ports
 from fmus.drives.shaft import ANGLE, RATE, TARGET
-from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation, finite
+from fmus.model import NO_ROTATION, Component, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
-from fmus.sprocket_drive.dynamics import NO_ROTATION, advance, observe
+from fmus.sentences import Sentence
+from fmus.sprocket_drive.dynamics import Parts, observe, step
 from fmus.start import start
 
 DEMAND = "speed.demand"
@@ -33,7 +33,7 @@ def parameter_ports(demanded: bool) -> list[Port]:
     ]
 
 
-class Model:
+class Model(Component):
     """Spin of one sprocket, relative to nothing but its mount.
 
     ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": [x, y, z] of the mount in the vehicle
@@ -42,8 +42,16 @@ class Model:
     stands still at the start pose, so an unconnected drive is a fixed axle.
     """
 
-    kernel = advance
-    link_ports = 0
+    stepping, showing = staticmethod(step), staticmethod(observe)
+    failures = (
+        Sentence(""),
+        Sentence(NO_ROTATION, ("mount",)),
+        Sentence(
+            "at t = {0:.6g} s brake.speed is too small, or the controller's gains too large: {1:d} internal steps in"
+            " one of {2:.3g} s"
+        ),
+        Sentence("at t = {0:.6g} s the sprocket's spin is not finite"),
+    )
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         own = config["drive"]
@@ -73,7 +81,7 @@ class Model:
         )
         self._unconnected = np.array([port.start for port in self.ports[:STATE]])
         self.standing = self._unconnected.copy()
-        self._u = np.zeros(STATE + WRENCH + self._demanded)
+        self.inputs = STATE + WRENCH + self._demanded
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(2, dtype=np.int64)
 
@@ -89,36 +97,9 @@ class Model:
         still = (0.0, 0.0, 0.0)
         place(self.state, tuple(self.standing[:3]), self.standing[3:7], still, still)
         self.counters[:] = 0
-
-    def step(self, t: float, h: float, u: Floats) -> None:
-        """Advance from t to t + h; the state is left as it was when that fails."""
-        self._u[:] = u
-        if u[0] == self._unconnected[0] and np.array_equal(u[:STATE], self._unconnected):
-            self._u[:STATE] = self.standing
-        state = self.state.copy()
-        steps = advance(self.drive, state, t, h, self._u)
-        if steps == NO_ROTATION and finite(self._u):
-            check_orientation(t, "mount", self._u[3:7])
-        if steps > MOST_STEPS:
-            cause = "brake.speed is too small, or the controller's gains too large"
-            raise StepFailed(f"at t = {t:.6g} s {cause}: {steps} internal steps in one of {h:.3g} s")
-        if steps == NO_ROTATION or not finite(state):
-            bad = [port.name for port, value in zip(self.ports, u, strict=False) if not np.isfinite(value)]
-            what = f"input {bad[0]}" if bad else "sprocket's spin"
-            raise StepFailed(f"at t = {t:.6g} s the {what} is not finite")
-        self.state[:] = state
-        self.counters += (steps, len(RK4.b) * steps if self.drive.mode else 1)
-
-    def outputs(self, y: Floats) -> None:
-        """Write all Real outputs, in port order."""
-        observe(self.inertia, self.state, y)
-
-    def link_outputs(self, y: Floats) -> None:
-        """None here."""
-
-    def warnings(self) -> list[str]:
-        """None here."""
-        return []
+        self.begin(
+            Parts(self.drive, self._unconnected, self.standing, np.zeros(self.inputs), self.state, self.counters)
+        )
 
     @property
     def shafts(self) -> tuple[Drive, ...]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from fmus.drives.motor import SPEED, Drive, profile
-from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, WIDTH, carried, hand_over, hold, is_rotation
+from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, WIDTH, carried, hand_over, hold, stand
 from fmus.drives.shaft import (
     ANGLE,
     BRAKED,
@@ -20,9 +22,10 @@ from fmus.drives.shaft import (
     turn,
 )
 from fmus.jit import allocating, kernel
-from fmus.model import MOST_STEPS
+from fmus.model import MOST_STEPS, no_rotation
+from fmus.physics.integrate.runge_kutta import RK4
 
-NO_ROTATION = -1, -2  # instead of a number of steps: the quaternion of the left or right mount is none
+TURNED_NOT, STIFF, STIFF_STEERING, WILD = 1, 2, 3, 4  # failures
 # where things stand in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
 RIGHT, PROPULSION, STEERING = WIDTH, 2 * WIDTH, 2 * WIDTH + SHAFT
 SIZE = STEERING + SHAFT
@@ -63,19 +66,47 @@ def finish(g, x, sign, propulsion, steering, h, u, i, m, now):
     hand_over(g.inertia, x, h, u, i, m)
 
 
-@allocating
-def advance(g, x, t, h, u):
-    """One step of x in place; u: of each side mount (13) at t and chain's mean wrench (6), then both demands, if any.
+class Parts(NamedTuple):
+    """A differential that runs."""
 
-    Returns the internal steps; x stays as it was when these are more than MOST_STEPS, or one of NO_ROTATION.
-    """
-    left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]
+    gearbox: Gearbox
+    unconnected: np.ndarray  # (inputs) start values: a mount that has them is moved by nothing
+    standing: np.ndarray  # (inputs) and then stands still here
+    seen: np.ndarray  # (inputs) what is taken of the inputs
+    state: np.ndarray
+    counters: np.ndarray  # (2) int
+
+
+@allocating
+def step(c, told, t, h, u):
+    """See ``fmus.model.Component``; u: of each side mount (13) at t and mean wrench of the chain (6), then demands."""
+    g, x, seen = c.gearbox, c.state, c.seen
+    for i in range(u.size):
+        seen[i] = u[i]
     for k in range(2):
-        if not is_rotation(u, k * SIDE + 3):
-            return NO_ROTATION[k]
+        stand(seen, k * SIDE, c.unconnected, c.standing, k * SIDE)
+    for k in range(2):
+        if no_rotation(told[0], t, k, seen, k * SIDE + 3):
+            return TURNED_NOT
     one, two = substeps(g.propulsion, h), substeps(g.steering, h)
     if max(one, two) > MOST_STEPS:
-        return max(one, two)
+        told[0, 0], told[0, 1], told[0, 2] = t, max(one, two), h
+        return STIFF if one >= two else STIFF_STEERING
+    advance(g, x, t, h, one, two, seen)
+    for i in range(x.size):
+        if not np.isfinite(x[i]):
+            told[0, 0] = t
+            return WILD
+    prescribed = int(g.propulsion.mode == SPEED) + int(g.steering.mode == SPEED)  # a step each
+    c.counters[0] += one + two
+    c.counters[1] += prescribed + len(RK4.b) * (one + two - prescribed)
+    return 0
+
+
+@allocating
+def advance(g, x, t, h, one, two, u):
+    """One step of x in place, the shafts in ``one`` and ``two`` internal ones."""
+    left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]
     if g.propulsion.lag > 0.0:
         follow(g.propulsion, propulsion, t, h, 0.5 * (u[2 * SIDE] + u[2 * SIDE + 1]))
         follow(g.steering, steering, t, h, u[2 * SIDE + 1] - u[2 * SIDE])
@@ -93,12 +124,12 @@ def advance(g, x, t, h, u):
     turn(g.steering, steering, t, h, two, 0.5 * (b.chain - a.chain), twist, b.after - a.after)
     finish(g, left, -1.0, propulsion, steering, h, u, 0, a, p - 0.5 * d)
     finish(g, right, 1.0, propulsion, steering, h, u, SIDE, b, p + 0.5 * d)
-    return one + two
 
 
 @kernel
-def observe(inertia, x, y):
-    """Write all Real outputs of the state x into y, in port order."""
+def observe(c, y):
+    """See ``fmus.model.Component``."""
+    x, inertia = c.state, c.gearbox.inertia
     kinetic = port = 0.0
     for k in range(2):
         s = x[k * WIDTH : (k + 1) * WIDTH]

@@ -8,30 +8,34 @@ from typing import Any
 import numpy as np
 
 from fmus.defaults import configured
-from fmus.drives.motor import SPEED, Drive, profile
+from fmus.drives.motor import Drive, profile
 from fmus.drives.mount import WIDTH, place
 from fmus.drives.parameters import drive, lag_port, motor_ports, mount_ports
-from fmus.drives.shaft import ANGLE, RATE, TARGET, substeps
-from fmus.model import MOST_STEPS, InvalidParameter, StepFailed, check_orientation, finite
+from fmus.drives.shaft import ANGLE, RATE, TARGET
+from fmus.model import NO_ROTATION, Component, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
+from fmus.sentences import Sentence
 from fmus.start import start
 from fmus.steering_differential.dynamics import (
-    NO_ROTATION,
     PROPULSION,
     RIGHT,
     SIDE,
     SIZE,
     STEERING,
     Gearbox,
-    advance,
+    Parts,
     join,
     observe,
+    step,
 )
 
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y
 DEMAND = "left.speed.demand"
+STIFF = (
+    "at t = {{0:.6g}} s {} has its brake too sharp for its brake.speed, its engine's curve too steep, or its gains too"
+    " large: {{1:d}} internal steps in one of {{2:.3g}} s"
+)
 
 
 def parameter_ports(demanded: bool) -> list[Port]:
@@ -45,7 +49,7 @@ def parameter_ports(demanded: bool) -> list[Port]:
     ]
 
 
-class Model:
+class Model(Component):
     """Spins of both sprockets of a vehicle on their mounts, joined by two shafts: mean and difference.
 
     ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": [x, y, z] of the left mount in the vehicle frame at
@@ -53,8 +57,14 @@ class Model:
     read. Mounts whose inputs still have their start values stand still at the start pose.
     """
 
-    kernel = advance
-    link_ports = 0
+    stepping, showing = staticmethod(step), staticmethod(observe)
+    failures = (
+        Sentence(""),
+        Sentence(NO_ROTATION, tuple(f"{side}.mount" for side in SIDES)),
+        Sentence(STIFF.format("propulsion")),
+        Sentence(STIFF.format("steering")),
+        Sentence("at t = {0:.6g} s the sprockets' spin is not finite"),
+    )
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         own = config["drive"]
@@ -115,10 +125,10 @@ class Model:
             Port("solver.evaluations", "output", "1", "evaluations of the spins' equations since the start", 0),
             *self._parameters,
         )
-        self._inputs = [port.name for port in self.ports if port.causality == "input"]
-        self._u = np.array([port.start for port in self.ports[: len(self._inputs)]])
-        self._unconnected = self._u.copy()
-        self._stands = self._u.copy()
+        inputs = [port.start for port in self.ports if port.causality == "input"]
+        self.inputs = len(inputs)
+        self._unconnected = np.array(inputs)
+        self._stands = self._unconnected.copy()
         self.gearbox: Gearbox
         self.state: Floats = np.zeros(SIZE)
         self.counters = np.zeros(2, dtype=np.int64)
@@ -143,40 +153,9 @@ class Model:
             join(x, 2.0 * k - 1.0, *shafts)
             place(x, tuple(stands[:3]), np.array(stands[3:7]), still, still)
         self.counters[:] = 0
-
-    def step(self, t: float, h: float, u: Floats) -> None:
-        """Advance from t to t + h; the state is left as it was when that fails."""
-        self._u[:] = u
-        for at in (slice(0, STATE), slice(SIDE, SIDE + STATE)):
-            if u[at.start] == self._unconnected[at.start] and np.array_equal(u[at], self._unconnected[at]):
-                self._u[at] = self._stands[at]
-        state = self.state.copy()
-        steps = advance(self.gearbox, state, t, h, self._u)
-        if steps in NO_ROTATION and finite(self._u):
-            side = NO_ROTATION.index(steps)
-            check_orientation(t, f"{list(SIDES)[side]}.mount", self._u[SIDE * side + 3 : SIDE * side + 7])
-        if steps > MOST_STEPS:
-            shaft = "propulsion" if substeps(self.gearbox.propulsion, h) == steps else "steering"
-            cause = "its brake too sharp for its brake.speed, its engine's curve too steep, or its gains too large"
-            raise StepFailed(f"at t = {t:.6g} s {shaft} has {cause}: {steps} internal steps in one of {h:.3g} s")
-        if steps in NO_ROTATION or not finite(state):
-            bad = [name for name, value in zip(self._inputs, u, strict=True) if not np.isfinite(value)]
-            what = f"input {bad[0]}" if bad else "sprockets' spin"
-            raise StepFailed(f"at t = {t:.6g} s the {what} is not finite")
-        self.state[:] = state
-        prescribed = [self.gearbox.propulsion.mode, self.gearbox.steering.mode].count(SPEED)  # a step each
-        self.counters += steps, prescribed + len(RK4.b) * (steps - prescribed)
-
-    def outputs(self, y: Floats) -> None:
-        """Write all Real outputs, in port order."""
-        observe(self.inertia, self.state, y)
-
-    def link_outputs(self, y: Floats) -> None:
-        """None here."""
-
-    def warnings(self) -> list[str]:
-        """None here."""
-        return []
+        self.begin(
+            Parts(self.gearbox, self._unconnected, self._stands, np.zeros(self.inputs), self.state, self.counters)
+        )
 
     @property
     def shafts(self) -> tuple[Drive, ...]:

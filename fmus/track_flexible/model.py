@@ -11,14 +11,13 @@ from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
-from fmus.physics.chain.flexible.assembly import axials, evaluate
-from fmus.physics.chain.flexible.axes_state import ORIGIN, VELOCITY
+from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.equilibrium import settle
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
-from fmus.physics.chain.flexible.newton import CHORD, newton
+from fmus.physics.chain.flexible.newton import CHORD
 from fmus.physics.chain.flexible.places import straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
 from fmus.physics.chain.flexible.release import bare, let_go
@@ -27,12 +26,10 @@ from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.ports import Port
-from fmus.track import TILTED, TrackModel
+from fmus.track import TrackModel
 
 REST = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
-ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which on cables are held back in their plane
-LEAVES = np.cos(np.radians(5.0))  # and from which on nothing that they do is right
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 # coordinates of a pin; vectors of a link, components of a vector
 ELEMENTS = {"cable": (NODE, (4, 3)), "planar": (PLANAR_NODE, (4, 2)), "beam": (BEAM_NODE, (8, 3))}
@@ -42,7 +39,6 @@ AXES = ("fixed", "free")
 class Model(TrackModel):
     """Cables or beams with pins eliminated, integrated implicitly or explicitly."""
 
-    kernel = newton
     State = State
     element, axes = "cable", "fixed"
 
@@ -143,6 +139,7 @@ class Model(TrackModel):
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list), self.soiled)
         self.stable = stable(self.link)
+        self.plane = int(element != "beam" and axes == "fixed")
 
     def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:
         if element == "planar":
@@ -279,42 +276,3 @@ class Model(TrackModel):
         failed = let_go(*system, bare(*system), self.start_rows, self.s, self.work, self.report)
         if failed >= 0:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {failed + 1}")
-
-    def pins(self) -> Floats:
-        """Positions of the pins (nodes, 3)."""
-        places = np.zeros((self.nodes, 3))
-        places[:, self.kit.AXES] = self.s.q[:, : len(self.kit.AXES)]
-        return places @ self._rotation().T + self.s.axes[ORIGIN:VELOCITY] if self.axes == "free" else places
-
-    def _rotation(self) -> Floats:
-        """Of the axes that turn, against the track's frame (3, 3)."""
-        return self.s.axes[:ORIGIN].reshape(3, 3)
-
-    def _watch(self, t: float) -> None:
-        """Cables with fixed axes cannot leave their plane: say so when a wheel's axis does, fail when it is far out."""
-        if self.element == "beam" or self.axes == "free" or not self.rows.size:
-            return
-        along = abs(self.rows[:, 10]).min()
-        if along < LEAVES:
-            raise StepFailed(
-                f"at t = {t:.6g} s a wheel's axis is {np.degrees(np.arccos(along)):.1f} degrees off the pin axis:"
-                " cables with axes = 'fixed' stay in their plane, a vehicle that turns or rolls needs axes = 'free'"
-            )
-        if along < ALONG and not self.told[TILTED]:
-            self.told[TILTED] = True
-            self._warnings.append(
-                f"a wheel's axis is {np.degrees(np.arccos(along)):.2f} degrees off the pin axis at"
-                f" t = {t:.4g} s: cables with axes = 'fixed' drive in their own plane only, turns and side slopes need"
-                " axes = 'free'"
-            )
-
-    def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
-        """Per-link arrays from the state; the pin force is the link's own residual at its first pin."""
-        axials(self.link, self.s.q, self.work, tension, stress)
-        position[:] = self.pins()
-        force[:] = 0.0
-        force[: self.links_count, self.kit.AXES] = self.s.residual[:, 0]
-        if not self.closed:
-            force[-1, self.kit.AXES] = -self.s.residual[-1, self.kit.ELEMENT[0] // 2]
-        if self.axes == "free":
-            force[:] = force @ self._rotation().T

@@ -11,11 +11,10 @@ from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.implicit import Method
-from fmus.physics.chain.rigid.dynamics import pin_forces, pin_motion, tensions
 from fmus.physics.chain.rigid.equilibrium import settle
 from fmus.physics.chain.rigid.explicit import LIMIT
 from fmus.physics.chain.rigid.links import RigidLinks, place
-from fmus.physics.chain.rigid.newton import FORCE, newton
+from fmus.physics.chain.rigid.newton import FORCE
 from fmus.physics.chain.rigid.release import let_go, show
 from fmus.physics.chain.rigid.state import State, shapes
 from fmus.physics.chain.rigid.work import work
@@ -30,7 +29,6 @@ REST = Method(BACKWARD, 0.01 * FORCE, False)  # towards static equilibrium
 class Model(TrackModel):
     """Rigid links joined by exact pins, integrated implicitly or, for reference, explicitly."""
 
-    kernel = newton
     State = State
     stable = LIMIT
 
@@ -87,15 +85,3 @@ class Model(TrackModel):
         failed = let_go(*self.system(), self.s, self.work, self.report)
         if failed >= 0:
             raise StepFailed(f"the accelerations of the start were not found: link {failed + 1}")
-
-    def pins(self) -> Floats:
-        """Positions of the pins (nodes, 3)."""
-        pin_motion(self.link, self.s, self.work)
-        return self.work.pins[0].copy()
-
-    def links(self, tension: Floats, stress: Floats, position: Floats, force: Floats) -> None:
-        """Per-link arrays from the state."""
-        tensions(self.link, self.environment, self.s, self.work, tension)
-        stress[:] = 0.0
-        position[:] = self.pins()
-        pin_forces(self.link, self.environment, self.s, force)

@@ -79,9 +79,9 @@ def allowed(model):
 def per_link(model):
     """Tensions (n), forces of the pins (nodes, 3)."""
     n, m = model.links_count, model.nodes
-    tension, force = np.empty(n), np.empty((m, 3))
-    model.links(tension, np.empty(n), np.empty((m, 3)), force)
-    return tension, force
+    y = np.zeros(2 * n + 6 * m)
+    model.link_outputs(y)
+    return y[:n], y[2 * n + 3 * m :].reshape(m, 3)
 
 
 def test_layouts():

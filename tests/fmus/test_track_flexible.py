@@ -12,7 +12,9 @@ from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.flexible.cables import LAYOUT
 from fmus.physics.chain.report import GROUND, KINETIC, REPORT, SPEED, STRAIN, T_MAX, TRAVEL
 from fmus.physics.wheels import read_states
+from fmus.sentences import TOLD, say
 from fmus.track_flexible.model import Model
+from fmus.track_steps import HALVED, tell_halved
 from fmus.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
@@ -201,14 +203,13 @@ def test_order_of_the_integrators(integrator, order, steps):
 
 def swings_of_tension(model: Model) -> float:
     """Largest change of a link's tension over the first 3 ms of a swing, over the largest tension."""
-    n = model.links_count
-    tension, stress = np.zeros(n), np.zeros(n)
-    pins = np.zeros((2, n + 1, 3))
-    model.links(tension, stress, *pins)
+    shown = np.zeros(model.link_ports)
+    model.link_outputs(shown)
+    tension = shown[: model.links_count]
     first, size = tension.copy(), 0.0
     for k in range(15):
         model.step(k * 2e-4, 2e-4, np.zeros(0))
-        model.links(tension, stress, *pins)
+        model.link_outputs(shown)
         size = max(size, np.abs(tension - first).max())
     return size / np.abs(first).max()
 
@@ -220,9 +221,9 @@ def test_a_chain_let_go_carries_the_tension_of_that_instant(monkeypatch):
     rigid.initialise(parameters(rigid, start="displaced"))
     pair = []
     for one in (model, rigid):
-        tension = np.zeros(16)
-        one.links(tension, np.zeros(16), *np.zeros((2, 17, 3)))
-        pair.append(tension)
+        shown = np.zeros(one.link_ports)
+        one.link_outputs(shown)
+        pair.append(shown[:16])
     np.testing.assert_allclose(*pair, rtol=1e-3)
     assert swings_of_tension(model) < 1e-3
     monkeypatch.setattr(Model, "tighten", lambda self: None)
@@ -313,18 +314,14 @@ def test_soft_and_hard_chains_find_their_rest(young):
 
 
 @pytest.mark.parametrize(("halved", "said"), [(5, 0), (6, 1)])
-def test_a_step_halved_again_and_again_is_told_once(monkeypatch, halved, said):
-    model = hanging(links=8)
-
-    def advance(t, h):
-        model.counters[3] += halved
-
-    monkeypatch.setattr(model, "advance", advance)
-    model.step(0.5, 1e-3, np.zeros(0))
-    model.step(0.6, 1e-3, np.zeros(0))
-    warnings = model.warnings()
-    assert len(warnings) == said
-    assert all("halved 6 times from t = 0.5 s on" in warning for warning in warnings)
+def test_a_step_halved_again_and_again_is_told_once(halved, said):
+    told, given, sentence = np.zeros((3, TOLD + 1)), np.zeros(2), Model.warned[HALVED]
+    tell_halved(given, told, 0.5, halved)
+    assert told[1 + HALVED, 0] == given[HALVED] == said
+    assert not said or "halved 6 times from t = 0.5 s on" in say(sentence, told[1 + HALVED, 1:])
+    told[1 + HALVED, 0] = 0.0
+    tell_halved(given, told, 0.6, halved)
+    assert told[1 + HALVED, 0] == 0.0
 
 
 def test_a_cable_warns_once_when_it_is_turned_out_of_its_plane():

@@ -342,6 +342,7 @@ def test_impulses_on_the_wheels_balance_the_momentum(track, integrator):
     model, state = track
     model.state[:] = state
     model.integrator = integrator
+    model.run_as_set()
     s, h = model.s, 1e-3
     for k in range(40):
         t = k * h
@@ -353,6 +354,7 @@ def test_impulses_on_the_wheels_balance_the_momentum(track, integrator):
         force[2] -= LINKS * MASS * 9.81
         assert np.abs(gained - h * np.array(force)).max() < 1e-9
     model.integrator = INTEGRATORS[0]
+    model.run_as_set()
     assert np.abs(gained).max() > 0.1
 
 
@@ -447,7 +449,7 @@ def test_bad_parameters_and_hopeless_steps(track):
     rolled.state[:] = state
     u = inputs(rolled, 0.0, 0.0)
     u[5] = np.nan
-    with pytest.raises(StepFailed, match=r"the input sprocket.orientation.y is not a finite number at t = 0 s"):
+    with pytest.raises(StepFailed, match=r"at t = 0 s the input sprocket.orientation.y is not finite"):
         rolled.step(0.0, 1e-3, u)
     u = inputs(rolled, 0.0, 0.0)
     u[3:7] = 0.0
@@ -461,6 +463,8 @@ def test_bad_parameters_and_hopeless_steps(track):
     assert np.isfinite(rolled.state).all()
     kept, u = rolled.contacts, inputs(rolled, 0.0, 0.0)
     rolled.contacts = kept._replace(wheel=kept.wheel._replace(k=1e40))
+    rolled.run_as_set()
     with pytest.raises(StepFailed, match=r"did not converge at t = 1 s, link \d+: residual"):
         rolled.step(1.0, 1e-3, u)
     rolled.contacts = kept
+    rolled.run_as_set()

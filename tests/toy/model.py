@@ -6,7 +6,7 @@ from toy.kernels import advance
 
 
 class Model:
-    kernel = advance
+    stepping = advance
     link_ports = 3
 
     def __init__(self, config):

@@ -59,3 +59,13 @@ def first_speed(links, env, s, w, report):
 @door(_of, shared=True)
 def observe(links, env, s, w, report):
     """Fill the report from the state and its last evaluation, but for what is summed up."""
+
+
+@door(_of, shared=True)
+def pin_places(links, s, w, place):
+    """Places of the pins into ``place`` (nodes, 3), in the frame of the start."""
+
+
+@door(_of, shared=True)
+def links_shown(links, env, s, w, tension, stress, place, force):
+    """What each link shows: tension, N, and stress, Pa, (n), places of and forces at the pins (nodes, 3)."""

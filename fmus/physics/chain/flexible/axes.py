@@ -107,5 +107,15 @@ def risen(links, x, w):
 
 
 @door(_of)
+def placed(links, s, p):
+    """The place ``p`` along the axes, in the frame of the start."""
+
+
+@door(_of)
+def directed(links, s, v):
+    """The vector ``v`` along the axes, in the frame of the start."""
+
+
+@door(_of)
 def sideways_energy(links, w):
     """Strain energy of ``sideways``, J."""

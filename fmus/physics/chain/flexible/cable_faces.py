@@ -11,12 +11,12 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import axes, shape, shape_slope
+from fmus.physics.chain.flexible.elements import in_space
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
     begin,
     count,
     enter,
     from_ground,
-    in_space,
     length,
     pin_rates,
     pins,

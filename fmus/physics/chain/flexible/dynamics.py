@@ -6,12 +6,15 @@ from fmus.jit import kernel
 from fmus.physics.ancf.element import axes
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
-from fmus.physics.chain.flexible.assembly import totals
+from fmus.physics.chain.flexible.assembly import axials, totals
+from fmus.physics.chain.flexible.axes import directed, placed
+from fmus.physics.chain.flexible.elements import in_space
 from fmus.physics.chain.flexible.explicit import close, derivative, keep_residuals, settle_forces  # noqa: F401
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import SPEED, write
 from fmus.physics.chain.speed import chain_speed
+from fmus.physics.vector import put
 
 
 @kernel
@@ -43,3 +46,22 @@ def observe(links, env, s, w, report):
     keep_residuals(s, w)
     tension, energy = totals(links, env, Motion(s.q, s.v, s.vdot, s.axes), w)
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], tension, energy)
+
+
+@kernel
+def pin_places(links, s, w, place):
+    """See ``kinds``."""
+    for i in range(s.q.shape[0]):
+        put(place[i], 0, placed(links, s, in_space(links, s.q[i])))
+
+
+@kernel
+def links_shown(links, env, s, w, tension, stress, place, force):
+    """See ``kinds``; the pin force is the link's own residual at its first pin."""
+    axials(links, s.q, w, tension, stress)
+    pin_places(links, s, w, place)
+    for i in range(links.n):
+        put(force[i], 0, directed(links, s, in_space(links, s.residual[i, 0])))
+    if s.q.shape[0] > links.n:
+        last = directed(links, s, in_space(links, s.residual[links.n - 1, s.residual.shape[1] // 2]))
+        put(force[links.n], 0, (-last[0], -last[1], -last[2]))

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmus.jit import door
+from fmus.jit import door, kernel
+from fmus.physics.ancf.element import axes
 
 
 def kit(links: type) -> Any:
@@ -52,3 +53,9 @@ def layout(links):
 @door(kit)
 def lever(links):
     """By how much the pin moves with each of its shared coordinates, m: the size of a correction."""
+
+
+@kernel
+def in_space(links, a):
+    """The vector at the beginning of ``a``: of a chain in the plane without y."""
+    return (a[0], a[1], a[2]) if axes(links.element) == 3 else (a[0], 0.0, a[1])

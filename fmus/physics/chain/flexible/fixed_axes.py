@@ -101,6 +101,18 @@ def risen(links, x, w):
 
 
 @kernel
+def placed(links, s, p):
+    """See ``axes``."""
+    return p
+
+
+@kernel
+def directed(links, s, v):
+    """See ``axes``."""
+    return v
+
+
+@kernel
 def sideways_energy(links, w):
     """See ``axes``."""
     return 0.0

@@ -368,6 +368,18 @@ def risen(links, x, w):
 
 
 @kernel
+def placed(links, s, p):
+    """See ``axes``."""
+    return add(vector(s.axes, ORIGIN), from_axes(s.axes, p))
+
+
+@kernel
+def directed(links, s, v):
+    """See ``axes``."""
+    return from_axes(s.axes, v)
+
+
+@kernel
 def sideways_energy(links, w):
     """See ``axes``."""
     e, s = w.e, links.sideways / links.element.l

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
-from fmus.physics.ancf.element import axes
-from fmus.physics.chain.flexible.elements import gather
+from fmus.physics.chain.flexible.elements import gather, in_space
 
 
 @kernel
@@ -17,12 +16,6 @@ def count(links, x):
 def last(x, i):
     """The pin where link ``i`` ends."""
     return i + 1 if i + 1 < x.q.shape[0] else 0
-
-
-@kernel
-def in_space(links, a):
-    """The vector at the beginning of ``a``: of a chain in the plane without y."""
-    return (a[0], a[1], a[2]) if axes(links.element) == 3 else (a[0], 0.0, a[1])
 
 
 @kernel

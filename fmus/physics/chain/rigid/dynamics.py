@@ -103,3 +103,22 @@ def pin_motion(links, s, w):
         for k in range(3):
             w.pins[0, j, k] = s.q[i, k] + end * A[k, 0]
             w.pins[1, j, k] = s.v[i, k] + end * (A[k, 1] * o2 - A[k, 2] * o1)
+
+
+@kernel
+def pin_places(links, s, w, place):
+    """See ``kinds``."""
+    pin_motion(links, s, w)
+    for j in range(place.shape[0]):
+        for k in range(3):
+            place[j, k] = w.pins[0, j, k]
+
+
+@kernel
+def links_shown(links, env, s, w, tension, stress, place, force):
+    """See ``kinds``."""
+    tensions(links, env, s, w, tension)
+    for i in range(stress.size):
+        stress[i] = 0.0
+    pin_places(links, s, w, place)
+    pin_forces(links, env, s, force)

@@ -1,0 +1,151 @@
+"""What a track does in a communication step and shows after it, whatever its links are: its component's kernels."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.jit import allocating, kernel
+from fmus.model import no_rotation, too_many
+from fmus.physics.chain.environment import Environment
+from fmus.physics.chain.explicit import march
+from fmus.physics.chain.implicit import advance
+from fmus.physics.chain.kinds import links_shown
+from fmus.physics.chain.report import GROUND, REJECTED, REPORT, STEPS
+from fmus.physics.wheels import read_states, to_world
+from fmus.ports import STATE
+
+ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which on cables are held back in their plane
+LEAVES = np.cos(np.radians(5.0))  # and from which on nothing that they do is right
+MANY = 5  # halvings in one communication step that are worth a word
+# failures; what an integrator says is added to the last two
+NO_WHEEL, TOO_LONG, ELSEWHERE, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 4, 8
+HALVED, TILTED = TOLD = range(2)  # warnings, each given once: flags at the end of the state
+
+
+class Parts(NamedTuple):
+    """A track that runs."""
+
+    link: Any
+    contacts: Any
+    environment: Environment
+    scheme: Any  # a ``Method``, or the stages of the explicit integrator
+    longest: float  # internal step, s
+    plane: int  # 1: these links stay in their plane
+    pitch: float  # m
+    lateral: float  # of the track in the vehicle, m
+    frame: np.ndarray  # (5) of the track in the world: origin, cosine and sine of its heading
+    start_rows: np.ndarray  # (wheels, 15) as the chain was laid round them
+    rows: np.ndarray  # (wheels, 15) as they are now
+    s: Any  # State
+    work: Any
+    report: np.ndarray
+    given: np.ndarray  # (TOLD) warnings
+    links: int
+    nodes: int
+    soiled: int  # links that show the force of the ground
+    state: np.ndarray  # all of it, flat
+    counters: np.ndarray  # int
+
+
+@allocating
+def implicit(c, told, t, h, u):
+    """See ``fmus.model.Component``; u: wheels (13 each), those that are left out stay as they are."""
+    wrong = _ready(c, told, t, h, u)
+    if wrong:
+        return wrong
+    before = c.counters[REJECTED]
+    failure, done, link, residual = advance(
+        c.link, c.contacts, c.environment, c.scheme, c.rows, h, c.longest, c.s, c.work, c.report, c.counters
+    )
+    if failure:
+        told[0, 0], told[0, 1], told[0, 2] = t + done, link, residual
+        return IMPLICIT + failure
+    tell_halved(c.given, told, t, c.counters[REJECTED] - before)
+    return 0
+
+
+@kernel
+def tell_halved(given, told, t, halved):
+    """Warn, once, of a step that was halved so often."""
+    if halved > MANY and given[HALVED] == 0.0:
+        given[HALVED] = told[1 + HALVED, 0] = 1.0
+        told[1 + HALVED, 1], told[1 + HALVED, 2] = halved, t
+
+
+@allocating
+def explicit(c, told, t, h, u):
+    """The same explicitly."""
+    wrong = _ready(c, told, t, h, u)
+    if wrong:
+        return wrong
+    failure, done, link, _ = march(
+        c.link, c.contacts, c.environment, c.scheme, c.rows, h, c.longest, c.s, c.work, c.report, c.counters
+    )
+    if failure:
+        told[0, 0], told[0, 1], told[0, 2] = t + done, link, c.longest
+        return EXPLICIT + failure
+    return 0
+
+
+@kernel
+def _ready(c, told, t, h, u):
+    """Whether the step can be begun: 0, or which failure it is."""
+    if too_many(told[0], t, h, c.longest):
+        return TOO_LONG
+    wrong = read_states(u, c.frame, c.rows)
+    if wrong >= 0:
+        no_rotation(told[0], t, wrong, u, STATE * wrong + 3)
+        return NO_WHEEL
+    if c.counters[STEPS] == 0 and u.size > 0:
+        farthest, where = 0.0, 0
+        for k in range(c.rows.shape[0]):
+            square = 0.0
+            for i in range(3):
+                square += (c.rows[k, i] - c.start_rows[k, i]) ** 2
+            off = np.sqrt(square)
+            if off > farthest:
+                farthest, where = off, k
+        if farthest > c.pitch:
+            told[0, 0], told[0, 1], told[0, 2], told[0, 3] = t, where, farthest, c.lateral
+            return ELSEWHERE
+    if c.plane == 1 and u.size > 0:
+        along = 1.0
+        for k in range(c.rows.shape[0]):
+            along = min(along, abs(c.rows[k, 10]))
+        off = np.arccos(along) * 180.0 / np.pi
+        if along < LEAVES:
+            told[0, 0], told[0, 1] = t, off
+            return ASKEW
+        if along < ALONG and c.given[TILTED] == 0.0:
+            c.given[TILTED] = told[1 + TILTED, 0] = 1.0
+            told[1 + TILTED, 1], told[1 + TILTED, 2] = off, t
+    return 0
+
+
+@allocating
+def show(c, y):
+    """See ``fmus.model.Component``: wrenches on the wheels and the report, world axes."""
+    n = c.rows.shape[0]
+    for k in range(n):
+        to_world(c.s.mean[k].reshape(2, 3), c.frame, y[6 * k : 6 * k + 6])
+    for i in range(REPORT):
+        y[6 * n + i] = c.report[i]
+    to_world(c.report[GROUND : GROUND + 3].reshape(1, 3), c.frame, y[6 * n + GROUND : 6 * n + GROUND + 3])
+
+
+@allocating
+def show_links(c, y):
+    """See ``fmus.model.Component``: tension and stress of links, places of and forces at pins, forces of the ground."""
+    n, m = c.links, c.nodes
+    place, force = np.empty((m, 3)), np.empty((m, 3))
+    links_shown(c.link, c.environment, c.s, c.work, y[:n], y[n : 2 * n], place, force)
+    first = 2 * n
+    to_world(place, c.frame, y[first : first + 3 * m])
+    for k in range(m):
+        for i in range(3):
+            y[first + 3 * k + i] += c.frame[i]
+    to_world(force, c.frame, y[first + 3 * m : first + 6 * m])
+    if c.soiled:
+        to_world(c.s.soil_mean, c.frame, y[first + 6 * m : first + 6 * m + 3 * c.soiled])
