@@ -8,6 +8,7 @@ of a kept FMU is its archive's comment; one for which it does not hold is built 
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 import shutil
@@ -15,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -66,13 +67,21 @@ def build_shell(
     parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), text]
     parts += [f"{package.name} {source_hash(package)}" for package in packages]
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
-    file = f"{name or script.stem}.fmu"
+
+    def pack() -> bytes:
+        with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
+            return _pack(Path(stage), script, text, packages)
+
+    return built(key, f"{name or script.stem}.fmu", pack, folder)
+
+
+def built(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = None) -> Path:
+    """The FMU ``file`` in the cache, or in ``folder``; ``pack`` makes it unless the cache has it under ``key``."""
 
     def found(cache: Path) -> Path:
         place = own(cache / "fmus" / key) / file
         if kept(place) is None:
-            with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
-                content = _pack(Path(stage), script, text, packages)
+            content = pack()
             if kept(place) is None:  # of two processes that built the same, the first one's stays
                 keep(place, content)
         return place
@@ -119,19 +128,21 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> b
     if child.returncode:
         last = (child.stderr.strip() or "no message").splitlines()[-1]
         raise BuildFailed(f"cannot build {script.stem}: {last.removeprefix('fmus.slave.Refused: ')}")
-    return _compress(Path(str(order["target"])), stage / "packed.fmu").read_bytes()[:-CHECKSUM]
+    with zipfile.ZipFile(str(order["target"])) as described:
+        return archive({name: described.read(name) for name in described.namelist()})
 
 
-def _compress(described: Path, packed: Path) -> Path:
-    """The same archive in a fixed order, without times of files: equal sources give equal bytes."""
-    with zipfile.ZipFile(described) as source, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as target:
-        for name in sorted(source.namelist()):
+def archive(files: Mapping[str, bytes]) -> bytes:
+    """An archive in a fixed order, without times of files: equal sources give equal bytes. Its checksum is left out."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as target:
+        for name in sorted(files):
             entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
-            target.writestr(entry, source.read(name))
+            target.writestr(entry, files[name])
         target.comment = bytes(CHECKSUM)  # room for it
-    return packed
+    return packed.getvalue()[:-CHECKSUM]
 
 
 def _child() -> None:

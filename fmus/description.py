@@ -28,7 +28,7 @@ def document(
     :param name: of the model, and the identifier of its binary.
     :param text: what the model is, one line.
     :param tool: what generated the FMU.
-    :param variables: the index is the value reference; Reals come first.
+    :param variables: the index is the value reference; Reals come first. One with the causality "local" is a constant.
     :param reals: how many of them are Reals.
     :param continuous: how many of the Reals are no parameters.
     :param categories: of log messages, and what they mean.
@@ -72,7 +72,7 @@ def document(
     known: list[str] = []
     outputs: list[str] = []
     for reference, port in enumerate(variables):
-        parameter = port.causality == "parameter"
+        parameter, constant = port.causality == "parameter", port.causality == "local"
         (known if parameter else outputs if port.causality == "output" else []).append(str(reference + 1))
         meaning = port.text + (f" ({', '.join(port.choices)})" if port.choices else "")
         variable = SubElement(
@@ -82,10 +82,16 @@ def document(
             valueReference=str(reference),
             description=meaning,
             causality=port.causality,
-            variability="fixed" if parameter else "continuous" if reference < continuous else "discrete",
+            variability="constant"
+            if constant
+            else "fixed"
+            if parameter
+            else "continuous"
+            if reference < continuous
+            else "discrete",
         )
         if port.causality != "input":
-            variable.set("initial", "exact" if parameter else "calculated")
+            variable.set("initial", "exact" if parameter or constant else "calculated")
         real = reference < reals
         start = repr(float(port.start)) if real else str(port.start)
         attributes = {"unit": port.unit} if real else {}

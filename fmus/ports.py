@@ -6,6 +6,7 @@ A wrench acts *on* the wheel, about its centre, in world axes, and is the mean o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 
@@ -18,6 +19,35 @@ class Port(NamedTuple):
     text: str  # description, one sentence without a full stop
     start: float | int | str = 0.0
     choices: tuple[str, ...] = ()  # allowed values of a String parameter
+
+
+STATUS = Port("status", "output", "1", "0 ok, 1 the last step warned, 3 the last call failed", 0)
+
+
+class Variables(NamedTuple):
+    """A component's variables; the index in the row of all is the value reference, and the FMI index less one."""
+
+    reals: tuple[Port, ...]  # inputs, outputs with those of links the last, parameters
+    integers: tuple[Port, ...]  # counters, status, parameters
+    strings: tuple[Port, ...]
+
+    @property
+    def row(self) -> tuple[Port, ...]:
+        """All of them."""
+        return (*self.reals, *self.integers, *self.strings)
+
+
+def variables(ports: Sequence[Port]) -> Variables:
+    """Of a model's ports, in the order in which FMI knows them."""
+
+    def pick(causality: str, kind: type) -> list[Port]:
+        return [port for port in ports if port.causality == causality and isinstance(port.start, kind)]
+
+    return Variables(
+        (*pick("input", float), *pick("output", float), *pick("parameter", float)),
+        (*pick("output", int), STATUS, *pick("parameter", int)),
+        tuple(pick("parameter", str)),
+    )
 
 
 # unit -> SI base unit exponents, as modelDescription.xml wants them

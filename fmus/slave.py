@@ -37,7 +37,7 @@ from fmus.defaults import check_names, checked, configured
 from fmus.description import document
 from fmus.jit import compiled_before, source_hash
 from fmus.model import InvalidParameter, Model, StepFailed, finite
-from fmus.ports import Port
+from fmus.ports import Port, variables
 from fmus.same_build import SameBuild
 from fmus.saved import Saved, from_bytes, to_bytes
 
@@ -152,23 +152,17 @@ class Slave(Fmi2Slave):
         self._used: dict[str, float | int | str] = {}  # parameters of the last start
 
     def _sort_ports(self, ports: tuple[Port, ...], link_ports: int) -> None:
-        def pick(causality: str, kind: type) -> list[Port]:
-            return [p for p in ports if p.causality == causality and isinstance(p.start, kind)]
-
+        self._reals, self._integers, self._string_ports = every = variables(ports)
         inputs = [p for p in ports if p.causality == "input"]
-        outputs = pick("output", float)
+        outputs = [p for p in self._reals if p.causality == "output"]
         count = len(outputs) - link_ports
-        parameters = pick("parameter", float)
-        self._counter_ports = pick("output", int)
-        status = Port("status", "output", "1", "0 ok, 1 the last step warned, 3 the last call failed", OK)
-        self._integer_parameters = pick("parameter", int)
-        self._string_ports = pick("parameter", str)
+        self._integer_parameters = [p for p in self._integers if p.causality == "parameter"]
+        counters = len(self._integers) - len(self._integer_parameters) - 1
         if [p for p in ports if p in inputs or p in outputs] != inputs + outputs:
             raise Refused("the Real inputs must come before the Real outputs")
-        if len(self._counter_ports) != len(self._model.counters):
-            raise Refused(f"{len(self._model.counters)} counters for {len(self._counter_ports)} Integer outputs")
-        self._reals = (*inputs, *outputs, *parameters)
-        self._integers = (*self._counter_ports, status, *self._integer_parameters)
+        if counters != len(self._model.counters):
+            raise Refused(f"{len(self._model.counters)} counters for {counters} Integer outputs")
+        self._every = every.row
         names = [p.name for p in self.variables]
         if len(set(names)) < len(names):
             raise Refused(f"two ports are called '{max(names, key=names.count)}'")
@@ -187,8 +181,8 @@ class Slave(Fmi2Slave):
 
     @property
     def variables(self) -> tuple[Port, ...]:
-        """All variables; the index is the value reference, and the FMI index less one."""
-        return (*self._reals, *self._integers, *self._string_ports)
+        """All variables, see ``fmus.ports.Variables``."""
+        return self._every
 
     def _access(self, references: list[int]) -> _Access:
         recent = self._recent.get(len(references))  # a master's groups: comparing costs less than hashing them

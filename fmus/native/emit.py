@@ -1,0 +1,55 @@
+"""Intermediate code of a component's entries -> one object file that knows nothing of Python or of this machine.
+
+Everything but the entries becomes internal, and all of it is optimised once more as a whole, for any x86-64 processor
+of the last fifteen years. LLVM contracts no operations without leave: numbers are those of the Python component.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import llvmlite.binding as llvm
+
+from fmus.native.entries import Entry
+
+PROCESSOR = "x86-64-v2"
+TRIPLE = "x86_64-unknown-linux-gnu"
+PREFIX = "component_"  # of the entries' names
+
+
+def emit(entries: Sequence[Entry]) -> bytes:
+    """The object file. Raises RuntimeError where the code holds an address of this process."""
+    machine = llvm.Target.from_triple(TRIPLE).create_target_machine(
+        cpu=PROCESSOR, features="", opt=3, reloc="pic", codemodel="small"
+    )
+    whole = None
+    for entry in entries:
+        module = _alone(entry)
+        if whole is None:
+            whole = module
+        else:
+            whole.link_in(module)
+    assert whole is not None
+    whole.triple = TRIPLE
+    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    passes.getModulePassManager().run(whole, passes)
+    return bytes(machine.emit_object(whole))
+
+
+def _alone(entry: Entry) -> llvm.ModuleRef:
+    """The module of an entry: all else in it is internal, under names without numba's counters and hashes."""
+    text = entry.compiled.library.get_llvm_str()
+    if found := re.search(r"inttoptr \(i64 (\d{6,})", text):
+        raise RuntimeError(f"the code of {entry.name} holds an address of this process, {found[1]}")
+    module, own = llvm.parse_assembly(text), entry.compiled.fndesc.llvm_func_name
+    count = 0
+    for each in (*module.functions, *module.global_variables):
+        if each.is_declaration:
+            continue
+        count += 1
+        if each.name == own:
+            each.name, each.linkage, each.visibility = PREFIX + entry.name, "external", "hidden"
+        else:
+            each.name, each.linkage = f"{entry.name}.{count}", "internal"
+    return module

@@ -1,0 +1,70 @@
+"""A component's parts as source text: arrays become slices of memory blocks, numbers their entries.
+
+The state and the counters are blocks of their own; views of them stay views. What else there is of arrays, constants
+and scratch alike, and of numbers goes into one block a type. A named tuple is written as its class.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+LINE = 8  # floats of a cache line: an array begins with one
+BLOCKS = {"float64": "f", "int64": "k", "bool": "z"}
+
+
+class Frozen:
+    """Blocks that are filled as values are written down; an array that is met again is the same."""
+
+    def __init__(self, state: NDArray[np.float64], counters: NDArray[np.int64]) -> None:
+        self._known = {id(_root(state)): ("x", 0, _root(state)), id(_root(counters)): ("n", 0, _root(counters))}
+        self._numbers: dict[str, list[float | int | bool]] = {letter: [] for letter in BLOCKS.values()}
+        self.classes: dict[str, type] = {}
+
+    def text(self, value: Any) -> str:
+        """The value as an expression in ``x``, ``n``, ``f``, ``k``, ``z`` and the names of ``classes``."""
+        if value is None:
+            return "None"
+        if isinstance(value, np.ndarray):
+            return self._array(value)
+        if isinstance(value, tuple):
+            inside = "".join(f"{self.text(each)}, " for each in value)
+            if not hasattr(value, "_fields"):
+                return f"({inside})"
+            name = type(value).__name__
+            if self.classes.setdefault(name, type(value)) is not type(value):
+                raise TypeError(f"two classes are called {name}")
+            return f"{name}({inside})"
+        return self._number(value)
+
+    def block(self, letter: str) -> NDArray[Any]:
+        """What the block of a type begins with."""
+        kind = next(np.dtype(name) for name, each in BLOCKS.items() if each == letter)
+        return np.array(self._numbers[letter] or [0], dtype=kind)
+
+    def _number(self, value: Any) -> str:
+        letter = BLOCKS[np.result_type(type(value)).name]
+        self._numbers[letter].append(value)
+        return f"{letter}[{len(self._numbers[letter]) - 1}]"
+
+    def _array(self, array: NDArray[Any]) -> str:
+        root = _root(array)
+        if not array.flags.c_contiguous:
+            raise TypeError("an array of a component's parts must be contiguous")
+        if id(root) not in self._known:
+            numbers = self._numbers[BLOCKS[root.dtype.name]]
+            numbers += [0] * (-len(numbers) % LINE)
+            self._known[id(root)] = BLOCKS[root.dtype.name], len(numbers), root
+            numbers += root.ravel().tolist()
+        letter, first, _ = self._known[id(root)]
+        first += (array.ctypes.data - root.ctypes.data) // array.itemsize if array.size else 0
+        text = f"{letter}[{first}:{first + array.size}]"
+        return text if array.ndim == 1 else f"{text}.reshape({array.shape})"
+
+
+def _root(array: NDArray[Any]) -> NDArray[Any]:
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+    return array

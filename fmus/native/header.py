@@ -1,0 +1,76 @@
+"""``model.h``: what the shell must know of a component; and its memory blocks as an object file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import llvmlite.binding as llvm
+
+from fmus.native.emit import PROCESSOR, TRIPLE
+from fmus.native.freeze import Frozen
+from fmus.ports import Port
+from fmus.sentences import TOLD, Sentence
+
+
+def quoted(texts: Iterable[str]) -> str:
+    """C strings, one after the other; JSON writes ASCII as C does."""
+    return ", ".join(json.dumps(text) for text in texts)
+
+
+def header(
+    guid: str,
+    variables: Sequence[Port],
+    link_ports: int,
+    sizes: Mapping[str, int],
+    failures: Sequence[Sentence],
+    warned: Sequence[Sentence],
+) -> str:
+    """The text of ``model.h``; ``sizes``: of the blocks x, n, f, k, z."""
+    reals = [port for port in variables if isinstance(port.start, float)]
+    inputs = sum(port.causality == "input" for port in reals)
+    outputs = sum(port.causality == "output" for port in reals) - link_ports
+    texts = [str(port.start) for port in variables if isinstance(port.start, str)]
+    numbers = {
+        "INPUT": inputs, "OUTPUT": outputs, "LINK": link_ports, "REAL": len(reals), "VARIABLE": len(variables),
+        "STATE": sizes["x"], "COUNTER": sizes["n"], "F": sizes["f"], "K": sizes["k"], "Z": sizes["z"],
+        "WARNING": len(warned), "TOLD": (1 + len(warned)) * (TOLD + 1),
+    }  # fmt: skip
+    lines = [
+        f"#define GUID {json.dumps(guid)}",
+        f"#define LINKS {int(link_ports > 0)}",
+        f"enum {{ {', '.join(f'N_{name} = {value}' for name, value in numbers.items())}, TOLD_ROW = {TOLD + 1} }};",
+        f"static const double START[] = {{ {', '.join(float(port.start).hex() for port in reals)} }};",
+        f"static const char *const NAME[] = {{ {quoted(port.name for port in variables)} }};",
+        f"static const char *const TEXT[] = {{ {quoted([*texts, ''])} }};",
+        *(f"extern const {kind} image_{name}[];" for name, kind in
+          {"x": "double", "n": "int64_t", "f": "double", "k": "int64_t", "z": "char"}.items()),
+        *_sentences("FAILURE", failures),
+        *_sentences("WARNING", warned),
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _sentences(table: str, sentences: Sequence[Sentence]) -> list[str]:
+    lines = [
+        f"static const char *const {table}_{i}[] = {{ {quoted(each.names)} }};"
+        for i, each in enumerate(sentences)
+        if each.names
+    ]
+    entries = [
+        f"{{ {json.dumps(each.text)}, {f'{table}_{i}' if each.names else 0} }}" for i, each in enumerate(sentences)
+    ]
+    return [*lines, f"static const Sentence {table}[] = {{ {', '.join(entries or ['{ 0, 0 }'])} }};"]
+
+
+def image(frozen: Frozen, state: Any, counters: Any) -> bytes:
+    """An object file with what the blocks begin with, under the names ``image_x`` and so on."""
+    blocks = {"x": state, "n": counters, **{letter: frozen.block(letter) for letter in "fkz"}}
+    text = [f'target triple = "{TRIPLE}"']
+    for name, block in blocks.items():
+        content = "".join(f"\\{byte:02x}" for byte in block.tobytes()) or "\\00"
+        size = max(block.nbytes, 1)
+        text.append(f'@image_{name} = hidden constant [{size} x i8] c"{content}", align 64')
+    machine = llvm.Target.from_triple(TRIPLE).create_target_machine(cpu=PROCESSOR, reloc="pic", codemodel="small")
+    return bytes(machine.emit_object(llvm.parse_assembly("\n".join(text))))

@@ -1,0 +1,41 @@
+"""Objects and C sources -> a shared library: by ziglang's compiler, or by the system's."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+HERE = Path(__file__).parent
+SOURCES = HERE / "shell.c", HERE / "runtime.c"
+OLDEST = "2.17"  # glibc that ziglang links for: of 2012
+FLAGS = (
+    "-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-fPIC", "-fvisibility=hidden", "-fno-sanitize=all", "-g0",
+    "-shared", "-s", "-Wl,-z,defs", "-Wl,-z,noexecstack", "-Wl,--gc-sections", "-Wl,--build-id=none",
+)  # fmt: skip
+
+
+class NoCompiler(RuntimeError):
+    """There is no C compiler, or it failed; the message is one sentence."""
+
+
+def compiler() -> list[str]:
+    """The command of a C compiler for Linux on x86-64; raises NoCompiler."""
+    if find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc", "-target", f"x86_64-linux-gnu.{OLDEST}"]
+    for name in ("cc", "gcc", "clang"):
+        if found := shutil.which(name):
+            return [found]
+    raise NoCompiler("native FMUs need a C compiler: pip install 'cotrack[native]' brings one")
+
+
+def link(objects: Sequence[Path], include: Path, library: Path) -> None:
+    """Link ``library`` from the objects, the shell and the runtime; ``model.h`` lies in ``include``."""
+    command = [*compiler(), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library), *map(str, (*SOURCES, *objects))]
+    done = subprocess.run([*command, "-lm"], capture_output=True, text=True)
+    if done.returncode:
+        last = (done.stderr.strip() or "no message").splitlines()[0]
+        raise NoCompiler(f"{library.name} could not be linked: {last}")

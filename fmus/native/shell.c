@@ -1,0 +1,487 @@
+/* The FMI 2.0 functions around the kernels of a component: the same for all kinds; what tells them apart is in model.h.
+
+   It does what fmus/slave.py does, sentence by sentence. No threads, no globals that change. */
+#include <math.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fmi2.h"
+
+typedef struct { const char *text, *const *names; } Sentence;
+#include "model.h"
+
+enum { INSTANTIATED, INITIALISING, RUNNING };
+enum { WARNED = 1, FAILED = 3 }; /* of the output status */
+enum { LONGEST = 1500, FIRST_LINK = N_INPUT + N_OUTPUT, FIRST_PARAMETER = FIRST_LINK + N_LINK };
+
+/* numba's calling convention: the result goes to the first pointer, what was raised to the second */
+struct raised;
+#define BLOCKS double *x, int64_t *n, double *f, int64_t *k, char *z
+int component_step(int64_t *, struct raised **, BLOCKS, double *told, double t, double h, const double *u);
+int component_show(int64_t *, struct raised **, BLOCKS, double *y);
+int component_show_links(int64_t *, struct raised **, BLOCKS, double *y);
+
+typedef struct { /* everything that changes during a run: saving it is copying it */
+    _Alignas(64) double state[N_STATE];
+    int64_t counter[N_COUNTER + 1];
+    double value[N_REAL + 1];
+    int32_t phase, stale, links_stale, status, failed;
+    char failure[LONGEST];
+} Data;
+
+typedef struct {
+    Data d;
+    double kept[N_STATE], told[N_TOLD];
+    int64_t kept_counter[N_COUNTER + 1];
+    double *f;
+    int64_t *k;
+    char *z, *name;
+    fmi2CallbackFunctions call;
+    int logging;
+} Instance;
+
+/* ---- messages */
+
+static void fill(char *out, size_t room, Sentence s, const double *told) {
+    size_t n = 0;
+    for (const char *p = s.text; *p && n + 1 < room; p++) {
+        if (*p != '{') {
+            out[n++] = *p;
+            continue;
+        }
+        double number = told[p[1] - '0'];
+        const char *spec = p + 3, *end = strchr(p, '}');
+        char format[16];
+        if (!strncmp(spec, "name", 4))
+            n += (size_t)snprintf(out + n, room - n, "%s", s.names[(int)number]);
+        else if (*spec == 'd' || *spec == 'n')
+            n += (size_t)snprintf(out + n, room - n, "%lld", (long long)number + (*spec == 'n'));
+        else {
+            snprintf(format, sizeof format, "%%%.*s", (int)(end - spec), spec);
+            n += (size_t)snprintf(out + n, room - n, format, number);
+        }
+        p = end;
+    }
+    out[n < room ? n : room - 1] = 0;
+}
+
+static void tell(Instance *c, fmi2Status status, const char *category, const char *text) {
+    char escaped[2 * LONGEST]; /* FMI reads a message as a format */
+    size_t n = 0;
+    if (!c->call.logger || (status == fmi2OK && !c->logging)) return;
+    for (; *text && n + 3 < sizeof escaped; text++) {
+        if (*text == '%') escaped[n++] = '%';
+        escaped[n++] = *text;
+    }
+    escaped[n] = 0;
+    c->call.logger(c->call.componentEnvironment, c->name, status, category, escaped);
+}
+
+static fmi2Status refuse(Instance *c, const char *format, ...) {
+    char text[LONGEST];
+    va_list more;
+    va_start(more, format);
+    vsnprintf(text, sizeof text, format, more);
+    va_end(more);
+    c->d.status = FAILED;
+    tell(c, fmi2Error, "logStatusError", text);
+    return fmi2Error;
+}
+
+static void fail(Instance *c, const char *text) { /* lasts */
+    snprintf(c->d.failure, LONGEST, "%s", text);
+    c->d.failed = 1;
+    c->d.status = FAILED;
+    tell(c, fmi2Error, "logStatusError", c->d.failure);
+}
+
+/* ---- what the kernels do */
+
+static int finite(const double *a, int n) {
+    double sum = 0.0;
+    for (int i = 0; i < n; i++) sum += 0.0 * a[i];
+    return sum == 0.0;
+}
+
+static int not_finite(Instance *c, int first, const double *a, int n, const char *what, const char *when, double t) {
+    for (int i = 0; i < n; i++)
+        if (!isfinite(a[i])) {
+            char text[LONGEST];
+            if (when[0] == '@')
+                snprintf(text, sizeof text, "%s '%s' is %g at t = %g", what, NAME[first + i], a[i], t);
+            else
+                snprintf(text, sizeof text, "%s '%s' is %g %s", what, NAME[first + i], a[i], when);
+            fail(c, text);
+            return 1;
+        }
+    return 0;
+}
+
+static void warn(Instance *c) {
+    char text[LONGEST];
+    for (int k = 0; k < N_WARNING; k++) {
+        double *row = c->told + (k + 1) * TOLD_ROW;
+        if (row[0] == 0.0) continue;
+        row[0] = 0.0;
+        fill(text, sizeof text, WARNING[k], row + 1);
+        c->d.status = WARNED;
+        tell(c, fmi2Warning, "logStatusWarning", text);
+    }
+}
+
+static int refresh(Instance *c, const char *when, double t) {
+    double y[N_OUTPUT + 1];
+    int64_t result;
+    struct raised *e = 0;
+    Data *d = &c->d;
+    if (component_show(&result, &e, d->state, d->counter, c->f, c->k, c->z, y)) {
+        fail(c, "the outputs could not be computed");
+        return 1;
+    }
+    if (!finite(y, N_OUTPUT) && not_finite(c, N_INPUT, y, N_OUTPUT, "output", when, t)) return 1;
+    memcpy(d->value + N_INPUT, y, N_OUTPUT * sizeof *y);
+    d->links_stale = N_LINK > 0;
+    warn(c);
+    return 0;
+}
+
+static int initialise(Instance *c) {
+    Data *d = &c->d;
+    memcpy(d->state, image_x, sizeof d->state);
+    memcpy(d->counter, image_n, N_COUNTER * sizeof *d->counter);
+    memcpy(c->f, image_f, N_F * sizeof *c->f);
+    memcpy(c->k, image_k, N_K * sizeof *c->k);
+    memcpy(c->z, image_z, N_Z);
+    memset(c->told, 0, sizeof c->told);
+    d->failed = d->status = 0;
+    if (refresh(c, "at the start", 0.0)) return 1;
+    d->stale = 0;
+    return 0;
+}
+
+EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolean kept) {
+    Instance *c = p;
+    Data *d = &c->d;
+    int64_t failed = 0;
+    struct raised *e = 0;
+    char text[LONGEST];
+    (void)kept;
+    if (d->failed) {
+        refuse(c, "an earlier call failed (%s): restore a saved state or reset", d->failure);
+        return fmi2Discard;
+    }
+    if (d->phase != RUNNING) {
+        refuse(c, "a step was asked for before the end of initialisation");
+        return fmi2Discard;
+    }
+    if (!(isfinite(t) && isfinite(h) && h > 0.0)) {
+        refuse(c, "a step needs a finite time and a positive length, not t = %g, h = %g", t, h);
+        return fmi2Discard;
+    }
+    if (!finite(d->value, N_INPUT) && not_finite(c, 0, d->value, N_INPUT, "input", "@", t)) return fmi2Discard;
+    memcpy(c->kept, d->state, sizeof c->kept);
+    memcpy(c->kept_counter, d->counter, sizeof c->kept_counter);
+    d->status = 0;
+    if (component_step(&failed, &e, d->state, d->counter, c->f, c->k, c->z, c->told, t, h, d->value)) {
+        snprintf(text, sizeof text, "at t = %g s a kernel raised an exception", t);
+    } else if (failed) {
+        fill(text, sizeof text, FAILURE[failed], c->told);
+    } else if (!refresh(c, "@", t + h)) {
+        return fmi2OK;
+    } else {
+        text[0] = 0; /* it was said */
+    }
+    warn(c); /* of what may have led there */
+    memcpy(d->state, c->kept, sizeof c->kept);
+    memcpy(d->counter, c->kept_counter, sizeof c->kept_counter);
+    if (text[0]) fail(c, text);
+    return fmi2Discard;
+}
+
+/* ---- life */
+
+static void begin(Instance *c) {
+    memset(&c->d, 0, sizeof c->d);
+    memcpy(c->d.value, START, sizeof START);
+    c->d.stale = 1;
+}
+
+static void release(Instance *c) {
+    free(c->f);
+    free(c->k);
+    free(c->z);
+    free(c->name);
+    free(c);
+}
+
+static void *room(size_t size) { return aligned_alloc(64, (size + 63) / 64 * 64); }
+
+EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
+EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
+
+EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
+                                     const fmi2CallbackFunctions *call, fmi2Boolean visible, fmi2Boolean logging) {
+    Instance *c = room(sizeof *c);
+    (void)resources, (void)visible;
+    if (!c) return 0;
+    memset(c, 0, sizeof *c);
+    if (call) c->call = *call;
+    c->logging = logging;
+    c->name = malloc(strlen(name ? name : "") + 1);
+    c->f = room(N_F * sizeof *c->f);
+    c->k = room(N_K * sizeof *c->k);
+    c->z = room(N_Z);
+    if (c->name) strcpy(c->name, name ? name : "");
+    if (c->name && c->f && c->k && c->z && type == fmi2CoSimulation && guid && !strcmp(guid, GUID)) {
+        begin(c);
+        return c;
+    }
+    if (type != fmi2CoSimulation)
+        refuse(c, "this FMU is one for co-simulation");
+    else if (!guid || strcmp(guid, GUID))
+        refuse(c, "the guid %s is not %s, which this FMU has", guid ? guid : "(none)", GUID);
+    release(c);
+    return 0;
+}
+
+EXPORT void fmi2FreeInstance(fmi2Component p) {
+    if (p) release(p);
+}
+
+EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component p, fmi2Boolean on, size_t n, const fmi2String categories[]) {
+    (void)n, (void)categories;
+    ((Instance *)p)->logging = on;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean a, fmi2Real tolerance, fmi2Real start, fmi2Boolean b,
+                                      fmi2Real stop) {
+    (void)p, (void)a, (void)tolerance, (void)start, (void)b, (void)stop;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
+    ((Instance *)p)->d.phase = INITIALISING;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
+    Instance *c = p;
+    if (c->d.stale && initialise(c)) return fmi2Error;
+    c->d.phase = RUNNING;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2Terminate(fmi2Component p) {
+    (void)p;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2Reset(fmi2Component p) {
+    begin(p);
+    return fmi2OK;
+}
+
+/* ---- variables: Reals, Integers, Strings share one row of value references */
+
+static int started(Instance *c) { return !(c->d.stale && c->d.phase == INITIALISING) || !initialise(c); }
+
+EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2Real to[]) {
+    Instance *c = p;
+    int outputs = 0, links = 0;
+    for (size_t i = 0; i < n; i++) {
+        if (v[i] >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
+        outputs |= v[i] >= N_INPUT && v[i] < FIRST_PARAMETER;
+        links |= v[i] >= FIRST_LINK && v[i] < FIRST_PARAMETER;
+    }
+    if (outputs && !started(c)) return fmi2Error;
+#if LINKS
+    if (links && c->d.links_stale) {
+        int64_t result;
+        struct raised *e = 0;
+        double *y = c->d.value + FIRST_LINK;
+        if (component_show_links(&result, &e, c->d.state, c->d.counter, c->f, c->k, c->z, y)) {
+            fail(c, "the link outputs could not be computed");
+            return fmi2Error;
+        }
+        if (!finite(y, N_LINK) && not_finite(c, FIRST_LINK, y, N_LINK, "output", "after the last step", 0.0))
+            return fmi2Error;
+        c->d.links_stale = 0;
+    }
+#else
+    (void)links;
+#endif
+    for (size_t i = 0; i < n; i++) to[i] = c->d.value[v[i]];
+    return fmi2OK;
+}
+
+static fmi2Status constant(Instance *c, unsigned v) {
+    if (c->d.phase == RUNNING)
+        return refuse(c, "parameter '%s' is fixed: set it before the end of initialisation", NAME[v]);
+    return refuse(c, "'%s' is a constant of this FMU: build one with another value", NAME[v]);
+}
+
+EXPORT fmi2Status fmi2SetReal(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Real from[]) {
+    Instance *c = p;
+    for (size_t i = 0; i < n; i++) {
+        if (v[i] >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
+        if (v[i] >= FIRST_PARAMETER) {
+            if (from[i] != START[v[i]]) return constant(c, v[i]);
+        } else if (v[i] >= N_INPUT)
+            return refuse(c, "an output cannot be set (%s or one set with it)", NAME[v[i]]);
+    }
+    for (size_t i = 0; i < n; i++) c->d.value[v[i]] = from[i];
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetInteger(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2Integer to[]) {
+    Instance *c = p;
+    if (!started(c)) return fmi2Error;
+    for (size_t i = 0; i < n; i++) {
+        int64_t at = (int64_t)v[i] - N_REAL, value;
+        if (at < 0 || at > N_COUNTER) return refuse(c, "no Integer variable has the value reference %u", v[i]);
+        value = at < N_COUNTER ? c->d.counter[at] : c->d.status;
+        to[i] = value > INT32_MAX ? INT32_MAX : (fmi2Integer)value;
+    }
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetInteger(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Integer from[]) {
+    (void)from;
+    for (size_t i = 0; i < n; i++) {
+        if (v[i] < N_REAL || v[i] > N_REAL + N_COUNTER)
+            return refuse(p, "no Integer variable has the value reference %u", v[i]);
+        return refuse(p, "output '%s' cannot be set", NAME[v[i]]);
+    }
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2String to[]) {
+    for (size_t i = 0; i < n; i++) {
+        if (v[i] <= N_REAL + N_COUNTER || v[i] >= N_VARIABLE)
+            return refuse(p, "no String variable has the value reference %u", v[i]);
+        to[i] = TEXT[v[i] - N_REAL - N_COUNTER - 1];
+    }
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2String from[]) {
+    for (size_t i = 0; i < n; i++) {
+        if (v[i] <= N_REAL + N_COUNTER || v[i] >= N_VARIABLE)
+            return refuse(p, "no String variable has the value reference %u", v[i]);
+        if (!from[i] || strcmp(from[i], TEXT[v[i] - N_REAL - N_COUNTER - 1])) return constant(p, v[i]);
+    }
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetBoolean(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2Boolean to[]) {
+    (void)to;
+    return n ? refuse(p, "no Boolean variable has the value reference %u", v[0]) : fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetBoolean(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Boolean from[]) {
+    (void)from;
+    return n ? refuse(p, "no Boolean variable has the value reference %u", v[0]) : fmi2OK;
+}
+
+/* ---- states: their bytes begin with the guid and a checksum */
+
+typedef struct { char guid[40]; uint64_t sum; Data d; } Bytes;
+
+static uint64_t checksum(const void *p, size_t n) { /* FNV-1a */
+    const unsigned char *b = p;
+    uint64_t sum = 14695981039346656037u;
+    while (n--) sum = (sum ^ *b++) * 1099511628211u;
+    return sum;
+}
+
+EXPORT fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *to) {
+    if (!*to && !(*to = room(sizeof(Data)))) return refuse(p, "there is no memory for a state");
+    memcpy(*to, &((Instance *)p)->d, sizeof(Data));
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate from) {
+    Instance *c = p;
+    if (!from) return refuse(c, "this is not a state of an FMU of this build");
+    if (c->d.stale && initialise(c)) return fmi2Error; /* one that never began: its blocks are empty */
+    memcpy(&c->d, from, sizeof(Data));
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component p, fmi2FMUstate *state) {
+    (void)p;
+    if (state) {
+        free(*state);
+        *state = 0;
+    }
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component p, fmi2FMUstate state, size_t *n) {
+    (void)p, (void)state;
+    *n = sizeof(Bytes);
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component p, fmi2FMUstate state, fmi2Byte to[], size_t n) {
+    Bytes *b;
+    if (!state || n < sizeof(Bytes)) return refuse(p, "a state needs %zu bytes", sizeof(Bytes));
+    if (!(b = room(sizeof *b))) return refuse(p, "there is no memory for a state");
+    memset(b, 0, sizeof *b);
+    strcpy(b->guid, GUID);
+    memcpy(&b->d, state, sizeof(Data));
+    b->sum = checksum(&b->d, sizeof(Data));
+    memcpy(to, b, sizeof *b);
+    free(b);
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte from[], size_t n, fmi2FMUstate *to) {
+    uint64_t sum;
+    if (n != sizeof(Bytes)) return refuse(p, "these bytes are not a saved state of this FMU");
+    memcpy(&sum, from + offsetof(Bytes, sum), sizeof sum);
+    if (sum != checksum(from + offsetof(Bytes, d), sizeof(Data)))
+        return refuse(p, "these bytes are not a saved state: the checksum does not hold");
+    if (strncmp(from, GUID, sizeof GUID)) return refuse(p, "the state belongs to another FMU than %s", GUID);
+    if (!*to && !(*to = room(sizeof(Data)))) return refuse(p, "there is no memory for a state");
+    memcpy(*to, from + offsetof(Bytes, d), sizeof(Data));
+    return fmi2OK;
+}
+
+/* ---- what is not there */
+
+EXPORT fmi2Status fmi2CancelStep(fmi2Component p) { return refuse(p, "steps are not asynchronous"); }
+
+EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component p, const fmi2ValueReference u[], size_t n,
+                                               const fmi2ValueReference v[], size_t m, const fmi2Real x[],
+                                               fmi2Real y[]) {
+    (void)u, (void)n, (void)v, (void)m, (void)x, (void)y;
+    return refuse(p, "there are no directional derivatives");
+}
+
+EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component p, const fmi2ValueReference v[], size_t n,
+                                              const fmi2Integer order[], const fmi2Real x[]) {
+    (void)v, (void)n, (void)order, (void)x;
+    return refuse(p, "inputs are not interpolated");
+}
+
+EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component p, const fmi2ValueReference v[], size_t n,
+                                               const fmi2Integer order[], fmi2Real x[]) {
+    (void)v, (void)n, (void)order, (void)x;
+    return refuse(p, "there are no derivatives of outputs");
+}
+
+#define NO_STATUS(name, type)                                                        \
+    EXPORT fmi2Status name(fmi2Component p, const fmi2StatusKind kind, type *to) { \
+        (void)kind, (void)to;                                                        \
+        return refuse(p, "steps are not asynchronous");                              \
+    }
+NO_STATUS(fmi2GetStatus, fmi2Status)
+NO_STATUS(fmi2GetRealStatus, fmi2Real)
+NO_STATUS(fmi2GetIntegerStatus, fmi2Integer)
+NO_STATUS(fmi2GetBooleanStatus, fmi2Boolean)
+NO_STATUS(fmi2GetStringStatus, fmi2String)
