@@ -32,6 +32,7 @@ def run(
         bool, typer.Option(help="say how wrong the run is: two coarser runs beside it, about its cost again")
     ] = True,
     log: Annotated[Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")] = None,
+    native: Annotated[bool, typer.Option("--native", help="by FMUs of machine code alone, to the same bits")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
     """Run a scene, log it, check what it expects, say how wrong it is."""
@@ -53,7 +54,7 @@ def run(
         from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
-        result = simulate(resolved, path, warn, narration, estimated=estimate)
+        result = simulate(resolved, path, warn, narration, estimated=estimate, native=native)
         checked = all(check["ok"] for check in result["checks"].values())
         status = 0 if result["status"] == "ok" and checked and not summary.energy_warning(result["energy"]) else 1
     except KeyboardInterrupt:

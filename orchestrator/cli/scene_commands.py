@@ -38,6 +38,9 @@ def build(
     vehicle: Annotated[
         str | None, typer.Option("--vehicle", metavar="FILE", help="a vehicle, instead of the scene's")
     ] = None,
+    native: Annotated[
+        bool, typer.Option("--native", help="of machine code alone, an FMU a part of the scene, parameters constant")
+    ] = False,
 ) -> None:
     """FMUs to be kept, the scene's parameters their defaults.
 
@@ -51,6 +54,12 @@ def build(
         raise BadInput("give a scene or --all, not both")
     changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
     models = [track] if track else list(TRACKS)
+    if native:
+        if everything:
+            raise BadInput("--native builds the FMUs of one scene, not --all")
+        for file in products.native_to(output, load(scene or products.STANDARD, track, changes)):
+            print(file)
+        return
     if everything:
         wanted = products.of_gallery(models, changes)
     elif scene is None:

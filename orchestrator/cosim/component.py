@@ -213,6 +213,7 @@ class Component(AbstractContextManager["Component"]):
         self.links = tuple(n for n in outputs if n.startswith(LINK_FAMILIES))
         self.integers = names("output", "Integer")
         self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
+        self.constants = {v.name: v.start for v in variables if v.variability == "constant"}
         self.u = np.array([float(self._variables[n].start or 0.0) for n in self.inputs])
         self.y = np.zeros(len(self.outputs))
         self.y_links = np.zeros(len(self.links))
@@ -337,6 +338,12 @@ class Component(AbstractContextManager["Component"]):
         self.wall_time = 0.0
 
     def _set_parameter(self, name: str, value: float | int | str) -> None:
+        if name in self.constants:
+            if type(value)(self.constants[name]) != value:
+                raise ComponentFailed(
+                    f"{self.name}: '{name}' = {value}: it is a constant of this FMU, {self.constants[name]}"
+                )
+            return
         if name not in self.parameters:
             near = difflib.get_close_matches(name, self.parameters, 1)
             hint = f" (did you mean '{near[0]}'?)" if near else ""

@@ -43,10 +43,12 @@ def simulate(
     logger: Logger | None = None,
     narration: Narration | None = None,
     estimated: bool = False,
+    native: bool = False,
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; the summary of ``summary.empty``. A ``narration`` is told what is done.
 
     ``estimated``: coarser runs beside it say how wrong it is (``estimate``); they cost about as much again.
+    ``native``: by native FMUs, which give the same numbers; coarser runs beside it are not.
 
     Raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt before the first
     step (then no log is written); afterwards every failure is in the summary's status and message.
@@ -54,7 +56,7 @@ def simulate(
     check_writable(path)
     with _interruptible() as interrupt:
         try:
-            return _simulate(scene, path, logger, narration, estimated, interrupt)
+            return _simulate(scene, path, logger, narration, estimated, interrupt, native)
         except (BuildFailed, ComponentFailed):
             if interrupt.asked:  # a component makes a failure of an interruption
                 raise KeyboardInterrupt from None
@@ -68,13 +70,14 @@ def _simulate(
     narration: Narration | None,
     estimated: bool,
     interrupt: _Interrupt,
+    native: bool = False,
 ) -> dict[str, Any]:
     began = time.perf_counter()
     result = summary.empty(scene.name, scene.variant)
     say = narration or (lambda what: None)
     with ExitStack() as stack:
         say(f"{scene.name}: components are built and brought to their start")
-        scene, graph, components = opened(scene, stack, logger)
+        scene, graph, components = opened(scene, stack, logger, native)
         stages = wire(graph, components)
         scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
         pace = paced(scene.run)
@@ -187,13 +190,15 @@ def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
     return VariableStep(*limits)
 
 
-def opened(scene: Scene, stack: ExitStack, logger: Logger | None) -> tuple[Scene, System, Mapping[str, Recorded]]:
+def opened(
+    scene: Scene, stack: ExitStack, logger: Logger | None, native: bool = False
+) -> tuple[Scene, System, Mapping[str, Recorded]]:
     """The scene with its wheels in place, its graph, and what is stepped."""
     if isinstance(scene, TrackScene):
         beside = _compiled_beside(scene)
         try:
             scene = placed(scene)
-            graph = system(assemble(scene))
+            graph = system(assemble(scene), native)
         finally:
             for process in beside:
                 process.wait()

@@ -89,9 +89,15 @@ def assemble(scene: TrackScene) -> Assembly:
     raise TypeError(f"no assembly for {type(scene).__name__}")
 
 
-def system(assembly: Assembly) -> System:
-    """Build what the assembly needs (each distinct FMU once) and name it as a graph."""
-    files = build_all([(part.kind, part.config, None) for part in assembly.parts])
+def system(assembly: Assembly, native: bool = False) -> System:
+    """Build what the assembly needs (each distinct FMU once) and name it as a graph.
+
+    ``native``: as machine code alone, an FMU a part, its parameters constants of it.
+    """
+    if native:
+        files = build_native_all(assembly)
+    else:
+        files = build_all([(part.kind, part.config, None) for part in assembly.parts])
     instances = tuple(
         Instance(part.name, file, part.parameters, part.stage) for part, file in zip(assembly.parts, files, strict=True)
     )
@@ -111,6 +117,16 @@ def build_all(wanted: Sequence[tuple[str, dict[str, Any], str | None]], folder: 
             )
         )
     return [built[key] for key in keys]
+
+
+def build_native_all(assembly: Assembly, folder: Path | None = None) -> list[Path]:
+    """Build the native FMUs of the parts, in order; in a ``folder`` they are called as the parts."""
+    from fmus.native.pack import build_native  # compilers, only for those who want them
+
+    return [
+        build_native(part.kind, part.config, part.parameters, folder, part.name if folder else None)
+        for part in assembly.parts
+    ]
 
 
 # --- assemblies ------------------------------------------------------------------------------------

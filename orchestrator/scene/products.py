@@ -9,7 +9,7 @@ from typing import Any
 
 from fmus.vehicle import BadInput
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, placed
+from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, build_native_all, placed
 from orchestrator.scene.scene import Scene, TrackScene, load, tracked
 
 STANDARD = "straight"  # its components carry the plain names
@@ -58,6 +58,14 @@ def build_to(folder: Path, products: Sequence[Product]) -> list[Path]:
     """Build them into a folder; paths in order. Raises BadInput where there can be no such folder."""
     made(folder)
     return build_all(products, folder)
+
+
+def native_to(folder: Path, scene: Scene) -> list[Path]:
+    """Build the native FMUs of a scene into a folder, one a part and called as it is. Raises BadInput."""
+    if not isinstance(scene, TrackScene):
+        raise BadInput(f"scene '{scene.name}' needs no FMU")
+    made(folder)
+    return build_native_all(assemble(placed(scene)), folder)
 
 
 def made(folder: Path) -> None:
