@@ -37,5 +37,6 @@ def link(objects: Sequence[Path], include: Path, library: Path) -> None:
     command = [*compiler(), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library), *map(str, (*SOURCES, *objects))]
     done = subprocess.run([*command, "-lm"], capture_output=True, text=True)
     if done.returncode:
-        last = (done.stderr.strip() or "no message").splitlines()[0]
-        raise NoCompiler(f"{library.name} could not be linked: {last}")
+        said = done.stderr.strip().splitlines()
+        first = next((line for line in [*said, "no message"] if "error" in line), said[-1] if said else "no message")
+        raise NoCompiler(f"{library.name} could not be linked: {first}")

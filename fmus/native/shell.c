@@ -293,9 +293,10 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], siz
     Instance *c = p;
     int outputs = 0, links = 0;
     for (size_t i = 0; i < n; i++) {
-        if (v[i] >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
-        outputs |= v[i] >= N_INPUT && v[i] < FIRST_PARAMETER;
-        links |= v[i] >= FIRST_LINK && v[i] < FIRST_PARAMETER;
+        int64_t at = v[i];
+        if (at >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
+        outputs |= at >= N_INPUT && at < FIRST_PARAMETER;
+        links |= at >= FIRST_LINK && at < FIRST_PARAMETER;
     }
     if (outputs && !started(c)) return fmi2Error;
 #if LINKS
@@ -327,10 +328,11 @@ static fmi2Status constant(Instance *c, unsigned v) {
 EXPORT fmi2Status fmi2SetReal(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Real from[]) {
     Instance *c = p;
     for (size_t i = 0; i < n; i++) {
-        if (v[i] >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
-        if (v[i] >= FIRST_PARAMETER) {
-            if (from[i] != START[v[i]]) return constant(c, v[i]);
-        } else if (v[i] >= N_INPUT)
+        int64_t at = v[i];
+        if (at >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
+        if (at >= FIRST_PARAMETER) {
+            if (from[i] != START[at]) return constant(c, v[i]);
+        } else if (at >= N_INPUT)
             return refuse(c, "an output cannot be set (%s or one set with it)", NAME[v[i]]);
     }
     for (size_t i = 0; i < n; i++) c->d.value[v[i]] = from[i];

@@ -1,0 +1,256 @@
+"""Native FMUs against the models that they are made of: the same bits, the same sentences, nothing of Python."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import zipfile
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Slave
+from fmpy.validation import validate_fmu
+from vehicle_in_process import InProcess
+
+from fmus.build import BuildFailed
+from fmus.model import StepFailed
+from fmus.native import link, pack
+from fmus.native.pack import build_native
+from orchestrator.cosim.component import Component, ComponentFailed, unpack
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.scene import load
+
+H, STEPS = 1e-3, 120
+QUICK = "run.stop=1 s", "run.step=1 ms", "track.step=1 ms"
+MOVING = *QUICK, "drive.ramp_start=0", "drive.ramp_time=0.1"
+ROUND = "drive.ramp_start=0", "drive.ramp_time=0.05", "drive.left.speed=4", "drive.right.speed=12"
+
+
+class Case(NamedTuple):
+    """A part of a scene."""
+
+    scene: str
+    links: str
+    part: str
+    settings: tuple[str, ...] = QUICK
+
+
+FEW = [
+    Case("hanging_chain", "flexible", "chain"),
+    Case("straight", "rigid", "left_drive", MOVING),
+    Case("straight", "rigid", "chassis", MOVING),
+    Case("serpentine", "rigid", "driver"),
+    Case("serpentine", "rigid", "right_drive"),
+    Case("differential", "rigid", "differential"),
+]
+MANY = [
+    Case("hanging_chain", "rigid", "chain"),
+    Case("straight", "flexible", "left_track", MOVING),
+    Case("straight", "rigid", "right_track", MOVING),
+    Case("straight", "flexible", "left_track", (*MOVING, "track.element=beam")),
+    Case("straight", "flexible", "left_track", (*MOVING, "track.element=planar", "run.planar=true")),
+    Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),
+    Case("turn", "rigid", "right_track", (*QUICK, *ROUND)),
+    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
+    Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
+    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.elasticity=general")),
+]
+
+
+class Run(NamedTuple):
+    """A part of a scene that ran as Python: its model, and at each step its inputs and all its outputs after it."""
+
+    part: object
+    member: object
+    u: np.ndarray
+    y: np.ndarray
+    links: np.ndarray
+
+
+@cache
+def ran(case):
+    vehicle = InProcess(load(case.scene, case.links, case.settings))
+    member = vehicle[case.part]
+    u, y, links = [], [], []
+    step = member.step
+
+    def recorded(t, h):
+        u.append(member.u.copy())
+        step(t, h)
+        y.append(member.y.copy())
+        links.append(member.link_outputs())
+
+    member.step = recorded
+    for _ in range(STEPS):
+        vehicle.step()
+    (part,) = (part for part in assemble(vehicle.scene).parts if part.name == case.part)
+    return Run(part, member, np.array(u), np.array(y), np.array(links))
+
+
+def native(case):
+    part = ran(case).part
+    return build_native(part.kind, part.config, part.parameters)
+
+
+def begun(case, stack=None, messages=None):
+    component = Component(native(case), case.part, messages)
+    component.initialise(ran(case).part.parameters)
+    return component
+
+
+def follow(component, run, steps):
+    """Outputs after some steps with the inputs of a run."""
+    shown = []
+    for k in steps:
+        component.u[:] = run.u[k]
+        component.write()
+        component.step(k * H, H)
+        component.read()
+        component.read_links()
+        component.read_counters()
+        shown.append((component.y.copy(), component.y_links.copy()))
+    return [np.array(each) for each in zip(*shown, strict=True)]
+
+
+def same(case):
+    run = ran(case)
+    with begun(case) as component:
+        y, links = follow(component, run, range(STEPS))
+        np.testing.assert_array_equal(y, run.y)
+        np.testing.assert_array_equal(links, run.links)
+        assert component.counters[:-1].tolist() == run.member.model.counters.tolist()
+        for k in (0, -1):  # of the first and of the last step: what is recorded moves
+            assert run.y.size == 0 or not np.array_equal(run.y[k], np.nextafter(run.y[k], np.inf))
+    assert np.abs(run.y[-1] - run.y[0]).max() > 0.0
+
+
+@pytest.mark.parametrize("case", FEW, ids=lambda case: f"{case.part}-{case.links}")
+def test_a_replay_gives_the_same_bits(case):
+    same(case)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("case", MANY, ids=str)
+def test_a_replay_of_every_track_gives_the_same_bits(case):
+    same(case)
+
+
+@pytest.mark.parametrize("case", FEW[:3], ids=lambda case: f"{case.part}-{case.links}")
+def test_the_library_needs_libc_and_libm_alone_and_validates(case):
+    file = native(case)
+    assert validate_fmu(str(file)) == []
+    with zipfile.ZipFile(file) as archive:
+        names = archive.namelist()
+        (library,) = (archive.read(name) for name in names if name.endswith(".so"))
+    assert sorted(names) == [f"binaries/linux64/{ran(case).part.kind}.so", "modelDescription.xml"]
+    needed = set(re.findall(rb"\0(lib[a-z]+\.so[.0-9]*)(?=\0)", library))
+    assert needed <= {b"libc.so.6", b"libm.so.6"}
+    assert needed
+    assert not re.search(rb"\0_?(Py|NRT_|numba)\w+(?=\0)", library)
+
+
+DRIVE, CHASSIS = FEW[1], FEW[2]
+
+
+def bent(case, place, value):
+    """Inputs of a run's first step with one that cannot be."""
+    u = ran(case).u[0].copy()
+    u[place] = value
+    return u
+
+
+@pytest.mark.parametrize(
+    ("case", "place", "value", "h"),
+    [(DRIVE, slice(3, 7), 0.1, H), (CHASSIS, 2, 1e12, H), (CHASSIS, 0, 0.0, 1e6)],
+)
+def test_failures_say_what_the_python_component_says_and_change_nothing(case, place, value, h):
+    run, u = ran(case), bent(case, place, value)
+    model = type(run.member.model)(run.part.config)
+    model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"}
+                     | run.part.parameters)  # fmt: skip
+    with begun(case) as component:
+        y = component.y.copy()
+        component.u[:] = u
+        component.write()
+        try:
+            model.step(0.5, h, u)
+        except StepFailed as error:
+            said = str(error)
+        else:
+            pytest.fail("the model does it")
+        with pytest.raises(ComponentFailed, match=re.escape(said)):
+            component.step(0.5, h)
+        with pytest.raises(ComponentFailed, match=r"an earlier call failed .*restore a saved state or reset"):
+            component.step(0.5, H)
+        component.read()
+        np.testing.assert_array_equal(component.y, y)
+
+
+def test_what_is_not_finite_is_named():
+    with begun(DRIVE) as component:
+        component.u[4] = np.nan
+        component.write()
+        with pytest.raises(ComponentFailed, match=r"input 'mount\.orientation\.x' is nan at t = 0\.25"):
+            component.step(0.25, H)
+
+
+def test_states_go_on_to_the_bit_also_in_another_instance():
+    run = ran(CHASSIS)
+    with begun(CHASSIS) as one, begun(CHASSIS) as other:
+        follow(one, run, range(40))
+        state = one.save()
+        y, _ = follow(one, run, range(40, 80))
+        one.restore(state)
+        again, _ = follow(one, run, range(40, 80))
+        np.testing.assert_array_equal(again, y)
+        content = one.dump(state)
+        flawed = bytearray(content)
+        flawed[-1] ^= 1
+        for broken, said in ((content[:-1], "not a saved state of this FMU"), (bytes(flawed), "checksum")):
+            with pytest.raises(ComponentFailed, match=said):
+                other.load(broken)
+        with begun(DRIVE) as drive, pytest.raises(ComponentFailed, match="not a saved state of this FMU"):
+            drive.load(content)
+        other.restore(other.load(content))
+        elsewhere, _ = follow(other, run, range(40, 80))
+        np.testing.assert_array_equal(elsewhere, y)
+
+
+def test_constants_are_constants():
+    file = native(DRIVE)
+    with Component(file, "drive") as component:
+        with pytest.raises(ComponentFailed, match=r"drive: 'speed\.end' = 3\.0: it is a constant of this FMU, 20\.0"):
+            component.initialise({"speed.end": 3.0})
+        with pytest.raises(ComponentFailed, match="there is no parameter 'nonsense'"):
+            component.initialise({"nonsense": 3.0})
+
+
+def test_a_wrong_guid_is_refused():
+    file = native(DRIVE)
+    slave = FMU2Slave(guid="{0}", modelIdentifier="SprocketDrive", unzipDirectory=str(unpack(file)), instanceName="a")
+    with pytest.raises(Exception, match="instantiate"):
+        slave.instantiate()
+
+
+def test_equal_sources_give_equal_bytes():
+    part = ran(DRIVE).part
+    one, other = (pack._pack(part.kind, part.config, part.parameters, "a") for _ in range(2))
+    assert one == other
+    assert one != pack._pack(part.kind, part.config, {**part.parameters, "speed.end": 3.0}, "a")
+
+
+def test_what_is_missing_is_a_sentence(monkeypatch):
+    part = ran(DRIVE).part
+    changed = {**part.parameters, "speed.end": 4.0}
+    with monkeypatch.context() as patch:
+        patch.setattr(pack, "version", lambda name: "1.0")
+        with pytest.raises(BuildFailed, match=r"made with numba 0\.6x, whose insides they know, not 1\.0"):
+            build_native(part.kind, part.config, changed)
+    monkeypatch.setattr(link, "find_spec", lambda name: None)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(BuildFailed, match=r"native FMUs need a C compiler: pip install 'cotrack\[native\]'"):
+        build_native(part.kind, part.config, changed)
+    with pytest.raises(BuildFailed, match="no kind of component is called 'Nothing'"):
+        build_native("Nothing", {}, {})
