@@ -13,7 +13,7 @@ HERE = Path(__file__).parent
 SOURCES = HERE / "shell.c", HERE / "runtime.c"
 OLDEST = "2.17"  # glibc that ziglang links for: of 2012
 FLAGS = (
-    "-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-fPIC", "-fvisibility=hidden", "-fno-sanitize=all", "-g0",
+    "-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-fno-sanitize=all", "-g0",
     "-shared", "-s", "-Wl,-z,defs", "-Wl,-z,noexecstack", "-Wl,--gc-sections", "-Wl,--build-id=none",
 )  # fmt: skip
 

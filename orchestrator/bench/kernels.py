@@ -5,7 +5,6 @@ A kernel that is timed runs in a compiled loop: handing its arrays over from Pyt
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,27 +26,20 @@ PARTS = ("matrix", "residual", "factor", "solve")
 
 @contextmanager
 def timed(model: Any, times: list[float]) -> Iterator[None]:
-    """CPU time, us, that each step of ``model`` spends in ``advance``, what its kernel is called, into ``times``.
+    """CPU time, us, that each step of ``model`` spends in its kernel, into ``times``."""
+    own, clock, idle = model._step, time.thread_time, reading()
 
-    A track has it as its method, the others have it in their module.
-    """
-    place: Any = model if hasattr(model, "advance") else sys.modules[type(model).__module__]
-    own, clock, idle = place.advance, time.thread_time, reading()
-
-    def advance(*arguments: Any) -> Any:
+    def step(*arguments: Any) -> Any:
         began = clock()
         result = own(*arguments)
         times.append(1e6 * (clock() - began - idle))
         return result
 
-    place.advance = advance
+    model._step = step
     try:
         yield
     finally:
-        if place is model:
-            del model.advance
-        else:
-            place.advance = own
+        model._step = own
 
 
 def parts(kind: str, track: Any, h: float, repeats: int) -> dict[str, float]:
