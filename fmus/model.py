@@ -77,9 +77,11 @@ class Component:
     def begin(self, parts: Any) -> None:
         """Run from here on with these parts."""
         self.parts = parts
-        self._told, self._u, self._y = np.zeros((1 + len(self.warned), TOLD + 1)), np.zeros(self.inputs), np.zeros(1)
-        self._step = entry(self.stepping, parts, self._told, 0.0, 0.0, self._u)
-        self._show = entry(self.showing, parts, self._y)
+        self._told, self._u = np.zeros((1 + len(self.warned), TOLD + 1)), np.zeros(self.inputs)
+        self._y = np.zeros(0)  # like outputs
+        self._step: Any = None  # these three are compiled when they are asked for
+        self._show: Any = None
+        self._show_links: Any = None
         self._said: list[str] = []
 
     def step(self, t: float, h: float, u: Floats) -> None:
@@ -87,9 +89,16 @@ class Component:
         self._u[:] = u
         self._take(t, h, self._u)
 
+    def ready(self) -> Callable[..., int]:
+        """The kernel of a step, compiled."""
+        if self._step is None:
+            self._step = entry(self.stepping, self.parts, self._told, 0.0, 0.0, self._u)
+        made: Callable[..., int] = self._step
+        return made
+
     def _take(self, t: float, h: float, u: Floats) -> None:
         before = self.state.copy(), self.counters.copy()
-        failed = self._step(self.parts, self._told, t, h, u)
+        failed = (self._step or self.ready())(self.parts, self._told, t, h, u)
         for sentence, row in zip(self.warned, self._told[1:], strict=True):
             if row[0]:
                 row[0] = 0.0
@@ -103,12 +112,16 @@ class Component:
 
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs but those of links, in port order."""
+        if self._show is None:
+            self._show = entry(self.showing, self.parts, self._y)
         self._show(self.parts, y)
 
     def link_outputs(self, y: Floats) -> None:
         """Write those of links."""
-        if self.showing_links is not None:
-            entry(self.showing_links, self.parts, y)(self.parts, y)
+        if self._show_links is None and self.showing_links is not None:
+            self._show_links = entry(self.showing_links, self.parts, self._y)
+        if self._show_links is not None:
+            self._show_links(self.parts, y)
 
     def warnings(self) -> list[str]:
         """Warnings since the last call."""
