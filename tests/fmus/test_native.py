@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 import shutil
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -216,6 +220,31 @@ def test_states_go_on_to_the_bit_also_in_another_instance():
         other.restore(other.load(content))
         elsewhere, _ = follow(other, run, range(40, 80))
         np.testing.assert_array_equal(elsewhere, y)
+
+
+def test_threads_disturb_nothing():
+    run = ran(CHASSIS)
+    with ExitStack() as stack, ThreadPoolExecutor(4) as pool:
+        eight = [stack.enter_context(begun(CHASSIS)) for _ in range(8)]
+        for y, _ in pool.map(lambda component: follow(component, run, range(STEPS)), eight):
+            np.testing.assert_array_equal(y, run.y)
+
+
+def test_a_thousand_instances_leave_no_memory_behind():
+    with begun(CHASSIS) as component:
+        library, guid = component._library, component.description.guid.encode()
+    library.fmi2Instantiate.restype = ctypes.c_void_p
+
+    def cycles(count):
+        for _ in range(count):
+            instance = ctypes.c_void_p(library.fmi2Instantiate(b"a", 1, guid, b"", None, 0, 0))
+            assert instance
+            assert library.fmi2EnterInitializationMode(instance) == library.fmi2ExitInitializationMode(instance) == 0
+            library.fmi2FreeInstance(instance)
+        return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+    before = cycles(50)
+    assert cycles(1000) - before < 3e6  # an instance has 30 kB
 
 
 def test_constants_are_constants():

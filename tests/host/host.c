@@ -1,0 +1,119 @@
+/* A co-simulation master in C: loads FMU libraries, couples them stage by stage, prints outputs and times.
+
+   It reads lines: `instance LIBRARY GUID STAGE INPUTS OUTPUTS` (the value references of inputs come first, those of
+   outputs after them), `connect FROM OUTPUT TO INPUT` (instances by number), and at last `run STEPS H`. */
+#define _POSIX_C_SOURCE 200809L
+#include <dlfcn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+enum { INSTANCES = 16, CONNECTIONS = 4096 };
+
+typedef struct { void (*logger)(void *, const char *, int, const char *, const char *, ...); void *rest[4]; } Callbacks;
+typedef struct {
+    void *c;
+    int stage, inputs, outputs;
+    unsigned *vr;
+    double *u, *y, time;
+    int (*set)(void *, const unsigned *, size_t, const double *), (*get)(void *, const unsigned *, size_t, double *);
+    int (*step)(void *, double, double, int);
+} Instance;
+typedef struct { int from, output, to, input; } Connection;
+
+static Instance all[INSTANCES];
+static Connection wires[CONNECTIONS];
+static int n, m;
+
+static void say(void *e, const char *name, int status, const char *category, const char *text, ...) {
+    (void)e;
+    fprintf(stderr, "%s (%d, %s): %s\n", name, status, category, text);
+}
+static Callbacks callbacks = {say, {0}};
+
+static void *symbol(void *library, const char *name) {
+    void *found = dlsym(library, name);
+    if (!found) exit(3);
+    return found;
+}
+
+static double now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return 1e6 * (double)t.tv_sec + 1e-3 * (double)t.tv_nsec;
+}
+
+static void load(const char *path, const char *guid) {
+    void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+    Instance *a = &all[n];
+    if (!library) {
+        fprintf(stderr, "%s\n", dlerror());
+        exit(2);
+    }
+    void *(*instantiate)(const char *, int, const char *, const char *, Callbacks *, int, int) =
+        (void *(*)(const char *, int, const char *, const char *, Callbacks *, int, int))symbol(library, "fmi2Instantiate");
+    int (*enter)(void *) = (int (*)(void *))symbol(library, "fmi2EnterInitializationMode");
+    int (*leave)(void *) = (int (*)(void *))symbol(library, "fmi2ExitInitializationMode");
+    a->set = (int (*)(void *, const unsigned *, size_t, const double *))symbol(library, "fmi2SetReal");
+    a->get = (int (*)(void *, const unsigned *, size_t, double *))symbol(library, "fmi2GetReal");
+    a->step = (int (*)(void *, double, double, int))symbol(library, "fmi2DoStep");
+    a->c = instantiate("instance", 1, guid, "", &callbacks, 0, 0);
+    if (!a->c || enter(a->c) || leave(a->c)) exit(4);
+    size_t size = (size_t)(a->inputs + a->outputs);
+    a->vr = malloc((size + 1) * sizeof *a->vr);
+    a->u = calloc(size + 2, sizeof *a->u);
+    a->y = a->u + a->inputs;
+    for (size_t i = 0; i < size; i++) a->vr[i] = (unsigned)i;
+    if (a->get(a->c, a->vr, (size_t)a->inputs, a->u) || a->get(a->c, a->vr + a->inputs, (size_t)a->outputs, a->y)) exit(4);
+    n++;
+}
+
+static int ascending(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+int main(void) {
+    char word[16], path[1024], guid[64];
+    int steps = 0, stages = 0;
+    double h = 0.0;
+    while (scanf("%15s", word) == 1 && strcmp(word, "run")) {
+        if (!strcmp(word, "instance")) {
+            Instance *a = &all[n];
+            if (n == INSTANCES || scanf("%1023s %63s %d %d %d", path, guid, &a->stage, &a->inputs, &a->outputs) != 5) return 5;
+            if (a->stage >= stages) stages = a->stage + 1;
+            load(path, guid);
+        } else {
+            Connection *w = &wires[m];
+            if (m++ == CONNECTIONS || scanf("%d %d %d %d", &w->from, &w->output, &w->to, &w->input) != 4) return 5;
+        }
+    }
+    if (scanf("%d %lf", &steps, &h) != 2) return 5;
+    double *spent = malloc((size_t)steps * sizeof *spent);
+    for (int k = 0; k < steps; k++) {
+        double began = now();
+        for (int stage = 0; stage < stages; stage++) {
+            for (int i = 0; i < m; i++)
+                if (all[wires[i].to].stage == stage) all[wires[i].to].u[wires[i].input] = all[wires[i].from].y[wires[i].output];
+            for (int i = 0; i < n; i++) {
+                Instance *a = &all[i];
+                double before = now();
+                if (a->stage != stage) continue;
+                if (a->set(a->c, a->vr, (size_t)a->inputs, a->u) || a->step(a->c, k * h, h, 1) ||
+                    a->get(a->c, a->vr + a->inputs, (size_t)a->outputs, a->y))
+                    return 1;
+                a->time += now() - before;
+            }
+        }
+        spent[k] = now() - began;
+    }
+    for (int i = 0; i < n; i++) {
+        printf("%g", all[i].time / steps);
+        for (int j = 0; j < all[i].outputs; j++) printf(" %a", all[i].y[j]);
+        printf("\n");
+    }
+    qsort(spent, (size_t)steps, sizeof *spent, ascending);
+    printf("%g %g %g %g\n", spent[steps / 2], spent[(int)(0.999 * steps)], spent[(int)(0.9999 * steps)], spent[steps - 1]);
+    return 0;
+}

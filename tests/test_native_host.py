@@ -1,0 +1,64 @@
+"""A master in C couples native FMUs of a whole vehicle without an environment: to the bits of the Python components."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from vehicle_in_process import InProcess
+
+from fmus.native.link import compiler
+from orchestrator.cosim.component import Component, unpack
+from orchestrator.scene.assembly import assemble, build_native_all
+from orchestrator.scene.scene import load
+
+HOST = Path(__file__).parent / "host" / "host.c"
+
+
+def host(folder):
+    program = folder / "host"
+    subprocess.run([*compiler(), "-std=c11", "-O2", "-o", str(program), str(HOST), "-ldl"], check=True)
+    return program
+
+
+def told(assembly, files, h, steps):
+    """What the host is told of a system."""
+    lines, names = [], {}
+    for part, file in zip(assembly.parts, files, strict=True):
+        with Component(file, part.name) as component:
+            ends = {name: k for k, name in enumerate(component.inputs)}, {n: k for k, n in enumerate(component.outputs)}
+            guid, sizes = component.description.guid, (len(component.inputs), len(component.outputs))
+        names[part.name] = len(names), ends
+        library = unpack(file) / "binaries" / "linux64" / f"{part.kind}.so"
+        lines.append(f"instance {library} {guid} {part.stage} {sizes[0]} {sizes[1]}")
+    for wire in assembly.connections:
+        (source, (_, outputs)), (target, (inputs, _)) = names[wire.source], names[wire.target]
+        pairs = zip(wire.outputs, wire.inputs, strict=True)
+        lines += [f"connect {source} {outputs[out]} {target} {inputs[into]}" for out, into in pairs]
+    return "\n".join([*lines, f"run {steps} {h!r}"])
+
+
+def driven(scene, links, settings, steps, folder):
+    """End values (Real outputs by part) of the host and in this process, and the host's times, us."""
+    vehicle = InProcess(load(scene, links, settings))
+    assembly, h = assemble(vehicle.scene), vehicle.scene.run.step
+    order = told(assembly, build_native_all(assembly), h, steps)
+    said = subprocess.run([host(folder)], input=order, capture_output=True, text=True, env={})
+    assert said.returncode == 0, said.stderr
+    *parts, times = (line.split() for line in said.stdout.splitlines())
+    shown = {part.name: [float.fromhex(x) for x in line[1:]] for part, line in zip(assembly.parts, parts, strict=True)}
+    for _ in range(steps):
+        vehicle.step()
+    return shown, {name: member.y for name, member in vehicle.members.items()}, times
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("scene", "links"), [("straight", "flexible"), ("turn", "rigid")])
+def test_a_host_without_an_environment_drives_the_vehicle(scene, links, tmp_path):
+    settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s", "drive.ramp_start=0", "drive.ramp_time=0.5")
+    shown, expected, _ = driven(scene, links, settings, 1000, tmp_path)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(shown[name], values, err_msg=name)
+    assert expected["chassis"].size > 100
