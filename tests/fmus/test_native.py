@@ -54,7 +54,7 @@ MANY = [
     Case("straight", "flexible", "left_track", MOVING),
     Case("straight", "rigid", "right_track", MOVING),
     Case("straight", "flexible", "left_track", (*MOVING, "track.element=beam")),
-    Case("straight", "flexible", "left_track", (*MOVING, "track.element=planar", "run.planar=true")),
+    Case("straight", "flexible", "left_track", (*MOVING, "symmetric=true", "planar=true")),
     Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),
     Case("turn", "rigid", "right_track", (*QUICK, *ROUND)),
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),

@@ -110,7 +110,9 @@ def tangent(c, e, v, by_rate, K):
         else:
             add_bending(w, d, D, r, H, E)
     cable.tangent(Cable(c.l, 0.0, 0.0, 0.0, 0.0, c.nuI, c.axes), e, v, by_rate, K)
-    K[3:, 3:] += E
+    for i in range(9):
+        for j in range(9):
+            K[3 + i, 3 + j] += E[i, j]
     for i in range(9):
         for j in range(3):
             K[3 + i, j] -= E[i, 3 + j]

@@ -13,7 +13,7 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain.kinds import close, derivative, first_speed, observe, settle_forces, speed
 from fmus.physics.chain.outcome import APART, DONE, SINGULAR, UNSTABLE, Outcome
 from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, PATCH_DEFECT, STEPS, TRAVEL, WORK
-from fmus.physics.chain.state import add_share, moving, take
+from fmus.physics.chain.state import add_share, copy, moving, take
 from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
@@ -42,7 +42,7 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     move(rows, 0.0, w.moved)
     along = first_speed(links, env, s, w, report)
     for step in range(steps):
-        x0[:] = x
+        copy(x, x0)
         for i in range(stages):
             stage(RK4, i, dt, x0, k, x)
             move(rows, (step + RK4.c[i]) * dt, w.moved)
@@ -56,7 +56,7 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
             report[PATCH_DEFECT] += share * w.sums[PATCH_POWER]
             report[WORK] += share * w.sums[END_POWER]
         finish(RK4, dt, x0, k)
-        x[:] = x0
+        copy(x0, x)
         counters[EVALUATIONS] += stages
         for i in range(x.size):
             if not abs(x[i]) < FAR:

@@ -48,7 +48,7 @@ def copy(source, target):
 
 
 @kernel
-def _put(source, target):
+def put(source, target):
     """Rows into rows of the same shape."""
     for k in range(target.shape[0]):
         for i in range(target.shape[1]):
@@ -66,8 +66,8 @@ def add_share(share, source, target):
 @kernel
 def take(s, w):
     """Wrenches, forces of the ground and sums of the last evaluation are those of the state."""
-    _put(w.wrench, s.wrench)
-    _put(w.soil, s.soil)
+    put(w.wrench, s.wrench)
+    put(w.soil, s.soil)
     for i in range(s.sums.shape[0]):
         s.sums[i] = w.sums[i]
 
@@ -76,7 +76,7 @@ def take(s, w):
 def begin(s, w):
     """``take``, of a state that begins: the means are those of now."""
     take(s, w)
-    _put(w.wrench, s.aux)
-    _put(w.wrench, s.mean)
-    _put(w.soil, s.soil_aux)
-    _put(w.soil, s.soil_mean)
+    put(w.wrench, s.aux)
+    put(w.wrench, s.mean)
+    put(w.soil, s.soil_aux)
+    put(w.soil, s.soil_mean)

@@ -13,6 +13,7 @@ import numpy as np
 from fmus.jit import allocating, kernel
 from fmus.physics.chain.rigid.links import pins, residual
 from fmus.physics.chain.rigid.newton import GAP
+from fmus.physics.chain.state import add_share, copy, put
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
 
@@ -50,9 +51,9 @@ def accelerations(links, contacts, env, s, w):
     if failed >= 0:
         return failed
     augmented.solve(links.half, links.ends, y)
-    s.vdot[:] = y.dx
-    s.a[:] = y.dx
-    s.lam[:] = y.dl
+    put(y.dx, s.vdot)
+    put(y.dx, s.a)
+    put(y.dl, s.lam)
     return -1
 
 
@@ -114,8 +115,8 @@ def close(links, s, w):
         augmented.solve(links.half, links.ends, y)
         for i in range(s.q.shape[0]):
             body.advance(s.q[i], y.dx[i], w.before.q[i])
-            s.q[i] = w.before.q[i]
+            copy(w.before.q[i], s.q[i])
     augmented.rates(links.half, links.ends, y, s.v)
     augmented.solve(links.half, links.ends, y)
-    s.v[:] += y.dx
+    add_share(1.0, y.dx, s.v)
     return -1 if gap <= OPEN else worst
