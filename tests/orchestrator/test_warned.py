@@ -47,7 +47,7 @@ def cotrack(capsys, caplog, monkeypatch, tmp_path):
 def creaking(monkeypatch, toy):
     """The component of every chain scene is a spring that warns at every step."""
     graph = System((Instance("chain", toy, {"trouble": "warn"}, 0),), ())
-    monkeypatch.setattr(simulate, "system", lambda assembly: graph)
+    monkeypatch.setattr(simulate, "system", lambda assembly, native: graph)
 
 
 def told(out):
