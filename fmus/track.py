@@ -120,7 +120,7 @@ STARTS = {
 class TrackModel(Component):
     """A chain of links behind the ports of a track; a subclass brings the mechanics of its links.
 
-    The subclass gives ``shapes``, ``prepare``, ``settle``, ``move`` and ``links``; what it prepares is ``link``,
+    The subclass gives ``shapes``, ``prepare``, ``settle`` and ``move``; what it prepares is ``link``,
     ``method``, ``work`` and ``stable``.
     """
 

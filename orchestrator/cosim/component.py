@@ -339,10 +339,9 @@ class Component(AbstractContextManager["Component"]):
 
     def _set_parameter(self, name: str, value: float | int | str) -> None:
         if name in self.constants:
-            if type(value)(self.constants[name]) != value:
-                raise ComponentFailed(
-                    f"{self.name}: '{name}' = {value}: it is a constant of this FMU, {self.constants[name]}"
-                )
+            own = self.constants[name]
+            if value != (own if isinstance(value, str) else float(own)):
+                raise ComponentFailed(f"{self.name}: '{name}' = {value}: it is a constant of this FMU, {own}")
             return
         if name not in self.parameters:
             near = difflib.get_close_matches(name, self.parameters, 1)
