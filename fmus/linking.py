@@ -10,6 +10,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
+from numba import config
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 
 OURS, OWN = "_ZN4fmus", ".own"  # begins the names of our functions as LLVM knows them; ends those of a kernel's copies
@@ -37,6 +38,7 @@ def internal(library: Any) -> None:
 
 def defer() -> None:
     """Have numba optimise and emit a function when its address is asked for."""
+    config.SLP_VECTORIZE = 1  # equal operations beside each other become one: on the matrices of links it halves them
     optimise, finish, point, store = (getattr(JITCodeLibrary, name) for name in PARTS)
     bind = JITCPUCodegen.set_env
     waiting: Environments = {}  # of functions without an address, by the name of the variable that points to it

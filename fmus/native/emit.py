@@ -32,7 +32,9 @@ def emit(entries: Sequence[Entry]) -> bytes:
             whole.link_in(module)
     assert whole is not None
     whole.triple = TRIPLE
-    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
+    tuning.slp_vectorization = True
+    passes = llvm.create_pass_builder(machine, tuning)
     passes.getModulePassManager().run(whole, passes)
     return bytes(machine.emit_object(whole))
 

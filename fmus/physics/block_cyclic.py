@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import apart, kernel
 from fmus.physics.inverse import invert
 
 
@@ -43,6 +43,7 @@ def workspace(n: int, m: int) -> Factors:
 
 
 @kernel
+@apart
 def _product(C, A, B, sign, size):
     """C = sign A B."""
     m = len(size)
@@ -56,6 +57,7 @@ def _product(C, A, B, sign, size):
 
 
 @kernel
+@apart
 def _subtract(C, A, B, size):
     """C -= A B."""
     m = len(size)
@@ -67,6 +69,7 @@ def _subtract(C, A, B, size):
 
 
 @kernel
+@apart
 def factor(A, U, L, work, closed):
     """Factor in place; ``A`` becomes the inverted pivots, ``U`` and ``L`` are left as they are.
 
@@ -105,6 +108,7 @@ def factor(A, U, L, work, closed):
 
 
 @kernel
+@apart
 def solve(A, U, work, closed, b):
     """Solve in place with what ``factor`` left: ``b`` (n, m) becomes x."""
     E, G, H, F, size = work
@@ -143,6 +147,7 @@ def solve(A, U, work, closed, b):
 
 
 @kernel
+@apart
 def solve_pair(A, U, work, closed, b, d):
     """``solve`` for two right-hand sides at once: their sums do not wait for each other."""
     E, G, H, F, size = work

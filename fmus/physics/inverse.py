@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import apart, kernel
 
 SMALL = 1e-3  # determinant of a quarter over its products, or P over B, below which rows are exchanged instead
 
@@ -74,6 +74,7 @@ def _by_quarters(A):
 
 
 @kernel
+@apart
 def invert(A, swap, size=()):
     """Invert ``A`` (m, m) in place, Gauss-Jordan with row exchanges; False when it is singular.
 

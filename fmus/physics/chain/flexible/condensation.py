@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import apart, kernel
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.elements import layout, lever
 from fmus.physics.chain.flexible.pins import pin_loads
@@ -32,6 +32,7 @@ def clear(w, tangent):
 
 
 @kernel
+@apart
 def condense(links, w, i, j):
     """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``, scatter the rest to its pins ``i``, ``j``.
 
