@@ -6,7 +6,7 @@ behind ``faces``. Points lie at two places along a covered part (Gauss), at one 
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.jit import apart, kernel
 from fmus.physics.chain.faces import (
     across,
     along,
@@ -41,6 +41,7 @@ from fmus.physics.vector import add, dot, scale
 
 
 @kernel
+@apart
 def roll(links, contacts, x, w, rows, by_rate, tangent):
     """All contacts of a chain in the motion ``x`` with the wheels ``rows`` (m, 15) and the ground.
 

@@ -11,13 +11,14 @@ from fmus.physics.chain.flexible.axes import (
     border,
     burden,
     homeward,
+    lean,
     outside,
     risen,
     sideways,
     sideways_energy,
 )
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
-from fmus.physics.chain.flexible.elements import axial, gather
+from fmus.physics.chain.flexible.elements import axial, gather, layout
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
 from fmus.physics.chain.sums import POWER
 from fmus.physics.chain.touch import roll
@@ -33,7 +34,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
     Returns the largest entry of the residual, N, and the link it belongs to.
     """
     n, c, rows, dims = links.n, links.element, vectors(links.element), axes(links.element)
-    weight = matter(c) * env.gravity
+    weight, whole = matter(c) * env.gravity, rows * dims + len(layout(links).common)
     clear(w, fresh)
     mass(c, w.M)
     if contacts is not None:
@@ -50,6 +51,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
         if fresh:
             tangent(c, w.e, w.v, by.v, w.K)
             add_mass(rows, dims, w.M, by.vdot, w.K)
+            lean(links, w, by.vdot)
         sideways(links, w, r, fresh)
         w.sums[POWER] += force(c, w.e, w.v, r)
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
@@ -58,12 +60,12 @@ def evaluate(links, contacts, env, x, by, w, fresh):
                     for k in range(dims):
                         r[a, k] += w.load[i, a, k]
                 if fresh:
-                    for a in range(rows * dims):
-                        for k in range(rows * dims):
+                    for a in range(whole):
+                        for k in range(whole):
                             w.K[a, k] += w.stiffening[i, a, k]
         if fresh:
             condense(links, w, i, j)
-            border(links, w, i, j, by)
+            border(links, w, i, j)
     return reduce(links, env, x, w, by.v, fresh)
 
 

@@ -42,8 +42,13 @@ def sideways(links, w, r, tangent):
 
 
 @door(_of)
-def border(links, w, i, j, by):
-    """What the turning of the axes does to link ``i`` between the pins ``i`` and ``j``, after it was condensed."""
+def lean(links, w, by_acceleration):
+    """What the turning of the axes does to the inertia of the link in ``w.e``: its rows and columns of ``w.K``."""
+
+
+@door(_of)
+def border(links, w, i, j):
+    """What the turning of the axes does to the pins ``i`` and ``j``, after the link between them was condensed."""
 
 
 @door(_of)

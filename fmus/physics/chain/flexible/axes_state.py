@@ -15,16 +15,13 @@ from fmus.jit import kernel
 
 ROTATION, ORIGIN, VELOCITY, ACCELERATION, RATE, GROWTH, AUXILIARY, CARRIED, MIDDLE = 0, 9, 12, 15, 18, 21, 24, 26, 29
 SIZE = 32
+ROLL, YAW = 12, 13  # their turning among a link's unknowns, after its coordinates
 
 
 class Axes(NamedTuple):
     """Arrays that free axes work in; a border has columns for roll and yaw, about x and z of the axes, and as rows."""
 
     psi: np.ndarray  # (2) turn of the axes over the step so far, rad
-    border: np.ndarray  # (links, 4, 12) each link's residual by the turning, the balance of the turning by the link
-    turned: np.ndarray  # (links, 4, 12) the contacts' part, where touched
-    inside: np.ndarray  # (links, n, 2) the balance by each link's own coordinates
-    own: np.ndarray  # (links, n, 2) inner^-1 times its own residual by the turning
     edge: np.ndarray  # (nodes, m, 4) what is left of the border for the pins
     answer: np.ndarray  # (2, nodes, m) of the pins to the turning
     corner: np.ndarray  # (2, 2) the balance by the turning
@@ -33,15 +30,17 @@ class Axes(NamedTuple):
     place: np.ndarray  # (6) of a section of a face: p, d of its points at p + y d
     lever: np.ndarray  # (3) from the line of the pins to a contact point
     sums: np.ndarray  # (36) over the contact points of a section, see ``turning_faces``
+    given: np.ndarray  # (2, 3, whole) the force there by a link's coordinates and the turning, times y to 0 and 1
+    carried: np.ndarray  # (3, whole) what it does by its leverage
     drift: np.ndarray  # (3) of the origin, along the axes
 
 
-def axes(links: int, nodes: int, own: int, shared: int) -> Axes:
-    """Zeroed."""
+def axes(nodes: int, shared: int, whole: int) -> Axes:
+    """Zeroed; ``shared`` coordinates a pin, ``whole``: of a link and of the turning."""
     z = np.zeros
     return Axes(
-        z(2), z((links, 4, 12)), z((links, 4, 12)), z((links, own, 2)), z((links, own, 2)), z((nodes, shared, 4)),
-        z((2, nodes, shared)), z((2, 2)), z(2), z(3), z(6), z(3), z(36), z(3),
+        z(2), z((nodes, shared, 4)), z((2, nodes, shared)), z((2, 2)), z(2), z(3), z(6), z(3), z(36),
+        z((2, 3, whole)), z((3, whole)), z(3),
     )  # fmt: skip
 
 

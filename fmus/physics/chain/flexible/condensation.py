@@ -4,7 +4,8 @@ Of an element's coordinates those of its own, x, meet no other link; those share
 
     K_xx x + K_xy y = r_x,   K_yx x + K_yy y = r_y   =>   (K_yy - K_yx K_xx^-1 K_xy) y = r_y - K_yx K_xx^-1 r_x
 
-The chain of pins is left, cyclic and block tridiagonal with blocks of m x m. What tells ``cables``, ``planar`` and
+The chain of pins is left, cyclic and block tridiagonal with blocks of m x m. What all links have in common, as the
+turning of their axes, is shared too, and makes a border of that. What tells ``cables``, ``planar`` and
 ``beams`` apart is their ``link_layout``; its sizes travel as lengths of tuples, as in ``block_cyclic``.
 """
 
@@ -33,36 +34,44 @@ def clear(w, tangent):
 
 @kernel
 @apart
-def condense(links, w, i, j):
-    """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``, scatter the rest to its pins ``i``, ``j``.
+def eliminate(links, w, i):
+    """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``, what is left goes into ``w.rest``.
 
     Leaves the inverse of its own part in ``w.inner``, that times the coupling in ``w.right``, and the coupling in
     ``w.left``.
     """
     at = layout(links)
-    m, n = len(at.shared), len(at.own)
+    n, outer = len(at.own), 2 * len(at.shared) + len(at.common)
     K, inner, right, left, coupling, rest = w.K, w.inner[i], w.right[i], w.left[i], w.coupling, w.rest
     for a in range(n):
         for b in range(n):
             inner[a, b] = K[at.inner[a], at.inner[b]]
-        for b in range(2 * m):
+        for b in range(outer):
             left[b, a] = K[at.outer[b], at.inner[a]]
             coupling[a, b] = K[at.inner[a], at.outer[b]]
     invert(inner, w.swap, at.own)
     for a in range(n):
-        for b in range(2 * m):
+        for b in range(outer):
             right[a, b] = 0.0
         for k in range(n):
             s = inner[a, k]
-            for b in range(2 * m):
+            for b in range(outer):
                 right[a, b] += s * coupling[k, b]
-    for a in range(2 * m):
-        for b in range(2 * m):
+    for a in range(outer):
+        for b in range(outer):
             rest[a, b] = K[at.outer[a], at.outer[b]]
         for k in range(n):
             s = left[a, k]
-            for b in range(2 * m):
+            for b in range(outer):
                 rest[a, b] -= s * right[k, b]
+
+
+@kernel
+@apart
+def condense(links, w, i, j):
+    """``eliminate``, and scatter what is left to the pins ``i``, ``j`` of the link."""
+    eliminate(links, w, i)
+    m, rest = len(layout(links).shared), w.rest
     for a in range(m):
         for b in range(m):
             w.A[i, a, b] += rest[a, b]

@@ -33,7 +33,12 @@ def sideways(links, w, r, tangent):
 
 
 @kernel
-def border(links, w, i, j, by):
+def lean(links, w, by_acceleration):
+    """See ``axes``."""
+
+
+@kernel
+def border(links, w, i, j):
     """See ``axes``."""
 
 

@@ -24,11 +24,13 @@ from fmus.physics.chain.flexible.axes_state import (
     MIDDLE,
     ORIGIN,
     RATE,
+    ROLL,
     VELOCITY,
+    YAW,
     from_axes,
     to_axes,
 )
-from fmus.physics.chain.flexible.cables import LAYOUT
+from fmus.physics.chain.flexible.condensation import eliminate
 from fmus.physics.chain.flexible.elements import gather
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
@@ -119,59 +121,36 @@ def sideways(links, w, r, tangent):
 
 
 @kernel
-def border(links, w, i, j, by):
-    """See ``axes``; condensed as the link's matrix was."""
-    _border(w, i, j, by.vdot, w.touched[i])
-
-
-@kernel
-def _border(w, i, j, by_acceleration, touched):
-    """By inertia M (axis x e), and by contacts where ``touched``."""
-    a, G, M = w.axes, w.axes.border[i], w.M
+def lean(links, w, by_acceleration):
+    """See ``axes``: M (axis x e)."""
+    K, M = w.K, w.M
     e = vector(w.e[0], 0), vector(w.e[1], 0), vector(w.e[2], 0), vector(w.e[3], 0)
-    c00 = c01 = c10 = c11 = 0.0
+    roll = across = yaw = 0.0
     for n in range(4):
         m = (0.0, 0.0, 0.0)
         for k in range(4):
             m = add(m, scale(M[n, k], e[k]))
         x, y, z = scale(by_acceleration, m)
-        across = e[n][2] * x
-        c00, c01 = c00 + e[n][1] * y + e[n][2] * z, c01 - across
-        c10, c11 = c10 - across, c11 + e[n][0] * x + e[n][1] * y
-        for line in range(0, 4, 2):
-            put(G[line], 3 * n, (0.0, -z, y))
-            put(G[line + 1], 3 * n, (-y, x, 0.0))
-    if touched:
-        for line in range(4):
-            for n in range(12):
-                G[line, n] += a.turned[i, line, n]
-    own, inside, inverse, left, right = a.own[i], a.inside[i], w.inner[i], w.left[i], w.right[i]
-    inner, shared = LAYOUT.inner, LAYOUT.outer
-    for n in range(4):
-        p = q = 0.0
-        for k in range(4):
-            p += inverse[n, k] * G[0, inner[k]]
-            q += inverse[n, k] * G[1, inner[k]]
-        own[n, 0], own[n, 1] = p, q
-        inside[n, 0], inside[n, 1] = G[2, inner[n]], G[3, inner[n]]
+        roll, across, yaw = roll + e[n][1] * y + e[n][2] * z, across - e[n][2] * x, yaw + e[n][0] * x + e[n][1] * y
+        put(K[ROLL], 3 * n, (0.0, -z, y))
+        put(K[YAW], 3 * n, (-y, x, 0.0))
+        K[3 * n, ROLL], K[3 * n + 1, ROLL], K[3 * n + 2, ROLL] = 0.0, -z, y
+        K[3 * n, YAW], K[3 * n + 1, YAW], K[3 * n + 2, YAW] = -y, x, 0.0
+    K[ROLL, ROLL], K[ROLL, YAW], K[YAW, ROLL], K[YAW, YAW] = roll, across, across, yaw
+
+
+@kernel
+def border(links, w, i, j):
+    """See ``axes``."""
+    edge, corner, rest = w.axes.edge, w.axes.corner, w.rest
     for n in range(8):
-        p, q, r, s = G[0, shared[n]], G[1, shared[n]], G[2, shared[n]], G[3, shared[n]]
-        for k in range(4):
-            p -= left[n, k] * own[k, 0]
-            q -= left[n, k] * own[k, 1]
-            r -= right[k, n] * inside[k, 0]
-            s -= right[k, n] * inside[k, 1]
         pin, place = (i, n) if n < 4 else (j, n - 4)
-        edge = a.edge[pin, place]
-        edge[0], edge[1], edge[2], edge[3] = edge[0] + p, edge[1] + q, edge[2] + r, edge[3] + s
-    for n in range(4):
-        p, q = inside[n, 0], inside[n, 1]
-        c00, c01 = c00 - p * own[n, 0], c01 - p * own[n, 1]
-        c10, c11 = c10 - q * own[n, 0], c11 - q * own[n, 1]
-    a.corner[0, 0] += c00
-    a.corner[0, 1] += c01
-    a.corner[1, 0] += c10
-    a.corner[1, 1] += c11
+        for k in range(2):
+            edge[pin, place, k] += rest[n, 8 + k]
+            edge[pin, place, 2 + k] += rest[8 + k, n]
+    for k in range(2):
+        for l in range(2):
+            corner[k, l] += rest[8 + k, 8 + l]
 
 
 @kernel
@@ -252,7 +231,7 @@ def _bent(links, x, w, by_acceleration):
     s01, s10 = a.corner[0, 1], a.corner[1, 0]
     for i in range(links.n):
         for n in range(4):
-            t0, t1 = t0 - a.inside[i, n, 0] * own[i, n], t1 - a.inside[i, n, 1] * own[i, n]
+            t0, t1 = t0 - w.left[i, 8, n] * own[i, n], t1 - w.left[i, 9, n] * own[i, n]
     for i in range(y.shape[0]):
         for k in range(y.shape[1]):
             t0, t1 = t0 - edge[i, k, 2] * y[i, k], t1 - edge[i, k, 3] * y[i, k]
@@ -263,7 +242,7 @@ def _bent(links, x, w, by_acceleration):
             y[i, k] -= Z[0, i, k] * roll + Z[1, i, k] * yaw
     for i in range(links.n):
         for n in range(4):
-            own[i, n] -= a.own[i, n, 0] * roll + a.own[i, n, 1] * yaw
+            own[i, n] -= w.right[i, n, 8] * roll + w.right[i, n, 9] * yaw
     return roll, yaw
 
 
@@ -307,7 +286,11 @@ def swing(links, x, w):
     for i in range(links.n):
         j = i + 1 if i + 1 < nodes else 0
         gather(links, x.q, i, j, w.e)
-        _border(w, i, j, 1.0, False)
+        w.K[:] = 0.0
+        inertia.add_mass(4, 3, w.M, 1.0, w.K)
+        lean(links, w, 1.0)
+        eliminate(links, w, i)
+        border(links, w, i, j)
     brace(links, w)
     roll, yaw = _bent(links, x, w, 1.0)
     f[GROWTH], f[GROWTH + 2] = -roll, -yaw

@@ -10,23 +10,27 @@ import numpy as np
 class Layout(NamedTuple):
     """Where an element's coordinates lie, in its own order and in its pins'; there are m shared ones a pin, n own."""
 
-    outer: np.ndarray  # (2 m) of an element's: those shared, first pin, second pin
+    outer: np.ndarray  # (2 m) of an element's: those shared, first pin, second pin; after them those of ``common``
     inner: np.ndarray  # (n) those of its own, likewise
     pin: np.ndarray  # (m) of a pin's: those shared
     slope: np.ndarray  # (n) of a pin's: those of one link; first pin, second pin
     shared: tuple[int, ...]  # of length m
     own: tuple[int, ...]  # of length n
+    common: tuple[int, ...]  # of the length of what all links share, after an element's coordinates
     fixed: int  # of the shared ones those that a pinned end has from the ground, the first of them
 
 
-def arranged(begin: list[int], end: list[int], outer: list[int], fixed: int) -> Layout:
+def arranged(begin: list[int], end: list[int], outer: list[int], fixed: int, common: int = 0) -> Layout:
     """The layout of an element whose first half lies in its first pin at ``begin``, the second in the other at ``end``.
 
-    What is not ``outer`` is its own.
+    What is not ``outer`` is its own. All links have ``common`` unknowns besides.
     """
     places = [*begin, *end]
     inner = [k for k in range(len(places)) if k not in outer]
     m = len(outer) // 2
+    beside = [len(places) + k for k in range(common)]
     # unsigned where nothing is folded away: an index that may be negative costs a tenth of ``correct``
     pin, slope = (np.array([places[k] for k in part], dtype=np.uintp) for part in (outer[:m], inner))
-    return Layout(np.array(outer), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner), fixed)
+    return Layout(
+        np.array(outer + beside), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner), (0,) * common, fixed
+    )

@@ -9,18 +9,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import apart, kernel
 from fmus.physics.ancf.cable import shape, shape_slope
-from fmus.physics.chain.flexible.axes_state import ORIGIN, RATE, VELOCITY, from_axes, to_axes
+from fmus.physics.chain.flexible.axes_state import ORIGIN, RATE, ROLL, VELOCITY, YAW, from_axes, to_axes
 from fmus.physics.chain.flexible.cable_faces import along  # noqa: F401 - behind the door
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
     begin,
     count,
+    enter,
     length,
     pin_rates,
     pins,
 )
-from fmus.physics.chain.flexible.node_faces import enter as enter_node
 from fmus.physics.contact.face import Push
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
@@ -28,14 +28,6 @@ from fmus.physics.vector import add, cross, dot, put, scale, vector
 HITS, FORCE, MATRIX = 0, 1, 7
 # and the damper's df / d rate; how a rim hears of that rate: by rates of the pins, where along the link, on which side
 RATES, HEARD, FOOT, OUTWARDS = 25, 31, 32, 33
-
-
-@kernel
-def enter(links, x, w, i):
-    """See ``node_faces``."""
-    if not w.touched[i]:
-        w.axes.turned[i] = 0.0
-    enter_node(links, x, w, i)
 
 
 @kernel
@@ -137,12 +129,6 @@ def _rows(s, i):
 
 
 @kernel
-def _columns(s, i):
-    """Of a matrix that lies in ``s`` from ``i`` on: the rows of its transpose."""
-    return (s[i], s[i + 3], s[i + 6]), (s[i + 1], s[i + 4], s[i + 7]), (s[i + 2], s[i + 5], s[i + 8])
-
-
-@kernel
 def _times(rows, a):
     """A matrix of these rows times the vector ``a``."""
     return dot(rows[0], a), dot(rows[1], a), dot(rows[2], a)
@@ -183,95 +169,73 @@ def pushed(links, w, i, tangent):
     moment[0] -= dot(about_x(p), f) + dot(about_x(d), f_y)
     moment[1] -= dot(about_z(p), f) + dot(about_z(d), f_y)
     if tangent:
-        _stiffen(w, i)
-        _brace(w, i, p, d)
+        _stiffen(w, i, p, d)
 
 
 @kernel
-def _stiffen(w, i):
-    """K -= B^T g B."""
-    S, C, K, s, (m0, y, m2) = w.S, w.C, w.stiffening[i], w.axes.sums, vector(w.axes.lever, 0)
-    t, g, g_y = (w.t[0], 0.0, w.t[2]), _rows(s, MATRIX), _columns(s, MATRIX)
-    p, p_y = _times(g, t), _times(_rows(s, MATRIX + 9), t)  # g t
-    o, o_y = _times(g_y, t), _times(_columns(s, MATRIX + 9), t)  # t g
-    r, r_y = dot(p, t), dot(p_y, t)
-    n, q = (r * m0, r_y, r * m2), (r_y * m0, r * y * y, r_y * m2)  # of (t g t) m; times y
-    for j in range(3):
-        # columns of (g t) m^T, and of m (t g) and m (t g t) m^T
-        if j == 1:
-            right, both = p_y, q
-        else:
-            m = m0 if j == 0 else m2
-            right, both = scale(m, p), scale(m, n)
-        left, whole = (o[j] * m0, o_y[j], o[j] * m2), (g[0][j], g[1][j], g[2][j])
+@apart
+def _stiffen(w, i, p, d):
+    """K -= N^T g N: a point moves by N, with B for the coordinates and axis x (p + y d) for the turning of the axes.
+
+    Thus roll and yaw have columns, what they do to the residual, and rows, what the coordinates do to their balance.
+    That forces turn with the axes is left out.
+    """
+    S, C, s, K, e, (m0, y, m2), t0, t2 = w.S, w.C, w.axes.sums, w.stiffening[i], w.e, w.axes.lever, w.t[0], w.t[2]
+    f, f_y, carried = w.axes.given[0], w.axes.given[1], w.axes.carried
+    g, g_y, t = _rows(s, MATRIX), _rows(s, MATRIX + 9), (t0, 0.0, t2)
+    pull, pull_y = _times(g, t), _times(g_y, t)
+    for a in range(3):
+        one, two, three, four = m0 * pull[a], pull_y[a], m2 * pull[a], m0 * pull_y[a]
+        five, six = y * y * pull[a], m2 * pull_y[a]
         for b in range(4):
-            one, two = add(scale(S[b], whole), scale(-C[b], right)), add(scale(S[b], left), scale(-C[b], both))
-            for k in range(4):
-                for a in range(3):
-                    K[3 * k + a, 3 * b + j] -= S[k] * one[a] - C[k] * two[a]
-    if s[HEARD] == 0.0:
-        return
-    rate, foot = vector(s, RATES), s[FOOT]
-    l = _carried(w, rate, vector(s, RATES + 3))
+            f[a, 3 * b] = S[b] * g[a][0] - C[b] * one
+            f[a, 3 * b + 1] = S[b] * g[a][1] - C[b] * two
+            f[a, 3 * b + 2] = S[b] * g[a][2] - C[b] * three
+            f_y[a, 3 * b] = S[b] * g_y[a][0] - C[b] * four
+            f_y[a, 3 * b + 1] = S[b] * g_y[a][1] - C[b] * five
+            f_y[a, 3 * b + 2] = S[b] * g_y[a][2] - C[b] * six
+    for k, at, side in ((ROLL, about_x(p), about_x(d)), (YAW, about_z(p), about_z(d))):
+        h, h_y = _answer(g, g_y, y * y, at, side)
+        for a in range(3):
+            f[a, k], f_y[a, k] = h[a], h_y[a]
+    if s[HEARD] != 0.0:
+        _hear(s, f, f_y, e)
+    for n in range(14):
+        pulled = t0 * f[0, n] + t2 * f[2, n]
+        carried[0, n], carried[2, n] = m0 * pulled, m2 * pulled
+        carried[1, n] = t0 * f_y[0, n] + t2 * f_y[2, n]
     for k in range(4):
         for a in range(3):
-            r = s[HEARD] * (S[k] * rate[a] - C[k] * l[a])
-            for j in range(3):
-                K[3 * k + a, j] += r * s[OUTWARDS + j] * (1.0 - foot)
-                K[3 * k + a, 6 + j] += r * s[OUTWARDS + j] * foot
+            for n in range(14):
+                K[3 * k + a, n] -= S[k] * f[a, n] - C[k] * carried[a, n]
+    for n in range(14):
+        K[ROLL, n] -= p[1] * f[2, n] - p[2] * f[1, n] + d[1] * f_y[2, n] - d[2] * f_y[1, n]
+        K[YAW, n] -= p[0] * f[1, n] - p[1] * f[0, n] + d[0] * f_y[1, n] - d[1] * f_y[0, n]
+
+
+@kernel
+def _hear(s, f, f_y, e):
+    """Add the damper's force by the rate of the face, which hangs on the pins and on the turning of the axes."""
+    side, rate, rate_y = vector(s, OUTWARDS), vector(s, RATES), vector(s, RATES + 3)
+    one, other = s[HEARD] * (1.0 - s[FOOT]), s[HEARD] * s[FOOT]
+    place = add(scale(one, vector(e[0], 0)), scale(other, vector(e[2], 0)))
+    roll, yaw = dot(side, about_x(place)), dot(side, about_z(place))
+    for a in range(3):
+        for j in range(3):
+            f[a, j] -= one * rate[a] * side[j]
+            f[a, 6 + j] -= other * rate[a] * side[j]
+            f_y[a, j] -= one * rate_y[a] * side[j]
+            f_y[a, 6 + j] -= other * rate_y[a] * side[j]
+        f[a, ROLL] -= roll * rate[a]
+        f[a, YAW] -= yaw * rate[a]
+        f_y[a, ROLL] -= roll * rate_y[a]
+        f_y[a, YAW] -= yaw * rate_y[a]
 
 
 @kernel
 def _answer(g, g_y, y2, a, a_y):
     """Of the points at p + y d to a motion a + y a_y: the sums of g (a + y a_y), and of y times that."""
     return add(_times(g, a), _times(g_y, a_y)), add(_times(g_y, a), scale(y2, _times(g, a_y)))
-
-
-@kernel
-def _put(w, line, h, h_y):
-    """A line of the border -= B^T h."""
-    S, C, l = w.S, w.C, _carried(w, h, h_y)
-    for n in range(4):
-        for j in range(3):
-            line[3 * n + j] -= S[n] * h[j] - C[n] * l[j]
-
-
-@kernel
-def _brace(w, i, p, d):
-    """The turning of the axes moves a point at p + y d by a = axis x (p + y d).
-
-    Into the border of the link: its residual by the turning, -B^T g a, and the balance of the turning by its
-    coordinates, -a^T g B; into the corner the balance by the turning. That forces turn with the axes is left out.
-    """
-    s, turned, corner, y = w.axes.sums, w.axes.turned[i], w.axes.corner, w.axes.lever[1]
-    roll, roll_y, yaw, yaw_y = about_x(p), about_x(d), about_z(p), about_z(d)
-    g, g_y = _rows(s, MATRIX), _rows(s, MATRIX + 9)
-    h, h_y = _answer(g, g_y, y * y, roll, roll_y)
-    k, k_y = _answer(g, g_y, y * y, yaw, yaw_y)
-    if s[HEARD] != 0.0:
-        rate, rate_y, side, e = vector(s, RATES), vector(s, RATES + 3), vector(s, OUTWARDS), w.e
-        one, other = s[HEARD] * (1.0 - s[FOOT]), s[HEARD] * s[FOOT]
-        place = add(scale(one, vector(e[0], 0)), scale(other, vector(e[2], 0)))
-        slow, slower = -dot(side, about_x(place)), -dot(side, about_z(place))
-        h, h_y = add(h, scale(slow, rate)), add(h_y, scale(slow, rate_y))
-        k, k_y = add(k, scale(slower, rate)), add(k_y, scale(slower, rate_y))
-        felt, sensed = dot(roll, rate) + dot(roll_y, rate_y), dot(yaw, rate) + dot(yaw_y, rate_y)
-        for j in range(3):
-            turned[2, j] += felt * one * side[j]
-            turned[2, 6 + j] += felt * other * side[j]
-            turned[3, j] += sensed * one * side[j]
-            turned[3, 6 + j] += sensed * other * side[j]
-    corner[0, 0] -= dot(roll, h) + dot(roll_y, h_y)
-    corner[0, 1] -= dot(roll, k) + dot(roll_y, k_y)
-    corner[1, 0] -= dot(yaw, h) + dot(yaw_y, h_y)
-    corner[1, 1] -= dot(yaw, k) + dot(yaw_y, k_y)
-    _put(w, turned[0], h, h_y)
-    _put(w, turned[1], k, k_y)
-    g, g_y = _columns(s, MATRIX), _columns(s, MATRIX + 9)
-    h, h_y = _answer(g, g_y, y * y, roll, roll_y)
-    k, k_y = _answer(g, g_y, y * y, yaw, yaw_y)
-    _put(w, turned[2], h, h_y)
-    _put(w, turned[3], k, k_y)
 
 
 @kernel

@@ -23,13 +23,13 @@ class Work(NamedTuple):
     L: np.ndarray  # (nodes, m, m) to the previous pin
     factors: Factors
     b: np.ndarray  # (nodes, m)
-    K: np.ndarray  # (rows axes, rows axes) iteration matrix of one link
+    K: np.ndarray  # (whole, whole) iteration matrix of one link, whole = rows axes + c with c unknowns common to all
     R: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external
     inner: np.ndarray  # (links, n, n) inverse of its own part
-    right: np.ndarray  # (links, n, 2 m) inner^-1 times the coupling to the pins
-    left: np.ndarray  # (links, 2 m, n) coupling of the pins to its own part
-    coupling: np.ndarray  # (n, 2 m) of one link's own part to the pins
-    rest: np.ndarray  # (2 m, 2 m) what is left of one link's matrix on its pins
+    right: np.ndarray  # (links, n, 2 m + c) inner^-1 times the coupling to the pins and what is common
+    left: np.ndarray  # (links, 2 m + c, n) coupling of these to its own part
+    coupling: np.ndarray  # (n, 2 m + c) of one link's own part to them
+    rest: np.ndarray  # (2 m + c, 2 m + c) what is left of one link's matrix on them
     own: np.ndarray  # (links, n) inner^-1 times its own residual
     swap: np.ndarray  # (n)
     e: np.ndarray  # (rows, axes)
@@ -43,7 +43,7 @@ class Work(NamedTuple):
     flat: np.ndarray  # (wheels, 15) as the chain sees them: a planar one in its plane
     touched: np.ndarray  # (links) whether a link touches a wheel or the ground
     load: np.ndarray  # (links, rows, axes) residual of its contacts, where touched
-    stiffening: np.ndarray  # (links, rows axes, rows axes) and their iteration matrix
+    stiffening: np.ndarray  # (links, whole, whole) and their iteration matrix
     wrench: np.ndarray  # (wheels + 1, 6) on the wheels, and on the ground
     soil: np.ndarray  # (k, 3) of the ground on each link
     sums: np.ndarray  # (SUMS)
@@ -56,7 +56,8 @@ class Work(NamedTuple):
 def work(kit: Any, links: int, nodes: int, wheels: int, soiled: int = 0) -> Work:
     """Zeroed; ``kit`` is the module of the links."""
     rows, dims = kit.ELEMENT
-    m, n, whole = len(kit.LAYOUT.shared), len(kit.LAYOUT.own), rows * dims
+    at = kit.LAYOUT
+    m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
     sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels, kit.FREE, soiled)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     moved = z((wheels, 15))
@@ -64,13 +65,13 @@ def work(kit: Any, links: int, nodes: int, wheels: int, soiled: int = 0) -> Work
         before=views(z(size(sizes)), sizes),
         A=z(block), U=z(block), L=z(block), factors=workspace(nodes, m), b=z((nodes, m)),
         K=z((whole, whole)), R=z((links, *vectors)),
-        inner=z((links, n, n)), right=z((links, n, 2 * m)), left=z((links, 2 * m, n)),
-        coupling=z((n, 2 * m)), rest=z((2 * m, 2 * m)), own=z((links, n)), swap=z(n),
+        inner=z((links, n, n)), right=z((links, n, outer)), left=z((links, outer, n)),
+        coupling=z((n, outer)), rest=z((outer, outer)), own=z((links, n)), swap=z(n),
         e=z(vectors), v=z(vectors), dv=z(vectors), M=z((rows, rows)),
         S=z(rows), C=z(rows), t=z(3),
         moved=moved, flat=moved if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), soil=z((soiled, 3)), sums=z(SUMS), contact=memory(points(wheels, nodes)),
-        axes=axes(links, nodes, n, m) if kit.FREE else None,
+        axes=axes(nodes, m, whole) if kit.FREE else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
     )  # fmt: skip
