@@ -109,76 +109,41 @@ def factor(A, U, L, work, closed):
 
 @kernel
 @apart
-def solve(A, U, work, closed, b):
-    """Solve in place with what ``factor`` left: ``b`` (n, m) becomes x."""
+def solve(A, U, work, closed, *sides):
+    """Solve in place with what ``factor`` left: each of ``sides`` (n, m) becomes its x; they do not wait for another."""
     E, G, H, F, size = work
-    n, m = b.shape[0], len(size)
+    n, m = A.shape[0], len(size)
     y = F[n - 1, 0]
     for i in range(n - 1):
         if closed:
+            for b in sides:
+                for r in range(m):
+                    s = 0.0
+                    for c in range(m):
+                        s += H[i, r, c] * b[i, c]
+                    b[n - 1, r] -= s
+            if i == n - 2:
+                break
+        for b in sides:
             for r in range(m):
                 s = 0.0
                 for c in range(m):
-                    s += H[i, r, c] * b[i, c]
-                b[n - 1, r] -= s
-            if i == n - 2:
-                break
-        for r in range(m):
-            s = 0.0
-            for c in range(m):
-                s += E[i, r, c] * b[i, c]
-            b[i + 1, r] -= s
+                    s += E[i, r, c] * b[i, c]
+                b[i + 1, r] -= s
     for i in range(n - 1, -1, -1):
-        for r in range(m):
-            y[r] = b[i, r]
-        if closed and i < n - 1:
+        for b in sides:
             for r in range(m):
-                for c in range(m):
-                    y[r] -= G[i, r, c] * b[n - 1, c]
-        if i < n - 2 or (i == n - 2 and not closed):
-            for r in range(m):
-                for c in range(m):
-                    y[r] -= U[i, r, c] * b[i + 1, c]
-        for r in range(m):
-            s = 0.0
-            for c in range(m):
-                s += A[i, r, c] * y[c]
-            b[i, r] = s
-
-
-@kernel
-@apart
-def solve_pair(A, U, work, closed, b, d):
-    """``solve`` for two right-hand sides at once: their sums do not wait for each other."""
-    E, G, H, F, size = work
-    n, m = b.shape[0], len(size)
-    y, z = F[n - 1, 0], F[n - 1, 1]
-    for i in range(n - 1):
-        if closed:
-            for r in range(m):
-                s = t = 0.0
-                for c in range(m):
-                    s, t = s + H[i, r, c] * b[i, c], t + H[i, r, c] * d[i, c]
-                b[n - 1, r], d[n - 1, r] = b[n - 1, r] - s, d[n - 1, r] - t
-            if i == n - 2:
-                break
-        for r in range(m):
-            s = t = 0.0
-            for c in range(m):
-                s, t = s + E[i, r, c] * b[i, c], t + E[i, r, c] * d[i, c]
-            b[i + 1, r], d[i + 1, r] = b[i + 1, r] - s, d[i + 1, r] - t
-    for i in range(n - 1, -1, -1):
-        for r in range(m):
-            s, t = b[i, r], d[i, r]
+                y[r] = b[i, r]
             if closed and i < n - 1:
-                for c in range(m):
-                    s, t = s - G[i, r, c] * b[n - 1, c], t - G[i, r, c] * d[n - 1, c]
+                for r in range(m):
+                    for c in range(m):
+                        y[r] -= G[i, r, c] * b[n - 1, c]
             if i < n - 2 or (i == n - 2 and not closed):
+                for r in range(m):
+                    for c in range(m):
+                        y[r] -= U[i, r, c] * b[i + 1, c]
+            for r in range(m):
+                s = 0.0
                 for c in range(m):
-                    s, t = s - U[i, r, c] * b[i + 1, c], t - U[i, r, c] * d[i + 1, c]
-            y[r], z[r] = s, t
-        for r in range(m):
-            s = t = 0.0
-            for c in range(m):
-                s, t = s + A[i, r, c] * y[c], t + A[i, r, c] * z[c]
-            b[i, r], d[i, r] = s, t
+                    s += A[i, r, c] * y[c]
+                b[i, r] = s

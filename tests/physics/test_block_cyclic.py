@@ -46,15 +46,15 @@ def test_equals_dense(n: int, m: int, closed: bool):
 
 
 @pytest.mark.parametrize("closed", [True, False])
-def test_a_pair_is_solved_as_each_of_them(closed):
+def test_sides_are_solved_as_each_of_them(closed):
     A, U, L, _, b = system(9, 4, closed)
-    work, d = block_cyclic.workspace(9, 4), np.flip(b).copy()
-    pair = b.copy(), d.copy()
+    work, sides = block_cyclic.workspace(9, 4), [b, np.flip(b).copy(), b**2]
+    together = [side.copy() for side in sides]
     assert block_cyclic.factor(A, U, L, work, closed) == -1
-    block_cyclic.solve_pair(A, U, work, closed, *pair)
-    for one, together in zip((b, d), pair, strict=True):
-        block_cyclic.solve(A, U, work, closed, one)
-        assert np.array_equal(one, together)
+    block_cyclic.solve(A, U, work, closed, *together)
+    for alone, beside in zip(sides, together, strict=True):
+        block_cyclic.solve(A, U, work, closed, alone)
+        assert np.array_equal(alone, beside)
 
 
 def test_corner_blocks_matter_in_a_loop_only():

@@ -57,8 +57,8 @@ def foresee(links, method, h, s, w):
 
 
 @door(_of)
-def brace(links, w):
-    """After a factorisation: what the pins answer to the turning of the axes."""
+def resolve(links, w, fresh):
+    """Solve for the pins, ``w.b``; with ``fresh`` factors also what they answer to the turning of the axes."""
 
 
 @door(_of)
@@ -78,7 +78,7 @@ def follow(links, x, w):
 
 @door(_of)
 def swing(links, x, w):
-    """After an evaluation with the mass factored: accelerations of the axes, and with them those of pins and links."""
+    """After an evaluation with the mass factored: accelerations of pins and axes, and what those do to the links'."""
 
 
 @door(_of)

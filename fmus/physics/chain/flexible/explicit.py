@@ -11,7 +11,6 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.element import highest_frequency
-from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes import follow, rates, sideways_frequency, square, swing
 from fmus.physics.chain.flexible.condensation import correct
@@ -34,7 +33,6 @@ def accelerations(links, contacts, env, s, w):
     change, x = w.change[0], Motion(s.q, s.v, w.still, s.axes)
     follow(links, x, w)
     evaluate(links, contacts, env, x, NOTHING, w, False)
-    solve(w.A, w.U, w.factors, links.closed == 1, w.b)
     swing(links, x, w)
     change[:] = 0.0
     correct(links, w, Motion(change, w.change[1], w.change[1], s.axes), NOTHING, np.inf)

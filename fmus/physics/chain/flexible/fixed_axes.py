@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.ancf.element import axes, vectors
+from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.elements import flatten
 
@@ -48,8 +49,9 @@ def foresee(links, method, h, s, w):
 
 
 @kernel
-def brace(links, w):
+def resolve(links, w, fresh):
     """See ``axes``."""
+    solve(w.A, w.U, w.factors, links.closed == 1, w.b)
 
 
 @kernel
@@ -71,6 +73,7 @@ def follow(links, x, w):
 @kernel
 def swing(links, x, w):
     """See ``axes``."""
+    resolve(links, w, False)
 
 
 @kernel

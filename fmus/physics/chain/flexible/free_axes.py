@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.block_cyclic import solve_pair
+from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.axes_state import (
     ACCELERATION,
@@ -208,13 +208,16 @@ def _turn(f, before, psi):
 
 
 @kernel
-def brace(links, w):
+def resolve(links, w, fresh):
     """See ``axes``."""
+    if not fresh:
+        solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+        return
     corner, edge, b, d = w.axes.corner, w.axes.edge, w.axes.answer[0], w.axes.answer[1]
     for i in range(b.shape[0]):
         for k in range(b.shape[1]):
             b[i, k], d[i, k] = edge[i, k, 0], edge[i, k, 1]
-    solve_pair(w.A, w.U, w.factors, links.closed == 1, b, d)
+    solve(w.A, w.U, w.factors, links.closed == 1, w.b, b, d)
     for i in range(b.shape[0]):
         for k in range(b.shape[1]):
             p, q = edge[i, k, 2], edge[i, k, 3]
@@ -291,7 +294,7 @@ def swing(links, x, w):
         lean(links, w, 1.0)
         eliminate(links, w, i)
         border(links, w, i, j)
-    brace(links, w)
+    resolve(links, w, True)
     roll, yaw = _bent(links, x, w, 1.0)
     f[GROWTH], f[GROWTH + 2] = -roll, -yaw
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import allocating, apart
-from fmus.physics.block_cyclic import factor, solve
+from fmus.physics.block_cyclic import factor
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.axes import arrive, bend, brace, foresee
+from fmus.physics.chain.flexible.axes import arrive, bend, foresee, resolve
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
@@ -42,9 +42,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
         counters[EVALUATIONS] += 1
         if fresh and factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
             return SINGULAR, where, worst
-        if fresh:
-            brace(links, w)
-        solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+        resolve(links, w, fresh)
         counters[ITERATIONS] += 1
         bent = bend(links, x, w, by)
         last, size = size, max(correct(links, w, x, by, 0.5 * links.element.l), bent)
