@@ -47,8 +47,8 @@ def guide(links, contacts, x, w, rows, by_rate, tangent):
 
 
 @door(_guided)
-def horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent):
-    """That of link ``i``, its pins at ``a`` and ``b`` and its ``middle`` known, against the disc of wheel ``k``."""
+def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
+    """That of link ``i``, pins at ``a`` and ``b``, its middle ``off`` that of wheel ``k``, against the near disc."""
 
 
 @door(_of)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.chain.faces import along, count, enter, locate, pin_rates, pins, push, pushed, section
-from fmus.physics.chain.near import middle, reached
+from fmus.physics.chain.near import look, reached
 from fmus.physics.chain.sums import PATCH_POWER, note
 from fmus.physics.contact.face import touch
 from fmus.physics.contact.guide import HORN, guide_face
@@ -19,18 +19,20 @@ def guide(links, contacts, x, w, rows, by_rate, tangent):
     """See ``faces``."""
     for k in range(rows.shape[0]):
         if contacts.teeth[k] != 0:
+            disc = reached(links, contacts.radius[k])
+            look(rows[k], w.near.middle, w.near.off, w.near.square)
             for i in range(count(links, x)[0]):
-                a, b = pins(links, x, w, i)
-                off, square = middle(rows[k], a, b)
-                horn(links, contacts, x, w, k, rows[k], i, a, b, off, square, by_rate, tangent)
+                if w.near.square[i] <= disc:
+                    a, b = pins(links, x, w, i)
+                    horn(links, contacts, x, w, k, rows[k], i, a, b, w.near.off[i], by_rate, tangent)
 
 
 @kernel
-def horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent):
+def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
     """See ``faces``."""
     disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
     lean = 0.5 * (dot(b, vector(row, 9)) - dot(a, vector(row, 9)))
-    if square <= reached(links, disc) and abs(off) + abs(lean) > contacts.clearance:
+    if abs(off) + abs(lean) > contacts.clearance:
         _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent)
 
 

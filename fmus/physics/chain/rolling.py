@@ -29,10 +29,11 @@ from fmus.physics.chain.faces import (
     section,
     to_ground,
 )
-from fmus.physics.chain.near import middle, reached
+from fmus.physics.chain.near import beyond, look, reached, survey
 from fmus.physics.chain.sums import CONTACT, LOAD, PATCH_POWER, SIDESLIP, SLIP, note
 from fmus.physics.contact.face import press, touch
 from fmus.physics.contact.ground import ground_face
+from fmus.physics.contact.guide import HORN
 from fmus.physics.contact.teeth import tooth_face
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, creeping, patch_defect, reach, rim_face
 from fmus.physics.contact.wheel_kinematics import collect
@@ -48,6 +49,7 @@ def roll(links, contacts, x, w, rows, by_rate, tangent):
     Residuals, with ``tangent`` iteration matrices, reactions, energies and powers go to the arrays ``w``.
     """
     begin(links, x, w)
+    survey(links, x, w)
     for k in range(rows.shape[0]):
         if contacts.teeth[k] == 0:
             _rim(links, contacts, x, w, k, rows[k], by_rate, tangent)
@@ -62,11 +64,14 @@ def roll(links, contacts, x, w, rows, by_rate, tangent):
 def _rim(links, contacts, x, w, k, row, by_rate, tangent):
     """The rim of wheel ``k`` on the inner faces, and its disc on the guides."""
     (n, nodes), (places, side_by), law, radius = count(links, x), across(links), contacts.wheel, contacts.radius[k]
-    far = reached(links, radius)
+    far, disc = reached(links, radius), reached(links, radius + HORN)
+    look(row, w.near.middle, w.near.off, w.near.square)
     for i in range(n):
+        square = w.near.square[i]
+        if square > disc:
+            continue
         a, b = pins(links, x, w, i)
-        off, square = middle(row, a, b)
-        horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent)
+        horn(links, contacts, x, w, k, row, i, a, b, w.near.off[i], by_rate, tangent)
         if square > far:
             continue
         part, side = reach(row, radius, a, b, links.face)
@@ -110,7 +115,7 @@ def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
         for m in range(places):
             y = (2.0 * m - 1.0) * side_by
             p, v = locate_pin(links, x, w, i, y)
-            if middle(row, p, p)[1] > far:  # nor does its other end touch
+            if beyond(row, p) > far:  # nor does its other end touch
                 break
             depth, face = tooth_face(contacts.profile, row, p, v)
             if depth <= 0.0:

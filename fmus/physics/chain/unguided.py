@@ -11,5 +11,5 @@ def guide(links, contacts, x, w, rows, by_rate, tangent):
 
 
 @kernel
-def horn(links, contacts, x, w, k, row, i, a, b, off, square, by_rate, tangent):
+def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
     """See ``faces``."""

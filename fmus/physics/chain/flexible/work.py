@@ -9,6 +9,7 @@ import numpy as np
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain.flexible.axes_state import Axes, axes
 from fmus.physics.chain.flexible.state import State, shapes, views
+from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
@@ -48,6 +49,7 @@ class Work(NamedTuple):
     soil: np.ndarray  # (k, 3) of the ground on each link
     sums: np.ndarray  # (SUMS)
     contact: Memory
+    near: Near
     axes: Axes | None  # of coordinates along axes that turn
     still: np.ndarray  # (nodes, width) zeros
     change: np.ndarray  # (2, nodes, width) accelerations that are looked for; what comes with them and is not
@@ -72,6 +74,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int, soiled: int = 0) -> Work
         moved=moved, flat=moved if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), soil=z((soiled, 3)), sums=z(SUMS), contact=memory(points(wheels, nodes)),
+        near=near(links),
         axes=axes(nodes, m, whole) if kit.FREE else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
     )  # fmt: skip

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.rigid.state import State, shapes, views
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
@@ -21,6 +22,7 @@ class Work(NamedTuple):
     before: State  # at the beginning of a step
     system: System
     contact: Memory
+    near: Near
     x: np.ndarray  # (n, 6) increments over the step
     moved: np.ndarray  # (m, 15) wheels at the time of evaluation
     wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
@@ -42,6 +44,7 @@ def work(links: int, closed: bool, wheels: int, soiled: int = 0) -> Work:
         before=views(z(size(sizes)), sizes),
         system=augmented.system(links, closed),
         contact=memory(points(wheels, pins)),
+        near=near(links),
         x=z((links, 6)),
         moved=z((wheels, WIDTH)),
         wrench=z((wheels + 1, 6)),
