@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import apart, kernel
 from fmus.physics import block_cyclic
 from fmus.physics.inverse import invert
 from fmus.physics.rigid import pin
@@ -74,6 +74,7 @@ def system(n: int, closed: bool) -> System:
 
 
 @kernel
+@apart
 def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
     """Add a link's B K^-1 B^T: its pin before (it is Q; rows 0-4 of P), its pin after (it is P; rows 5-9)."""
     for k in range(3):
@@ -103,6 +104,7 @@ def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
 
 
 @kernel
+@apart
 def factor(half, ends, s, scale):
     """Factor the system whose A, WP, WQ and K are set. Returns -1, or the index of what is singular.
 
@@ -163,6 +165,7 @@ def compliance(ends, s, lam):
 
 
 @kernel
+@apart
 def solve(half, ends, s):
     """Solve for dx and dl with the residuals r and C and what ``factor`` left."""
     n, p = s.K.shape[0], s.C.shape[0]

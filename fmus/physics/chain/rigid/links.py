@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import apart, kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid.arms import act, lever, rate
 from fmus.physics.chain.rigid.state import State
@@ -151,6 +151,7 @@ def _inertia(links, gravity, s, w, by, tangent):
 
 
 @kernel
+@apart
 def residual(links, contacts, env, s, w, by, tangent):
     """Residuals of links and pins into the system, with ``tangent`` also its K; wrenches and sums."""
     w.sums[:] = 0.0
