@@ -38,7 +38,8 @@ def internal(library: Any) -> None:
 
 def defer() -> None:
     """Have numba optimise and emit a function when its address is asked for."""
-    config.SLP_VECTORIZE = 1  # equal operations beside each other become one: on the matrices of links it halves them
+    # operations beside each other become one, with the same bits: on the matrices of links half of them
+    config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
     optimise, finish, point, store = (getattr(JITCodeLibrary, name) for name in PARTS)
     bind = JITCPUCodegen.set_env
     waiting: Environments = {}  # of functions without an address, by the name of the variable that points to it

@@ -110,7 +110,7 @@ def factor(A, U, L, work, closed):
 @kernel
 @apart
 def solve(A, U, work, closed, *sides):
-    """Solve in place with what ``factor`` left: each of ``sides`` (n, m) becomes its x; they do not wait for another."""
+    """Solve in place with what ``factor`` left: each of ``sides`` (n, m) becomes its x, all in one pass."""
     E, G, H, F, size = work
     n, m = A.shape[0], len(size)
     y = F[n - 1, 0]

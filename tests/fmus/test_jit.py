@@ -1,6 +1,8 @@
 """Kernels are found by content: at any path, and never after an edit of what they call."""
 
 import ast
+import json
+import os
 import shutil
 import subprocess
 import sys
@@ -111,6 +113,20 @@ def test_without_compilation_the_function_itself_comes_back(environment):
     code = "from toy.kernels import acceleration as f; assert type(f).__name__ == 'function'; f(1,2,3,4,5)"
     env = {**environment, "NUMBA_DISABLE_JIT": "1"}
     assert subprocess.run([sys.executable, "-c", code], env=env).returncode == 0
+
+
+def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment):
+    """What the compiler was told of all kinds of tracks, looked at call by call in a step on their wheels."""
+    program, kinds = Path(__file__).with_name("overlaps.py"), ["rigid", "cable", "free", "planar", "beam"]
+    path = os.pathsep.join([str(program.parent), environment["PYTHONPATH"]])
+    env = {**environment, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    done = subprocess.run([sys.executable, str(program), *kinds], env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    seen = json.loads(done.stdout)
+    twin = seen.pop("twin")
+    assert twin["found"] == ["solve writes 5 over 4"]
+    assert {kind: each["found"] for kind, each in seen.items()} == {kind: [] for kind in kinds}
+    assert min(each["calls"] for each in seen.values()) > 1000
 
 
 def test_reachable_sources_follow_every_kind_of_import(tmp_path, monkeypatch, clean_imports):

@@ -79,7 +79,7 @@ def test_the_border_is_what_a_turn_of_the_axes_does(by):
     model = shaken(carrier())
     model.contacts = model.contacts._replace(sprocket=model.contacts.sprocket._replace(k=0.0, c=0.0, mu=0.0))
     residual(model, by=by, fresh=True)
-    a, step = model.work.axes, 1e-9
+    step = 1e-9
     columns, rows, corner = border_of(model)
     assert model.work.touched.sum() > 20
     at = places(model.kit, model.s.q, 4, model.links_count).reshape(model.links_count, -1)

@@ -21,8 +21,7 @@ from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the 
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.link_layout import arranged
 
-PLACES = {"begin": [0, 1, 2, 5, 7, 6], "end": [0, 1, 2, 3, 7, 4], "outer": [0, 1, 2, 4, 6, 7, 8, 10]}
-LAYOUT = arranged(**PLACES, fixed=3)
+LAYOUT = arranged(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10], fixed=3)
 ELEMENT = (4, 3)  # vectors of a link, components of a vector
 AXES = np.arange(3)  # of the three axes: those that a vector of this chain has
 FREE = 0  # numbers that say where the axes of the coordinates are: they stay

@@ -20,17 +20,20 @@ class Layout(NamedTuple):
     fixed: int  # of the shared ones those that a pinned end has from the ground, the first of them
 
 
-def arranged(begin: list[int], end: list[int], outer: list[int], fixed: int, common: int = 0) -> Layout:
+def arranged(begin: list[int], end: list[int], outer: list[int], fixed: int) -> Layout:
     """The layout of an element whose first half lies in its first pin at ``begin``, the second in the other at ``end``.
 
-    What is not ``outer`` is its own. All links have ``common`` unknowns besides.
+    What is not ``outer`` is its own.
     """
     places = [*begin, *end]
     inner = [k for k in range(len(places)) if k not in outer]
     m = len(outer) // 2
-    beside = [len(places) + k for k in range(common)]
     # unsigned where nothing is folded away: an index that may be negative costs a tenth of ``correct``
     pin, slope = (np.array([places[k] for k in part], dtype=np.uintp) for part in (outer[:m], inner))
-    return Layout(
-        np.array(outer + beside), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner), (0,) * common, fixed
-    )
+    return Layout(np.array(outer), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner), (), fixed)
+
+
+def joined(layout: Layout, common: int) -> Layout:
+    """The layout of links that have so many unknowns in common besides."""
+    first = len(layout.outer) + len(layout.inner)
+    return layout._replace(outer=np.append(layout.outer, first + np.arange(common)), common=(0,) * common)

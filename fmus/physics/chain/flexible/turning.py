@@ -15,10 +15,10 @@ from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.axes_state import SIZE
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
-from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLACES, PLANE, lever  # noqa: F401 - of the kit
-from fmus.physics.chain.flexible.link_layout import arranged
+from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.link_layout import joined
 
-LAYOUT = arranged(**PLACES, fixed=3, common=2)  # the turning of the axes: roll and yaw
+LAYOUT = joined(cables.LAYOUT, 2)  # the turning of the axes: roll and yaw
 FREE = SIZE  # numbers that say where the axes of the coordinates are
 
 

@@ -1,0 +1,89 @@
+"""Run with NUMBA_DISABLE_JIT=1: which kernels that are ``apart`` write an array that lies over another of theirs.
+
+Prints one JSON object: by kind of track the calls that were looked at, and sentences on those that break the rule.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from functools import wraps
+
+import numpy as np
+
+from fmus import jit
+
+found: list[str] = []
+calls = 0
+
+
+def hidden(value):
+    """Without the whole state beside its views: a kernel that touches it then fails."""
+    if not isinstance(value, tuple):
+        return value
+    inside = [hidden(part) for part in value]
+    if not hasattr(value, "_fields"):
+        return tuple(inside)
+    shown = type(value)(*inside)
+    return shown._replace(flat=None) if {"flat", "mean"} <= set(value._fields) else shown
+
+
+def arrays(value, name):
+    if isinstance(value, np.ndarray):
+        yield name, value
+    elif isinstance(value, tuple):
+        for field, part in zip(getattr(value, "_fields", range(len(value))), value, strict=True):
+            yield from arrays(part, f"{name}.{field}")
+
+
+def checked(function):
+    @wraps(function)
+    def wrapped(*args):
+        global calls
+        calls += 1
+        args = [hidden(each) for each in args]
+        there = [pair for k, each in enumerate(args) for pair in arrays(each, str(k)) if pair[1].size]
+        over = [(a, b) for k, a in enumerate(there) for b in there[:k] if np.shares_memory(a[1], b[1], max_work=10_000)]
+        before = [(a[1].copy(), b[1].copy()) for a, b in over]
+        result = function(*args)
+        for (a, b), then in zip(over, before, strict=True):
+            if not all(np.array_equal(x, y[1], equal_nan=True) for x, y in zip(then, (a, b), strict=True)):
+                found.append(f"{function.__name__} writes {a[0]} over {b[0]}")
+        return result
+
+    return wrapped
+
+
+jit.apart = checked
+
+from test_track_flexible import TABLE, at_rest, make, parameters, wheels  # noqa: E402
+
+from fmus.physics.block_cyclic import solve, workspace  # noqa: E402
+from fmus.track_rigid.model import Model as Rigid  # noqa: E402
+
+TRACK = {"links": 64, "closed": True, "wheels": wheels(), "ground": True, "gravity": 9.81, "ends": None}
+
+
+def steps(kind):
+    """One step of a track that was laid on its wheels."""
+    if kind == "rigid":
+        model = Rigid({"vehicle": TABLE, "track": TRACK})
+        model.initialise(parameters(model, start="polygon"))
+    else:
+        element, axes = ("cable", "free") if kind == "free" else (kind, "fixed")
+        model = make(TRACK, start="polygon", element=element, axes=axes)
+    model.step(0.0, 1e-3, at_rest(model))
+
+
+def looked_at(do, *args):
+    global calls
+    calls = 0
+    found.clear()
+    do(*args)
+    return {"calls": calls, "found": sorted(set(found))}
+
+
+side, blocks = np.ones((4, 3)), np.tile(np.eye(3), (4, 1, 1))
+seen = {kind: looked_at(steps, kind) for kind in sys.argv[1:]}
+seen["twin"] = looked_at(solve, blocks, blocks, workspace(4, 3), False, side, side[::-1])
+print(json.dumps(seen))
