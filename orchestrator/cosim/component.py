@@ -12,7 +12,19 @@ import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
-from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, create_string_buffer
+from ctypes import (
+    POINTER,
+    addressof,
+    byref,
+    c_char_p,
+    c_double,
+    c_int,
+    c_size_t,
+    c_uint,
+    c_void_p,
+    cast,
+    create_string_buffer,
+)
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -33,6 +45,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
+from orchestrator.cosim.beside import Beside, Errand
 from orchestrator.cosim.cache import cache_folder, make, own, temporary, write
 from orchestrator.cosim.warned import Warned, Warnings
 
@@ -194,6 +207,7 @@ class Component(AbstractContextManager["Component"]):
         self._time = 0.0  # s, where the last step began
         self._states: list[State] = []
         self._handle: Any = None
+        self._steps: Errand | None = None
         self._phase = "made"
         folder = unpack(Path(fmu))
         self.description = _description(folder, fmu)
@@ -308,10 +322,13 @@ class Component(AbstractContextManager["Component"]):
         status = function(self._handle, *arguments)
         self.wall_time += perf_counter() - began
         if status > _WARNING:
-            if status >= _FATAL:
-                self._phase = "lost"
-            sentence = self._complaint() or f"{function.__name__} failed with FMI status {status}"
-            raise ComponentFailed(f"{self.name}: {sentence}")
+            raise self._failure(function.__name__, status)
+
+    def _failure(self, function: str, status: int) -> ComponentFailed:
+        if status >= _FATAL:
+            self._phase = "lost"
+        sentence = self._complaint() or f"{function} failed with FMI status {status}"
+        return ComponentFailed(f"{self.name}: {sentence}")
 
     # -------------------------------------------------------------- life
 
@@ -366,6 +383,33 @@ class Component(AbstractContextManager["Component"]):
     def read(self) -> None:
         """The Real outputs go into ``y``, but for those of links."""
         self._exchange(self._library.fmi2GetReal, self._y)
+
+    def step_beside(self, helper: Beside, t: float, h: float) -> None:
+        """``write``, ``step`` and ``read`` in another thread, to be ended with ``join``."""
+        if self._handle is None:
+            raise ComponentFailed(f"{self.name}: the component is closed")
+        self._time = t
+        self._messages.clear()
+        helper.ask(self._errand(), t, h, not self._states)
+
+    def join(self, helper: Beside) -> float:
+        """Wait for that; s that it took."""
+        failed, status, seconds = helper.wait()
+        self.wall_time += seconds
+        if failed:
+            names = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
+            raise self._failure(names[Errand._fields[failed]], status)
+        return seconds
+
+    def _errand(self) -> Errand:
+        if self._steps is None:
+            fmu = self._library
+            functions = (fmu.fmi2SetReal, fmu.fmi2DoStep, fmu.fmi2GetReal)
+            write, step, read = (cast(each, c_void_p).value or 0 for each in functions)
+            (u_at, n_u, _), (y_at, n_y, _) = self._u, self._y
+            at = self._handle, write, addressof(u_at), n_u, self.u.ctypes.data
+            self._steps = Errand(*at, step, read, addressof(y_at), n_y, self.y.ctypes.data)
+        return self._steps
 
     def read_links(self) -> None:
         """The outputs of links go into ``y_links``."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from conftest import build_toy
 
+from orchestrator.cosim.beside import Beside
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
 
 H = 1e-3
@@ -86,6 +87,31 @@ def test_components_step_side_by_side_in_threads(toy):
             both = list(pool.map(run, (one, two)))
     assert np.array_equal(both[0], alone)
     assert np.array_equal(both[1], alone)
+
+
+def test_a_step_beside_is_the_step(toy):
+    """And its failure is the component's, in its own words."""
+    helper = Beside()
+    with Component(toy, "one") as one, Component(toy, "two") as two:
+        for component in (one, two):
+            component.initialise({})
+        for i in range(50):
+            one.u[0] = two.u[0] = np.cos(i)
+            one.step_beside(helper, i * H, H)
+            two.write()
+            two.step(i * H, H)
+            two.read()
+            assert one.join(helper) > 0.0
+            assert np.array_equal(one.y, two.y)
+        assert one.wall_time > 0.0
+        one.initialise({"trouble": "raise"})
+        for i in range(6):
+            one.step_beside(helper, i * H, H)
+            if i < 5:
+                one.join(helper)
+        with pytest.raises(ComponentFailed, match="one: the spring broke"):
+            one.join(helper)
+    helper.close()
 
 
 def test_failures_in_threads_find_their_component(toy):

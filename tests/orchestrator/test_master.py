@@ -1,13 +1,16 @@
 """The master and ``tracks_first`` on two masses, split at their spring, solved exactly on each side."""
 
 import math
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.beside import possible
+from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling.scheme import LONG
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import Connection, Instance, System, wire
@@ -190,8 +193,8 @@ def test_an_interruption_ends_between_steps():
     assert points == [0, 1, 2, 3, 4]
 
 
-class Sleeper:
-    """Steps only when its twin is stepping too, and long enough for threads to pay."""
+class Sleeper(Component):
+    """Steps only when its twin is stepping too, and long enough for another thread to pay."""
 
     inputs, outputs = (), ()
 
@@ -213,11 +216,19 @@ class Sleeper:
     def read(self):
         pass
 
+    def step_beside(self, helper, t, h):
+        self.pool = ThreadPoolExecutor(1)
+        self.future = self.pool.submit(self.step, t, h)
 
+    def join(self, helper):
+        self.pool.shutdown()
+        self.future.result()
+        return 1.0  # s, in which nothing else was done: side by side pays
+
+
+@pytest.mark.skipif(not possible(), reason="needs a second processor")
 @pytest.mark.parametrize("failing", ["", "one", "two"])
 def test_a_stage_steps_at_once_and_every_failure_is_heard(failing):
-    import threading
-
     barrier = threading.Barrier(2)
     pair = {name: Sleeper(name, barrier, name == failing) for name in ("one", "two")}
     system = System(tuple(Instance(name, None, {}, 0) for name in pair), ())

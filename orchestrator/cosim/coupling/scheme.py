@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
 from typing import Any, ClassVar, NamedTuple
 
-from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.beside import Beside, possible
+from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 
-# s: a shorter step is done no sooner by another thread. That one wakes after 60 us, its end is noticed after 20, and
-# Python runs in one of them at a time.
-LONG = 2e-4
+LONG = 5e-5  # s: in a shorter step an FMU of ours is mostly Python, which runs in one thread at a time
+ALONE = 200  # steps one after the other when side by side took longer: the processors have other work
 Given = Callable[[Feed], Floats]  # what a feed hands over
 
 
@@ -44,19 +43,20 @@ class Scheme:
         self.members = tuple(member for stage in stages for member in stage)
         self.past = Past({}, 0.0, 0.0)
         self._threads = threads
-        self._pool: ThreadPoolExecutor | None = None
+        self._helpers: list[Beside] = []
         self._spent: dict[str, float] = {}  # s, by the last member of each group in its last step
+        self._alone: dict[str, int] = {}  # likewise: steps that are still to be done one after the other
 
     def __enter__(self) -> Scheme:
         width = max(len(group) for group in self.groups())
-        if self._threads and width > 1:
-            self._pool = ThreadPoolExecutor(width - 1, "step")
+        if self._threads and width > 1 and possible():
+            self._helpers = [Beside() for _ in range(width - 1)]
         return self
 
     def __exit__(self, *ended: object) -> None:
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
+        for helper in self._helpers:
+            helper.close()
+        self._helpers = []
 
     def groups(self) -> Stages:
         """Members that step at once, group after group."""
@@ -75,19 +75,29 @@ class Scheme:
     def step(self, group: Sequence[Member], t: float, h: float) -> None:
         """Members of a group over [t, t + h] at once; the first failure of the group is raised when all have ended."""
         *others, last = group
-        if self._pool is None or not others or self._spent.get(last.component.name, LONG) < LONG:
-            for member in others:
-                step(member, t, h)
-            self._timed(last, t, h)
-            return
-        waiting = [self._pool.submit(step, member, t, h) for member in others]
+        name, began, busy = last.component.name, perf_counter(), 0.0
+        self._alone[name] = alone = max(self._alone.get(name, 0) - 1, 0)
+        helpers = self._helpers if not alone and self._spent.get(name, LONG) >= LONG else []
+        beside: list[tuple[Component, Beside]] = []
+        failures: list[ComponentFailed] = []
         try:
+            for k, member in enumerate(others):
+                if k < len(helpers) and isinstance(member.component, Component):
+                    member.component.step_beside(helpers[k], t, h)
+                    beside.append((member.component, helpers[k]))
+                else:
+                    step(member, t, h)
             self._timed(last, t, h)
         finally:
-            failures = [future.exception() for future in waiting]
-        for failure in failures:
-            if failure is not None:
-                raise failure
+            for component, helper in beside:
+                try:
+                    busy += component.join(helper)
+                except ComponentFailed as failure:
+                    failures.append(failure)
+        if failures:
+            raise failures[0]
+        if beside and perf_counter() - began > busy + self._spent[name]:
+            self._alone[name] = ALONE
 
     def _timed(self, member: Member, t: float, h: float) -> None:
         began = perf_counter()
