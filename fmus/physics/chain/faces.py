@@ -47,6 +47,11 @@ def guide(links, contacts, x, w, rows, by_rate, tangent):
 
 
 @door(_guided)
+def overhang(links):
+    """How far a guide horn reaches into a wheel, m."""
+
+
+@door(_guided)
 def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
     """That of link ``i``, pins at ``a`` and ``b``, its middle ``off`` that of wheel ``k``, against the near disc."""
 

@@ -15,6 +15,12 @@ from fmus.physics.vector import dot, vector
 
 
 @kernel
+def overhang(links):
+    """See ``faces``."""
+    return HORN
+
+
+@kernel
 def guide(links, contacts, x, w, rows, by_rate, tangent):
     """See ``faces``."""
     for k in range(rows.shape[0]):

@@ -20,6 +20,7 @@ from fmus.physics.chain.faces import (
     lift,
     locate,
     locate_pin,
+    overhang,
     pin_rates,
     pins,
     push,
@@ -33,7 +34,6 @@ from fmus.physics.chain.near import beyond, look, reached, survey
 from fmus.physics.chain.sums import CONTACT, LOAD, PATCH_POWER, SIDESLIP, SLIP, note
 from fmus.physics.contact.face import press, touch
 from fmus.physics.contact.ground import ground_face
-from fmus.physics.contact.guide import HORN
 from fmus.physics.contact.teeth import tooth_face
 from fmus.physics.contact.wheel import GAUSS, bulge, closing, creeping, patch_defect, reach, rim_face
 from fmus.physics.contact.wheel_kinematics import collect
@@ -64,7 +64,7 @@ def roll(links, contacts, x, w, rows, by_rate, tangent):
 def _rim(links, contacts, x, w, k, row, by_rate, tangent):
     """The rim of wheel ``k`` on the inner faces, and its disc on the guides."""
     (n, nodes), (places, side_by), law, radius = count(links, x), across(links), contacts.wheel, contacts.radius[k]
-    far, disc = reached(links, radius), reached(links, radius + HORN)
+    far, disc = reached(links, radius), reached(links, radius + overhang(links))
     look(row, w.near.middle, w.near.off, w.near.square)
     for i in range(n):
         square = w.near.square[i]

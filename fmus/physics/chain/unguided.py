@@ -11,5 +11,11 @@ def guide(links, contacts, x, w, rows, by_rate, tangent):
 
 
 @kernel
+def overhang(links):
+    """See ``faces``."""
+    return 0.0
+
+
+@kernel
 def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
     """See ``faces``."""
