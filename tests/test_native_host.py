@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
+import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,7 @@ from vehicle_in_process import InProcess
 
 from fmus.native.link import compiler
 from orchestrator.cosim.component import Component, unpack
-from orchestrator.scene.assembly import assemble, build_native_all
+from orchestrator.scene.assembly import assemble, build_native_all, placed
 from orchestrator.scene.scene import load
 
 HOST = Path(__file__).parent / "host" / "host.c"
@@ -62,3 +65,44 @@ def test_a_host_without_an_environment_drives_the_vehicle(scene, links, tmp_path
     for name, values in expected.items():
         np.testing.assert_array_equal(shown[name], values, err_msg=name)
     assert expected["chassis"].size > 100
+
+
+@pytest.mark.study
+def test_libcosim_drives_the_vehicle(tmp_path):
+    """3 s of ``straight`` in another tool, to the bits of the same calls here (`pip install 'cotrack[hosts]'`)."""
+    pytest.importorskip("libcosimpy")
+    settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s")
+    assembly, steps, ns = assemble(placed(load("straight", "flexible", settings))), 3000, 1_000_000
+    with ExitStack() as stack:
+        parts, wires, known, feeds = [], [], {}, []
+        for part, file in zip(assembly.parts, build_native_all(assembly), strict=True):
+            component = stack.enter_context(Component(file, part.name))
+            component.initialise({})
+            references = {v.name: v.valueReference for v in component.description.modelVariables}
+            known[part.name] = len(parts), component, references
+            outputs = [references[name] for name in component.outputs]
+            parts.append({"name": part.name, "fmu": str(file), "outputs": outputs})
+        for wire in assembly.connections:
+            (i, source, outputs), (j, target, inputs) = known[wire.source], known[wire.target]
+            pairs = list(zip(wire.outputs, wire.inputs, strict=True))
+            wires += [[i, outputs[out], j, inputs[into]] for out, into in pairs]
+            ends = zip(*((source.outputs.index(out), target.inputs.index(into)) for out, into in pairs), strict=True)
+            feeds.append((source, target, *map(list, ends)))
+        order = tmp_path / "system.json"
+        order.write_text(json.dumps({"h": ns, "steps": steps, "parts": parts, "wires": wires}))
+        subprocess.run([sys.executable, HOST.with_name("libcosim_host.py"), order], check=True, capture_output=True)
+        components = [component for _, component, _ in known.values()]
+        for k in range(steps):
+            now = {component.name: component.y.copy() for component in components}
+            for source, target, outputs, inputs in feeds:
+                target.u[inputs] = now[source.name][outputs]
+            t, end = k * ns / 1e9, (k + 1) * ns / 1e9  # libcosim counts nanoseconds: a step is not always 1e-3
+            for component in components:
+                component.write()
+                component.step(t, end - t)
+                component.read()
+        shown = [[float.fromhex(value) for value in each] for each in json.loads(order.read_text())]
+        for component, values in zip(components, shown, strict=True):
+            assert np.array_equal(component.y, values)
+        chassis = known["chassis"][1]
+        assert chassis.y[chassis.outputs.index("distance")] > 1.0, "it drove"
