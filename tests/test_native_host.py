@@ -105,4 +105,4 @@ def test_libcosim_drives_the_vehicle(tmp_path):
         for component, values in zip(components, shown, strict=True):
             assert np.array_equal(component.y, values)
         chassis = known["chassis"][1]
-        assert chassis.y[chassis.outputs.index("distance")] > 1.0, "it drove"
+        assert chassis.y[chassis.outputs.index("distance")] > 0.1, "it drove"
