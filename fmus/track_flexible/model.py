@@ -15,15 +15,15 @@ from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.elements import kit
-from fmus.physics.chain.flexible.equilibrium import settle
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD
 from fmus.physics.chain.flexible.places import straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import bare, let_go
+from fmus.physics.chain.flexible.release import release
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.outcome import SINGULAR
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.ports import Port
 from fmus.track import TrackModel
@@ -205,21 +205,7 @@ class Model(TrackModel):
                 self._stretch(spin)
             x, z = self.kit.PLANE.T
             self.s.v[:, x], self.s.v[:, z] = spin * self.s.q[:, z], -spin * self.s.q[:, x]
-        elif rest:
-            partners = self.contacts
-            if partners is not None:
-                from fmus.contacts import smooth
-
-                partners = smooth(partners)
-            least, longest = max(REST, self._rounding()), LONG if self.ends_kind == PINNED else 0.0
-            failure, _, link, residual = settle(
-                self.link, partners, self.environment, self.start_rows, least, longest, self.s, self.work
-            )
-            if failure:
-                raise StepFailed(
-                    f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
-                )
-        self._let_go()
+        self._let_go(rest and not spin)
 
     def move(self, turning: Floats, velocity: Floats) -> None:
         """Rates of the pins and of the slopes of the links that end and begin there."""
@@ -270,9 +256,19 @@ class Model(TrackModel):
                 f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
             )
 
-    def _let_go(self) -> None:
-        """Accelerations of the start, and what they show of the state as it stands."""
-        system = self.system()
-        failed = let_go(*system, bare(*system), self.start_rows, self.s, self.work, self.report)
-        if failed >= 0:
-            raise StepFailed(f"the chain's mass matrix is singular at the start, link {failed + 1}")
+    def _let_go(self, rest: bool = False) -> None:
+        """Accelerations of the start, with ``rest`` after equilibrium, and what they show of the state as it stands."""
+        smooth, least, longest = self.contacts, max(REST, self._rounding()), LONG if self.ends_kind == PINNED else 0.0
+        if smooth is not None:
+            from fmus.contacts import smooth as frictionless
+
+            smooth = frictionless(smooth)
+        failure, _, link, residual = release(
+            self.link, smooth, *self.system()[1:], rest, self.start_rows, least, longest, self.s, self.work, self.report
+        )
+        if failure == SINGULAR:
+            raise StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
+        if failure:
+            raise StepFailed(
+                f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
+            )

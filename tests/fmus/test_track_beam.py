@@ -10,7 +10,6 @@ from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging, 
 from fmus.build import build
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import beam as library
-from fmus.physics.ancf.element import massive
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.beam_nodes import gather
@@ -398,7 +397,6 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
 def test_the_explicit_step_and_the_mass():
     model = hanging(links=2, element="beam", start="polygon")
     assert model.stable == pytest.approx(4.347e-6, rel=1e-3)
-    assert massive(model.link.element).rho == model.link.element.rho
     total = model.work.M[np.ix_([0, 4], [0, 4])].sum()
     assert total == pytest.approx(TABLE["track"]["mass"], rel=1e-12)
 

@@ -10,7 +10,6 @@ from fmus.model import InvalidParameter
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes_state import GROWTH, ORIGIN, RATE
 from fmus.physics.chain.flexible.places import places
-from fmus.physics.chain.flexible.release import bare, factor_mass
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import KINETIC, STRAIN
 from fmus.physics.integrate.generalized_alpha import Slopes
@@ -292,16 +291,6 @@ def test_orders_of_the_integrators_in_a_tumble():
         assert errors[1] < largest
     stiffer = tumbling(2.5e-4, **{"material.youngs_modulus": 2.04e6})[0]
     assert np.abs(stiffer.pins() - truth).max() > 1e-4
-
-
-@pytest.mark.parametrize("links", [{"axes": "free"}, {"element": "beam"}])
-def test_the_mass_that_is_factored_touches_nothing(links):
-    """Guide horns least of all: with their stiffness in it explicit beams on wheels blow up at once."""
-    model = test_track_flexible.carrier(**links)
-    assert model.work.touched.any()
-    assert factor_mass(*bare(*model.system()), model.s, model.work) == -1
-    assert not model.work.touched.any()
-    assert not model.work.wrench.any()
 
 
 def test_the_origin_goes_where_it_will():

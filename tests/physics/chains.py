@@ -14,7 +14,7 @@ from fmus.physics.chain.flexible.cable_nodes import gather
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.explicit import accelerations
 from fmus.physics.chain.flexible.places import straight
-from fmus.physics.chain.flexible.release import bare, factor_mass
+from fmus.physics.chain.flexible.release import factor_mass
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.flexible.state import shapes as flexible_shapes
 from fmus.physics.chain.flexible.state import views as flexible_views
@@ -47,7 +47,7 @@ class Rigid(Rods):
     """Rigid links; the first pin held or not, the last one free."""
 
     def factor(self):
-        assert factor_mass(*bare(self.links, None, self.env), self.s, self.w) == -1
+        assert factor_mass(self.links, self.env, self.s, self.w) == -1
 
     def run(self, time, h, integrator="generalized_alpha"):
         return super().run(time, h, EXPLICIT if integrator == "runge_kutta" else IMPLICIT)
@@ -98,7 +98,7 @@ class Flexible:
         return self
 
     def factor(self):
-        assert factor_mass(*bare(self.links, None, self.env), self.s, self.w) == -1
+        assert factor_mass(self.links, self.env, self.s, self.w) == -1
 
     def run(self, time, h, integrator="generalized_alpha"):
         system, span = (self.links, None, self.env), (NO_ROWS, time, h, self.s, self.w, self.report, self.counters)

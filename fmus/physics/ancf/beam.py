@@ -78,11 +78,6 @@ def matter(c):
     return c.rho * c.width * c.height * c.l
 
 
-def massive(c: Beam) -> Beam:
-    """See ``element``."""
-    return c._replace(E=0.0, tau=0.0)
-
-
 def straight(c: Beam) -> Floats:
     """See ``element``."""
     return np.vstack([np.zeros(3), np.eye(3), [c.l, 0.0, 0.0], np.eye(3)])

@@ -69,11 +69,6 @@ def matter(c):
     return c.rhoA * c.l
 
 
-def massive(c: Cable) -> Cable:
-    """See ``element``."""
-    return c._replace(EA=0.0, EI=0.0, nuA=0.0, nuI=0.0)
-
-
 def straight(c: Cable) -> Floats:
     """See ``element``."""
     e = np.zeros((ROWS, len(c.axes)))

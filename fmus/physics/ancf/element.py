@@ -62,11 +62,6 @@ def mass(c, M):
 
 
 @door(_whatever_the_elasticity)
-def massive(c):
-    """The same element without stiffness and damping; not for kernels."""
-
-
-@door(_whatever_the_elasticity)
 def straight(c):
     """Coordinates (rows, axes) of the element at rest along x from the origin; not for kernels."""
 

@@ -92,11 +92,6 @@ def square(links, s):
 
 
 @door(_of)
-def limp(links):
-    """The links without what ``sideways`` resists; not for kernels."""
-
-
-@door(_of)
 def sideways_frequency(links):
     """Of the chain, the highest in the bending that ``sideways`` knows, rad/s; not for kernels."""
 

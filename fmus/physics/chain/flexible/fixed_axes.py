@@ -86,11 +86,6 @@ def square(links, s):
     """See ``axes``."""
 
 
-def limp(links):
-    """See ``axes``."""
-    return links
-
-
 def sideways_frequency(links):
     """See ``axes``."""
     return 0.0

@@ -323,11 +323,6 @@ def square(links, s):
         put(f, 3 * i, row)
 
 
-def limp(links):
-    """See ``axes``."""
-    return links._replace(sideways=0.0)
-
-
 def sideways_frequency(links):
     """See ``axes``: EI w^4 / rho A of cubic elements that share their slopes; one alone (the ends) is stiffer."""
     c, most = links.element, 2520.0 if links.closed else 8400.0

@@ -1,56 +1,49 @@
-"""A chain of flexible links is let go: its mass, the accelerations that it begins with, and what it shows then."""
+"""How a chain of flexible links begins: at rest or let go, with its accelerations, and what it shows then."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from fmus.jit import kernel
-from fmus.physics.ancf.element import massive
+from fmus.jit import allocating, kernel
+from fmus.physics.ancf.element import axes, mass, vectors
 from fmus.physics.block_cyclic import factor
-from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.axes import limp
+from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.dynamics import observe
+from fmus.physics.chain.flexible.equilibrium import settle
 from fmus.physics.chain.flexible.explicit import NOTHING, accelerations
+from fmus.physics.chain.flexible.inertia import add_mass
 from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.chain.report import SUMMED
-from fmus.physics.chain.state import begin
-from fmus.physics.integrate.generalized_alpha import Slopes
-
-FAR = 1e9  # m
-
-
-def bare(links: Any, contacts: Any, env: Environment) -> tuple[Any, Any, Environment]:
-    """The system of a chain that has its mass alone: no stiffness, no ground."""
-    partners = contacts and contacts._replace(ground=0)
-    return limp(links)._replace(element=massive(links.element)), partners, env._replace(transverse=0.0)
+from fmus.physics.chain.state import begin, put
 
 
 @kernel
-def factor_mass(links, contacts, env, s, w):
-    """Factor the mass of a ``bare`` chain into ``w``: its iteration matrix.
+def factor_mass(links, env, s, w):
+    """Factor the mass of a chain into ``w``; its stiffness and what it touches play no part.
 
-    Returns -1, or the link where it is singular. No wheel is touched: ``w.moved`` is spoilt.
+    Returns -1, or the link where it is singular.
     """
-    for k in range(w.moved.shape[0]):
-        for i in range(w.moved.shape[1]):
-            w.moved[k, i] = FAR if i == 0 else 1.0 if i == 10 or i == 12 else 0.0  # upright, far ahead
-    evaluate(links, contacts, env, Motion(s.q, w.still, w.still, s.axes), Slopes(0.0, 0.0, 1.0), w, True)
+    c, rows, dims = links.element, vectors(links.element), axes(links.element)
+    clear(w, True)
+    mass(c, w.M)
+    for i in range(links.n):
+        w.K[:] = 0.0
+        add_mass(rows, dims, w.M, 1.0, w.K)
+        condense(links, w, i, i + 1 if i + 1 < s.q.shape[0] else 0)
+    reduce(links, env, Motion(s.q, w.still, w.still, s.axes), w, 0.0, True)
     return factor(w.A, w.U, w.L, w.factors, links.closed == 1)
 
 
 @kernel
-def let_go(links, contacts, env, mass, rows, s, w, report):
+def let_go(links, contacts, env, rows, s, w, report):
     """Accelerations, on which the integrator's order rests, wrenches, pin forces and report of the state as it stands.
 
-    ``mass``: the ``bare`` system; ``rows`` (m, 15): the wheels. Returns -1, or the link where the mass is singular.
+    ``rows`` (m, 15): the wheels. Returns -1, or the link where the mass is singular.
     """
-    failed = factor_mass(mass[0], mass[1], mass[2], s, w)
+    failed = factor_mass(links, env, s, w)
     if failed >= 0:
         return failed
-    for k in range(rows.shape[0]):
-        for i in range(rows.shape[1]):
-            w.moved[k, i] = rows[k, i]
+    put(rows, w.moved)
     accelerations(links, contacts, env, s, w)
     for i in range(s.vdot.shape[0]):
         for k in range(s.vdot.shape[1]):
@@ -61,3 +54,17 @@ def let_go(links, contacts, env, mass, rows, s, w, report):
     for k in SUMMED:
         report[k] = 0.0
     return -1
+
+
+@allocating
+def release(links, smooth, contacts, env, rest, rows, tolerance, longest, s, w, report):
+    """``let_go``, with ``rest`` after ``settle``, then on contacts that are ``smooth``; one kernel: compiled at once.
+
+    Returns an Outcome, SINGULAR where the mass is.
+    """
+    if rest:
+        settled = settle(links, smooth, env, rows, tolerance, longest, s, w)
+        if settled.failure != DONE:
+            return settled
+    failed = let_go(links, contacts, env, rows, s, w, report)
+    return Outcome(SINGULAR if failed >= 0 else DONE, 0.0, max(failed, 0), 0.0)
