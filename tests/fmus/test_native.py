@@ -63,7 +63,7 @@ MANY = [
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.elasticity=general")),
     Case("straight", "flexible", "right_track", (*QUICK, "drive.speed=0")),
     Case("straight", "rigid", "left_track", (*QUICK, "drive.speed=0")),
-    Case("straight", "rigid", "chassis", (*MOVING, "ground.hull=true", "start.height=-0.5")),
+    Case("straight", "rigid", "chassis", (*MOVING, "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.9]]")),
 ]
 
 
@@ -182,9 +182,7 @@ def test_failures_say_what_the_python_component_says_and_change_nothing(case, pl
 
 @pytest.mark.study
 @pytest.mark.parametrize("case", [each for each in MANY if each.part.endswith("track")], ids=str)
-@pytest.mark.parametrize(
-    ("place", "value", "h"), [(slice(3, 7), 0.1, H), (0, 5.0, H), (0, 0.0, 1e6), (7, 1e4, H), (8, 1e5, 0.1)]
-)
+@pytest.mark.parametrize(("place", "value", "h"), [(slice(3, 7), 0.1, H), (0, 5.0, H), (0, 0.0, 1e6), (11, 1e150, H)])
 def test_tracks_fail_alike(case, place, value, h):
     assert_same_failure(case, place, value, h)
 

@@ -316,6 +316,7 @@ def test_both_integrators_turn_a_chain_on_its_wheels_alike():
     assert np.abs(pins[1.0, 2.04e9] - truth).max() > 6e-5
 
 
+@pytest.mark.study
 def test_free_axes_and_fixed_ones_are_the_same_straight_on():
     """Explicitly, on wheels that roll and rise; one of wheels a hundredth faster is not."""
     found = []
