@@ -12,7 +12,8 @@ from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 
 LONG = 5e-5  # s: in a shorter step an FMU of ours is mostly Python, which runs in one thread at a time
-ALONE = 200  # steps one after the other when side by side took longer: the processors have other work
+# steps one after the other when side by side has taken longer so often: the processors have other work
+ALONE, OFTEN = 200, 5
 Given = Callable[[Feed], Floats]  # what a feed hands over
 
 
@@ -46,6 +47,7 @@ class Scheme:
         self._helpers: list[Beside] = []
         self._spent: dict[str, float] = {}  # s, by the last member of each group in its last step
         self._alone: dict[str, int] = {}  # likewise: steps that are still to be done one after the other
+        self._worse: dict[str, int] = {}  # likewise: how often, of late, side by side took longer
 
     def __enter__(self) -> Scheme:
         width = max(len(group) for group in self.groups())
@@ -96,8 +98,11 @@ class Scheme:
                     failures.append(failure)
         if failures:
             raise failures[0]
-        if beside and perf_counter() - began > busy + self._spent[name]:
-            self._alone[name] = ALONE
+        if beside:
+            longer = perf_counter() - began > busy + self._spent[name]
+            self._worse[name] = worse = max(self._worse.get(name, 0) + (1 if longer else -1), 0)
+            if worse > OFTEN:
+                self._alone[name], self._worse[name] = ALONE, 0
 
     def _timed(self, member: Member, t: float, h: float) -> None:
         began = perf_counter()
