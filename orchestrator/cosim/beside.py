@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import sys
 import threading
 from functools import cache
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ import numpy as np
 FREE, ASKED, ASLEEP, ENDED = range(4)  # what the first word of a board says
 LOOKS = 20_000  # for an errand before it sleeps: about a millisecond
 ALWAYS = -1
+LINUX = sys.platform == "linux"  # its clock and its yield are what the code calls
 
 
 class Errand(NamedTuple):
@@ -46,7 +48,7 @@ class Report(NamedTuple):
 
 # words of a board, of 8 bytes: the state; on cache lines of their own an errand, and what was asked and came of it
 TASK, ASK, WORDS = 8, 24, 40
-T, H, KEPT, FAILED, STATUS, BEGUN, OVER = ASK, ASK + 1, ASK + 2, ASK + 3, ASK + 4, ASK + 6, ASK + 8
+T, H, KEPT, FAILED, STATUS, SECONDS, BEGUN, OVER = *range(ASK, ASK + 7), ASK + 8
 
 CODE = """
 declare i32 @sched_yield()
@@ -88,7 +90,7 @@ out:
 ; do errands until there is none for long, or no more; what the state was then
 define i64 @serve(ptr %board, i64 %most) {
 entry:
-{LOADS}  br label %wait
+  br label %wait
 wait:
   %found = call i64 @look(ptr %board, i64 {FREE}, i64 %most)
   %asked = icmp eq i64 %found, {ASKED}
@@ -100,8 +102,15 @@ idle:
 out:
   ret i64 %left
 begin:
-  %begun = call i32 @clock_gettime(i32 1, ptr %at.begun)
-  store i64 0, ptr %at.failed
+  %ignored = call i64 @do(ptr %board)
+  store atomic i64 {FREE}, ptr %board seq_cst, align 8
+  br label %wait
+}
+
+; do the errand; whether it failed
+define i64 @do(ptr %board) {
+entry:
+{LOADS}  %begun = call i32 @clock_gettime(i32 1, ptr %at.begun)
 {TAKEN}  %some = icmp ne i64 %n_inputs, 0
   br i1 %some, label %write, label %step
 write:
@@ -121,26 +130,37 @@ bad:
   %which = phi i64 [1, %write], [5, %step], [6, %read]
   %status = phi i32 [%s1, %write], [%s2, %step], [%s3, %read]
   %wide = zext i32 %status to i64
-  store i64 %which, ptr %at.failed
   store i64 %wide, ptr %at.status
   br label %over
 over:
+  %failed = phi i64 [0, %read], [%which, %bad]
+  store i64 %failed, ptr %at.failed
   %ended = call i32 @clock_gettime(i32 1, ptr %at.over)
-  store atomic i64 {FREE}, ptr %board seq_cst, align 8
-  br label %wait
+{SPENT}  ret i64 %failed
 }
+"""
+
+SPENT = """  %spent = load <2 x i64>, ptr %at.over, align 8
+  %first = load <2 x i64>, ptr %at.begun, align 8
+  %whole = sub <2 x i64> %spent, %first
+  %parts = sitofp <2 x i64> %whole to <2 x double>
+  %s = extractelement <2 x double> %parts, i64 0
+  %ns = extractelement <2 x double> %parts, i64 1
+  %fine = fmul double %ns, 1.0e-9
+  %seconds = fadd double %s, %fine
+  store double %seconds, ptr %at.seconds
 """
 
 
 def _source() -> str:
     """The code with the words of a board."""
     words = {name: TASK + k for k, name in enumerate(Errand._fields)} | {"t": T, "h": H, "kept": KEPT}
-    places = words | {"failed": FAILED, "status": STATUS, "begun": BEGUN, "over": OVER}
+    places = words | {"failed": FAILED, "status": STATUS, "seconds": SECONDS, "begun": BEGUN, "over": OVER}
     kinds = {name: "i64" if name in ("n_inputs", "n_outputs", "kept") else "ptr" for name in words}
     kinds |= {"t": "double", "h": "double"}
     loads = "".join(f"  %at.{name} = getelementptr i64, ptr %board, i64 {k}\n" for name, k in places.items())
     taken = "".join(f"  %{name} = load {kinds[name]}, ptr %at.{name}\n" for name in words)
-    text = CODE.replace("{LOADS}", loads).replace("{TAKEN}", taken)
+    text = CODE.replace("{LOADS}", loads).replace("{TAKEN}", taken).replace("{SPENT}", SPENT)
     for name, state in (("FREE", FREE), ("ASKED", ASKED), ("ASLEEP", ASLEEP)):
         text = text.replace(f"{{{name}}}", str(state))
     return text
@@ -153,6 +173,7 @@ class _Machine(NamedTuple):
     change: Any
     look: Any
     serve: Any
+    do: Any
 
 
 @cache
@@ -166,42 +187,75 @@ def _machine() -> _Machine:
     engine = llvm.create_mcjit_compiler(module, target)
     engine.finalize_object()
     board, word = ctypes.c_void_p, ctypes.c_int64
-    kinds = {"change": (board, word, word), "look": (board, word, word), "serve": (board, word)}
+    kinds = {"change": (board, word, word), "look": (board, word, word), "serve": (board, word), "do": (board,)}
     made = {name: ctypes.CFUNCTYPE(word, *taken)(engine.get_function_address(name)) for name, taken in kinds.items()}
     return _Machine(engine, **made)
 
 
 def possible() -> bool:
-    """Whether this machine has a second processor for it, and the calls that the code makes."""
-    return hasattr(os, "sched_getaffinity") and len(os.sched_getaffinity(0)) > 1
+    """Whether this machine has a second processor for it."""
+    return LINUX and len(os.sched_getaffinity(0)) > 1
 
 
-class Beside:
-    """The thread: ``ask`` it for a step, do something else, ``wait`` for it."""
+class Board:
+    """What a step is asked and answered on."""
 
-    def __init__(self) -> None:
+    def __init__(self, errand: Errand | None = None) -> None:
         self._machine = _machine()
         room = np.zeros(WORDS + 8, dtype=np.int64)
         first = -(room.ctypes.data // 8) % 8  # begins with a cache line
-        self._words, self._room = room[first : first + WORDS], room
+        self._room, self._words = room, room[first : first + WORDS]
         self._times = self._words.view(np.float64)
-        self._board = self._words.ctypes.data
+        self._at = self._words.ctypes.data
+        self._errand = errand
+        if errand is not None:
+            self.errand = errand
+
+    @property
+    def errand(self) -> Errand:
+        """What is called."""
+        assert self._errand is not None
+        return self._errand
+
+    @errand.setter
+    def errand(self, errand: Errand) -> None:
+        self._errand = errand
+        self._words[TASK : TASK + len(errand)] = errand
+
+    def write(self, t: float, h: float, kept: bool) -> None:
+        """A step from ``t`` by ``h`` s; ``kept``: no earlier state will be restored."""
+        self._times[T], self._times[H], self._words[KEPT] = t, h, kept
+
+    def do(self) -> Report:
+        """Write inputs, step, read outputs, in this thread."""
+        self._machine.do(self._at)
+        return self.report()
+
+    def report(self) -> Report:
+        """How it went."""
+        return Report(int(self._words[FAILED]), int(self._words[STATUS]), float(self._times[SECONDS]))
+
+
+class Beside(Board):
+    """The thread: ``ask`` it for a step, do something else, ``wait`` for it."""
+
+    def __init__(self) -> None:
+        super().__init__()
         self._wake = threading.Semaphore(0)
         self._thread = threading.Thread(target=self._work, name="beside", daemon=True)
         self._thread.start()
 
     def ask(self, errand: Errand, t: float, h: float, kept: bool) -> None:
         """Write inputs, step from ``t`` by ``h`` s, read outputs; ``kept``: no earlier state will be restored."""
-        self._words[TASK : TASK + len(errand)] = errand
-        self._times[T], self._times[H], self._words[KEPT] = t, h, kept
+        if errand is not self._errand:
+            self.errand = errand
+        self.write(t, h, kept)
         self._turn(ASKED)
 
     def wait(self) -> Report:
         """Until that is done."""
-        self._machine.look(self._board, ASKED, ALWAYS)
-        words = self._words
-        seconds = (words[OVER] - words[BEGUN]) + 1e-9 * (words[OVER + 1] - words[BEGUN + 1])
-        return Report(int(words[FAILED]), int(words[STATUS]), float(seconds))
+        self._machine.look(self._at, ASKED, ALWAYS)
+        return self.report()
 
     def close(self) -> None:
         """End the thread."""
@@ -209,10 +263,10 @@ class Beside:
         self._thread.join()
 
     def _turn(self, state: int) -> None:
-        if self._machine.change(self._board, FREE, state) == ASLEEP:
-            self._machine.change(self._board, ASLEEP, state)
+        if self._machine.change(self._at, FREE, state) == ASLEEP:
+            self._machine.change(self._at, ASLEEP, state)
             self._wake.release()
 
     def _work(self) -> None:
-        while self._machine.serve(self._board, LOOKS) != ENDED:
+        while self._machine.serve(self._at, LOOKS) != ENDED:
             self._wake.acquire()

@@ -45,7 +45,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from orchestrator.cosim.beside import Beside, Errand
+from orchestrator.cosim.beside import LINUX, Beside, Board, Errand, Report
 from orchestrator.cosim.cache import cache_folder, make, own, temporary, write
 from orchestrator.cosim.warned import Warned, Warnings
 
@@ -207,7 +207,7 @@ class Component(AbstractContextManager["Component"]):
         self._time = 0.0  # s, where the last step began
         self._states: list[State] = []
         self._handle: Any = None
-        self._steps: Errand | None = None
+        self._board: Board | None = None
         self._phase = "made"
         folder = unpack(Path(fmu))
         self.description = _description(folder, fmu)
@@ -384,32 +384,46 @@ class Component(AbstractContextManager["Component"]):
         """The Real outputs go into ``y``, but for those of links."""
         self._exchange(self._library.fmi2GetReal, self._y)
 
-    def step_beside(self, helper: Beside, t: float, h: float) -> None:
-        """``write``, ``step`` and ``read`` in another thread, to be ended with ``join``."""
-        if self._handle is None:
-            raise ComponentFailed(f"{self.name}: the component is closed")
-        self._time = t
-        self._messages.clear()
-        helper.ask(self._errand(), t, h, not self._states)
+    def exchange(self, t: float, h: float) -> None:
+        """``write``, ``step`` and ``read``, in one call where that is known."""
+        if not LINUX:
+            self.write()
+            self.step(t, h)
+            self.read()
+            return
+        board = self._begin(t)
+        board.write(t, h, not self._states)
+        self._end(board.do())
+
+    def exchange_beside(self, helper: Beside, t: float, h: float) -> None:
+        """The same in another thread, to be ended with ``join``."""
+        helper.ask(self._begin(t).errand, t, h, not self._states)
 
     def join(self, helper: Beside) -> float:
         """Wait for that; s that it took."""
-        failed, status, seconds = helper.wait()
-        self.wall_time += seconds
-        if failed:
-            names = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
-            raise self._failure(names[Errand._fields[failed]], status)
-        return seconds
+        return self._end(helper.wait())
 
-    def _errand(self) -> Errand:
-        if self._steps is None:
+    def _begin(self, t: float) -> Board:
+        if self._handle is None:
+            raise ComponentFailed(f"{self.name}: the component is closed")
+        if self._board is None:
             fmu = self._library
             functions = (fmu.fmi2SetReal, fmu.fmi2DoStep, fmu.fmi2GetReal)
             write, step, read = (cast(each, c_void_p).value or 0 for each in functions)
             (u_at, n_u, _), (y_at, n_y, _) = self._u, self._y
             at = self._handle, write, addressof(u_at), n_u, self.u.ctypes.data
-            self._steps = Errand(*at, step, read, addressof(y_at), n_y, self.y.ctypes.data)
-        return self._steps
+            self._board = Board(Errand(*at, step, read, addressof(y_at), n_y, self.y.ctypes.data))
+        self._time = t
+        if self._messages:
+            self._messages.clear()
+        return self._board
+
+    def _end(self, report: Report) -> float:
+        self.wall_time += report.seconds
+        if report.failed:
+            names = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
+            raise self._failure(names[Errand._fields[report.failed]], report.status)
+        return report.seconds
 
     def read_links(self) -> None:
         """The outputs of links go into ``y_links``."""

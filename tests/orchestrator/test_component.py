@@ -89,7 +89,7 @@ def test_components_step_side_by_side_in_threads(toy):
     assert np.array_equal(both[1], alone)
 
 
-def test_a_step_beside_is_the_step(toy):
+def test_a_exchange_beside_is_the_step(toy):
     """And its failure is the component's, in its own words."""
     helper = Beside()
     with Component(toy, "one") as one, Component(toy, "two") as two:
@@ -97,7 +97,7 @@ def test_a_step_beside_is_the_step(toy):
             component.initialise({})
         for i in range(50):
             one.u[0] = two.u[0] = np.cos(i)
-            one.step_beside(helper, i * H, H)
+            one.exchange_beside(helper, i * H, H)
             two.write()
             two.step(i * H, H)
             two.read()
@@ -106,7 +106,7 @@ def test_a_step_beside_is_the_step(toy):
         assert one.wall_time > 0.0
         one.initialise({"trouble": "raise"})
         for i in range(6):
-            one.step_beside(helper, i * H, H)
+            one.exchange_beside(helper, i * H, H)
             if i < 5:
                 one.join(helper)
         with pytest.raises(ComponentFailed, match="one: the spring broke"):

@@ -216,7 +216,10 @@ class Sleeper(Component):
     def read(self):
         pass
 
-    def step_beside(self, helper, t, h):
+    def exchange(self, t, h):
+        self.step(t, h)
+
+    def exchange_beside(self, helper, t, h):
         self.pool = ThreadPoolExecutor(1)
         self.future = self.pool.submit(self.step, t, h)
 

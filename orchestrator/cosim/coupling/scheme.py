@@ -85,7 +85,7 @@ class Scheme:
         try:
             for k, member in enumerate(others):
                 if k < len(helpers) and isinstance(member.component, Component):
-                    member.component.step_beside(helpers[k], t, h)
+                    member.component.exchange_beside(helpers[k], t, h)
                     beside.append((member.component, helpers[k]))
                 else:
                     step(member, t, h)
@@ -150,6 +150,9 @@ def gather(member: Member) -> None:
 def step(member: Member, t: float, h: float) -> None:
     """One component over [t, t + h]."""
     component = member.component
-    component.write()
-    component.step(t, h)
-    component.read()
+    if isinstance(component, Component):
+        component.exchange(t, h)
+    else:
+        component.write()
+        component.step(t, h)
+        component.read()
