@@ -258,7 +258,8 @@ class Beside(Board):
         return self.report()
 
     def close(self) -> None:
-        """End the thread."""
+        """End the thread, after what it is doing."""
+        self.wait()
         self._turn(ENDED)
         self._thread.join()
 
