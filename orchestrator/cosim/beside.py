@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import platform
 import sys
 import threading
 from functools import cache
@@ -20,7 +21,7 @@ import numpy as np
 FREE, ASKED, ASLEEP, ENDED = range(4)  # what the first word of a board says
 LOOKS = 20_000  # for an errand before it sleeps: about a millisecond
 ALWAYS = -1
-LINUX = sys.platform == "linux"  # its clock and its yield are what the code calls
+KNOWN = sys.platform == "linux" and platform.machine() == "x86_64"  # the clock, the yield and the pause of the code
 
 
 class Errand(NamedTuple):
@@ -136,11 +137,7 @@ over:
   %failed = phi i64 [0, %read], [%which, %bad]
   store i64 %failed, ptr %at.failed
   %ended = call i32 @clock_gettime(i32 1, ptr %at.over)
-{SPENT}  ret i64 %failed
-}
-"""
-
-SPENT = """  %spent = load <2 x i64>, ptr %at.over, align 8
+  %spent = load <2 x i64>, ptr %at.over, align 8
   %first = load <2 x i64>, ptr %at.begun, align 8
   %whole = sub <2 x i64> %spent, %first
   %parts = sitofp <2 x i64> %whole to <2 x double>
@@ -149,6 +146,8 @@ SPENT = """  %spent = load <2 x i64>, ptr %at.over, align 8
   %fine = fmul double %ns, 1.0e-9
   %seconds = fadd double %s, %fine
   store double %seconds, ptr %at.seconds
+  ret i64 %failed
+}
 """
 
 
@@ -160,7 +159,7 @@ def _source() -> str:
     kinds |= {"t": "double", "h": "double"}
     loads = "".join(f"  %at.{name} = getelementptr i64, ptr %board, i64 {k}\n" for name, k in places.items())
     taken = "".join(f"  %{name} = load {kinds[name]}, ptr %at.{name}\n" for name in words)
-    text = CODE.replace("{LOADS}", loads).replace("{TAKEN}", taken).replace("{SPENT}", SPENT)
+    text = CODE.replace("{LOADS}", loads).replace("{TAKEN}", taken)
     for name, state in (("FREE", FREE), ("ASKED", ASKED), ("ASLEEP", ASLEEP)):
         text = text.replace(f"{{{name}}}", str(state))
     return text
@@ -194,7 +193,7 @@ def _machine() -> _Machine:
 
 def possible() -> bool:
     """Whether this machine has a second processor for it."""
-    return LINUX and len(os.sched_getaffinity(0)) > 1
+    return KNOWN and len(os.sched_getaffinity(0)) > 1
 
 
 class Board:

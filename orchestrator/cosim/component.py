@@ -45,7 +45,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from orchestrator.cosim.beside import LINUX, Beside, Board, Errand, Report
+from orchestrator.cosim.beside import KNOWN, Beside, Board, Errand, Report
 from orchestrator.cosim.cache import cache_folder, make, own, temporary, write
 from orchestrator.cosim.warned import Warned, Warnings
 
@@ -386,7 +386,7 @@ class Component(AbstractContextManager["Component"]):
 
     def exchange(self, t: float, h: float) -> None:
         """``write``, ``step`` and ``read``, in one call where that is known."""
-        if not LINUX:
+        if not KNOWN:
             self.write()
             self.step(t, h)
             self.read()

@@ -89,7 +89,7 @@ def test_components_step_side_by_side_in_threads(toy):
     assert np.array_equal(both[1], alone)
 
 
-def test_a_exchange_beside_is_the_step(toy):
+def test_an_exchange_beside_is_the_exchange(toy):
     """And its failure is the component's, in its own words."""
     helper = Beside()
     with Component(toy, "one") as one, Component(toy, "two") as two:
