@@ -249,14 +249,14 @@ def test_a_full_disk_fails_the_run(cotrack):
 
 
 def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, monkeypatch, tmp_path):
-    step = Component.step
+    exchange = Component.exchange
 
     def failing(self, t, h):
         if t > 0.0105:
             raise ComponentFailed("chain: no convergence at t = 0.011 s, link 7")
-        step(self, t, h)
+        exchange(self, t, h)
 
-    monkeypatch.setattr(Component, "step", failing)
+    monkeypatch.setattr(Component, "exchange", failing)
     status, out, err = cotrack(*SHORT)
     assert status == 1
     assert "link 7" in err

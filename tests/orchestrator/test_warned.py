@@ -158,14 +158,14 @@ def test_a_run_that_is_quiet_has_none(cotrack):
 
 
 def test_a_failed_run_tells_its_warnings(cotrack, creaking, monkeypatch):
-    step = Component.step
+    exchange = Component.exchange
 
     def failing(self, t, h):
-        step(self, t, h)
+        exchange(self, t, h)
         if t > 0.0105:
             raise ComponentFailed("chain: the spring broke")
 
-    monkeypatch.setattr(Component, "step", failing)
+    monkeypatch.setattr(Component, "exchange", failing)
     status, out, _ = cotrack(*SHORT, "--json")
     assert status == 1
     assert told(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 12}]
