@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numpy as np
 
-FREE, ASKED, ASLEEP, ENDED = range(4)  # what the first word of a board says
+FREE, ASKED, BUSY, ASLEEP, ENDED = range(5)  # what the first word of a board says
 LOOKS = 20_000  # for an errand before it sleeps: about a millisecond
 ALWAYS = -1
 KNOWN = sys.platform == "linux" and platform.machine() == "x86_64"  # the clock, the yield and the pause of the code
@@ -95,7 +95,11 @@ entry:
 wait:
   %found = call i64 @look(ptr %board, i64 {FREE}, i64 %most)
   %asked = icmp eq i64 %found, {ASKED}
-  br i1 %asked, label %begin, label %idle
+  br i1 %asked, label %take, label %idle
+take:
+  %there = call i64 @change(ptr %board, i64 {ASKED}, i64 {BUSY})
+  %mine = icmp eq i64 %there, {ASKED}
+  br i1 %mine, label %begin, label %wait
 idle:
   %left = call i64 @change(ptr %board, i64 {FREE}, i64 {ASLEEP})
   %late = icmp eq i64 %left, {ASKED}
@@ -160,7 +164,7 @@ def _source() -> str:
     loads = "".join(f"  %at.{name} = getelementptr i64, ptr %board, i64 {k}\n" for name, k in places.items())
     taken = "".join(f"  %{name} = load {kinds[name]}, ptr %at.{name}\n" for name in words)
     text = CODE.replace("{LOADS}", loads).replace("{TAKEN}", taken)
-    for name, state in (("FREE", FREE), ("ASKED", ASKED), ("ASLEEP", ASLEEP)):
+    for name, state in (("FREE", FREE), ("ASKED", ASKED), ("BUSY", BUSY), ("ASLEEP", ASLEEP)):
         text = text.replace(f"{{{name}}}", str(state))
     return text
 
@@ -252,8 +256,10 @@ class Beside(Board):
         self._turn(ASKED)
 
     def wait(self) -> Report:
-        """Until that is done."""
-        self._machine.look(self._at, ASKED, ALWAYS)
+        """Until that is done; what the thread has not begun by now, as it does not run, is done in this one."""
+        if self._machine.change(self._at, ASKED, FREE) == ASKED:
+            return self.do()
+        self._machine.look(self._at, BUSY, ALWAYS)
         return self.report()
 
     def close(self) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from ctypes import CFUNCTYPE, c_double, c_int, c_size_t, c_void_p, cast
-from time import sleep
+from threading import get_ident
+from time import monotonic, sleep
 
 import pytest
 
-from orchestrator.cosim.beside import Beside, Errand
+from orchestrator.cosim.beside import ASKED, ASLEEP, Beside, Errand
 
 EXCHANGE = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, c_void_p)
 STEP = CFUNCTYPE(c_int, c_void_p, c_double, c_double, c_int)
@@ -73,6 +74,31 @@ def test_it_sleeps_without_an_errand_and_wakes_with_the_next(helper):
         helper.ask(one.errand, 0.0, 1.0, True)
         helper.wait()
     assert len(one.called) == 9
+
+
+def until(true, most=10.0):
+    end = monotonic() + most
+    while not true():
+        assert monotonic() < end
+        sleep(1e-3)
+
+
+def test_what_the_thread_has_not_begun_is_done_by_who_waits(helper):
+    one, where = Instance(), []
+    here = STEP(lambda *given: where.append(get_ident()) or 0)
+    errand = one.errand._replace(do_step=cast(here, c_void_p).value)
+    until(lambda: helper._words[0] == ASLEEP)
+    wake = helper._wake.release
+    helper._wake.release = lambda: None  # it is asked, but does not run
+    helper.ask(errand, 0.0, 1.0, True)
+    helper.wait()
+    helper._wake.release = wake
+    wake()
+    until(lambda: helper._words[0] == ASLEEP)
+    helper.ask(errand, 0.0, 1.0, True)
+    until(lambda: helper._words[0] != ASKED)
+    helper.wait()
+    assert where[0] == get_ident() != where[1]
 
 
 def test_the_time_is_that_of_the_calls(helper):
