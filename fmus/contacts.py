@@ -82,19 +82,11 @@ def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, f
 
 def law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, Any]) -> Any:
     """A law from its parameters, or from the table where the track has no such partner."""
-    values = []
-    for key in ("stiffness", "damping", "friction", "friction_velocity"):
-        name = f"contact.{pair}.{key}"
-        value = float(parameters.get(name, table[key]))
-        if not value >= 0.0 or (key == "friction_velocity" and value == 0.0):
-            allowed = "greater than 0" if key == "friction_velocity" else "0 or more"
-            raise InvalidParameter(f"{name} = {value}: must be {allowed}")
-        values.append(value)
-    name = f"contact.{pair}.law"
-    kind = str(parameters.get(name, table["law"]))
-    if kind not in LAWS:
-        raise InvalidParameter(f"{name} = '{kind}': must be one of {', '.join(LAWS)}")
-    return LAWS[kind](*values)
+
+    def value(key: str) -> Any:
+        return parameters.get(f"contact.{pair}.{key}", table[key])
+
+    return LAWS[value("law")](*map(value, ("stiffness", "damping", "friction", "friction_velocity")))
 
 
 def smooth(partners: Contacts) -> Contacts:

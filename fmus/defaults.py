@@ -23,9 +23,16 @@ def checked(port: Port, value: object) -> float | int | str:
     real = isinstance(port.start, float)
     if isinstance(value, bool) or not isinstance(value, int | float if real else int):
         raise InvalidParameter(f"{port.name} = {value!r}: must be a {'' if real else 'whole '}number")
-    if not math.isfinite(value):
-        raise InvalidParameter(f"{port.name} = {value}: must be a finite number")
+    if not port.allowed.least <= value <= port.allowed.most or not math.isfinite(value):
+        raise InvalidParameter(f"{port.name} = {value:.6g}: must be {port.allowed.text}")
     return float(value) if real else value
+
+
+def given(ports: Iterable[Port], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The checked values of all parameters, their starts where there are no others; raises InvalidParameter."""
+    return {
+        port.name: checked(port, values.get(port.name, port.start)) for port in ports if port.causality == "parameter"
+    }
 
 
 def configured(ports: Iterable[Port], config: Mapping[str, Any]) -> tuple[Port, ...]:
@@ -45,20 +52,3 @@ def check_names(ports: Iterable[Port], config: Mapping[str, Any]) -> None:
     for name in config.get(KEY, {}):
         if name not in known:
             raise InvalidParameter(f"there is no parameter '{name}'")
-
-
-def check_values(
-    ports: Iterable[Port], values: Mapping[str, Any], positive: Iterable[str] = (), not_negative: Iterable[str] = ()
-) -> None:
-    """Refuse a value that is no choice of its port, not finite or too small; raises InvalidParameter."""
-    least = {**dict.fromkeys(positive, "positive"), **dict.fromkeys(not_negative, "not negative")}
-    for port in ports:
-        value, unit = values[port.name], "" if port.unit == "1" else f" {port.unit}"
-        if port.choices and value not in port.choices:
-            raise InvalidParameter(f"{port.name} = {value!r} must be one of {', '.join(port.choices)}")
-        if isinstance(port.start, float) and not math.isfinite(value):
-            raise InvalidParameter(f"{port.name} = {value} must be a finite number")
-        if least.get(port.name) == "positive" and not value > 0.0:
-            raise InvalidParameter(f"{port.name} = {value}{unit} must be positive")
-        if least.get(port.name) == "not negative" and value < 0.0:
-            raise InvalidParameter(f"{port.name} = {value}{unit} must not be negative")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -95,6 +96,8 @@ def document(
         real = reference < reals
         start = repr(float(port.start)) if real else str(port.start)
         attributes = {"unit": port.unit} if real else {}
+        bounds = {"min": port.allowed.least, "max": port.allowed.most}
+        attributes |= {name: repr(round(bound, 12)) for name, bound in bounds.items() if math.isfinite(bound)}
         if port.causality != "output":
             attributes["start"] = start
         kind = "Real" if real else "String" if isinstance(port.start, str) else "Integer"

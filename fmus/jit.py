@@ -266,6 +266,12 @@ def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     return outer
 
 
+def plain(function: Kernel) -> Kernel:
+    """The function that a kernel is made of: for what Python calls once and is not worth compiling."""
+    made: Kernel = getattr(function, "py_func", function)
+    return made
+
+
 def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Callable[..., Any]], Any]:
     """A stub for its namesakes in several modules: the type of its first argument says in which, ``module_of`` it.
 

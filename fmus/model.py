@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.jit import entry, kernel
+from fmus.jit import entry, kernel, plain
 from fmus.physics.arrays import Floats
 from fmus.ports import Port
 from fmus.sentences import TOLD, Sentence, say
@@ -54,35 +54,59 @@ def no_rotation(told, t, name, u, i):
     return not 0.9 < length < 1.1
 
 
+class Free(NamedTuple):
+    """Parameters that a component takes as they come, without computing anything anew but what ``starting`` does."""
+
+    numbers: Mapping[str, str]  # places in the parts ("law.mu"), and how they follow: "{parameter} * 2.0"
+    besides: tuple[str, ...] = ()  # parameters that ``starting`` alone takes
+
+
 class Component:
     """What runs, of every component alike: named tuples and arrays, its ``parts``, and kernels on them.
 
-    A model that starts calls ``begin`` with its parts. The kernels are ``stepping(parts, told, t, h, u)``, which
-    returns 0 or which of the ``failures`` it was, and tells numbers of that into the first row of ``told``, of the
-    warning k into row k + 1 behind a 1; ``showing(parts, y)``, and ``showing_links(parts, y)`` where there are link
-    outputs. They know nothing but their parts, so they can be compiled to a library of their own (``fmus.native``).
+    A model that starts calls ``begin`` with its parts, or those of each kernel. The kernels are
+    ``starting(parts, told, p)``, which sets the state to the start that the parameters ``p``, those of ``placing``, ask
+    for, and returns 0 or which of those ``refused`` they are; ``stepping(parts, told, t, h, u)``, which returns 0 or
+    which of the ``failures`` it was, and tells numbers of that into the first row of ``told``, of the warning k into
+    row k + 1 behind a 1; ``showing(parts, y)``, and ``showing_links(parts, y)`` where there are link outputs. They know
+    nothing but their parts, so they can be compiled to a library of their own (``fmus.native``).
     """
 
     failures: tuple[Sentence, ...] = ()  # the first is none
     warned: tuple[Sentence, ...] = ()
+    refused: tuple[Sentence, ...] = ()  # the first is none
+    placing: tuple[str, ...] = ()
     ports: tuple[Port, ...]
     inputs: int  # Real inputs
     state: Floats
     counters: NDArray[np.int64]
     link_ports = 0
+    starting: Callable[..., int]
     stepping: Callable[..., int]
     showing: Callable[..., None]
     showing_links: Callable[..., None] | None = None
 
-    def begin(self, parts: Any) -> None:
-        """Run from here on with these parts."""
+    def free(self, p: Mapping[str, Any]) -> Free:
+        """What need not be constant in a native FMU with the checked parameters ``p``."""
+        raise NotImplementedError
+
+    def begin(self, p: Mapping[str, Any], parts: Any, shown: Any = None, shown_links: Any = None) -> None:
+        """Run from here on with the checked parameters ``p`` and these parts; ``showing*`` may have others.
+
+        Raises InvalidParameter.
+        """
         self.parts = parts
+        self.shown = parts if shown is None else shown
+        self.shown_links = parts if shown_links is None else shown_links
         self._told, self._u = np.zeros((1 + len(self.warned), TOLD + 1)), np.zeros(self.inputs)
         self._y = np.zeros(0)  # like outputs
         self._step: Any = None  # these three are compiled when they are asked for
         self._show: Any = None
         self._show_links: Any = None
         self._said: list[str] = []
+        wrong = plain(self.starting)(parts, self._told, tuple(p[name] for name in self.placing))
+        if wrong:
+            raise InvalidParameter(say(self.refused[wrong], self._told[0]))
 
     def step(self, t: float, h: float, u: Floats) -> None:
         """Advance from t to t + h with the inputs ``u`` given at t; raises StepFailed, the state is then as it was."""
@@ -113,15 +137,15 @@ class Component:
     def outputs(self, y: Floats) -> None:
         """Write all Real outputs but those of links, in port order."""
         if self._show is None:
-            self._show = entry(self.showing, self.parts, self._y)
-        self._show(self.parts, y)
+            self._show = entry(self.showing, self.shown, self._y)
+        self._show(self.shown, y)
 
     def link_outputs(self, y: Floats) -> None:
         """Write those of links."""
         if self._show_links is None and self.showing_links is not None:
-            self._show_links = entry(self.showing_links, self.parts, self._y)
+            self._show_links = entry(self.showing_links, self.shown_links, self._y)
         if self._show_links is not None:
-            self._show_links(self.parts, y)
+            self._show_links(self.shown_links, y)
 
     def warnings(self) -> list[str]:
         """Warnings since the last call."""

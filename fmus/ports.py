@@ -7,7 +7,20 @@ A wrench acts *on* the wheel, about its centre, in world axes, and is the mean o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import NamedTuple
+
+
+class Range(NamedTuple):
+    """The numbers that a parameter may have."""
+
+    least: float = -inf
+    most: float = inf
+    text: str = "a finite number"  # "name = value: must be ..."
+
+
+ANY = Range()
+POSITIVE, NOT_NEGATIVE = Range(5e-324, inf, "greater than 0"), Range(0.0, inf, "0 or more")
 
 
 class Port(NamedTuple):
@@ -19,6 +32,7 @@ class Port(NamedTuple):
     text: str  # description, one sentence without a full stop
     start: float | int | str = 0.0
     choices: tuple[str, ...] = ()  # allowed values of a String parameter
+    allowed: Range = ANY  # values of a Real parameter
 
 
 STATUS = Port("status", "output", "1", "0 ok, 1 the last step warned, 3 the last call failed", 0)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import fmus.track_steps as steps
-from fmus.defaults import configured
-from fmus.model import NO_ROTATION, TOO_MANY, Component, Floats, InvalidParameter
+from fmus.defaults import configured, given
+from fmus.model import NO_ROTATION, TOO_MANY, Component, Floats, Free, InvalidParameter
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.explicit import slopes
@@ -33,9 +33,9 @@ from fmus.physics.chain.layout import (
 from fmus.physics.chain.outcome import APART, SINGULAR, STALLED, UNSTABLE
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.wheels import WIDTH
-from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
+from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, start_pose, wheel_state, wrench
 from fmus.sentences import Sentence
-from fmus.start import start
+from fmus.start import KEYS, start
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
 OUTPUTS = (
@@ -107,6 +107,12 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
     )
 
 
+def spectral_radius() -> Port:
+    """Of links that are integrated by generalised-alpha."""
+    text = "of generalised-alpha at infinite frequency, 0 to 1"
+    return Port("spectral_radius", "parameter", "1", text, 0.4, allowed=Range(0.0, 1.0, "between 0 and 1"))
+
+
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
 STARTS = {
     "rest": "static equilibrium, of a loop that spins relative to its turning",
@@ -124,8 +130,9 @@ class TrackModel(Component):
     ``method``, ``work`` and ``stable``.
     """
 
-    stepping, showing = staticmethod(steps.implicit), staticmethod(steps.show)
-    showing_links = staticmethod(steps.show_links)
+    starting, stepping = staticmethod(steps.begin), staticmethod(steps.implicit)
+    showing, showing_links = staticmethod(steps.show), staticmethod(steps.show_links)
+    placing = *KEYS, "start.lateral"
     warned = WARNED
     plane = 0  # 1: links that stay in their plane
     State: Any  # of its links
@@ -219,7 +226,7 @@ class TrackModel(Component):
                 INTEGRATORS,
             )
         )
-        ports.append(Port("step", "parameter", "s", "largest internal step", 1e-3))
+        ports.append(Port("step", "parameter", "s", "largest internal step", 1e-3, allowed=POSITIVE))
         kinds = {wheel["kind"] for wheel in self.wheel_list}
         there = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": bool(self.config["ground"])}
         for pair in (pair for pair, exists in there.items() if exists):
@@ -227,13 +234,14 @@ class TrackModel(Component):
 
             law, text = vehicle["contact"][pair], f"normal law of {pair} contact"
             ports.append(Port(f"contact.{pair}.law", "parameter", "1", text, law["law"], tuple(LAWS)))
-            for key, unit, text in (
-                ("stiffness", "N/m", "normal stiffness"),
-                ("damping", "N.s/m", "normal damping"),
-                ("friction", "1", "friction coefficient"),
-                ("friction_velocity", "m/s", "regularisation velocity of friction"),
+            for key, unit, text, allowed in (
+                ("stiffness", "N/m", "normal stiffness", NOT_NEGATIVE),
+                ("damping", "N.s/m", "normal damping", NOT_NEGATIVE),
+                ("friction", "1", "friction coefficient", NOT_NEGATIVE),
+                ("friction_velocity", "m/s", "regularisation velocity of friction", POSITIVE),
             ):
-                ports.append(Port(f"contact.{pair}.{key}", "parameter", unit, f"{text} of {pair} contact", law[key]))
+                name, text = f"contact.{pair}.{key}", f"{text} of {pair} contact"
+                ports.append(Port(name, "parameter", unit, text, law[key], allowed=allowed))
         return tuple(ports) + self.own_ports_of(vehicle)
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
@@ -246,15 +254,10 @@ class TrackModel(Component):
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Lay the chain out and, unless told otherwise, let it come to rest on its wheels."""
-        p = parameters
-        if not float(p["step"]) > 0.0:
-            raise InvalidParameter(f"step = {p['step']}: must be greater than 0")
+        p = given(self.ports, parameters)
         self.pose = start(p)
-        self.lateral = float(p["start.lateral"])
-        centre = self.pose.place(0.0, self.lateral, 0.0)
-        self.frame[:] = *centre, np.cos(self.pose.heading), np.sin(self.pose.heading)
-        self.max_step = float(p["step"])
-        self.integrator = str(p["integrator"])
+        self.lateral = p["start.lateral"]
+        self.max_step, self.integrator = p["step"], p["integrator"]
         self.contacts = self._partners(p)
         self.environment = self._environment()
         self.start_rows[:] = 0.0
@@ -266,39 +269,56 @@ class TrackModel(Component):
         self.state[:] = 0.0
         self.prepare(p)
         self.slopes = slopes(self.s)
-        self._start(str(p["start"]), float(p.get("start.spin", 0.0)))
-        oval = float(p.get("start.ovalling", 0.0))
+        self._start(p["start"], p.get("start.spin", 0.0))
+        oval = p.get("start.ovalling", 0.0)
         if oval:
             if self.links_count < 4:
                 raise InvalidParameter(f"start.ovalling = {oval}: a triangle of links is rigid, it must be 0")
             self.move(*ovalling(self.pins()[:, [0, 2]], oval))
+        self._parameters = p
         self.run_as_set()
+
+    def free(self, p: Mapping[str, Any]) -> Free:
+        """Where it stands on a level ground that goes along with it, and what plays no part in static equilibrium."""
+        numbers = {"stand.lateral": "{start.lateral}"}
+        if p["integrator"] == IMPLICIT:
+            numbers["stand.longest"] = "{step}"
+        names = {port.name for port in self.ports}
+        for pair, field in (("sprocket", "sprocket"), ("wheel", "wheel"), ("ground", "soil")):
+            own = {"c": f"contact.{pair}.damping", "mu": f"contact.{pair}.friction"}
+            own["v_reg"] = f"contact.{pair}.friction_velocity"
+            numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in own.items() if name in names}
+        held = ("start.height", "start.pitch")  # the chain hangs otherwise
+        return Free(numbers, tuple(name for name in self.placing if name not in held))
 
     def run_as_set(self) -> None:
         """Steps are from here on those of ``integrator`` with what was prepared."""
         explicit = self.integrator == EXPLICIT
         self.stepping = steps.explicit if explicit else steps.implicit
         self.begin(
+            self._parameters,
             steps.Parts(
                 *self.system(),
                 scheme=self.slopes if explicit else self.method,
-                longest=min(self.max_step, self.stable) if explicit else self.max_step,
-                plane=self.plane,
-                pitch=self.pitch,
-                lateral=self.lateral,
-                frame=self.frame,
-                start_rows=self.start_rows,
-                rows=self.rows,
+                stand=steps.Stand(
+                    longest=min(self.max_step, self.stable) if explicit else self.max_step,
+                    plane=self.plane,
+                    pitch=self.pitch,
+                    lateral=self.lateral,
+                    frame=self.frame,
+                    start_rows=self.start_rows,
+                    rows=self.rows,
+                    given=self.told,
+                    counters=self.counters,
+                ),
                 s=self.s,
                 work=self.work,
                 report=self.report,
-                given=self.told,
-                links=self.links_count,
-                nodes=self.nodes,
-                soiled=self.soiled,
-                state=self.state,
-                counters=self.counters,
-            )
+            ),
+            steps.Shown(self.frame, self.s.mean[: len(self.rows)], self.report),
+            steps.ShownLinks(
+                self.frame, *self.system()[::2], self.s, self.work, self.links_count, self.nodes, self.soiled
+            ),
         )
 
     def _partners(self, p: Mapping[str, Any]) -> Any:

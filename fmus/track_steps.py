@@ -15,6 +15,7 @@ from fmus.physics.chain.kinds import links_shown
 from fmus.physics.chain.report import GROUND, REJECTED, REPORT, STEPS
 from fmus.physics.wheels import read_states, to_world
 from fmus.ports import STATE
+from fmus.start import lay_frame
 
 ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which on cables are held back in their plane
 LEAVES = np.cos(np.radians(5.0))  # and from which on nothing that they do is right
@@ -24,13 +25,9 @@ NO_WHEEL, TOO_LONG, ELSEWHERE, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 4, 8
 HALVED, TILTED = TOLD = range(2)  # warnings, each given once: flags at the end of the state
 
 
-class Parts(NamedTuple):
-    """A track that runs."""
+class Stand(NamedTuple):
+    """Where a track is and on what wheels, whatever its links are."""
 
-    link: Any
-    contacts: Any
-    environment: Environment
-    scheme: Any  # a ``Method``, or the stages of the explicit integrator
     longest: float  # internal step, s
     plane: int  # 1: these links stay in their plane
     pitch: float  # m
@@ -38,31 +35,67 @@ class Parts(NamedTuple):
     frame: np.ndarray  # (5) of the track in the world: origin, cosine and sine of its heading
     start_rows: np.ndarray  # (wheels, 15) as the chain was laid round them
     rows: np.ndarray  # (wheels, 15) as they are now
+    given: np.ndarray  # (TOLD) warnings
+    counters: np.ndarray  # int
+
+
+class Parts(NamedTuple):
+    """A track that runs."""
+
+    link: Any
+    contacts: Any
+    environment: Environment
+    scheme: Any  # a ``Method``, or the stages of the explicit integrator
+    stand: Stand
     s: Any  # State
     work: Any
     report: np.ndarray
-    given: np.ndarray  # (TOLD) warnings
+
+
+class Shown(NamedTuple):
+    """What a track shows of itself."""
+
+    frame: np.ndarray
+    mean: np.ndarray  # (wheels, 6) wrenches
+    report: np.ndarray
+
+
+class ShownLinks(NamedTuple):
+    """What a track shows its links of."""
+
+    frame: np.ndarray
+    link: Any
+    environment: Environment
+    s: Any
+    work: Any
     links: int
     nodes: int
     soiled: int  # links that show the force of the ground
-    state: np.ndarray  # all of it, flat
-    counters: np.ndarray  # int
+
+
+@allocating
+def begin(c, told, p):
+    """See ``fmus.model.Component``; p: the start pose, then the track's lateral place. The chain begins as laid out."""
+    lay_frame(p, 0.0, p[6], 0.0, c.stand.frame)
+    return 0
 
 
 @allocating
 def implicit(c, told, t, h, u):
     """See ``fmus.model.Component``; u: wheels (13 each), those that are left out stay as they are."""
-    wrong = _ready(c, told, t, h, u)
+    stand = c.stand
+    wrong = _ready(stand, told, t, h, u)
     if wrong:
         return wrong
-    before = c.counters[REJECTED]
+    counters = stand.counters
+    before = counters[REJECTED]
     failure, done, link, residual = advance(
-        c.link, c.contacts, c.environment, c.scheme, c.rows, h, c.longest, c.s, c.work, c.report, c.counters
+        c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, counters
     )
     if failure:
         told[0, 0], told[0, 1], told[0, 2] = t + done, link, residual
         return IMPLICIT + failure
-    tell_halved(c.given, told, t, c.counters[REJECTED] - before)
+    tell_halved(stand.given, told, t, counters[REJECTED] - before)
     return 0
 
 
@@ -77,14 +110,15 @@ def tell_halved(given, told, t, halved):
 @allocating
 def explicit(c, told, t, h, u):
     """The same explicitly."""
-    wrong = _ready(c, told, t, h, u)
+    stand = c.stand
+    wrong = _ready(stand, told, t, h, u)
     if wrong:
         return wrong
     failure, done, link, _ = march(
-        c.link, c.contacts, c.environment, c.scheme, c.rows, h, c.longest, c.s, c.work, c.report, c.counters
+        c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
     )
     if failure:
-        told[0, 0], told[0, 1], told[0, 2] = t + done, link, c.longest
+        told[0, 0], told[0, 1], told[0, 2] = t + done, link, stand.longest
         return EXPLICIT + failure
     return 0
 
@@ -126,10 +160,10 @@ def _ready(c, told, t, h, u):
 
 @allocating
 def show(c, y):
-    """See ``fmus.model.Component``: wrenches on the wheels and the report, world axes."""
-    n = c.rows.shape[0]
+    """See ``fmus.model.Component``: wrenches on the wheels and the report, world axes; c: ``Shown``."""
+    n = c.mean.shape[0]
     for k in range(n):
-        to_world(c.s.mean[k].reshape(2, 3), c.frame, y[6 * k : 6 * k + 6])
+        to_world(c.mean[k].reshape(2, 3), c.frame, y[6 * k : 6 * k + 6])
     for i in range(REPORT):
         y[6 * n + i] = c.report[i]
     to_world(c.report[GROUND : GROUND + 3].reshape(1, 3), c.frame, y[6 * n + GROUND : 6 * n + GROUND + 3])
@@ -137,7 +171,10 @@ def show(c, y):
 
 @allocating
 def show_links(c, y):
-    """See ``fmus.model.Component``: tension and stress of links, places of and forces at pins, forces of the ground."""
+    """See ``fmus.model.Component``: tension and stress of links, places of and forces at pins, force of the ground.
+
+    c: ``ShownLinks``.
+    """
     n, m = c.links, c.nodes
     place, force = np.empty((m, 3)), np.empty((m, 3))
     links_shown(c.link, c.environment, c.s, c.work, y[:n], y[n : 2 * n], place, force)

@@ -18,7 +18,6 @@ from fmus.physics.contact.face import touch as press
 from fmus.physics.contact.ground import Ground, ground_face, level
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
-from fmus.start import Start
 
 STORED, POWER, FORCE = 0, 1, 2  # of the sums; the force is the first of three
 
@@ -37,9 +36,7 @@ class Contacts(NamedTuple):
     memory: Memory
 
 
-def contacts(
-    vehicle: Mapping[str, Any], ground: Mapping[str, Any], pose: Start, parameters: Mapping[str, Any]
-) -> Contacts:
+def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> Contacts:
     """From the vehicle table and what the config declares: {"hull": bool, "bare": sides without a track, "bump"}.
 
     Raises InvalidParameter.
@@ -52,7 +49,7 @@ def contacts(
     return Contacts(
         ground_shape(vehicle, float(parameters["start.height"]), ground.get("bump")),
         law("ground", parameters, vehicle["contact"]["ground"]),
-        np.array([*pose.origin, np.cos(pose.heading), np.sin(pose.heading)]),
+        np.zeros(5),
         np.array(hull, dtype=float).reshape(-1, 3) - origin,
         np.kron(bare, [*[wheel["radius"]] * count, idler["radius"]]),
         0.5 * np.kron(bare, [*[wheel["width"]] * count, idler["width"]]),

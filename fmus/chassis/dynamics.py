@@ -35,8 +35,8 @@ class Parts(NamedTuple):
     packed: Any  # the tree, see ``tree``
     contacts: Any  # with the ground, None where there are none
     longest: float  # internal step, s
-    start: np.ndarray  # (4) centre of mass and heading at the start
-    gravity: float  # gravity energy there, J
+    start: np.ndarray  # (5) centre of mass, heading and gravity energy at the start
+    centre: tuple[float, float, float]  # of mass of the hull, in the vehicle frame, m
     sides: int
     state: np.ndarray
     counters: np.ndarray  # (2) int

@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from fmus.chassis.dynamics import BOOKS, LEAF, ROOT, Parts, blame, energies, step
+from fmus.chassis.begin import begin
+from fmus.chassis.dynamics import BOOKS, LEAF, ROOT, Parts, blame, step
 from fmus.chassis.observe import observe
-from fmus.chassis.tree import packed, tree
-from fmus.model import TOO_MANY, Component, InvalidParameter
+from fmus.chassis.tree import packed, tree, unpacked
+from fmus.defaults import given
+from fmus.model import TOO_MANY, Component, Free, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.ports import WRENCH, Port, start_pose, wheel_state, wrench
+from fmus.ports import POSITIVE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sentences import TOLD, Sentence, say
-from fmus.start import start
+from fmus.start import KEYS
 
 
 def stations(wheels: int) -> list[str]:
@@ -68,17 +70,20 @@ class Model(Component):
     ``ground``, where the chassis itself touches it: see ``contacts.contacts``.
     """
 
-    stepping, showing = staticmethod(step), staticmethod(observe)
+    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
+    placing = *KEYS, "suspension.preload", "tensioner.preload"
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         vehicle, sides = config["vehicle"], list(config["chassis"]["sides"])
         if sides not in (["left", "right"], ["left"]):
             raise InvalidParameter(f"chassis.sides = {sides} must be ['left', 'right'] or ['left']")
         self._sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
-        self.tree = tree(vehicle, len(sides))
+        self._packed = packed(tree(vehicle, len(sides)))
+        self.tree = unpacked(self._packed)
         self._vehicle, self._ground = vehicle, config["chassis"].get("ground")
         self._contacts: Any = None
-        self._centre = np.array(vehicle["chassis"]["centre"])
+        x, y, z = map(float, vehicle["chassis"]["centre"])
+        self._centre = x, y, z
         places = [f"{side}.{name}" for side in sides for name in stations(self._wheels)]
         self.ports: tuple[Port, ...] = (
             *(port for place in places for port in wrench(place, "input")),
@@ -95,16 +100,16 @@ class Model(Component):
             Port("solver.evaluations", "output", "1", "evaluations of the accelerations since the start", 0),
             *start_pose(),
             # friction of a loaded wheel is fast: mu N R^2 / (v_reg I) = 1e3 1/s for 10 kN
-            Port("step", "parameter", "s", "largest internal step", 1e-4 if self._ground else 1e-3),
+            Port("step", "parameter", "s", "largest internal step", 1e-4 if self._ground else 1e-3,
+                 allowed=POSITIVE),
             Port("suspension.preload", "parameter", "N", "push of each suspension spring when drawn",
                  float(vehicle["suspension"]["preload"])),
             Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn",
                  float(vehicle["tensioner"]["preload"])),
         )  # fmt: skip
-        self._defaults = {port.name: port.start for port in self.ports if port.causality == "parameter"}
         self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.turns) + BOOKS)
         self.counters = np.zeros(2, dtype=np.int64)
-        self._start, self.gravity = np.zeros(4), 0.0
+        self._start = np.zeros(5)
         self.inputs = WRENCH * len(places)
         names = tuple(self._part(i) for i in range(self.state.size))
         self.failures = (
@@ -120,38 +125,22 @@ class Model(Component):
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Drawn position at the start pose, at rest."""
-        values = {name: float(parameters.get(name, start)) for name, start in self._defaults.items()}
-        for name, value in values.items():
-            if not np.isfinite(value):
-                raise InvalidParameter(f"{name} = {value} must be a finite number")
-        if values["step"] <= 0.0:
-            raise InvalidParameter(f"step = {values['step']} s must be positive")
-        preload = np.where(self.tree.turns == 1, values["suspension.preload"], values["tensioner.preload"])
-        self.tree = self.tree._replace(preload=preload)
-        self._packed = packed(self.tree)
-        pose = start(values)
-        self._start[:] = *pose.place(*self._centre), pose.heading
+        values = given(self.ports, parameters)
         if self._ground:
             from fmus.chassis.contacts import contacts
 
-            self._contacts = contacts(self._vehicle, self._ground, pose, values)
-        self.state[:] = 0.0
-        self.state[:3] = self._start[:3]
-        self.state[3:7] = pose.quaternion
+            self._contacts = contacts(self._vehicle, self._ground, values)
         self.counters[:] = 0
-        self.gravity = energies(self.tree, self.state)[1]
-        self.begin(
-            Parts(
-                self._packed,
-                self._contacts,
-                values["step"],
-                self._start,
-                self.gravity,
-                len(self._sides),
-                self.state,
-                self.counters,
-            )
-        )
+        parts = Parts(
+            self._packed, self._contacts, values["step"], self._start, self._centre, len(self._sides), self.state,
+            self.counters,
+        )  # fmt: skip
+        self.begin(values, parts)
+
+    def free(self, p: Mapping[str, Any]) -> Free:
+        """All; but over the ground it has its height."""
+        besides = tuple(name for name in self.placing if not (self._ground and name == "start.height"))
+        return Free({"longest": "{step}"}, besides)
 
     def complaint(self, t: float, code: int, state: Floats) -> str:
         """What is wrong at ``t`` with ``state`` by its ``fault``."""

@@ -81,7 +81,7 @@ def observe(c, y):
     i = put_chassis(x, c.start, y, i)
     i = put_springs(tree, x, c.sides, y, i)
     y[i], y[i + 1], y[i + 2] = energies(tree, x)
-    y[i + 1] -= c.gravity
+    y[i + 1] -= c.start[4]
     y[i + 3], y[i + 4] = x[-2], x[-1]
     put_touch(c.contacts, tree, x, y, i + 5)
 

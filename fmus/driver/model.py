@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from fmus.course import course
-from fmus.defaults import check_values, configured
+from fmus.defaults import configured, given
 from fmus.driver.path import NONE, Path, of_arcs, through
-from fmus.driver.pursuit import WIDTH, Law, Parts, advance, show, step
-from fmus.model import NO_ROTATION, Component, InvalidParameter
+from fmus.driver.pursuit import WIDTH, Law, Parts, begin, show, step
+from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.ports import STATE, Port, start_pose, wheel_state
+from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, start_pose, wheel_state
 from fmus.sentences import Sentence
-from fmus.start import start
+from fmus.start import KEYS, start
 
 SLIPPERY = 1.4  # width that turns alike without slip over the tracks' distance: 0.449 over 0.3142 rad/s of `turn`
 
@@ -29,20 +29,24 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
         Port("path.arcs", "parameter", "1", f"'length curvature; ...', m and 1/m, left is positive: arcs {frame}", ""),
         Port("path.points", "parameter", "1", f"'x y; x y; ...', m: points of a smooth path, {frame}", ""),
         Port("heading", "parameter", "rad", "heading to hold against that of the start, where there is no path"),
-        Port("speed.start", "parameter", "m/s", "speed before the ramp"),
-        Port("speed.end", "parameter", "m/s", "speed after the ramp"),
+        Port("speed.start", "parameter", "m/s", "speed before the ramp", allowed=NOT_NEGATIVE),
+        Port("speed.end", "parameter", "m/s", "speed after the ramp", allowed=NOT_NEGATIVE),
         Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
         Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0),
         Port("speed.points", "parameter", "1", "'time value; ...', s and m/s, straight between: instead of a ramp", ""),
-        Port("deceleration", "parameter", "m/s2", "with which the vehicle slows down to curves and to the end", 1.0),
-        Port("reach", "parameter", "m", "least distance ahead of the point that is pursued", 2.0),
-        Port("preview", "parameter", "s", "the same in time: the larger of both counts", 1.0),
-        Port("curvature.largest", "parameter", "1/m", "sharpest turn that is demanded", 0.5),
-        Port("acceleration.lateral", "parameter", "m/s2", "what speed times yaw rate may be: slower in curves", 1.0),
-        Port("heading.gain", "parameter", "1/s", "yaw rate per error of the held heading", 1.0),
-        Port("yaw.gain", "parameter", "1", "yaw rate per error of the yaw rate", 1.0),
-        Port("yaw.integral", "parameter", "1/s", "yaw rate per second and error of the yaw rate", 1.0),
-        Port("width", "parameter", "m", "distance of two tracks that turn the vehicle alike without slip", width),
+        Port("deceleration", "parameter", "m/s2", "with which the vehicle slows down to curves and to the end", 1.0,
+             allowed=POSITIVE),
+        Port("reach", "parameter", "m", "least distance ahead of the point that is pursued", 2.0, allowed=POSITIVE),
+        Port("preview", "parameter", "s", "the same in time: the larger of both counts", 1.0, allowed=NOT_NEGATIVE),
+        Port("curvature.largest", "parameter", "1/m", "sharpest turn that is demanded", 0.5, allowed=POSITIVE),
+        Port("acceleration.lateral", "parameter", "m/s2", "what speed times yaw rate may be: slower in curves", 1.0,
+             allowed=POSITIVE),
+        Port("heading.gain", "parameter", "1/s", "yaw rate per error of the held heading", 1.0, allowed=NOT_NEGATIVE),
+        Port("yaw.gain", "parameter", "1", "yaw rate per error of the yaw rate", 1.0, allowed=NOT_NEGATIVE),
+        Port("yaw.integral", "parameter", "1/s", "yaw rate per second and error of the yaw rate", 1.0,
+             allowed=NOT_NEGATIVE),
+        Port("width", "parameter", "m", "distance of two tracks that turn the vehicle alike without slip", width,
+             allowed=POSITIVE),
     ]  # fmt: skip
 
 
@@ -53,7 +57,8 @@ class Model(Component):
     start values stands still at the start pose.
     """
 
-    stepping, showing = staticmethod(step), staticmethod(show)
+    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(show)
+    placing, refused = KEYS, (Sentence(""), Sentence("ramp.end = {0:.6g} s must not be before ramp.start"))
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, ("chassis",)),
@@ -83,7 +88,6 @@ class Model(Component):
             Port("solver.steps", "output", "1", "steps since the start", 0),
             *parameters,
         )
-        self._defaults = {port.name: port.start for port in self.ports if port.causality == "parameter"}
         self._unconnected = np.array([port.start for port in self.ports[:STATE]])
         self._stands = self._unconnected.copy()
         self._law: Law
@@ -93,44 +97,51 @@ class Model(Component):
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """At the start of the path."""
-        values = {name: parameters.get(name, default) for name, default in self._defaults.items()}
-        self._law, self._path = self._checked(values), self._placed(values)
-        self._stands[:] = self._standing(values)
-        self.state[:] = 0.0
-        advance(self._law, self._path, self.state, 0.0, 0.0, self._stands)
+        values = given(self.ports, parameters)
+        self._law, self._path = self._checked(values), self._drawn(values)
         self.counters[:] = 0
-        seen = np.zeros(self.inputs)
-        self.begin(Parts(self._law, self._path, self._unconnected, self._stands, seen, self.state, self.counters))
+        placed = self._path._replace(x=self._path.x.copy(), y=self._path.y.copy(), heading=self._path.heading.copy())
+        self.begin(
+            values,
+            Parts(
+                self._law,
+                self._path,
+                placed,
+                self._centre,
+                self._unconnected,
+                self._stands,
+                np.zeros(self.inputs),
+                self.state,
+                self.counters,
+            ),
+        )
+
+    def free(self, p: Mapping[str, Any]) -> Free:
+        """All but the path and tables of points."""
+        own = dict(
+            width="width", heading_gain="heading.gain", reach="reach", preview="preview", gain="yaw.gain",
+            integral="yaw.integral", sharpest="curvature.largest", lateral="acceleration.lateral",
+            deceleration="deceleration", start_speed="speed.start", end_speed="speed.end", ramp_start="ramp.start",
+            ramp_end="ramp.end",
+        )  # fmt: skip
+        numbers = {f"law.{field}": f"{{{name}}}" for field, name in own.items()}
+        return Free({**numbers, "law.heading": "{heading} + {start.heading}"}, self.placing)
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         """The hull's 13 when nothing moves it."""
         return start(values).standing(*self._centre)
 
-    def _placed(self, values: Mapping[str, Any]) -> Path:
-        """The path in the world; raises InvalidParameter."""
-        arcs, points = str(values["path.arcs"]).strip(), str(values["path.points"]).strip()
+    def _drawn(self, values: Mapping[str, Any]) -> Path:
+        """The path in the frame of the start; raises InvalidParameter."""
+        arcs, points = values["path.arcs"].strip(), values["path.points"].strip()
         if arcs and points:
             raise InvalidParameter("path.arcs and path.points exclude each other")
-        if not arcs and not points:
-            return NONE
-        path = of_arcs("path.arcs", arcs) if arcs else through("path.points", points)
-        pose = start(values)
-        x, y, _ = pose.place(self._centre[0] + self._ahead, self._centre[1], 0.0)
-        c, s = np.cos(pose.heading), np.sin(pose.heading)
-        return path._replace(
-            x=x + c * path.x - s * path.y, y=y + s * path.x + c * path.y, heading=path.heading + pose.heading
-        )
+        if arcs:
+            return of_arcs("path.arcs", arcs)
+        return through("path.points", points) if points else NONE
 
     def _checked(self, values: Mapping[str, Any]) -> Law:
         """The parameters as a Law; raises InvalidParameter."""
-        check_values(
-            [port for port in self.ports if port.name in self._defaults],
-            values,
-            ("deceleration", "reach", "curvature.largest", "acceleration.lateral", "width"),
-            ("preview", "heading.gain", "yaw.gain", "yaw.integral", "speed.start", "speed.end"),
-        )
-        if values["ramp.end"] < values["ramp.start"]:
-            raise InvalidParameter(f"ramp.end = {values['ramp.end']} s must not be before ramp.start")
         speeds = course("speed.points", str(values["speed.points"]))
         if speeds.value.min(initial=0.0) < 0.0:
             raise InvalidParameter(f"speed.points = '{str(values['speed.points'])[:80]}' must not be negative")

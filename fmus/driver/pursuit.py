@@ -10,6 +10,7 @@ What it misses an integral of the yaw rate's error adds, which is ours.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from fmus.jit import allocating, kernel
 from fmus.model import no_rotation
 from fmus.physics.rotation import quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, scale, to_world, vector
+from fmus.start import HEADING, place, stay
 
 # where things stand in the flat state; from LEFT to CURVATURE they are shown
 SLIP, LEFT, RIGHT, OFF, ASKEW, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)
@@ -57,12 +59,32 @@ class Parts(NamedTuple):
     """A driver that drives."""
 
     law: Law
-    path: route.Path
+    drawn: route.Path  # from where the vehicle stands at the start, in its frame
+    path: route.Path  # in the world
+    centre: tuple[float, float, float]  # of mass of the hull, in the vehicle frame, m
     unconnected: np.ndarray  # (13) start values of the inputs: they say that nothing moves the hull
     standing: np.ndarray  # (13) it then stands still here
     seen: np.ndarray  # (13) what is taken of the inputs
     state: np.ndarray
     counters: np.ndarray  # (1) int
+
+
+@allocating
+def begin(c, told, p):
+    """See ``fmus.model.Component``; p: the start pose."""
+    told[0, 0], heading = c.law.ramp_end, p[HEADING]
+    if c.law.ramp_end < c.law.ramp_start:
+        return 1
+    x, y, _ = place(p, c.centre[0] + c.law.ahead, c.centre[1], 0.0)
+    cos, sin, drawn, path = math.cos(heading), math.sin(heading), c.drawn, c.path
+    for k in range(path.x.size):
+        path.x[k] = x + cos * drawn.x[k] - sin * drawn.y[k]
+        path.y[k] = y + sin * drawn.x[k] + cos * drawn.y[k]
+        path.heading[k] = drawn.heading[k] + heading
+    stay(p, c.centre[0], c.centre[1], c.centre[2], c.standing, 0)
+    c.state[:] = 0.0
+    advance(c.law, path, c.state, 0.0, 0.0, c.standing)
+    return 0
 
 
 @allocating

@@ -13,6 +13,7 @@ from fmus.course import NONE, Course, at, given, ramp
 from fmus.jit import kernel
 
 SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
+CONTRADICTIONS = 4  # that ``unreasonable`` knows
 
 
 class Drive(NamedTuple):
@@ -40,6 +41,22 @@ class Drive(NamedTuple):
     engine: Course = NONE  # largest torque over the speed of the engine's shaft, N m and rad/s
     gear: float = 1.0  # turns of the engine to one of the sprocket
     steepest: float = 0.0  # slope of the engine's map as the sprocket feels it, N m s/rad
+
+
+@kernel
+def unreasonable(p, told):
+    """Whether the parameters of a motor contradict each other: 0, or which of ``parameters.contradictions`` it is."""
+    told[0], told[1] = p.ramp_end, p.stop_start
+    if p.ramp_end < p.ramp_start:
+        return 1
+    if p.stop_start >= 0.0:
+        if p.stop_start < p.ramp_end:
+            return 2
+        if given(p.speeds):
+            return 3
+    if given(p.engine) and p.mode == SPEED:
+        return 4
+    return 0
 
 
 @kernel

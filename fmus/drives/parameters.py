@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from fmus.course import Course, course
-from fmus.defaults import check_values
 from fmus.drives.motor import Drive
 from fmus.model import InvalidParameter
-from fmus.ports import Port
+from fmus.ports import NOT_NEGATIVE, POSITIVE, Port
+from fmus.sentences import Sentence
 
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
 POINTS = "'time value; time value; ...', straight lines between: the"
-NOT_NEGATIVE = "brake.torque", "controller.proportional", "controller.integral", "torque.limit"
-POSITIVE = "gear.ratio", "brake.speed", "stop.time"
 
 
 def mount_ports() -> list[Port]:
@@ -32,7 +30,8 @@ def mount_ports() -> list[Port]:
 
 def lag_port() -> Port:
     """Of a drive that follows demands."""
-    return Port("demand.lag", "parameter", "s", "time constant with which the speed follows the demand", 0.1)
+    text = "time constant with which the speed follows the demand"
+    return Port("demand.lag", "parameter", "s", text, 0.1, allowed=POSITIVE)
 
 
 def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "speed against the mount") -> list[Port]:
@@ -45,63 +44,94 @@ def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "spee
         Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
         Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0),
         Port("stop.start", "parameter", "s", "time at which the speed goes to 0 for good, below 0 for never", -1.0),
-        Port("stop.time", "parameter", "s", "how long that takes, along half a cosine", 1e-3),
+        Port("stop.time", "parameter", "s", "how long that takes, along half a cosine", 1e-3,
+             allowed=POSITIVE),
         Port("torque.drive", "parameter", "N.m", "constant torque of the motor in mode torque"),
         Port("speed.points", "parameter", "1", f"{POINTS} {speed}, rad/s, instead of a ramp", ""),
         Port("torque.points", "parameter", "1", f"{POINTS} torque of the motor, N m, instead of torque.drive", ""),
         Port("brake.points", "parameter", "1", f"{POINTS} torque of the brake, N m, instead of brake.torque", ""),
         Port("engine.points", "parameter", "1", "'speed torque; speed torque; ...', straight lines between: largest "
              "torque of the engine's shaft, N m, over its speed, rad/s, not in mode speed", ""),
-        Port("gear.ratio", "parameter", "1", f"turns of the engine to one of {what}", 1.0),
-        Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed"),
-        Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1),
-        Port("controller.proportional", "parameter", "N.m.s/rad", "torque per speed error", 6000.0),
-        Port("controller.integral", "parameter", "N.m", "torque per rad of accumulated speed error", 20000.0),
-        Port("torque.limit", "parameter", "N.m", "largest torque of the controller, either way", 20000.0),
+        Port("gear.ratio", "parameter", "1", f"turns of the engine to one of {what}", 1.0, allowed=POSITIVE),
+        Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed",
+             allowed=NOT_NEGATIVE),
+        Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1, allowed=POSITIVE),
+        Port("controller.proportional", "parameter", "N.m.s/rad", "torque per speed error", 6000.0,
+             allowed=NOT_NEGATIVE),
+        Port("controller.integral", "parameter", "N.m", "torque per rad of accumulated speed error", 20000.0,
+             allowed=NOT_NEGATIVE),
+        Port("torque.limit", "parameter", "N.m", "largest torque of the controller, either way", 20000.0,
+             allowed=NOT_NEGATIVE),
     ]  # fmt: skip
     return [port._replace(name=prefix + port.name) for port in ports]
 
 
-def drive(
-    ports: Sequence[Port], values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = ""
-) -> Drive:
-    """The motor of ``motor_ports(prefix)`` on a shaft of ``inertia`` kg m2; raises InvalidParameter.
+def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
+    """What ``motor.unreasonable`` finds, in its order."""
+    return (
+        Sentence(f"{prefix}ramp.end = {{0:.6g}} s must not be before {prefix}ramp.start"),
+        Sentence(f"{prefix}stop.start = {{1:.6g}} s must not be before {prefix}ramp.end"),
+        Sentence(f"{prefix}speed.points and {prefix}stop.start exclude each other"),
+        Sentence(f"{prefix}engine.points needs mode 'torque' or 'controller': a prescribed speed has no limit"),
+    )
+
+
+def free(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
+    """Of the ``Drive`` at ``path`` in a component's parts: which numbers follow from which parameters."""
+    own = dict(
+        start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",
+        brake_speed="brake.speed", proportional="controller.proportional", integral="controller.integral",
+        limit="torque.limit", stop_time="stop.time", gear="gear.ratio",
+    )  # fmt: skip
+    if not demanded:
+        own |= {"end_speed": "speed.end", "stop_start": "stop.start", "mode": "mode"}
+    if not values[f"{prefix}brake.points"]:
+        own["brake"] = "brake.torque"
+    found = {f"{path}.{field}": f"{{{prefix}{name}}}" for field, name in own.items()}
+    engine = _engine(values, prefix)
+    if engine.time.size:
+        ratio = f"{{{prefix}gear.ratio}}"
+        found[f"{path}.steepest"] = f"{ratio} * {ratio} * {_steepest(engine)!r}"
+    found[f"{path}.accelerated"] = "{extrapolation}"
+    if demanded:
+        found[f"{path}.lag"] = "{demand.lag}"
+    return found
+
+
+def _engine(values: Mapping[str, Any], prefix: str) -> Course:
+    return course(f"{prefix}engine.points", values[f"{prefix}engine.points"], "speed torque")
+
+
+def _steepest(engine: Course) -> float:
+    return float(np.abs(np.diff(engine.value) / np.diff(engine.time)).max(initial=0.0))
+
+
+def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "") -> Drive:
+    """The motor of ``motor_ports(prefix)`` on a shaft of ``inertia`` kg m2, of checked values; raises InvalidParameter.
 
     ``demand``: the input that its speed follows, where there is one.
     """
     names = [port.name.removeprefix(prefix) for port in motor_ports(prefix)]
-    check_values(ports, values, (prefix + name for name in POSITIVE), (prefix + name for name in NOT_NEGATIVE))
     own = {name: values[prefix + name] for name in names}
 
     def no(name: str, why: str) -> InvalidParameter:
         return InvalidParameter(f"{prefix}{name} = {_short(own[name])}{why}")
 
-    if own["ramp.end"] < own["ramp.start"]:
-        raise no("ramp.end", f" s must not be before {prefix}ramp.start")
-    if 0.0 <= own["stop.start"] < own["ramp.end"]:
-        raise no("stop.start", f" s must not be before {prefix}ramp.end")
     speeds, torques, brakes = (
         course(f"{prefix}{name}.points", str(own[f"{name}.points"])) for name in ("speed", "torque", "brake")
     )
-    engine = course(f"{prefix}engine.points", str(own["engine.points"]), "speed torque")
+    engine = _engine(values, prefix)
     if min(chain(engine.value, engine.time), default=0.0) < 0.0:
         raise no("engine.points", " must not be negative")
-    if engine.time.size and own["mode"] == "speed":
-        raise InvalidParameter(
-            f"{prefix}engine.points needs mode 'torque' or 'controller': a prescribed speed has no limit"
-        )
     if brakes.value.min(initial=0.0) < 0.0:
         raise no("brake.points", " must not be negative")
-    if speeds.time.size and own["stop.start"] >= 0.0:
-        raise InvalidParameter(f"{prefix}speed.points and {prefix}stop.start exclude each other")
     if demand:
         if own["mode"] == "torque":
             raise no("mode", f": a drive with the input {demand} has a speed or a controller")
         for name, none in (("speed.points", ""), ("speed.end", 0.0), ("stop.start", -1.0)):
             if own[name] != none:
                 raise no(name, f": the input {demand} says how fast it turns")
-        check_values(ports, values, ["demand.lag"])
-        speeds = Course(np.zeros(2), np.full(2, float(own["speed.start"])), np.zeros(2))
+        speeds = Course(*np.zeros((3, 2)))
     gear = float(own["gear.ratio"])
     return Drive(
         inertia=inertia,
@@ -124,7 +154,7 @@ def drive(
         brakes=brakes,
         engine=engine,
         gear=gear,
-        steepest=gear * gear * float(np.abs(np.diff(engine.value) / np.diff(engine.time)).max(initial=0.0)),
+        steepest=gear * gear * _steepest(engine),
         lag=float(values["demand.lag"]) if demand else 0.0,
     )
 

@@ -23,6 +23,14 @@ SHAFT = 10  # numbers of a shaft
 
 
 @kernel
+def start_shaft(p, x, angle):
+    """A shaft (SHAFT) at its start, on a mount that stands still."""
+    if p.lag > 0.0:
+        lay(p.speeds, 0.0, 0.0, p.start_speed, p.start_speed)
+    x[ANGLE], x[TARGET], x[RATE] = angle, p.start_speed, profile(p, 0.0)[0]
+
+
+@kernel
 def rates(p, t, y, chain, mount_rate, out):
     """Write the derivatives of the SPUN quantities y under the chain's torque about the axis. (3)"""
     speed = y[RATE] - mount_rate

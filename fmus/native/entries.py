@@ -28,12 +28,12 @@ def step(X, N, F, K, Z, T, t, h, U):
 
 def show(X, N, F, K, Z, Y):
     {blocks}
-    showing({parts}, carray(Y, {outputs}))
+    showing({shown}, carray(Y, {outputs}))
     return 0
 
 def show_links(X, N, F, K, Z, Y):
     {blocks}
-    showing_links({parts}, carray(Y, {links}))
+    showing_links({shown_links}, carray(Y, {links}))
     return 0
 """
 
@@ -55,11 +55,14 @@ class Entries(NamedTuple):
 def entries(model: Component, outputs: int) -> Entries:
     """Of an initialised model with so many Real outputs that are not those of links."""
     frozen = Frozen(model.state, model.counters)
-    parts, told = frozen.text(model.parts), model._told
+    parts, shown, shown_links = map(frozen.text, (model.parts, model.shown, model.shown_links))
+    told = model._told
     sizes = {"X": model.state.size, "N": model.counters.size, **{b.upper(): frozen.block(b).size for b in "fkz"}}
     source = SOURCE.format(
         blocks=", ".join("xnfkz") + " = " + ", ".join(f"carray({block}, {size})" for block, size in sizes.items()),
         parts=parts,
+        shown=shown,
+        shown_links=shown_links,
         told=told.size,
         rows=told.shape,
         inputs=model.inputs,

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.drives.motor import SPEED, Drive, profile
-from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, carried, hand_over, hold, stand
+from fmus.drives.motor import SPEED, Drive, profile, unreasonable
+from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, carried, hand_over, hold, place, stand
 from fmus.drives.shaft import (
     ANGLE,
     BRAKED,
@@ -17,12 +17,15 @@ from fmus.drives.shaft import (
     TORQUE_NOW,
     WORK,
     follow,
+    start_shaft,
     substeps,
     turn,
 )
 from fmus.jit import allocating, kernel
 from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
+from fmus.physics.vector import vector
+from fmus.start import stay
 
 TURNED_NOT, STIFF, WILD = 1, 2, 3  # failures
 
@@ -31,11 +34,26 @@ class Parts(NamedTuple):
     """A drive that runs."""
 
     drive: Drive
+    mount: tuple[float, float, float]  # its place as built, in the vehicle frame, m
     unconnected: np.ndarray  # (13) start values of the mount's inputs: they say that nothing moves it
     standing: np.ndarray  # (13) it then stands still here
     seen: np.ndarray  # (inputs) what is taken of the inputs
     state: np.ndarray
     counters: np.ndarray  # (2) int
+
+
+@allocating
+def begin(c, told, p):
+    """See ``fmus.model.Component``; p: the start pose, then the mount's lateral place and the sprocket's angle."""
+    x = c.state
+    wrong = unreasonable(c.drive, told[0])
+    if wrong:
+        return wrong
+    stay(p, c.mount[0], c.mount[1] + p[6], c.mount[2], c.standing, 0)
+    x[:] = 0.0
+    start_shaft(c.drive, x, p[7])
+    place(x, vector(c.standing, 0), c.standing[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return 0
 
 
 @allocating

@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from fmus.defaults import configured
-from fmus.drives.motor import Drive, profile
-from fmus.drives.mount import WIDTH, place
-from fmus.drives.parameters import drive, lag_port, motor_ports, mount_ports
-from fmus.drives.shaft import ANGLE, RATE, TARGET
-from fmus.model import NO_ROTATION, Component, InvalidParameter
+from fmus.defaults import configured, given
+from fmus.drives.motor import Drive
+from fmus.drives.mount import WIDTH
+from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
+from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sentences import Sentence
-from fmus.sprocket_drive.dynamics import Parts, observe, step
-from fmus.start import start
+from fmus.sprocket_drive.dynamics import Parts, begin, observe, step
+from fmus.start import KEYS, start
 
 DEMAND = "speed.demand"
 
@@ -42,7 +41,8 @@ class Model(Component):
     stands still at the start pose, so an unconnected drive is a fixed axle.
     """
 
-    stepping, showing = staticmethod(step), staticmethod(observe)
+    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
+    placing, refused = (*KEYS, "start.lateral", "start.angle"), (Sentence(""), *contradictions())
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, ("mount",)),
@@ -55,7 +55,8 @@ class Model(Component):
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         own = config["drive"]
-        self.inertia, self._place = float(own["inertia"]), tuple(float(x) for x in own["mount"])
+        self.inertia, (x, y, z) = float(own["inertia"]), map(float, own["mount"])
+        self._place = x, y, z
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         self._demanded = bool(own.get("demanded", False))
@@ -87,19 +88,16 @@ class Model(Component):
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """The sprocket at its start angle and speed on a mount that stands still at the start pose."""
-        values = {port.name: parameters.get(port.name, port.start) for port in self._parameters}
-        self.drive = drive(self._parameters, values, self.inertia, DEMAND if self._demanded else "")
-        self.standing[:] = self._standing(values)
-        self.state[:] = 0.0
-        self.state[ANGLE] = float(values["start.angle"])
-        self.state[TARGET] = self.drive.start_speed
-        self.state[RATE] = profile(self.drive, 0.0)[0]
-        still = (0.0, 0.0, 0.0)
-        place(self.state, tuple(self.standing[:3]), self.standing[3:7], still, still)
+        values = given(self._parameters, parameters)
+        self.drive = drive(values, self.inertia, DEMAND if self._demanded else "")
         self.counters[:] = 0
-        self.begin(
-            Parts(self.drive, self._unconnected, self.standing, np.zeros(self.inputs), self.state, self.counters)
-        )
+        seen = np.zeros(self.inputs)
+        parts = Parts(self.drive, self._place, self._unconnected, self.standing, seen, self.state, self.counters)
+        self.begin(values, parts)
+
+    def free(self, p: Mapping[str, Any]) -> Free:
+        """All but tables of points."""
+        return Free(free(p, self._demanded, "drive"), self.placing)
 
     @property
     def shafts(self) -> tuple[Drive, ...]:

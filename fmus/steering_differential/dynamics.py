@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.drives.motor import SPEED, Drive, profile
-from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, WIDTH, carried, hand_over, hold, stand
+from fmus.drives.motor import CONTRADICTIONS, SPEED, Drive, profile, unreasonable
+from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, WIDTH, carried, hand_over, hold, place, stand
 from fmus.drives.shaft import (
     ANGLE,
     BRAKED,
@@ -18,12 +18,15 @@ from fmus.drives.shaft import (
     TORQUE_NOW,
     WORK,
     follow,
+    start_shaft,
     substeps,
     turn,
 )
 from fmus.jit import allocating, kernel
 from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
+from fmus.physics.vector import vector
+from fmus.start import stay
 
 TURNED_NOT, STIFF, STIFF_STEERING, WILD = 1, 2, 3, 4  # failures
 # where things stand in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
@@ -70,11 +73,34 @@ class Parts(NamedTuple):
     """A differential that runs."""
 
     gearbox: Gearbox
+    mount: tuple[float, float, float]  # place of the left one as built, in the vehicle frame, m
     unconnected: np.ndarray  # (inputs) start values: a mount that has them is moved by nothing
     standing: np.ndarray  # (inputs) and then stands still here
     seen: np.ndarray  # (inputs) what is taken of the inputs
     state: np.ndarray
     counters: np.ndarray  # (2) int
+
+
+@allocating
+def begin(c, told, p):
+    """See ``fmus.model.Component``; p: the start pose, then the sprockets' angle."""
+    g, x = c.gearbox, c.state
+    wrong = unreasonable(g.propulsion, told[0])
+    if wrong:
+        return wrong
+    wrong = unreasonable(g.steering, told[0])
+    if wrong:
+        return CONTRADICTIONS + wrong
+    x[:] = 0.0
+    propulsion, steering = x[PROPULSION:STEERING], x[STEERING:]
+    start_shaft(g.propulsion, propulsion, p[6])
+    start_shaft(g.steering, steering, 0.0)
+    for k in range(2):
+        side, stands = x[RIGHT * k : RIGHT * k + WIDTH], c.standing[SIDE * k : SIDE * k + 13]
+        stay(p, c.mount[0], (1.0 - 2.0 * k) * c.mount[1], c.mount[2], stands, 0)
+        join(side, 2.0 * k - 1.0, propulsion, steering)
+        place(side, vector(stands, 0), stands[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return 0
 
 
 @allocating

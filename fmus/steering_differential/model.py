@@ -7,25 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from fmus.defaults import configured
-from fmus.drives.motor import Drive, profile
-from fmus.drives.mount import WIDTH, place
-from fmus.drives.parameters import drive, lag_port, motor_ports, mount_ports
-from fmus.drives.shaft import ANGLE, RATE, TARGET
-from fmus.model import NO_ROTATION, Component, InvalidParameter
+from fmus.defaults import configured, given
+from fmus.drives.motor import Drive
+from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
+from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
 from fmus.sentences import Sentence
-from fmus.start import start
+from fmus.start import KEYS, start
 from fmus.steering_differential.dynamics import (
-    PROPULSION,
-    RIGHT,
     SIDE,
     SIZE,
-    STEERING,
     Gearbox,
     Parts,
-    join,
+    begin,
     observe,
     step,
 )
@@ -57,7 +52,9 @@ class Model(Component):
     read. Mounts whose inputs still have their start values stand still at the start pose.
     """
 
-    stepping, showing = staticmethod(step), staticmethod(observe)
+    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
+    placing = *KEYS, "start.angle"
+    refused = Sentence(""), *contradictions("propulsion."), *contradictions("steering.")
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, tuple(f"{side}.mount" for side in SIDES)),
@@ -68,7 +65,8 @@ class Model(Component):
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         own = config["drive"]
-        self.inertia, self._place = float(own["inertia"]), tuple(float(x) for x in own["mount"])
+        self.inertia, (x, y, z) = float(own["inertia"]), map(float, own["mount"])
+        self._place = x, y, z
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         demanded = bool(own.get("demanded", False))
@@ -135,27 +133,21 @@ class Model(Component):
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Both sprockets at their start angle and speeds on mounts that stand still at the start pose."""
-        values = {port.name: parameters.get(port.name, port.start) for port in self._parameters}
+        values = given(self._parameters, parameters)
         self.gearbox = Gearbox(
             self.inertia,
-            drive(self._parameters, values, 2.0 * self.inertia, self._demand, "propulsion."),  # (1)
-            drive(self._parameters, values, 0.5 * self.inertia, self._demand, "steering."),
+            drive(values, 2.0 * self.inertia, self._demand, "propulsion."),  # (1)
+            drive(values, 0.5 * self.inertia, self._demand, "steering."),
         )
-        self.state[:] = 0.0
-        shafts = self.state[PROPULSION:STEERING], self.state[STEERING:]
-        for x, shaft in zip(shafts, (self.gearbox.propulsion, self.gearbox.steering), strict=True):
-            x[TARGET], x[RATE] = shaft.start_speed, profile(shaft, 0.0)[0]
-        shafts[0][ANGLE] = float(values["start.angle"])
-        still = (0.0, 0.0, 0.0)
-        for k, stands in enumerate(self._standing(values)):
-            x = self.state[RIGHT * k : RIGHT * k + WIDTH]
-            self._stands[SIDE * k : SIDE * k + STATE] = stands
-            join(x, 2.0 * k - 1.0, *shafts)
-            place(x, tuple(stands[:3]), np.array(stands[3:7]), still, still)
         self.counters[:] = 0
-        self.begin(
-            Parts(self.gearbox, self._unconnected, self._stands, np.zeros(self.inputs), self.state, self.counters)
-        )
+        seen = np.zeros(self.inputs)
+        parts = Parts(self.gearbox, self._place, self._unconnected, self._stands, seen, self.state, self.counters)
+        self.begin(values, parts)
+
+    def free(self, p: Mapping[str, Any]) -> Free:
+        """All but tables of points."""
+        shafts = (free(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering"))
+        return Free({place: how for shaft in shafts for place, how in shaft.items()}, self.placing)
 
     @property
     def shafts(self) -> tuple[Drive, ...]:

@@ -7,33 +7,33 @@ from typing import Any
 
 import numpy as np
 
-from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.model import Floats, Free, InvalidParameter, StepFailed
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
-from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.elements import kit
-from fmus.physics.chain.flexible.explicit import NOTHING, stable
+from fmus.physics.chain.flexible.explicit import stable
 from fmus.physics.chain.flexible.newton import CHORD
 from fmus.physics.chain.flexible.places import straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import release
-from fmus.physics.chain.flexible.state import Motion, State, shapes
+from fmus.physics.chain.flexible.release import LET_GO, RESIDUALS, REST, release
+from fmus.physics.chain.flexible.state import State, shapes
 from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
-from fmus.physics.chain.outcome import SINGULAR
+from fmus.physics.chain.outcome import SINGULAR, Outcome
 from fmus.physics.integrate.generalized_alpha import coefficients
-from fmus.ports import Port
-from fmus.track import TrackModel
+from fmus.ports import NOT_NEGATIVE, POSITIVE, Port, Range
+from fmus.track import IMPLICIT, TrackModel, spectral_radius
 
-REST = 1e-3  # residual of static equilibrium, N
+STILL = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 # coordinates of a pin; vectors of a link, components of a vector
 ELEMENTS = {"cable": (NODE, (4, 3)), "planar": (PLANAR_NODE, (4, 2)), "beam": (BEAM_NODE, (8, 3))}
 AXES = ("fixed", "free")
+FINE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
 
 
 class Model(TrackModel):
@@ -79,6 +79,7 @@ class Model(TrackModel):
                 "Pa",
                 "Young's modulus of the links",
                 m["youngs_modulus"],
+                allowed=POSITIVE,
             ),
             Port(
                 "material.relaxation_time",
@@ -86,9 +87,10 @@ class Model(TrackModel):
                 "s",
                 "damping constants over Young's modulus",
                 m["relaxation_time"],
+                allowed=NOT_NEGATIVE,
             ),
-            Port("spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.4),
-            Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9),
+            spectral_radius(),
+            Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
         )
 
     def shapes(self) -> state.Shapes:
@@ -102,33 +104,17 @@ class Model(TrackModel):
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
-        element, elasticity = str(p["element"]), str(p["elasticity"])
-        if element not in ELEMENTS:
-            raise InvalidParameter(f"element = '{element}': must be one of {', '.join(ELEMENTS)}")
-        if elasticity not in ELASTICITIES:
-            raise InvalidParameter(f"elasticity = '{elasticity}': must be one of {', '.join(ELASTICITIES)}")
+        element, elasticity, axes = p["element"], p["elasticity"], p["axes"]
         if element != "cable" and elasticity != "small_deformation":
             raise InvalidParameter(
                 f"elasticity = '{elasticity}' needs element = 'cable': a {element} chain has but one"
             )
-        axes = str(p["axes"])
-        if axes not in AXES:
-            raise InvalidParameter(f"axes = '{axes}': must be one of {', '.join(AXES)}")
         if axes == "free" and element != "cable":
             raise InvalidParameter(f"axes = 'free' needs element = 'cable': a {element} has no use for them")
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
-        young, tau = float(p["material.youngs_modulus"]), float(p["material.relaxation_time"])
-        if not young > 0.0:
-            raise InvalidParameter(f"material.youngs_modulus = {young}: must be greater than 0")
-        if not tau >= 0.0:
-            raise InvalidParameter(f"material.relaxation_time = {tau}: must not be negative")
-        radius, tolerance = float(p["spectral_radius"]), float(p["tolerance"])
-        if not 0.0 <= radius <= 1.0:
-            raise InvalidParameter(f"spectral_radius = {radius}: must lie between 0 and 1")
-        if not 0.0 < tolerance <= CHORD:
-            raise InvalidParameter(f"tolerance = {tolerance}: must be greater than 0 and {CHORD} at most")
-        self.method = Method(coefficients(radius), tolerance, True)
+        young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
+        self.method = Method(coefficients(p["spectral_radius"]), p["tolerance"], True)
         beam = element == "beam"
         self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
         self.stiffness = young * self.vehicle["section"]["area"]  # axial, N
@@ -140,6 +126,20 @@ class Model(TrackModel):
         self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list), self.soiled)
         self.stable = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
+
+    def free(self, p: Mapping[str, Any]) -> Free:
+        """Besides: the tolerance and, where no step is derived from it, the damping."""
+        free = super().free(p)
+        if p["integrator"] != IMPLICIT:
+            return free
+        tau, numbers = "{material.relaxation_time}", {"scheme.tolerance": "{tolerance}"}
+        if p["element"] == "beam":
+            numbers["link.element.tau"] = tau
+        else:
+            young, s = p["material.youngs_modulus"], self.vehicle["section"]
+            numbers["link.element.nuA"] = f"{tau} * {young * s['area']!r}"
+            numbers["link.element.nuI"] = f"{tau} * {young * s['bending']!r}"
+        return free._replace(numbers={**free.numbers, **numbers})
 
     def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:
         if element == "planar":
@@ -158,8 +158,8 @@ class Model(TrackModel):
             v["track"]["mass"] / self.pitch,
             young * area,
             young * second,
-            tau * young * area,
-            tau * young * second,
+            tau * (young * area),
+            tau * (young * second),
             axes,
         )
         common = self.links_count, int(self.closed), cable, v["track"]["face"], s["outer_fibre"], area, second
@@ -224,19 +224,23 @@ class Model(TrackModel):
 
         self.work.moved[:] = self.start_rows
         chain = Chain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
-        if not tighten(chain, self._residuals, max(REST, self._rounding())):
+        if not tighten(chain, self._residuals, self._least()):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
         self._let_go()
 
     def _residuals(self, accelerations: Floats) -> Floats:
         """Of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
-        motion = Motion(self.s.q, self.work.still, accelerations, self.s.axes)
-        evaluate(*self.system(), motion, NOTHING, self.work, False)
+        self.work.change[0] = accelerations
+        self._do(RESIDUALS)
         return self.work.R
 
     def _rounding(self) -> float:
         """What rounding of the pins' places makes of the axial stiffness, N: no residual is reliably smaller."""
         return 4.0 * float(np.finfo(float).eps) * self.stiffness * self.links_count
+
+    def _least(self) -> float:
+        """Residual at which static equilibrium is found, N."""
+        return max(STILL, self._rounding())
 
     def settle_pins(self, pins: Floats) -> None:
         """Straight links between the pins (nodes, 2), at rest."""
@@ -258,17 +262,23 @@ class Model(TrackModel):
 
     def _let_go(self, rest: bool = False) -> None:
         """Accelerations of the start, with ``rest`` after equilibrium, and what they show of the state as it stands."""
-        smooth, least, longest = self.contacts, max(REST, self._rounding()), LONG if self.ends_kind == PINNED else 0.0
-        if smooth is not None:
-            from fmus.contacts import smooth as frictionless
-
-            smooth = frictionless(smooth)
-        failure, _, link, residual = release(
-            self.link, smooth, *self.system()[1:], rest, self.start_rows, least, longest, self.s, self.work, self.report
-        )
+        failure, _, link, residual = self._do(REST if rest else LET_GO)
         if failure == SINGULAR:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
         if failure:
             raise StepFailed(
                 f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
             )
+
+    def _do(self, task: int) -> Outcome:
+        """A task of ``release``."""
+        smooth, least = self.contacts, self._least()
+        if smooth is not None:
+            from fmus.contacts import smooth as frictionless
+
+            smooth = frictionless(smooth)
+        longest = LONG if self.ends_kind == PINNED else 0.0
+        found: Outcome = release(
+            self.link, smooth, *self.system()[1:], task, self.start_rows, least, longest, self.s, self.work, self.report
+        )
+        return found

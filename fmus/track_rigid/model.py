@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.model import Floats, StepFailed
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.implicit import Method
@@ -21,7 +21,7 @@ from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD, coefficients
 from fmus.physics.rigid.augmented import Ends
 from fmus.ports import Port
-from fmus.track import TrackModel
+from fmus.track import TrackModel, spectral_radius
 
 REST = Method(BACKWARD, 0.01 * FORCE, False)  # towards static equilibrium
 
@@ -34,7 +34,7 @@ class Model(TrackModel):
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Integration of the links."""
-        return (Port("spectral_radius", "parameter", "1", "of generalised-alpha at infinite frequency, 0 to 1", 0.4),)
+        return (spectral_radius(),)
 
     def shapes(self) -> state.Shapes:
         """Of the views into the chain's state."""
@@ -42,10 +42,7 @@ class Model(TrackModel):
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from the vehicle table."""
-        radius = float(p["spectral_radius"])
-        if not 0.0 <= radius <= 1.0:
-            raise InvalidParameter(f"spectral_radius = {radius}: must lie between 0 and 1")
-        self.method = Method(coefficients(radius), FORCE, True)
+        self.method = Method(coefficients(p["spectral_radius"]), FORCE, True)
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)

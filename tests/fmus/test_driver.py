@@ -27,7 +27,7 @@ class Unicycle:
         self.model = Model({"vehicle": TABLE})
         self.model.initialise(parameters)
         self.names = [port.name for port in self.model.ports if port.causality == "output"][:-1]
-        self.width = grip * float(parameters.get("width", self.model._defaults["width"]))
+        self.width = grip * self.model._law.width
         start = [port.start for port in self.model.ports[:2]]
         self.x, self.y, self.heading = start[0] + AHEAD, start[1] + left, 0.0
         self.speed = self.rate = 0.0
@@ -167,11 +167,11 @@ def test_a_path_turns_and_moves_with_the_start():
     turned = {"start.heading": 0.7, "start.position.x": 3.0, "start.position.y": -2.0}
     model = Model({"vehicle": TABLE})
     model.initialise({"path.arcs": "5 0; 5 0.1"})
-    own = model._path
+    own = model.parts.path
     model.initialise({"path.arcs": "5 0; 5 0.1", **turned})
     c, s = np.cos(0.7), np.sin(0.7)
-    assert np.allclose(model._path.x, 3.0 + c * own.x - s * own.y, atol=1e-12)
-    assert np.allclose(model._path.y, -2.0 + s * own.x + c * own.y, atol=1e-12)
+    assert np.allclose(model.parts.path.x, 3.0 + c * own.x - s * own.y, atol=1e-12)
+    assert np.allclose(model.parts.path.y, -2.0 + s * own.x + c * own.y, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -183,10 +183,10 @@ def test_a_path_turns_and_moves_with_the_start():
         ({"path.points": "0 0"}, "at least two points"),
         ({"path.points": "0 0; 0 0"}, "each apart from the next"),
         ({"path.points": "0 0; 1 0", "path.arcs": "1 0"}, "exclude each other"),
-        ({"reach": 0.0}, r"reach = 0.0 m must be positive"),
-        ({"yaw.gain": -1.0}, r"yaw.gain = -1.0 must not be negative"),
+        ({"reach": 0.0}, r"reach = 0: must be greater than 0"),
+        ({"yaw.gain": -1.0}, r"yaw.gain = -1: must be 0 or more"),
         ({"speed.points": "0 -1"}, r"speed.points = '0 -1' must not be negative"),
-        ({"ramp.start": 2.0}, "ramp.end = 1.0 s must not be before ramp.start"),
+        ({"ramp.start": 2.0}, "ramp.end = 1 s must not be before ramp.start"),
     ],
 )
 def test_wrong_parameters_are_named(parameters, said):
@@ -240,7 +240,7 @@ def test_a_controller_follows_its_demand():
     [
         ({"mode": "torque"}, "a drive with the input speed.demand has a speed or a controller"),
         ({"speed.end": 3.0}, "speed.end = 3.0: the input speed.demand says how fast"),
-        ({"demand.lag": 0.0}, "demand.lag = 0.0 s must be positive"),
+        ({"demand.lag": 0.0}, "demand.lag = 0: must be greater than 0"),
     ],
 )
 def test_a_demanded_drive_has_no_profile(parameters, said):

@@ -391,7 +391,7 @@ def test_cost_in_evaluations():
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"mode": "fast"}, "mode = 'fast' must be one of speed, torque, controller"),
+        ({"mode": "fast"}, "mode = 'fast': must be one of speed, torque, controller"),
         ({"extrapolation": "none"}, "extrapolation"),
         ({"brake.torque": -1.0}, "brake.torque"),
         ({"brake.speed": 0.0}, "brake.speed"),
@@ -528,7 +528,7 @@ def test_a_controller_has_no_more_than_its_engine():
     [
         ({"engine.points": "0 5"}, "engine.points needs mode 'torque' or 'controller'"),
         ({"engine.points": "0 -5", "mode": "torque"}, "engine.points = '0 -5' must not be negative"),
-        ({"gear.ratio": 0.0}, "gear.ratio = 0.0 must be positive"),
+        ({"gear.ratio": 0.0}, "gear.ratio = 0: must be greater than 0"),
     ],
 )
 def test_an_engine_that_cannot_be_is_refused(parameters, said):

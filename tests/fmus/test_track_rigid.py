@@ -443,7 +443,7 @@ def test_state_is_everything(track):
 
 def test_bad_parameters_and_hopeless_steps(track):
     model = hanging()
-    with pytest.raises(InvalidParameter, match=r"spectral_radius = 1\.5: must lie between 0 and 1"):
+    with pytest.raises(InvalidParameter, match=r"spectral_radius = 1\.5: must be between 0 and 1"):
         model.initialise(parameters(model, spectral_radius=1.5))
     rolled, state = track
     rolled.state[:] = state

@@ -16,6 +16,8 @@ from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.state import begin, put
 
+LET_GO, REST, RESIDUALS = range(3)  # tasks of ``release``
+
 
 @kernel
 def factor_mass(links, env, s, w):
@@ -57,12 +59,16 @@ def let_go(links, contacts, env, rows, s, w, report):
 
 
 @allocating
-def release(links, smooth, contacts, env, rest, rows, tolerance, longest, s, w, report):
-    """``let_go``, with ``rest`` after ``settle``, then on contacts that are ``smooth``; one kernel: compiled at once.
+def release(links, smooth, contacts, env, task, rows, tolerance, longest, s, w, report):
+    """One kernel for all that a start needs: what it is made of is compiled once.
 
-    Returns an Outcome, SINGULAR where the mass is.
+    LET_GO; REST: the same after ``settle``, then on contacts that are ``smooth``; RESIDUALS: only those of the links,
+    into ``w.R``, at rest with the accelerations ``w.change[0]``. Returns an Outcome, SINGULAR where the mass is.
     """
-    if rest:
+    if task == RESIDUALS:
+        evaluate(links, contacts, env, Motion(s.q, w.still, w.change[0], s.axes), NOTHING, w, False)
+        return Outcome(DONE, 0.0, 0, 0.0)
+    if task == REST:
         settled = settle(links, smooth, env, rows, tolerance, longest, s, w)
         if settled.failure != DONE:
             return settled
