@@ -13,8 +13,9 @@ from fmus.physics.chain.explicit import march
 from fmus.physics.chain.implicit import advance
 from fmus.physics.chain.kinds import links_shown
 from fmus.physics.chain.report import GROUND, REJECTED, REPORT, STEPS
-from fmus.physics.wheels import read_states, to_world
+from fmus.physics.wheels import WIDTH, read_states, to_world
 from fmus.ports import STATE
+from fmus.sentences import TOLD as NUMBERS
 from fmus.start import lay_frame
 
 ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which on cables are held back in their plane
@@ -50,6 +51,13 @@ class Parts(NamedTuple):
     s: Any  # State
     work: Any
     report: np.ndarray
+
+
+def alone(link, environment, scheme, longest, s, work, report, counters):
+    """Parts of a chain that touches nothing, laid out at the origin, and room for what its steps tell."""
+    none = np.zeros((0, WIDTH))
+    stand = Stand(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(TOLD)), counters)
+    return Parts(link, None, environment, scheme, stand, s, work, report), np.zeros((1 + len(TOLD), NUMBERS + 1))
 
 
 class Shown(NamedTuple):

@@ -14,16 +14,16 @@ from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.elements import kit
-from fmus.physics.chain.flexible.explicit import stable
+from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD
 from fmus.physics.chain.flexible.places import straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import LET_GO, RESIDUALS, REST, release
-from fmus.physics.chain.flexible.state import State, shapes
+from fmus.physics.chain.flexible.release import EVALUATE, LET_GO, REST, release
+from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.outcome import SINGULAR, Outcome
-from fmus.physics.integrate.generalized_alpha import coefficients
+from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port, Range
 from fmus.track import IMPLICIT, TrackModel, spectral_radius
 
@@ -228,10 +228,13 @@ class Model(TrackModel):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
         self._let_go()
 
+    def evaluate(self, motion: Motion, by: Slopes = NOTHING, fresh: bool = False) -> None:
+        """What belongs to a motion of the pins, into ``work``: see ``assembly.evaluate``."""
+        self._do(EVALUATE, motion, by, fresh)
+
     def _residuals(self, accelerations: Floats) -> Floats:
         """Of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
-        self.work.change[0] = accelerations
-        self._do(RESIDUALS)
+        self.evaluate(Motion(self.s.q, self.work.still, accelerations, self.s.axes))
         return self.work.R
 
     def _rounding(self) -> float:
@@ -270,8 +273,9 @@ class Model(TrackModel):
                 f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
             )
 
-    def _do(self, task: int) -> Outcome:
+    def _do(self, task: int, motion: Motion | None = None, by: Slopes = NOTHING, fresh: bool = False) -> Outcome:
         """A task of ``release``."""
+        motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         smooth, least = self.contacts, self._least()
         if smooth is not None:
             from fmus.contacts import smooth as frictionless
@@ -279,6 +283,7 @@ class Model(TrackModel):
             smooth = frictionless(smooth)
         longest = LONG if self.ends_kind == PINNED else 0.0
         found: Outcome = release(
-            self.link, smooth, *self.system()[1:], task, self.start_rows, least, longest, self.s, self.work, self.report
-        )
+            self.link, smooth, *self.system()[1:], task, motion, by, fresh, self.start_rows, least, longest, self.s,
+            self.work, self.report,
+        )  # fmt: skip
         return found

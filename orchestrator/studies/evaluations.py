@@ -11,14 +11,14 @@ stretching, bending, damping, inertia and weight are of one size.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.environment import HELD, PINNED
-from fmus.physics.chain.flexible.assembly import evaluate as evaluate_flexible
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.rigid.links import residual as evaluate_rigid
@@ -127,23 +127,22 @@ class Chain:
         s, w, by = m.s, m.work, slopes(coefficients(RADIUS), step)
         self._place(state.wheels)
         w.moved[:] = m.rows
-        kernel: Any
+        evaluate: Callable[[], Any]
         if self.kind == "rigid":
             self._take_rigid(state.rigid)
-            kernel, system, axes = evaluate_rigid, (*m.system(), s, w, by, True), [0, 1, 2]
+            evaluate, axes = partial(evaluate_rigid, *m.system(), s, w, by, True), [0, 1, 2]  # type: ignore[call-arg]
         else:
             for q, given in ((s.q, state.coordinates), (s.v, state.rates), (s.vdot, state.accelerations)):
                 self._take(q, given)
-            kernel, system = evaluate_flexible, (*m.system(), Motion(s.q, s.v, s.vdot), by, w, True)
-            axes = list(m.kit.AXES)
+            evaluate, axes = partial(m.evaluate, Motion(s.q, s.v, s.vdot, s.axes), by, True), list(m.kit.AXES)
         w.contact.sharp[0] = 0
         if sharp:
             sharpen(w.contact)
             velocity = s.v.copy()
             s.v[:, : len(axes)] += state.jump[: len(velocity), axes]
-            kernel(*system)
+            evaluate()
             s.v[:] = velocity
-        kernel(*system)
+        evaluate()
         x = vector[: s.v.size].reshape(s.v.shape)
         return Found(*(_of_rigid(m, x) if self.kind == "rigid" else self._of_flexible(m, x)), *self._shown(m))
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from fmus import track_steps
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.environment import HELD, LOOP, Environment
-from fmus.physics.chain.explicit import march, slopes
-from fmus.physics.chain.implicit import Method, advance
+from fmus.physics.chain.explicit import slopes
+from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import pin_motion
 from fmus.physics.chain.rigid.explicit import accelerations
@@ -25,7 +26,7 @@ P, MASS, G = 0.1524, 18.0, 9.81  # pitch, m; mass of a link, kg; gravity, m/s2
 FACE, LATERAL = 0.029, 0.1  # of a link, m: nothing is touched
 RADIUS = 0.8  # spectral radius of generalised alpha
 EXPLICIT, IMPLICIT = "Runge-Kutta", "generalised alpha"
-NO_WHEELS = np.zeros((0, 15))
+NO_INPUTS = np.zeros(0)
 
 
 def of_angles(angles: Floats) -> Floats:
@@ -69,13 +70,13 @@ class Rods:
 
     def run(self, time: float, h: float, integrator: str = EXPLICIT) -> Rods:
         """Equal steps of ``h`` at most; raises ArithmeticError where one fails."""
-        system, span = (self.links, None, self.env), (NO_WHEELS, time, h, self.s, self.w, self._report, self._counters)
-        if integrator == EXPLICIT:
-            outcome = march(*system, self._slopes, *span)
-        else:
-            outcome = advance(*system, self.method, *span)
-        if outcome.failure:
-            raise ArithmeticError(f"the chain failed after {outcome.time:.3g} s, link {outcome.link + 1}")
+        explicit = integrator == EXPLICIT
+        scheme = self._slopes if explicit else self.method
+        chain = self.links, self.env, scheme, h, self.s, self.w, self._report, self._counters
+        parts, told = track_steps.alone(*chain)
+        step: Callable[..., int] = track_steps.explicit if explicit else track_steps.implicit
+        if step(parts, told, 0.0, time, NO_INPUTS):
+            raise ArithmeticError(f"the chain failed after {told[0, 0]:.3g} s, link {int(told[0, 1]) + 1}")
         return self
 
     def steps(self, time: float, h: float, integrator: str) -> Iterator[None]:

@@ -11,7 +11,6 @@ from fmus.build import build
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import beam as library
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.beam_nodes import gather
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.explicit import NOTHING
@@ -76,12 +75,12 @@ def newton(model, count: int, mass: float = 0.0) -> None:
     """So many of Newton's corrections towards static equilibrium; ``mass``, 1/s2, in the matrix alone."""
     still, none, w = np.zeros_like(model.s.q), np.zeros_like(model.s.q), model.work
     for _ in range(count):
-        x, by = Motion(model.s.q, still, none), Slopes(0.0, 0.0, mass)
-        evaluate(model.link, None, model.environment, x, by, w, True)
+        x = Motion(model.s.q, still, none, model.s.axes)
+        model.evaluate(x, Slopes(0.0, 0.0, mass), True)
         assert factor(w.A, w.U, w.L, w.factors, model.closed) < 0
         solve(w.A, w.U, w.factors, model.closed, w.b)
         correct(model.link, w, x, NOTHING, np.inf)
-    evaluate(model.link, None, model.environment, Motion(model.s.q, still, none), NOTHING, w, False)
+    model.evaluate(Motion(model.s.q, still, none, model.s.axes))
 
 
 def test_coordinates_of_a_track():
@@ -105,9 +104,7 @@ def test_force_is_the_gradient_of_the_reported_energy():
     model = hanging(links=3, element="beam", **SOFT)
     model.s.vdot[:] = 0.0
     model.s.q[:] += 0.02 * np.random.default_rng(3).standard_normal(model.s.q.shape) * ([PITCH] * 3 + [1.0] * 15)
-    evaluate(
-        model.link, None, model.environment, Motion(model.s.q, model.s.v, model.s.vdot), NOTHING, model.work, False
-    )
+    model.evaluate(Motion(model.s.q, model.s.v, model.s.vdot, model.s.axes))
     f, gradient, h = scattered(model, model.work.R), np.zeros_like(model.s.q), 1e-5
 
     def energy() -> float:

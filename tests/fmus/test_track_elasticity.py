@@ -14,7 +14,6 @@ from fmus.physics.ancf import cable, cable_engineering, cable_general, element
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.cable_nodes import gather
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.explicit import NOTHING
@@ -53,9 +52,7 @@ def bent(elasticity: str, links: int = 4, **changes):
 
 def residual(model) -> np.ndarray:
     """Of the links, summed up by coordinate of the pins (nodes, 8)."""
-    evaluate(
-        model.link, None, model.environment, Motion(model.s.q, model.s.v, model.s.vdot), NOTHING, model.work, False
-    )
+    model.evaluate(Motion(model.s.q, model.s.v, model.s.vdot, model.s.axes))
     f, R = np.zeros_like(model.s.q), model.work.R
     for i in range(model.links_count):
         j = (i + 1) % model.nodes
@@ -128,8 +125,8 @@ def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
     """Newton's corrections of the pins on the way to static equilibrium; ``extra`` mass, 1/s2, spoils the matrix."""
     w, sizes, still, none = model.work, [], np.zeros_like(model.s.q), np.zeros_like(model.s.q)
     while len(sizes) < most and (not sizes or sizes[-1] > 1e-11):
-        x = Motion(model.s.q, still, none)
-        evaluate(model.link, None, model.environment, x, Slopes(0.0, 0.0, extra), w, True)
+        x = Motion(model.s.q, still, none, model.s.axes)
+        model.evaluate(x, Slopes(0.0, 0.0, extra), True)
         assert factor(w.A, w.U, w.L, w.factors, model.closed) < 0
         solve(w.A, w.U, w.factors, model.closed, w.b)
         sizes.append(correct(model.link, w, x, NOTHING, np.inf))

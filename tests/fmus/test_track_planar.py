@@ -7,7 +7,6 @@ import pytest
 
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import cable
-from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
 from fmus.physics.contact.ground import bumpy, level
@@ -82,7 +81,7 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
     model.work.moved[:] = model.rows
     solid = lifted(model)
     for m in (model, solid):
-        evaluate(*_arguments(m))
+        evaluate(m)
         observe(m.link, m.environment, m.s, m.work, m.report)
     flat, full = model.work, solid.work
     assert flat.touched.sum() > 20
@@ -97,12 +96,12 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
     measured = [*range(1, 10), 12, 16]
     assert model.report[measured] == pytest.approx(solid.report[measured], rel=1e-7)
     solid.s.q[5, 0] += 1e-9  # the twin: a nanometre
-    evaluate(*_arguments(solid))
+    evaluate(solid)
     assert not same(flat.b, full.b[:, XZ], 1e-5)
 
 
-def _arguments(m) -> tuple:
-    return *m.system(), Motion(m.s.q, m.s.v, m.s.vdot), Slopes(0.0, 2e3, 4e6), m.work, True
+def evaluate(m) -> None:
+    m.evaluate(Motion(m.s.q, m.s.v, m.s.vdot, m.s.axes), Slopes(0.0, 2e3, 4e6), True)
 
 
 def test_coordinates_and_time():

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
+from fmus import track_steps
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.environment import LOOP, Environment
-from fmus.physics.chain.explicit import march, slopes
-from fmus.physics.chain.implicit import Method, advance
+from fmus.physics.chain.explicit import slopes
+from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.layout import close_exactly
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import pin_motion
@@ -43,7 +44,6 @@ class Chain:
         sizes = shapes(n, ends.closed, 0)
         self.s, self.work = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0)
         self.report, self.counters = np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
-        self.rows = np.zeros((0, 15))
         place(self.link, np.asarray(pins, float), self.s, self.work)
 
     def parts(self):
@@ -54,15 +54,22 @@ class Chain:
         begin(self.s, self.work)
         return self
 
-    def run(self, time, h):
-        span = self.rows, time, h, self.s, self.work, self.report, self.counters
-        assert not advance(*self.parts(), self.method, *span).failure
+    def run(self, time, h, step=track_steps.implicit, scheme=None):
+        system = (
+            self.link,
+            self.env,
+            self.method if scheme is None else scheme,
+            h,
+            self.s,
+            self.work,
+            self.report,
+            self.counters,
+        )
+        assert not step(*track_steps.alone(*system), 0.0, time, np.zeros(0))
         return self
 
     def march(self, time, h):
-        span = self.rows, time, h, self.s, self.work, self.report, self.counters
-        assert not march(*self.parts(), slopes(self.s), *span).failure
-        return self
+        return self.run(time, h, track_steps.explicit, slopes(self.s))
 
     def pins(self):
         pin_motion(self.link, self.s, self.work)

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 from test_track_flexible import TABLE, make, parameters, wheels
 
 from fmus.model import InvalidParameter
-from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes_state import GROWTH, ORIGIN, RATE
 from fmus.physics.chain.flexible.places import places
 from fmus.physics.chain.flexible.state import Motion
@@ -44,7 +43,7 @@ def residual(model, turn=(0.0, 0.0, 0.0), by=BY, moved=None, fresh=False):
     axes[GROWTH : GROWTH + 3] += by.vdot * np.asarray(turn)
     change = still if moved is None else moved
     motion = Motion(model.s.q + change, by.v * change, by.vdot * change, axes)
-    evaluate(*model.system(), motion, by, w, fresh)
+    model.evaluate(motion, by, fresh)
     return w.R.reshape(len(w.R), -1).copy(), w.axes.moment.copy()
 
 
@@ -136,7 +135,7 @@ def test_what_turns_as_a_whole_is_not_loaded_by_turning():
     axes[RATE : RATE + 3] = rate
     w.moved[:, 3:6] += np.cross(rate, w.moved[:, :3])
     w.moved[:, 6:9] += rate
-    evaluate(*model.system(), Motion(model.s.q, w.still, w.still, axes), BY, w, False)
+    model.evaluate(Motion(model.s.q, w.still, w.still, axes), BY)
     found = w.R.reshape(len(w.R), -1) - still
     for i in range(model.links_count):
         model.kit.coordinates(model.s.q, i, (i + 1) % model.nodes, w.e)

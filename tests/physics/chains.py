@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from fmus import track_steps
 from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.environment import HELD, LOOP, Environment
-from fmus.physics.chain.explicit import march, slopes
+from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.cable_nodes import gather
@@ -19,7 +20,7 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.flexible.state import shapes as flexible_shapes
 from fmus.physics.chain.flexible.state import views as flexible_views
 from fmus.physics.chain.flexible.work import work as flexible_work
-from fmus.physics.chain.implicit import Method, advance
+from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
 from fmus.physics.chain.state import begin, size
@@ -29,7 +30,7 @@ from orchestrator.studies.rods import EXPLICIT, IMPLICIT, P, Rods, of_angles  # 
 AREA, SECOND = 0.01516, 2.03e-6  # of the link's section
 STEEL = Cable(P, 7800 * AREA, 2e11 * AREA, 2e11 * SECOND, 0.0, 0.0)
 INTEGRATORS = {"generalized_alpha": 2, "runge_kutta": 4}  # and their orders
-NO_ROWS = np.zeros((0, 15))
+NO_INPUTS = np.zeros(0)
 
 
 def line(n: int, pitch: float = P, along: tuple[float, float] = (1.0, 0.0)) -> np.ndarray:
@@ -101,13 +102,12 @@ class Flexible:
         assert factor_mass(self.links, self.env, self.s, self.w) == -1
 
     def run(self, time, h, integrator="generalized_alpha"):
-        system, span = (self.links, None, self.env), (NO_ROWS, time, h, self.s, self.w, self.report, self.counters)
+        step, scheme = track_steps.implicit, self.method
         if integrator == "runge_kutta":
             self.factor()
-            outcome = march(*system, slopes(self.s), *span)
-        else:
-            outcome = advance(*system, self.method, *span)
-        assert not outcome.failure
+            step, scheme = track_steps.explicit, slopes(self.s)
+        chain = self.links, self.env, scheme, h, self.s, self.w, self.report, self.counters
+        assert not step(*track_steps.alone(*chain), 0.0, time, NO_INPUTS)
         return self
 
     def pins(self):

@@ -16,7 +16,7 @@ from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.state import begin, put
 
-LET_GO, REST, RESIDUALS = range(3)  # tasks of ``release``
+LET_GO, REST, EVALUATE = range(3)  # tasks of ``release``
 
 
 @kernel
@@ -59,15 +59,15 @@ def let_go(links, contacts, env, rows, s, w, report):
 
 
 @allocating
-def release(links, smooth, contacts, env, task, rows, tolerance, longest, s, w, report):
-    """One kernel for all that a start needs: what it is made of is compiled once.
+def release(links, smooth, contacts, env, task, x, by, fresh, rows, tolerance, longest, s, w, report):
+    """One kernel for all that Python wants of a chain before it runs: what it is made of is compiled once.
 
-    LET_GO; REST: the same after ``settle``, then on contacts that are ``smooth``; RESIDUALS: only those of the links,
-    into ``w.R``, at rest with the accelerations ``w.change[0]``. Returns an Outcome, SINGULAR where the mass is.
+    LET_GO; REST: the same after ``settle``, then on contacts that are ``smooth``; EVALUATE: ``evaluate`` the motion x.
+    Returns an Outcome, SINGULAR where the mass is.
     """
-    if task == RESIDUALS:
-        evaluate(links, contacts, env, Motion(s.q, w.still, w.change[0], s.axes), NOTHING, w, False)
-        return Outcome(DONE, 0.0, 0, 0.0)
+    if task == EVALUATE:
+        worst, where = evaluate(links, contacts, env, x, by, w, fresh)
+        return Outcome(DONE, 0.0, where, worst)
     if task == REST:
         settled = settle(links, smooth, env, rows, tolerance, longest, s, w)
         if settled.failure != DONE:
