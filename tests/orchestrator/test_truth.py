@@ -64,6 +64,7 @@ def driven(tmp_path_factory):
     return path
 
 
+@pytest.mark.study
 def test_the_ledger_of_a_whole_vehicle_closes(driven):
     """Contacts and all; without the entry of what covered parts lose it stays open, whatever the step."""
     with Log(driven) as log:
@@ -83,6 +84,7 @@ def open_part(log, instance, gains, losses):
 STORED = ("energy.kinetic", "energy.dissipated", "energy.gravity", "energy.spring")
 
 
+@pytest.mark.study
 def test_books_of_chassis_and_drives_close(driven):
     """The spin that a prescribed speed lends to the chassis is in them: work of mount and motor, and reaction."""
     with Log(driven) as log:
@@ -118,6 +120,7 @@ def test_a_speed_that_jumps(tmp_path):
     np.testing.assert_allclose(*found, rtol=0.05)
 
 
+@pytest.mark.study
 def test_third_law_of_the_vehicle(driven, scaled):
     with Log(driven) as log:
         run = RunData(log)
@@ -151,6 +154,7 @@ def misfit(coupled, path):
     return np.abs(2.0 * finer - fine - end) / np.abs(finer - end)
 
 
+@pytest.mark.study
 def test_co_simulation_converges_to_the_monolith(driven, coupled):
     error = {h: np.abs(said - at_the_end(driven)) for h, said in coupled.items()}
     for h in (1e-3, 5e-4):
@@ -159,6 +163,7 @@ def test_co_simulation_converges_to_the_monolith(driven, coupled):
     assert np.all(misfit(coupled, driven) < 0.2)
 
 
+@pytest.mark.study
 def test_another_vehicle_is_not_what_it_converges_to(coupled, tmp_path):
     heavier = ("run.step=1ms", "vehicle.chassis.mass=5600", *DRIVEN)
     monolithic.run(load("straight", "flexible", heavier), tmp_path / "twin.mcap")
