@@ -26,6 +26,11 @@ def host(folder):
     return program
 
 
+def built(assembly):
+    """An FMU a part, whose parameters are those of the scene by default."""
+    return build_native_all([(p.kind, p.config | {"parameters": p.parameters}, None) for p in assembly.parts])
+
+
 def told(assembly, files, h, steps):
     """What the host is told of a system."""
     lines, names = [], {}
@@ -47,7 +52,7 @@ def driven(scene, links, settings, steps, folder):
     """End values (Real outputs by part) of the host and in this process, and the host's times, us."""
     vehicle = InProcess(load(scene, links, settings))
     assembly, h = assemble(vehicle.scene), vehicle.scene.run.step
-    order = told(assembly, build_native_all(assembly), h, steps)
+    order = told(assembly, built(assembly), h, steps)
     said = subprocess.run([host(folder)], input=order, capture_output=True, text=True, env={})
     assert said.returncode == 0, said.stderr
     *parts, times = (line.split() for line in said.stdout.splitlines())
@@ -75,7 +80,7 @@ def test_libcosim_drives_the_vehicle(tmp_path):
     assembly, steps, ns = assemble(placed(load("straight", "flexible", settings))), 3000, 1_000_000
     with ExitStack() as stack:
         parts, wires, known, feeds = [], [], {}, []
-        for part, file in zip(assembly.parts, build_native_all(assembly), strict=True):
+        for part, file in zip(assembly.parts, built(assembly), strict=True):
             component = stack.enter_context(Component(file, part.name))
             component.initialise({})
             references = {v.name: v.valueReference for v in component.description.modelVariables}

@@ -1,4 +1,4 @@
-"""Every scene of the gallery runs, and everything it expects comes true: in full, on both track models, but for some."""
+"""Every scene of the gallery runs in full, on both track models, but for some, and what it expects comes true."""
 
 import json
 

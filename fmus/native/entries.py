@@ -1,37 +1,46 @@
 """A component's kernels as functions on pointers: what its library's shell calls.
 
-    step(x, n, f, k, z, told, t, h, u)    show(x, n, f, k, z, y)    show_links(x, n, f, k, z, y)
+    start(x, n, f, k, z, p, c, told)    step(x, n, f, k, z, p, c, told, t, h, u)
+    show(x, n, f, k, z, p, c, y)        show_links(x, n, f, k, z, p, c, y)
 
-x and n are state and counters, f, k and z the blocks of ``freeze``; all return an integer.
+x and n are state and counters, f, k and z the blocks of ``freeze``, p the Real parameters and c the places of String
+parameters among their choices; all return an integer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numba
 from numba import carray, types
 
 from fmus.model import Component
-from fmus.native.freeze import Frozen
+from fmus.native.freeze import Following, Frozen
+from fmus.ports import Port
 
 FLOATS, WHOLE, TRUTHS = (types.CPointer(each) for each in (types.float64, types.int64, types.boolean))
-BLOCKS = FLOATS, WHOLE, FLOATS, WHOLE, TRUTHS
+BLOCKS = FLOATS, WHOLE, FLOATS, WHOLE, TRUTHS, FLOATS, WHOLE
+START = types.int64(*BLOCKS, FLOATS)
 STEP = types.int64(*BLOCKS, FLOATS, types.float64, types.float64, FLOATS)
 SHOW = types.int64(*BLOCKS, FLOATS)
 
 SOURCE = """
-def step(X, N, F, K, Z, T, t, h, U):
+def start(X, N, F, K, Z, P, C, T):
+    {blocks}
+    return starting({parts}, carray(T, {told}).reshape({rows}), {placing})
+
+def step(X, N, F, K, Z, P, C, T, t, h, U):
     {blocks}
     return stepping({parts}, carray(T, {told}).reshape({rows}), t, h, carray(U, {inputs}))
 
-def show(X, N, F, K, Z, Y):
+def show(X, N, F, K, Z, P, C, Y):
     {blocks}
     showing({shown}, carray(Y, {outputs}))
     return 0
 
-def show_links(X, N, F, K, Z, Y):
+def show_links(X, N, F, K, Z, P, C, Y):
     {blocks}
     showing_links({shown_links}, carray(Y, {links}))
     return 0
@@ -52,28 +61,51 @@ class Entries(NamedTuple):
     frozen: Frozen
 
 
-def entries(model: Component, outputs: int) -> Entries:
-    """Of an initialised model with so many Real outputs that are not those of links."""
-    frozen = Frozen(model.state, model.counters)
+def names(free: Any) -> set[str]:
+    """Of the parameters that are free, see ``fmus.model.Free``."""
+    return {name for how in free.numbers.values() for name in re.findall(r"{([^}]+)}", how)} | set(free.besides)
+
+
+def entries(
+    model: Component, numbers: Mapping[str, str], reals: Sequence[Port], choices: Sequence[Port], outputs: int
+) -> Entries:
+    """Of an initialised model with so many Real outputs that are not those of links.
+
+    ``numbers``: see ``fmus.model.Free``; ``reals``, ``choices``: the Real and String parameters in order, with the
+    values that the model has.
+    """
+    p = [float(port.start) for port in reals]
+    c = [port.choices.index(str(port.start)) if port.choices else 0 for port in choices]
+    known = {
+        port.name: f"{letter}[{i}]" for letter, row in (("p", reals), ("c", choices)) for i, port in enumerate(row)
+    }
+    texts = {place: re.sub(r"{([^}]+)}", lambda name: known[name[1]], how) for place, how in numbers.items()}
+    following = {place: Following(text, eval(text, {"p": p, "c": c})) for place, text in texts.items()}
+
+    frozen = Frozen(model.state, model.counters, following)
     parts, shown, shown_links = map(frozen.text, (model.parts, model.shown, model.shown_links))
+    if frozen.missed():
+        raise TypeError(f"the parts have no {', '.join(sorted(frozen.missed()))}")
     told = model._told
     sizes = {"X": model.state.size, "N": model.counters.size, **{b.upper(): frozen.block(b).size for b in "fkz"}}
+    sizes |= {"P": max(len(p), 1), "C": max(len(c), 1)}
     source = SOURCE.format(
-        blocks=", ".join("xnfkz") + " = " + ", ".join(f"carray({block}, {size})" for block, size in sizes.items()),
+        blocks=", ".join("xnfkzpc") + " = " + ", ".join(f"carray({block}, {size})" for block, size in sizes.items()),
         parts=parts,
         shown=shown,
         shown_links=shown_links,
         told=told.size,
         rows=told.shape,
+        placing=f"({', '.join(known[name] for name in model.placing)},)",
         inputs=model.inputs,
         outputs=outputs,
         links=model.link_ports,
     )
     space: dict[str, Any] = {**frozen.classes, "carray": carray}
-    for name in ("stepping", "showing", "showing_links"):
+    for name in ("starting", "stepping", "showing", "showing_links"):
         space[name] = getattr(model, name)
     exec(source, space)
-    wanted = {"step": STEP, "show": SHOW, **({"show_links": SHOW} if model.link_ports else {})}
+    wanted = {"start": START, "step": STEP, "show": SHOW, **({"show_links": SHOW} if model.link_ports else {})}
     return Entries(tuple(Entry(name, _compiled(space[name], types_)) for name, types_ in wanted.items()), frozen)
 
 

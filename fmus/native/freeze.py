@@ -1,12 +1,14 @@
 """A component's parts as source text: arrays become slices of memory blocks, numbers their entries.
 
 The state and the counters are blocks of their own; views of them stay views. What else there is of arrays, constants
-and scratch alike, and of numbers goes into one block a type. A named tuple is written as its class.
+and scratch alike, and of numbers goes into one block a type; numbers that follow from free parameters are expressions.
+A named tuple is written as its class.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +17,44 @@ LINE = 8  # floats of a cache line: an array begins with one
 BLOCKS = {"float64": "f", "int64": "k", "bool": "z"}
 
 
-class Frozen:
-    """Blocks that are filled as values are written down; an array that is met again is the same."""
+class Following(NamedTuple):
+    """A number that follows from free parameters."""
 
-    def __init__(self, state: NDArray[np.float64], counters: NDArray[np.int64]) -> None:
+    text: str  # in ``p`` and ``c``
+    value: float | int  # now
+
+
+class Frozen:
+    """Blocks that are filled as values are written down; an array that is met again is the same.
+
+    ``free``: places in the parts, as "law.mu", of numbers that are no constants.
+    """
+
+    def __init__(self, state: NDArray[np.float64], counters: NDArray[np.int64], free: Mapping[str, Following]) -> None:
+        self._free, self._met = free, set[str]()
         self._known = {id(_root(state)): ("x", 0, _root(state)), id(_root(counters)): ("n", 0, _root(counters))}
         self._numbers: dict[str, list[float | int | bool]] = {letter: [] for letter in BLOCKS.values()}
         self.classes: dict[str, type] = {}
 
-    def text(self, value: Any) -> str:
-        """The value as an expression in ``x``, ``n``, ``f``, ``k``, ``z`` and the names of ``classes``."""
+    def text(self, value: Any, place: str = "") -> str:
+        """The value as an expression in ``x``, ``n``, ``f``, ``k``, ``z``, ``p``, ``c`` and the names of ``classes``.
+
+        Raises TypeError for what cannot be written down, and for a number that is not what it should follow.
+        """
         if value is None:
             return "None"
+        if place in self._free:
+            text, expected = self._free[place]
+            if value != expected:
+                raise TypeError(f"{place} is {value}, but {text} is {expected}")
+            self._met.add(place)
+            return text
         if isinstance(value, np.ndarray):
             return self._array(value)
         if isinstance(value, tuple):
-            inside = "".join(f"{self.text(each)}, " for each in value)
+            fields = getattr(value, "_fields", range(len(value)))
+            parts = zip(fields, value, strict=True)
+            inside = "".join(f"{self.text(each, f'{place}.{field}'.lstrip('.'))}, " for field, each in parts)
             if not hasattr(value, "_fields"):
                 return f"({inside})"
             name = type(value).__name__
@@ -38,6 +62,10 @@ class Frozen:
                 raise TypeError(f"two classes are called {name}")
             return f"{name}({inside})"
         return self._number(value)
+
+    def missed(self) -> set[str]:
+        """Places of free numbers that were nowhere."""
+        return set(self._free) - self._met
 
     def block(self, letter: str) -> NDArray[Any]:
         """What the block of a type begins with."""

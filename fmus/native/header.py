@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -24,16 +25,17 @@ def header(
     variables: Sequence[Port],
     link_ports: int,
     sizes: Mapping[str, int],
-    failures: Sequence[Sentence],
-    warned: Sequence[Sentence],
+    sentences: Mapping[str, Sequence[Sentence]],
 ) -> str:
-    """The text of ``model.h``; ``sizes``: of the blocks x, n, f, k, z."""
+    """The text of ``model.h``; ``sizes``: of the blocks x, n, f, k, z; ``sentences``: by the name of their table."""
     reals = [port for port in variables if isinstance(port.start, float)]
     inputs = sum(port.causality == "input" for port in reals)
     outputs = sum(port.causality == "output" for port in reals) - link_ports
-    texts = [str(port.start) for port in variables if isinstance(port.start, str)]
+    own, strings = reals[inputs + outputs + link_ports :], [p for p in variables if isinstance(p.start, str)]
+    warned = sentences["WARNING"]
     numbers = {
         "INPUT": inputs, "OUTPUT": outputs, "LINK": link_ports, "REAL": len(reals), "VARIABLE": len(variables),
+        "PARAMETER": len(own), "STRING": len(strings),
         "STATE": sizes["x"], "COUNTER": sizes["n"], "F": sizes["f"], "K": sizes["k"], "Z": sizes["z"],
         "WARNING": len(warned), "TOLD": (1 + len(warned)) * (TOLD + 1),
     }  # fmt: skip
@@ -43,13 +45,33 @@ def header(
         f"enum {{ {', '.join(f'N_{name} = {value}' for name, value in numbers.items())}, TOLD_ROW = {TOLD + 1} }};",
         f"static const double START[] = {{ {', '.join(float(port.start).hex() for port in reals)} }};",
         f"static const char *const NAME[] = {{ {quoted(port.name for port in variables)} }};",
-        f"static const char *const TEXT[] = {{ {quoted([*texts, ''])} }};",
+        f"static const Range RANGE[] = {{ {', '.join([*map(_range, own), '{ 0, 0, 0, 0 }'])} }};",
+        *_choices(strings),
         *(f"extern const {kind} image_{name}[];" for name, kind in
           {"x": "double", "n": "int64_t", "f": "double", "k": "int64_t", "z": "char"}.items()),
-        *_sentences("FAILURE", failures),
-        *_sentences("WARNING", warned),
+        *(line for table, rows in sentences.items() for line in _sentences(table, rows)),
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
+
+
+def _range(port: Port) -> str:
+    """Whether a Real parameter is free, and what it may be."""
+    bounds = (
+        f"{'-' if bound < 0.0 else ''}INFINITY" if math.isinf(bound) else bound.hex() for bound in port.allowed[:2]
+    )
+    return f"{{ {int(port.causality == 'parameter')}, {', '.join(bounds)}, {json.dumps(port.allowed.text)} }}"
+
+
+def _choices(strings: Sequence[Port]) -> list[str]:
+    """String parameters: names among which they choose, or their one value where they are constant."""
+    lines, rows = [], ["{ 0, 0, 0, 0 }"]
+    for i, port in reversed(list(enumerate(strings))):
+        free = port.causality == "parameter"
+        known = port.choices if free else (str(port.start),)
+        lines.append(f"static const char *const CHOICE_{i}[] = {{ {quoted(known)} }};")
+        place = known.index(str(port.start))
+        rows.insert(0, f"{{ {int(free)}, {place}, {len(known)}, CHOICE_{i} }}")
+    return [*lines, f"static const Choice CHOICE[] = {{ {', '.join(rows)} }};"]
 
 
 def _sentences(table: str, sentences: Sequence[Sentence]) -> list[str]:

@@ -14,11 +14,11 @@ from typing import Any
 from xml.etree.ElementTree import tostring
 
 from fmus.build import KINDS, BuildFailed, archive, built
-from fmus.defaults import check_names, checked, configured
+from fmus.defaults import KEY, check_names, configured, given
 from fmus.description import document
 from fmus.jit import source_hash
 from fmus.native.emit import emit
-from fmus.native.entries import entries
+from fmus.native.entries import entries, names
 from fmus.native.header import header, image
 from fmus.native.link import HERE, NoCompiler, compiler, link
 from fmus.ports import Port, variables
@@ -30,16 +30,11 @@ CATEGORIES = {
 }
 
 
-def build_native(
-    kind: str,
-    config: Mapping[str, Any],
-    parameters: Mapping[str, float | int | str],
-    folder: Path | None = None,
-    name: str | None = None,
-) -> Path:
-    """The native FMU of a kind of component with these parameters for good, built unless the cache has it.
+def build_native(kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None) -> Path:
+    """The native FMU of a kind of component, built unless the cache has it; it needs libc and libm alone.
 
-    It needs libc and libm alone. Raises BuildFailed.
+    What ``config`` has of parameters are their values by default, and for good where they are not free. Raises
+    BuildFailed.
     """
     if kind not in KINDS:
         raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
@@ -47,7 +42,7 @@ def build_native(
         known = ", ".join(f"{each}x" for each in NUMBA)
         raise BuildFailed(f"native FMUs are made with numba {known}, whose insides they know, not {version('numba')}")
     try:
-        made = json.dumps([config, parameters], sort_keys=True, allow_nan=False)
+        made = json.dumps(config, sort_keys=True, allow_nan=False)
         command = compiler()
     except (TypeError, ValueError) as error:
         raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
@@ -57,26 +52,50 @@ def build_native(
     parts = ["native", version("numba"), version("llvmlite"), *command[1:], source_hash(), *sources, kind, made]
     digest = hashlib.sha256("\0".join(parts).encode())
     guid = str(uuid.UUID(bytes=digest.digest()[:16]))
-    return built(digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, parameters, guid), folder)
+    return built(digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid), folder)
 
 
-def _pack(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str], guid: str) -> bytes:
-    made_from = {**config, "parameters": {**config.get("parameters", {}), **parameters}}
-    model: Any = import_module(f"fmus.{KINDS[kind].partition('/')[0]}.model").Model(made_from)
-    check_names(model.ports, made_from)
+def held(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
+    """The config with those of the parameters that are not free: components that differ by others share an FMU."""
+    own = {**config.get(KEY, {}), **parameters}
+    model = _model(kind, {**config, KEY: own})
+    free = names(model.free(given(model.ports, own)))
+    kept = {name: value for name, value in parameters.items() if name not in free}
+    return {**config, KEY: {**config.get(KEY, {}), **kept}}
+
+
+def _model(kind: str, config: Mapping[str, Any]) -> Any:
+    return import_module(f"fmus.{KINDS[kind].partition('/')[0]}.model").Model(config)
+
+
+def _pack(kind: str, config: Mapping[str, Any], guid: str) -> bytes:
+    model = _model(kind, config)
+    check_names(model.ports, config)
+    ports = configured(model.ports, config)
+    values = given(ports, {})
+    free = model.free(values)
+    model.initialise(values)
+    row = variables(ports)
+    outputs = sum(port.causality == "output" for port in row.reals)
+    own = [port for port in row.reals if port.causality == "parameter"]
+    made = entries(model, free.numbers, own, row.strings, outputs - model.link_ports)
+    kept = names(free)
     ports = tuple(
-        port._replace(causality="local") if port.causality == "parameter" else port
-        for port in variables(configured(model.ports, made_from)).row
+        port._replace(causality="local") if port.causality == "parameter" and port.name not in kept else port
+        for port in row.row
     )
-    model.initialise({port.name: checked(port, port.start) for port in ports if port.causality == "local"})
-    reals = [port for port in ports if isinstance(port.start, float)]
-    outputs = sum(port.causality == "output" for port in reals)
-    made = entries(model, outputs - model.link_ports)
     sizes = {"x": model.state.size, "n": model.counters.size, **{each: made.frozen.block(each).size for each in "fkz"}}
     with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
         place = Path(stage)
         (place / "model.h").write_text(
-            header(guid, ports, model.link_ports, sizes, model.failures, model.warned), encoding="utf-8"
+            header(
+                guid,
+                ports,
+                model.link_ports,
+                sizes,
+                {"FAILURE": model.failures, "WARNING": model.warned, "REFUSED": model.refused},
+            ),
+            encoding="utf-8",
         )
         objects = place / "component.o", place / "image.o"
         objects[0].write_bytes(emit(made.entries))
@@ -100,7 +119,7 @@ def _described(kind: str, model: Any, guid: str, ports: tuple[Port, ...]) -> byt
         tool=f"cotrack, native by numba {version('numba')}",
         variables=ports,
         reals=len(reals),
-        continuous=sum(port.causality != "local" for port in reals),
+        continuous=sum(port.causality in ("input", "output") for port in reals),
         categories=CATEGORIES,
     )
     return bytes(tostring(root, encoding="utf-8", xml_declaration=True))

@@ -11,6 +11,8 @@
 #include "fmi2.h"
 
 typedef struct { const char *text, *const *names; } Sentence;
+typedef struct { int free; double least, most; const char *text; } Range; /* of a Real parameter */
+typedef struct { int free, start, count; const char *const *names; } Choice; /* of a String parameter */
 #include "model.h"
 
 enum { INSTANTIATED, INITIALISING, RUNNING };
@@ -19,14 +21,16 @@ enum { LONGEST = 1500, FIRST_LINK = N_INPUT + N_OUTPUT, FIRST_PARAMETER = FIRST_
 
 /* numba's calling convention: the result goes to the first pointer, what was raised to the second */
 struct raised;
-#define BLOCKS double *x, int64_t *n, double *f, int64_t *k, char *z
+#define BLOCKS double *x, int64_t *n, double *f, int64_t *k, char *z, const double *p, const int64_t *c
+#define OF(i) (i)->d.state, (i)->d.counter, (i)->f, (i)->k, (i)->z, (i)->d.value + FIRST_PARAMETER, (i)->d.choice
+int component_start(int64_t *, struct raised **, BLOCKS, double *told);
 int component_step(int64_t *, struct raised **, BLOCKS, double *told, double t, double h, const double *u);
 int component_show(int64_t *, struct raised **, BLOCKS, double *y);
 int component_show_links(int64_t *, struct raised **, BLOCKS, double *y);
 
 typedef struct { /* everything that changes during a run: saving it is copying it */
     _Alignas(64) double state[N_STATE];
-    int64_t counter[N_COUNTER + 1];
+    int64_t counter[N_COUNTER + 1], choice[N_STRING + 1];
     double value[N_REAL + 1];
     int32_t phase, stale, links_stale, status, failed;
     char failure[LONGEST];
@@ -36,6 +40,8 @@ typedef struct {
     Data d;
     double kept[N_STATE], told[N_TOLD];
     int64_t kept_counter[N_COUNTER + 1];
+    double started_with[N_PARAMETER + 1]; /* parameters of the last start: the blocks belong to them */
+    int64_t chosen[N_STRING + 1];
     double *f;
     int64_t *k;
     char *z, *name;
@@ -137,7 +143,7 @@ static int refresh(Instance *c, const char *when, double t) {
     int64_t result;
     struct raised *e = 0;
     Data *d = &c->d;
-    if (component_show(&result, &e, d->state, d->counter, c->f, c->k, c->z, y)) {
+    if (component_show(&result, &e, OF(c), y)) {
         fail(c, "the outputs could not be computed");
         return 1;
     }
@@ -148,15 +154,42 @@ static int refresh(Instance *c, const char *when, double t) {
     return 0;
 }
 
+static int unacceptable(Instance *c) { /* a parameter that is out of its range */
+    char text[LONGEST];
+    for (int i = 0; i < N_PARAMETER; i++) {
+        double value = c->d.value[FIRST_PARAMETER + i];
+        if (!RANGE[i].free || (isfinite(value) && RANGE[i].least <= value && value <= RANGE[i].most)) continue;
+        snprintf(text, sizeof text, "%s = %.6g: must be %s", NAME[FIRST_PARAMETER + i], value, RANGE[i].text);
+        fail(c, text);
+        return 1;
+    }
+    return 0;
+}
+
 static int initialise(Instance *c) {
     Data *d = &c->d;
+    int64_t refused = 0;
+    struct raised *e = 0;
+    char text[LONGEST];
+    if (unacceptable(c)) return 1;
     memcpy(d->state, image_x, sizeof d->state);
     memcpy(d->counter, image_n, N_COUNTER * sizeof *d->counter);
     memcpy(c->f, image_f, N_F * sizeof *c->f);
     memcpy(c->k, image_k, N_K * sizeof *c->k);
     memcpy(c->z, image_z, N_Z);
     memset(c->told, 0, sizeof c->told);
+    memcpy(c->started_with, d->value + FIRST_PARAMETER, sizeof c->started_with);
+    memcpy(c->chosen, d->choice, sizeof c->chosen);
     d->failed = d->status = 0;
+    if (component_start(&refused, &e, OF(c), c->told)) {
+        fail(c, "the start could not be computed");
+        return 1;
+    }
+    if (refused) {
+        fill(text, sizeof text, REFUSED[refused], c->told);
+        fail(c, text);
+        return 1;
+    }
     if (refresh(c, "at the start", 0.0)) return 1;
     d->stale = 0;
     return 0;
@@ -185,7 +218,7 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
     memcpy(c->kept, d->state, sizeof c->kept);
     memcpy(c->kept_counter, d->counter, sizeof c->kept_counter);
     d->status = 0;
-    if (component_step(&failed, &e, d->state, d->counter, c->f, c->k, c->z, c->told, t, h, d->value)) {
+    if (component_step(&failed, &e, OF(c), c->told, t, h, d->value)) {
         snprintf(text, sizeof text, "at t = %g s a kernel raised an exception", t);
     } else if (failed) {
         fill(text, sizeof text, FAILURE[failed], c->told);
@@ -206,6 +239,7 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
 static void begin(Instance *c) {
     memset(&c->d, 0, sizeof c->d);
     memcpy(c->d.value, START, sizeof START);
+    for (int i = 0; i < N_STRING; i++) c->d.choice[i] = CHOICE[i].start;
     c->d.stale = 1;
 }
 
@@ -304,7 +338,7 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], siz
         int64_t result;
         struct raised *e = 0;
         double *y = c->d.value + FIRST_LINK;
-        if (component_show_links(&result, &e, c->d.state, c->d.counter, c->f, c->k, c->z, y)) {
+        if (component_show_links(&result, &e, OF(c), y)) {
             fail(c, "the link outputs could not be computed");
             return fmi2Error;
         }
@@ -319,10 +353,13 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], siz
     return fmi2OK;
 }
 
-static fmi2Status constant(Instance *c, unsigned v) {
+static fmi2Status settable(Instance *c, unsigned v, int is_free, int is_same) { /* may it be set to that? */
+    if (!is_free && is_same) return fmi2OK;
     if (c->d.phase == RUNNING)
         return refuse(c, "parameter '%s' is fixed: set it before the end of initialisation", NAME[v]);
-    return refuse(c, "'%s' is a constant of this FMU: build one with another value", NAME[v]);
+    if (!is_free) return refuse(c, "'%s' is a constant of this FMU: build one with another value", NAME[v]);
+    c->d.stale = 1;
+    return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2SetReal(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Real from[]) {
@@ -331,7 +368,7 @@ EXPORT fmi2Status fmi2SetReal(fmi2Component p, const fmi2ValueReference v[], siz
         int64_t at = v[i];
         if (at >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
         if (at >= FIRST_PARAMETER) {
-            if (from[i] != START[at]) return constant(c, v[i]);
+            if (settable(c, v[i], RANGE[at - FIRST_PARAMETER].free, from[i] == START[at])) return fmi2Error;
         } else if (at >= N_INPUT)
             return refuse(c, "an output cannot be set (%s or one set with it)", NAME[v[i]]);
     }
@@ -361,20 +398,37 @@ EXPORT fmi2Status fmi2SetInteger(fmi2Component p, const fmi2ValueReference v[], 
     return fmi2OK;
 }
 
+static int64_t string_at(unsigned v) { return (int64_t)v - N_REAL - N_COUNTER - 1; }
+
 EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2String to[]) {
     for (size_t i = 0; i < n; i++) {
-        if (v[i] <= N_REAL + N_COUNTER || v[i] >= N_VARIABLE)
-            return refuse(p, "no String variable has the value reference %u", v[i]);
-        to[i] = TEXT[v[i] - N_REAL - N_COUNTER - 1];
+        int64_t at = string_at(v[i]);
+        if (at < 0 || at >= N_STRING) return refuse(p, "no String variable has the value reference %u", v[i]);
+        to[i] = CHOICE[at].names[((Instance *)p)->d.choice[at]];
     }
     return fmi2OK;
 }
 
+static fmi2Status choose(Instance *c, unsigned v, int64_t at, const char *text) {
+    Choice of = CHOICE[at];
+    char known[LONGEST] = "";
+    for (int k = 0; k < of.count; k++)
+        if (text && !strcmp(text, of.names[k])) {
+            if (settable(c, v, of.free, 1)) return fmi2Error;
+            c->d.choice[at] = k;
+            return fmi2OK;
+        }
+    if (settable(c, v, of.free, 0)) return fmi2Error;
+    for (int k = 0; k < of.count; k++)
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", k ? ", " : "", of.names[k]);
+    return refuse(c, "%s = '%s': must be one of %s", NAME[v], text ? text : "", known);
+}
+
 EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2String from[]) {
     for (size_t i = 0; i < n; i++) {
-        if (v[i] <= N_REAL + N_COUNTER || v[i] >= N_VARIABLE)
-            return refuse(p, "no String variable has the value reference %u", v[i]);
-        if (!from[i] || strcmp(from[i], TEXT[v[i] - N_REAL - N_COUNTER - 1])) return constant(p, v[i]);
+        int64_t at = string_at(v[i]);
+        if (at < 0 || at >= N_STRING) return refuse(p, "no String variable has the value reference %u", v[i]);
+        if (choose(p, v[i], at, from[i])) return fmi2Error;
     }
     return fmi2OK;
 }
@@ -408,9 +462,15 @@ EXPORT fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *to) {
 
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate from) {
     Instance *c = p;
-    if (!from) return refuse(c, "this is not a state of an FMU of this build");
-    if (c->d.stale && initialise(c)) return fmi2Error; /* one that never began: its blocks are empty */
-    memcpy(&c->d, from, sizeof(Data));
+    const Data *s = from;
+    if (!s) return refuse(c, "this is not a state of an FMU of this build");
+    if (!s->stale && (c->d.stale || memcmp(c->started_with, s->value + FIRST_PARAMETER, sizeof c->started_with) ||
+                      memcmp(c->chosen, s->choice, sizeof c->chosen))) { /* its blocks are of another start, or of none */
+        memcpy(c->d.value, s->value, sizeof c->d.value);
+        memcpy(c->d.choice, s->choice, sizeof c->d.choice);
+        if (initialise(c)) return fmi2Error;
+    }
+    memcpy(&c->d, s, sizeof(Data));
     return fmi2OK;
 }
 

@@ -39,7 +39,7 @@ def build(
         str | None, typer.Option("--vehicle", metavar="FILE", help="a vehicle, instead of the scene's")
     ] = None,
     native: Annotated[
-        bool, typer.Option("--native", help="of machine code alone, an FMU a part of the scene, parameters constant")
+        bool, typer.Option("--native", help="of machine code alone, what a start is computed from constant")
     ] = False,
 ) -> None:
     """FMUs to be kept, the scene's parameters their defaults.
@@ -54,12 +54,6 @@ def build(
         raise BadInput("give a scene or --all, not both")
     changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
     models = [track] if track else list(TRACKS)
-    if native:
-        if everything:
-            raise BadInput("--native builds the FMUs of one scene, not --all")
-        for file in products.native_to(output, load(scene or products.STANDARD, track, changes)):
-            print(file)
-        return
     if everything:
         wanted = products.of_gallery(models, changes)
     elif scene is None:
@@ -68,7 +62,7 @@ def build(
         wanted = products.of_scenes([load(scene, track, changes)])
     if not wanted:
         raise BadInput(f"scene '{scene}' needs no FMU")
-    for file in products.build_to(output, wanted):
+    for file in products.build_to(output, wanted, native):
         print(file)
 
 

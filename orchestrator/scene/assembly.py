@@ -92,10 +92,14 @@ def assemble(scene: TrackScene) -> Assembly:
 def system(assembly: Assembly, native: bool = False) -> System:
     """Build what the assembly needs (each distinct FMU once) and name it as a graph.
 
-    ``native``: as machine code alone, an FMU a part, its parameters constants of it.
+    ``native``: as machine code alone, an FMU for parts that differ by free parameters only.
     """
     if native:
-        files = build_native_all(assembly)
+        from fmus.native.pack import held  # compilers, only for those who want them
+
+        files = build_native_all(
+            [(part.kind, held(part.kind, part.config, part.parameters), None) for part in assembly.parts]
+        )
     else:
         files = build_all([(part.kind, part.config, None) for part in assembly.parts])
     instances = tuple(
@@ -104,7 +108,10 @@ def system(assembly: Assembly, native: bool = False) -> System:
     return System(instances, assembly.connections)
 
 
-def build_all(wanted: Sequence[tuple[str, dict[str, Any], str | None]], folder: Path | None = None) -> list[Path]:
+Product = tuple[str, dict[str, Any], str | None]  # kind, config, name
+
+
+def build_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Path]:
     """Build ``(kind, config, name)`` in order, equal ones once, two at a time."""
     keys = [json.dumps(item, sort_keys=True) for item in wanted]
     distinct = dict(zip(keys, wanted, strict=True))
@@ -119,14 +126,11 @@ def build_all(wanted: Sequence[tuple[str, dict[str, Any], str | None]], folder: 
     return [built[key] for key in keys]
 
 
-def build_native_all(assembly: Assembly, folder: Path | None = None) -> list[Path]:
-    """Build the native FMUs of the parts, in order; in a ``folder`` they are called as the parts."""
-    from fmus.native.pack import build_native  # compilers, only for those who want them
+def build_native_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Path]:
+    """The same as native FMUs, one after the other: numba compiles in one thread."""
+    from fmus.native.pack import build_native
 
-    return [
-        build_native(part.kind, part.config, part.parameters, folder, part.name if folder else None)
-        for part in assembly.parts
-    ]
+    return [build_native(kind, config, folder, name) for kind, config, name in wanted]
 
 
 # --- assemblies ------------------------------------------------------------------------------------

@@ -5,16 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from fmus.vehicle import BadInput
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, build_native_all, placed
+from orchestrator.scene.assembly import TRACKS, Part, Product, assemble, build_all, build_native_all, placed
 from orchestrator.scene.scene import Scene, TrackScene, load, tracked
 
 STANDARD = "straight"  # its components carry the plain names
-
-Product = tuple[str, dict[str, Any], str | None]  # kind, config, name
 
 
 def of_gallery(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
@@ -54,18 +51,10 @@ def _side(part: Part) -> float:
     return -float(part.parameters.get("start.lateral", 0.0))
 
 
-def build_to(folder: Path, products: Sequence[Product]) -> list[Path]:
+def build_to(folder: Path, products: Sequence[Product], native: bool = False) -> list[Path]:
     """Build them into a folder; paths in order. Raises BadInput where there can be no such folder."""
     made(folder)
-    return build_all(products, folder)
-
-
-def native_to(folder: Path, scene: Scene) -> list[Path]:
-    """Build the native FMUs of a scene into a folder, one a part and called as it is. Raises BadInput."""
-    if not isinstance(scene, TrackScene):
-        raise BadInput(f"scene '{scene.name}' needs no FMU")
-    made(folder)
-    return build_native_all(assemble(placed(scene)), folder)
+    return (build_native_all if native else build_all)(products, folder)
 
 
 def made(folder: Path) -> None:

@@ -41,7 +41,9 @@ class Engineering(Beams):
 
 
 BOTH = pytest.mark.parametrize("kind", [Rigid, Flexible, Beams])
-EACH = pytest.mark.parametrize("kind", [Rigid, Flexible, PlanarCables, General, Engineering, Beams])
+# cables with other strains are a study here: ``test_track_elasticity`` has them
+SELDOM = [pytest.param(kind, marks=pytest.mark.study) for kind in (General, Engineering)]
+EACH = pytest.mark.parametrize("kind", [Rigid, Flexible, PlanarCables, *SELDOM, Beams])
 HOLD = {"kind": "held", "first": [1.0, 2.0]}
 
 
@@ -305,7 +307,8 @@ def test_links_that_are_too_soft_to_spin():
 LOOPS = [
     *((Flexible, n, spin, None) for n, spin in ((3, 5.0), (8, 0.1), (64, 20.0), (1024, 0.05), (2048, 1.0))),
     *((Flexible, n, 1.0, 2e8) for n in (64, 512, 1024)),
-    *((kind, 1024, 5.0, None) for kind in (Rigid, Flexible, PlanarCables, General, Engineering, Beams)),
+    *((kind, 1024, 5.0, None) for kind in (Rigid, Flexible, PlanarCables, Beams)),
+    *(pytest.param(kind, 1024, 5.0, None, marks=pytest.mark.study) for kind in (General, Engineering)),
 ]
 
 
@@ -338,7 +341,7 @@ def test_loops_of_any_length_and_spin(kind, links, spin, young):
 
 
 @pytest.mark.parametrize("span", [0.8, 0.1])
-@pytest.mark.parametrize("kind", [Rigid, Flexible, PlanarCables, Engineering])
+@pytest.mark.parametrize("kind", [Rigid, Flexible, PlanarCables, SELDOM[1]])
 def test_a_hanging_chain_of_many_links_is_the_continuum(kind, span):
     """S = 2 a sinh(D / 2 a), sag a (cosh(D / 2 a) - 1); the links stretch a little besides."""
     links, u = 1024, brentq(lambda u: np.sinh(u) / u - 1.0 / span, 1e-3, 20.0)

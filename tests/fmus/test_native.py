@@ -19,11 +19,11 @@ from fmpy.validation import validate_fmu
 from vehicle_in_process import InProcess
 
 from fmus.build import BuildFailed
-from fmus.model import StepFailed
+from fmus.model import InvalidParameter, StepFailed
 from fmus.native import link, pack
-from fmus.native.pack import build_native
+from fmus.native.pack import build_native, held
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
-from orchestrator.scene.assembly import assemble
+from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import load
 
 H, STEPS = 1e-3, 120
@@ -99,7 +99,7 @@ def ran(case):
 
 def native(case):
     part = ran(case).part
-    return build_native(part.kind, part.config, part.parameters)
+    return build_native(part.kind, held(part.kind, part.config, part.parameters))
 
 
 def begun(case, stack=None, messages=None):
@@ -162,7 +162,7 @@ def test_the_library_needs_libc_and_libm_alone_and_validates(case):
     assert not re.search(rb"\0_?(Py|NRT_|numba)\w+(?=\0)", library)
 
 
-DRIVE, CHASSIS = FEW[1], FEW[2]
+CHAIN, DRIVE, CHASSIS = FEW[:3]
 
 
 def bent(case, place, value):
@@ -266,12 +266,159 @@ def test_a_thousand_instances_leave_no_memory_behind():
 
 
 def test_constants_are_constants():
-    file = native(DRIVE)
-    with Component(file, "drive") as component:
-        with pytest.raises(ComponentFailed, match=r"drive: 'speed\.end' = 3\.0: it is a constant of this FMU, 20\.0"):
-            component.initialise({"speed.end": 3.0})
+    file = native(CHAIN)
+    with Component(file, "chain") as component:
+        with pytest.raises(ComponentFailed, match=r"chain: 'start\.pitch' = 3\.0: it is a constant of this FMU, 0\.0"):
+            component.initialise({"start.pitch": 3.0})
         with pytest.raises(ComponentFailed, match="there is no parameter 'nonsense'"):
             component.initialise({"nonsense": 3.0})
+
+
+# --- free parameters --------------------------------------------------------------------------------------
+
+PLACE = {
+    "start.position.x": 3.0, "start.position.y": -2.0, "start.position.z": 0.25, "start.heading": 0.7,
+    "start.height": 0.01, "start.pitch": 0.02,
+}  # fmt: skip
+MOTOR = {
+    "speed.start": 1.5, "speed.end": 3.5, "ramp.start": 0.01, "ramp.end": 0.05, "stop.start": 0.06, "stop.time": 0.02,
+    "torque.drive": 700.0, "gear.ratio": 1.3, "brake.torque": 900.0, "brake.speed": 0.2,
+    "controller.proportional": 5000.0, "controller.integral": 9000.0, "torque.limit": 4000.0,
+}  # fmt: skip
+LAWS = {f"contact.{pair}.{key}": value for pair in ("sprocket", "wheel", "ground")
+        for key, value in {"damping": 900.0, "friction": 0.3, "friction_velocity": 0.03}.items()}  # fmt: skip
+OTHERS = {  # other values of all that is free, of each kind
+    "SprocketDrive": {
+        **PLACE, **MOTOR, "start.lateral": 0.1, "start.angle": 0.3, "mode": "controller", "extrapolation": "velocity",
+        "demand.lag": 0.2,
+    },
+    "SteeringDifferential": {
+        **PLACE, **{f"{shaft}.{name}": value for shaft in ("propulsion", "steering") for name, value in MOTOR.items()},
+        "start.angle": 0.3, "steering.mode": "torque", "extrapolation": "velocity",
+    },
+    "Chassis": {**PLACE, "step": 4e-4, "suspension.preload": 9e3, "tensioner.preload": 2.1e4},
+    "Driver": {
+        **PLACE, "heading": 0.2, "speed.start": 1.0, "speed.end": 2.0, "ramp.start": 0.01, "ramp.end": 0.05,
+        "deceleration": 0.8, "reach": 2.5, "preview": 1.2, "curvature.largest": 0.4, "acceleration.lateral": 0.9,
+        "heading.gain": 1.1, "yaw.gain": 0.9, "yaw.integral": 1.2, "width": 3.0,
+    },
+    "TrackFlexible": {
+        **PLACE, **LAWS, "start.lateral": -1.2, "step": 5e-4, "tolerance": 1e-8, "material.relaxation_time": 2e-4,
+    },
+    "TrackRigid": {**PLACE, **LAWS, "start.lateral": -1.2, "step": 5e-4},
+}  # fmt: skip
+
+
+def others(case):
+    """Other values of all parameters of a part that are free."""
+    part = ran(case).part
+    constant = held(part.kind, part.config, dict(part.parameters) | OTHERS[part.kind])["parameters"]
+    known = {port.name for port in ran(case).member.model.ports}
+    return {name: value for name, value in OTHERS[part.kind].items() if name not in constant and name in known}
+
+
+def assert_free(case):
+    """A model with other parameters goes from the start as the FMU that was built with its own, and is told others."""
+    run, parameters = ran(case), others(case)
+    assert len(parameters) > 5
+    model = type(run.member.model)(run.part.config)
+    own = {port.name: port.start for port in model.ports if port.causality == "parameter"} | run.part.parameters
+    model.initialise(own | parameters)
+    links = np.zeros(model.link_ports)
+    with begun(case) as component:
+        usual = component.y.copy()
+        component.initialise(run.part.parameters | parameters)
+        y = np.zeros_like(component.y)
+        model.outputs(y)
+        np.testing.assert_array_equal(component.y, y)
+        assert not np.array_equal(y, usual)
+        state = component.save()
+        u = still(run, model, y)
+        for k in range(20):
+            model.step(k * H, H, u)
+            model.outputs(y)
+            model.link_outputs(links)
+            component.u[:] = u
+            component.write()
+            component.step(k * H, H)
+            component.read()
+            component.read_links()
+            np.testing.assert_array_equal(component.y, y)
+            np.testing.assert_array_equal(component.y_links, links)
+        content = component.dump(state)
+        first = component.restore(state) or component.read() or component.y.copy()
+        with begun(case) as other:  # of other parameters until it takes the state
+            other.restore(other.load(content))
+            other.u[:] = u
+            other.write()
+            other.step(0.0, H)
+            other.read()
+            component.u[:] = u
+            component.write()
+            component.step(0.0, H)
+            component.read()
+            np.testing.assert_array_equal(other.y, component.y)
+            assert not np.array_equal(other.y, first)
+    for name, value in parameters.items():  # each acts, or would with others
+        assert own[name] != value, name
+
+
+def still(run, model, y):
+    """Inputs of a part whose surroundings stand still where it starts."""
+    wheels = [port.name.rpartition(".position")[0] for port in model.ports
+              if port.causality == "input" and port.name.endswith(".position.x")]  # fmt: skip
+    if run.part.kind.startswith("Track"):
+        x, z = np.array([wheel["position"] for wheel in model.wheel_list]).T
+        return np.concatenate([model.pose.standing(a, model.lateral, b) for a, b in zip(x, z, strict=True)])
+    u = run.u[-1].copy()
+    if wheels:  # a mount or a hull: somewhere near
+        u[:3] = y[:3]
+    return u
+
+
+@pytest.mark.parametrize("case", FEW[1:], ids=lambda case: f"{case.part}-{case.links}")
+def test_free_parameters_act_as_in_the_model(case):
+    assert_free(case)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("case", [case for case in MANY if case.part.endswith("track")], ids=str)
+def test_free_parameters_of_tracks_act_as_in_the_model(case):
+    assert_free(case)
+
+
+@pytest.mark.parametrize(
+    ("case", "parameters", "said"),
+    [
+        (DRIVE, {"brake.speed": 0.0}, r"brake\.speed = 0: must be greater than 0"),
+        (DRIVE, {"ramp.end": -1.0}, r"ramp\.end = -1 s must not be before ramp\.start"),
+        (DRIVE, {"start.angle": float("inf")}, r"start\.angle = inf: must be a finite number"),
+        (CHASSIS, {"step": -2.5e-4}, r"step = -0\.00025: must be greater than 0"),
+    ],
+)
+def test_what_free_parameters_cannot_be_is_refused_as_in_the_model(case, parameters, said):
+    run = ran(case)
+    with pytest.raises(InvalidParameter, match=said):
+        type(run.member.model)(run.part.config).initialise(run.part.parameters | parameters)
+    with Component(native(case), "part") as component, pytest.raises(ComponentFailed, match=said):
+        component.initialise(run.part.parameters | parameters)
+
+
+def test_choices_are_refused_by_what_there_is():
+    said = r"mode = 'fast': must be one of speed, torque, controller"
+    with Component(native(DRIVE), "part") as component, pytest.raises(ComponentFailed, match=said):
+        component.initialise({"mode": "fast"})
+
+
+@pytest.mark.parametrize("links", ["flexible", "rigid"])
+def test_one_file_serves_both_sides(links):
+    """Of a vehicle that turns: tracks differ by their lateral place, drives by their speed."""
+    parts = {part.name: part for part in assemble(placed(load("turn", links))).parts}
+    for name in ("track", "drive"):
+        left, right = (parts[f"{side}_{name}"] for side in ("left", "right"))
+        assert left.parameters != right.parameters
+        one, other = (held(part.kind, part.config, part.parameters) for part in (left, right))
+        assert one == other
 
 
 def test_a_wrong_guid_is_refused():
@@ -283,21 +430,22 @@ def test_a_wrong_guid_is_refused():
 
 def test_equal_sources_give_equal_bytes():
     part = ran(DRIVE).part
-    one, other = (pack._pack(part.kind, part.config, part.parameters, "a") for _ in range(2))
+    config = held(part.kind, part.config, part.parameters)
+    one, other = (pack._pack(part.kind, config, "a") for _ in range(2))
     assert one == other
-    assert one != pack._pack(part.kind, part.config, {**part.parameters, "speed.end": 3.0}, "a")
+    assert one != pack._pack(part.kind, {**config, "parameters": {"speed.end": 3.0}}, "a")
 
 
 def test_what_is_missing_is_a_sentence(monkeypatch):
     part = ran(DRIVE).part
-    changed = {**part.parameters, "speed.end": 4.0}
+    changed = {**part.config, "parameters": {"speed.end": 4.0}}
     with monkeypatch.context() as patch:
         patch.setattr(pack, "version", lambda name: "1.0")
         with pytest.raises(BuildFailed, match=r"made with numba 0\.6x, whose insides they know, not 1\.0"):
-            build_native(part.kind, part.config, changed)
+            build_native(part.kind, changed)
     monkeypatch.setattr(link, "find_spec", lambda name: None)
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(BuildFailed, match=r"native FMUs need a C compiler: pip install 'cotrack\[native\]'"):
-        build_native(part.kind, part.config, changed)
+        build_native(part.kind, changed)
     with pytest.raises(BuildFailed, match="no kind of component is called 'Nothing'"):
-        build_native("Nothing", {}, {})
+        build_native("Nothing", {})

@@ -220,7 +220,7 @@ def test_energy_over_the_ground_is_what_moves():
     assert model.report[KINETIC] == pytest.approx(kinetic, rel=1e-9)
 
 
-@pytest.mark.parametrize("integrator", [IMPLICIT, EXPLICIT])
+@pytest.mark.parametrize("integrator", [IMPLICIT, pytest.param(EXPLICIT, marks=pytest.mark.study)])
 def test_a_state_that_is_put_back_goes_on_to_the_bit(integrator):
     model = make(ALONE, axes="free", integrator=integrator, **{"material.youngs_modulus": 2e9})
     driven(model, 1e-3, 1.5, 100)

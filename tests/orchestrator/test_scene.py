@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fmus import vehicle
-from fmus.start import start
+from fmus.start import orientation, start
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import describe
 from orchestrator.scene import gallery
@@ -255,7 +255,7 @@ def test_half_a_turn_of_roll():
     """The pose that the parts are told is that of the roll: R_z(heading) R_y(pitch) R_x(half a turn)."""
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
     for part in assemble(scene).parts:
-        w, x, y, z = start(part.parameters).quaternion
+        w, x, y, z = orientation(start(part.parameters))
         found = Rotation.from_quat([x, y, z, w])
         rolled = Rotation.from_euler("ZYX", [0.3, 0.2, np.pi])
         assert (found.inv() * rolled).magnitude() < 1e-12
