@@ -258,7 +258,7 @@ class TrackModel(Component):
         self.pose = start(p)
         self.lateral = p["start.lateral"]
         self.max_step, self.integrator = p["step"], p["integrator"]
-        self.contacts = self._partners(p)
+        self.contacts = self.partners(p)
         self.environment = self._environment()
         self.start_rows[:] = 0.0
         for row, wheel in zip(self.start_rows, self.wheel_list, strict=True):
@@ -321,7 +321,7 @@ class TrackModel(Component):
             ),
         )
 
-    def _partners(self, p: Mapping[str, Any]) -> Any:
+    def partners(self, p: Mapping[str, Any]) -> Any:
         """What the chain touches (a ``fmus.contacts.Contacts``); None, and nothing of it imported, for nothing."""
         if not (self.wheel_list or self.config["ground"]):
             return None

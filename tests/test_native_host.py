@@ -7,6 +7,7 @@ import subprocess
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from vehicle_in_process import InProcess
 
 from fmus.native.link import compiler
 from orchestrator.cosim.component import Component, unpack
-from orchestrator.scene.assembly import assemble, build_native_all, placed
+from orchestrator.scene.assembly import assemble, build_all, build_native_all, placed
 from orchestrator.scene.scene import load
 
 HOST = Path(__file__).parent / "host" / "host.c"
@@ -111,3 +112,47 @@ def test_libcosim_drives_the_vehicle(tmp_path):
             assert np.array_equal(component.y, values)
         chassis = known["chassis"][1]
         assert chassis.y[chassis.outputs.index("distance")] > 0.1, "it drove"
+
+
+@pytest.mark.benchmark
+def test_times_of_kinds_in_hosts(tmp_path, capsys):
+    """Set, step and get, us, median: native ones in the C host; native and Python ones by fmpy, steps in turn."""
+    settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s", "drive.ramp_start=0", "drive.ramp_time=0.5")
+    vehicle = InProcess(load("straight", "flexible", settings))
+    assembly = assemble(vehicle.scene)
+    files = built(assembly)
+    said = subprocess.run(
+        [host(tmp_path)], input=told(assembly, files, 1e-3, 3000), capture_output=True, text=True, env={}
+    )
+    in_c = {p.name: float(line.split()[0]) for p, line in zip(assembly.parts, said.stdout.splitlines(), strict=False)}
+    ours = build_all([(part.kind, part.config | {"parameters": part.parameters}, None) for part in assembly.parts])
+    rows = []
+    with ExitStack() as stack:
+        pairs = {}
+        for part, *both in zip(assembly.parts, files, ours, strict=True):
+            if part.name not in ("right_track", "right_drive"):
+                pairs[part.name] = [stack.enter_context(Component(file, part.name)) for file in both]
+        spent = {name: ([], []) for name in pairs}
+        for pair in pairs.values():
+            for component in pair:
+                component.initialise({})
+        references = {
+            name: [[{v.name: v.valueReference for v in pair[0].description.modelVariables}[port] for port in ports]
+                   for ports in (pair[0].inputs, pair[0].outputs)]
+            for name, pair in pairs.items()
+        }  # fmt: skip
+        for k in range(500):
+            for name, pair in pairs.items():
+                u = vehicle[name].u.tolist()
+                for component, times in zip(pair, spent[name], strict=True):
+                    fmu, (inputs, outputs) = component._fmu, references[name]
+                    began = perf_counter()
+                    fmu.setReal(inputs, u)
+                    fmu.doStep(k * 1e-3, 1e-3)
+                    fmu.getReal(outputs)
+                    times.append(1e6 * (perf_counter() - began))
+            vehicle.step()
+    for name, (native, python) in spent.items():
+        rows.append(f"{name:12} {in_c[name]:8.1f} {np.median(native):8.1f} {np.median(python):8.1f}")
+    with capsys.disabled():
+        print("\n                in C  native   Python, us", *rows, sep="\n")

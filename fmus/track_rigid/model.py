@@ -23,6 +23,7 @@ from fmus.physics.rigid.augmented import Ends
 from fmus.ports import Port
 from fmus.track import TrackModel, spectral_radius
 
+FRICTION = "friction", "friction_velocity"
 REST = Method(BACKWARD, 0.01 * FORCE, False)  # towards static equilibrium
 
 
@@ -46,6 +47,9 @@ class Model(TrackModel):
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)
+        own = self.vehicle["contact"]
+        drawn = {f"contact.{pair}.{key}": own[pair][key] for pair in own for key in ("damping", *FRICTION)}
+        self._drawn = self.partners({**p, **drawn})
         self.link = RigidLinks(0.5 * self.pitch, v["face"], 0.25 * v["width"], v["mass"], inertia, ends)
         self.work = work(self.links_count, self.closed, len(self.wheel_list), self.soiled)
 
@@ -58,7 +62,9 @@ class Model(TrackModel):
         s, w = self.s, self.work
         place(self.link, pins, s, w)
         if rest and not spin:
-            failure, _, link, residual = settle(*self.system(), REST, self.start_rows, s, w, self.counters)
+            # friction and damping fade on the way: the vehicle's, so that the end knows nothing of their parameters
+            links, _, env = self.system()
+            failure, _, link, residual = settle(links, self._drawn, env, REST, self.start_rows, s, w, self.counters)
             if failure:
                 raise StepFailed(
                     f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"

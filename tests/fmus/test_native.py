@@ -286,7 +286,7 @@ MOTOR = {
     "controller.proportional": 5000.0, "controller.integral": 9000.0, "torque.limit": 4000.0,
 }  # fmt: skip
 LAWS = {f"contact.{pair}.{key}": value for pair in ("sprocket", "wheel", "ground")
-        for key, value in {"damping": 900.0, "friction": 0.3, "friction_velocity": 0.03}.items()}  # fmt: skip
+        for key, value in {"damping": 900.0, "friction": 0.35, "friction_velocity": 0.03}.items()}  # fmt: skip
 OTHERS = {  # other values of all that is free, of each kind
     "SprocketDrive": {
         **PLACE, **MOTOR, "start.lateral": 0.1, "start.angle": 0.3, "mode": "controller", "extrapolation": "velocity",
