@@ -136,6 +136,7 @@ def test_times_of_kinds_in_hosts(tmp_path, capsys):
         for pair in pairs.values():
             for component in pair:
                 component.initialise({})
+                component._fmu.component = component._handle  # fmpy's own calls, wrappers and all
         references = {
             name: [[{v.name: v.valueReference for v in pair[0].description.modelVariables}[port] for port in ports]
                    for ports in (pair[0].inputs, pair[0].outputs)]

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -30,6 +31,14 @@ def compiler() -> list[str]:
         if found := shutil.which(name):
             return [found]
     raise NoCompiler("native FMUs need a C compiler: pip install 'cotrack[native]' brings one")
+
+
+def release() -> str:
+    """Which compiler that is."""
+    if find_spec("ziglang"):
+        return f"ziglang {version('ziglang')}"
+    done = subprocess.run([*compiler(), "--version"], capture_output=True, text=True)
+    return done.stdout.partition("\n")[0]
 
 
 def link(objects: Sequence[Path], include: Path, library: Path) -> None:

@@ -20,7 +20,7 @@ from fmus.jit import source_hash
 from fmus.native.emit import emit
 from fmus.native.entries import entries, names
 from fmus.native.header import header, image
-from fmus.native.link import HERE, NoCompiler, compiler, link
+from fmus.native.link import HERE, NoCompiler, compiler, link, release
 from fmus.ports import Port, variables
 
 NUMBA = ("0.6",)  # begins the versions whose insides the runtime and the entries are made for
@@ -43,13 +43,13 @@ def build_native(kind: str, config: Mapping[str, Any], folder: Path | None = Non
         raise BuildFailed(f"native FMUs are made with numba {known}, whose insides they know, not {version('numba')}")
     try:
         made = json.dumps(config, sort_keys=True, allow_nan=False)
-        command = compiler()
+        by = [*compiler()[1:], release()]
     except (TypeError, ValueError) as error:
         raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
     except NoCompiler as error:
         raise BuildFailed(str(error)) from None
     sources = [(HERE / each).read_text(encoding="utf-8") for each in ("shell.c", "runtime.c", "fmi2.h")]
-    parts = ["native", version("numba"), version("llvmlite"), *command[1:], source_hash(), *sources, kind, made]
+    parts = ["native", version("numba"), version("llvmlite"), *by, source_hash(), *sources, kind, made]
     digest = hashlib.sha256("\0".join(parts).encode())
     guid = str(uuid.UUID(bytes=digest.digest()[:16]))
     return built(digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid), folder)

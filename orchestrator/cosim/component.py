@@ -399,9 +399,9 @@ class Component(AbstractContextManager["Component"]):
         """The same in another thread, to be ended with ``join``."""
         helper.ask(self._begin(t).errand, t, h, not self._states)
 
-    def join(self, helper: Beside) -> float:
-        """Wait for that; s that it took."""
-        return self._end(helper.wait())
+    def join(self, helper: Beside) -> None:
+        """Wait for that."""
+        self._end(helper.wait())
 
     def _begin(self, t: float) -> Board:
         if self._handle is None:
@@ -418,12 +418,11 @@ class Component(AbstractContextManager["Component"]):
             self._messages.clear()
         return self._board
 
-    def _end(self, report: Report) -> float:
+    def _end(self, report: Report) -> None:
         self.wall_time += report.seconds
         if report.failed:
             names = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
             raise self._failure(names[Errand._fields[report.failed]], report.status)
-        return report.seconds
 
     def read_links(self) -> None:
         """The outputs of links go into ``y_links``."""

@@ -101,7 +101,7 @@ def test_an_exchange_beside_is_the_exchange(toy):
             two.write()
             two.step(i * H, H)
             two.read()
-            assert one.join(helper) > 0.0
+            one.join(helper)
             assert np.array_equal(one.y, two.y)
         assert one.wall_time > 0.0
         one.initialise({"trouble": "raise"})

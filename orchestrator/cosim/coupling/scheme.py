@@ -12,8 +12,6 @@ from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 
 LONG = 5e-5  # s: in a shorter step an FMU of ours is mostly Python, which runs in one thread at a time
-# steps one after the other when side by side has taken longer so often: the processors have other work
-ALONE, OFTEN = 200, 5
 Given = Callable[[Feed], Floats]  # what a feed hands over
 
 
@@ -46,8 +44,6 @@ class Scheme:
         self._threads = threads
         self._helpers: list[Beside] = []
         self._spent: dict[str, float] = {}  # s, by the last member of each group in its last step
-        self._alone: dict[str, int] = {}  # likewise: steps that are still to be done one after the other
-        self._worse: dict[str, int] = {}  # likewise: how often, of late, side by side took longer
 
     def __enter__(self) -> Scheme:
         width = max(len(group) for group in self.groups())
@@ -77,9 +73,7 @@ class Scheme:
     def step(self, group: Sequence[Member], t: float, h: float) -> None:
         """Members of a group over [t, t + h] at once; the first failure of the group is raised when all have ended."""
         *others, last = group
-        name, began, busy = last.component.name, perf_counter(), 0.0
-        self._alone[name] = alone = max(self._alone.get(name, 0) - 1, 0)
-        helpers = self._helpers if not alone and self._spent.get(name, LONG) >= LONG else []
+        helpers = self._helpers if self._spent.get(last.component.name, LONG) >= LONG else []
         beside: list[tuple[Component, Beside]] = []
         failures: list[ComponentFailed] = []
         try:
@@ -93,16 +87,11 @@ class Scheme:
         finally:
             for component, helper in beside:
                 try:
-                    busy += component.join(helper)
+                    component.join(helper)
                 except ComponentFailed as failure:
                     failures.append(failure)
         if failures:
             raise failures[0]
-        if beside:
-            longer = perf_counter() - began > busy + self._spent[name]
-            self._worse[name] = worse = max(self._worse.get(name, 0) + (1 if longer else -1), 0)
-            if worse > OFTEN:
-                self._alone[name], self._worse[name] = ALONE, 0
 
     def _timed(self, member: Member, t: float, h: float) -> None:
         began = perf_counter()
