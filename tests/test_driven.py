@@ -82,6 +82,8 @@ def test_a_driver_and_a_path_can_be_left_out():
 def test_a_file_of_points_loses_no_line(tmp_path, monkeypatch, head):
     (tmp_path / "way.csv").write_text(f"{head}0,0\n5,0\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "arcs.csv").write_text(f"{head}4,0\n10,0.08\n", encoding="utf-8")
+    assert load("serpentine", "rigid", ["driver.arcs=arcs.csv"]).driver.arcs == ((4.0, 0.0), (10.0, 0.08))
     settings = ["driver.arcs=false", "driver.points=way.csv"]
     assert load("serpentine", "rigid", settings).driver.points == ((0.0, 0.0), (5.0, 0.0))
     (tmp_path / "way.csv").write_text("0,O\n5,0\n9,0\n")

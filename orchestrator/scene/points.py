@@ -1,4 +1,4 @@
-"""Quantities over time, or points of a path, that stand in a CSV file: read with a scene, so a log needs no other."""
+"""Quantities over time, or points or arcs of a path, that stand in a CSV file: read with a scene, so a log needs no other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from fmus.vehicle import BadInput
 
 Tables = dict[str, Any]  # of a raw scene
-POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "points")
+POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "points", "arcs")
 DRIVES = ("drive", "idler_drive", "driver")
 
 

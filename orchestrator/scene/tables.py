@@ -330,7 +330,7 @@ class Driver(Table):
     driver's own default.
     """
 
-    # [length, curvature], left positive
+    # [length, curvature], left positive, or a CSV file of them
     arcs: Annotated[tuple[tuple[Distance, Curvature], ...] | None, BeforeValidator(off)] = None
     # [x, y] of a smooth path, or a CSV file of them
     points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(off)] = None
