@@ -1,4 +1,7 @@
-"""The monolith and the truth: order, energy, third law, and co-simulation converging to it."""
+"""The monolith and the truth: order, energy, third law, and co-simulation converging to it.
+
+Monoliths with wheels or drives take half a minute to compile: they are a study.
+"""
 
 import json
 from concurrent.futures import ThreadPoolExecutor
@@ -95,6 +98,7 @@ def test_books_of_chassis_and_drives_close(driven):
             assert spin < 1e-9 < twin
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("mode", ["torque", "controller"])
 def test_books_of_a_drive_that_spins_by_itself_close(mode, tmp_path):
     settings = ("run.step=1ms", *DRIVEN, "run.stop=0.01", f"drive.mode={mode}", "drive.torque=2000")
@@ -104,6 +108,7 @@ def test_books_of_a_drive_that_spins_by_itself_close(mode, tmp_path):
         assert open_part(log, "left_drive", ("port.work", "energy.work"), STORED[:2])[0] < 1e-9
 
 
+@pytest.mark.study
 def test_a_speed_that_jumps(tmp_path):
     """Within a step, at once and in 0.1 ms: the motor works for it, and the chassis takes the reaction."""
     found = []
