@@ -1,4 +1,4 @@
-"""Quantities over time, points or arcs of a path that stand in a CSV file: read with a scene, so a log needs no other."""
+"""Quantities over time, points or arcs of a path in a CSV file: read with a scene, so that a log needs no other."""
 
 from __future__ import annotations
 
