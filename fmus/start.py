@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from fmus.jit import kernel, plain
 
-Triple = tuple[float, float, float]
 KEYS = tuple(f"start.{key}" for key in ("position.x", "position.y", "position.z", "heading", "height", "pitch"))
 X, Y, Z, HEADING, HEIGHT, PITCH = range(6)
 
@@ -22,16 +21,6 @@ class Start(NamedTuple):
     heading: float  # rad
     height: float  # m
     pitch: float  # rad, nose down positive
-
-    @property
-    def origin(self) -> Triple:
-        """Of the vehicle frame in the world, m."""
-        return self.x, self.y, self.z + self.height
-
-    def place(self, x: float, y: float, z: float) -> Triple:
-        """A point of the vehicle frame in the world, m."""
-        found: Triple = plain(place)(self, x, y, z)
-        return found
 
     def pitched(self, x: Any, z: Any) -> tuple[Any, Any]:
         """A point (x, z) of the vehicle's plane, seen from the origin along the heading."""
@@ -58,7 +47,7 @@ def pitched(p, x, z):
 
 @kernel
 def place(p, x, y, z):
-    """See ``Start``."""
+    """A point of the vehicle frame in the world, m."""
     x, z = pitched(p, x, z)
     c, s = math.cos(p[HEADING]), math.sin(p[HEADING])
     return p[X] + c * x - s * y, p[Y] + s * x + c * y, p[Z] + p[HEIGHT] + z

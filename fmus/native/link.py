@@ -33,7 +33,7 @@ def compiler() -> list[str]:
     raise NoCompiler("native FMUs need a C compiler: pip install 'cotrack[native]' brings one")
 
 
-def release() -> str:
+def compiler_release() -> str:
     """Which compiler that is."""
     if find_spec("ziglang"):
         return f"ziglang {version('ziglang')}"

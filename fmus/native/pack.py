@@ -20,7 +20,7 @@ from fmus.jit import source_hash
 from fmus.native.emit import emit
 from fmus.native.entries import entries, names
 from fmus.native.header import header, image
-from fmus.native.link import HERE, NoCompiler, compiler, link, release
+from fmus.native.link import HERE, NoCompiler, compiler, compiler_release, link
 from fmus.ports import Port, variables
 
 NUMBA = ("0.6",)  # begins the versions whose insides the runtime and the entries are made for
@@ -43,7 +43,7 @@ def build_native(kind: str, config: Mapping[str, Any], folder: Path | None = Non
         raise BuildFailed(f"native FMUs are made with numba {known}, whose insides they know, not {version('numba')}")
     try:
         made = json.dumps(config, sort_keys=True, allow_nan=False)
-        by = [*compiler()[1:], release()]
+        by = [*compiler()[1:], compiler_release()]
     except (TypeError, ValueError) as error:
         raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
     except NoCompiler as error:

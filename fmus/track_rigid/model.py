@@ -23,7 +23,6 @@ from fmus.physics.rigid.augmented import Ends
 from fmus.ports import Port
 from fmus.track import TrackModel, spectral_radius
 
-FRICTION = "friction", "friction_velocity"
 REST = Method(BACKWARD, 0.01 * FORCE, False)  # towards static equilibrium
 
 
@@ -48,7 +47,11 @@ class Model(TrackModel):
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)
         own = self.vehicle["contact"]
-        drawn = {f"contact.{pair}.{key}": own[pair][key] for pair in own for key in ("damping", *FRICTION)}
+        drawn = {
+            f"contact.{pair}.{key}": own[pair][key]
+            for pair in own
+            for key in ("damping", "friction", "friction_velocity")
+        }
         self._drawn = self.partners({**p, **drawn})
         self.link = RigidLinks(0.5 * self.pitch, v["face"], 0.25 * v["width"], v["mass"], inertia, ends)
         self.work = work(self.links_count, self.closed, len(self.wheel_list), self.soiled)

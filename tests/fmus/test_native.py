@@ -346,7 +346,7 @@ def assert_free(case):
             np.testing.assert_array_equal(component.y, y)
             np.testing.assert_array_equal(component.y_links, links)
         content = component.dump(state)
-        first = component.restore(state) or component.read() or component.y.copy()
+        component.restore(state)
         with begun(case) as other:  # of other parameters until it takes the state
             other.restore(other.load(content))
             other.u[:] = u
@@ -358,9 +358,7 @@ def assert_free(case):
             component.step(0.0, H)
             component.read()
             np.testing.assert_array_equal(other.y, component.y)
-            assert not np.array_equal(other.y, first)
-    for name, value in parameters.items():  # each acts, or would with others
-        assert own[name] != value, name
+    assert all(own[name] != value for name, value in parameters.items())
 
 
 def still(run, model, y):
