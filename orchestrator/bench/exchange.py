@@ -12,9 +12,8 @@ from orchestrator.bench.timing import Floats, laps, per_step
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
-from orchestrator.execution.manifest import manifest, strides
+from orchestrator.execution.manifest import open_log
 from orchestrator.execution.simulate import opened
-from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import TrackScene
 from orchestrator.studies.tables import ABOUT, COST, Column
 
@@ -44,8 +43,7 @@ def _run(scene: TrackScene, path: Path) -> tuple[Floats, Floats, float]:
     with ExitStack() as stack:
         placed, graph, components = opened(scene, stack, None)
         scheme = stack.enter_context(alone(wire(graph, components)))
-        described = manifest(placed, graph, components)
-        recorder = stack.enter_context(Recorder(path, *described, every=strides(placed, components)))
+        recorder = stack.enter_context(open_log(path, placed, graph, components, scheme))
         logging = Logging(recorder, list(components.values()), STATS_EVERY)
         packing = time.process_time() - time.thread_time()
         _, log = laps(steps, lambda k: scheme.advance(k * h, h), lambda k: logging(k, k * h, h))

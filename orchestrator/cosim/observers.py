@@ -10,12 +10,28 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recorded
 from orchestrator.cosim.narration import Narration
 from orchestrator.log.recorder import Recorder
+from orchestrator.log.wire import Wire
 
 REFRESH = 0.2  # s of wall time between updates of the bar
 STATS = ("wall_time",)  # of /stats/<instance>, after the counters
+
+
+def wires(scheme: Scheme) -> dict[str, list[Wire]]:
+    """By topic, the inputs that a coupling makes of outputs before and after a step and of nothing else."""
+    found: dict[str, list[Wire]] = {}
+    for member in scheme.members:
+        component, wired = member.component, found.setdefault(f"/{member.component.name}/in", [])
+        for feed in member.feeds:
+            rule = scheme.rule(feed, feed.source.name in scheme.stepped(member))
+            if rule is not None:
+                outputs = tuple(feed.source.outputs[k] for k in feed.outputs)
+                inputs = tuple(component.inputs[k] for k in feed.inputs)
+                wired.append(Wire(f"/{feed.source.name}/out", rule, outputs, inputs))
+    return found
 
 
 class Logging:
@@ -25,18 +41,17 @@ class Logging:
         self.recorder = recorder
         self.components = components
         self.stats_every = stats_every
-        self._inputs = recorder.together([f"/{component.name}/in" for component in components])
-        self._outputs = recorder.together([f"/{component.name}/out" for component in components])
+        self._step = recorder.together(
+            [f"/{component.name}/in" for component in components],
+            [f"/{component.name}/out" for component in components],
+        )
+        self._values = [component.u for component in components] + [component.y for component in components]
         self._links = [(component, f"/{component.name}/links") for component in components if component.links]
-        self._began = 0.0  # where the next step begins, s
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Record step k - 1's inputs and the outputs that belong to time t."""
         recorder, components = self.recorder, self.components
-        if k:
-            recorder.write(self._inputs, k - 1, self._began, h, *[component.u for component in components])
-        self._began = t
-        recorder.write(self._outputs, k, t, h, *[component.y for component in components])
+        recorder.write(self._step, k, t, h, *self._values)
         for component, topic in self._links:
             if recorder.due(topic, k):
                 component.read_links()

@@ -11,12 +11,29 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recorded, System
-from orchestrator.cosim.observers import STATS
+from orchestrator.cosim.observers import STATS, wires
+from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import Scene
 
 PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
 STATS_PERIOD = 0.1  # s of simulated time between records of cost
+
+
+def open_log(
+    path: Path,
+    scene: Scene,
+    graph: System,
+    components: Mapping[str, Recorded],
+    scheme: Scheme,
+    about: Mapping[str, str] | None = None,
+) -> Recorder:
+    """The log of a run, begun; ``about``: what else there is to say of the run. Raises LogFailed."""
+    topics, attachments, metadata = manifest(scene, graph, components)
+    metadata["run"] |= about or {}
+    wired = wires(scheme) if scene.run.outputs == 1 else {}
+    return Recorder(path, topics, attachments, metadata, every=_strides(scene, components), wires=wired)
 
 
 def manifest(
@@ -72,7 +89,7 @@ def describe(graph: System) -> dict[str, Any]:
     }
 
 
-def strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
+def _strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
     """Every how many steps a topic is recorded."""
     every = {"out": scene.run.outputs, "links": scene.run.links}
     return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}

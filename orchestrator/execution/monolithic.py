@@ -16,11 +16,11 @@ from orchestrator.cosim import master
 from orchestrator.cosim.component import LINK_FAMILIES, ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import Stages, wire
+from orchestrator.cosim.graph import Feed, Stages, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
-from orchestrator.execution.manifest import STATS_PERIOD, manifest, strides
-from orchestrator.log.recorder import Recorder
+from orchestrator.execution.manifest import STATS_PERIOD, open_log
+from orchestrator.log.wire import Rule
 from orchestrator.scene.assembly import Assembly, assemble, placed, system
 from orchestrator.scene.scene import TrackScene
 
@@ -89,15 +89,16 @@ class Whole(Scheme):
             part.read()
         self._feed(early=False)
 
+    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+        """The inputs that a log holds for a step: motions at its beginning, means over it."""
+        return "end" if stepped else "start"
+
     def _feed(self, early: bool) -> None:
-        """The inputs that a log holds for a step: motions at its beginning (``early``), means over it."""
-        done: set[str] = set()
-        for stage in self.stages:
-            for member in stage:
-                for feed in member.feeds:
-                    if (feed.source.name not in done) == early:
-                        member.component.u[feed.inputs] = feed.source.y[feed.outputs]
-            done |= {member.component.name for member in stage}
+        """The inputs at the beginning of a step (``early``), or those that it made."""
+        for member in self.members:
+            for feed in member.feeds:
+                if (feed.source.name in self.stepped(member)) != early:
+                    member.component.u[feed.inputs] = feed.source.y[feed.outputs]
 
 
 def parts_of(assembly: Assembly) -> list[Part]:
@@ -128,14 +129,9 @@ def run(
     whole = Whole(wire(graph, parts), monolith)
     clock = master.Clock(scene.run.step, scene.run.steps)
     step = clock.step / np.ceil(clock.step / monolith.step - 1e-9)
-    topics, attachments, metadata = manifest(scene, graph, parts)
-    metadata["run"] |= {
-        "coupling": "monolithic",
-        "integrator": "runge_kutta",
-        "internal_step": repr(float(step)),
-    }
+    about = {"coupling": "monolithic", "integrator": "runge_kutta", "internal_step": repr(float(step))}
     with ExitStack() as stack:
-        recorder = stack.enter_context(Recorder(path, topics, attachments, metadata, every=strides(scene, parts)))
+        recorder = stack.enter_context(open_log(path, scene, graph, parts, whole, about))
         stats_every = max(1, round(STATS_PERIOD / clock.step))
         observers: list[master.Observer] = [Logging(recorder, list(parts.values()), stats_every)]
         if narration:

@@ -25,9 +25,9 @@ from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.execution import estimate, summary
-from orchestrator.execution.manifest import STATS_PERIOD, manifest, strides
+from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.recorder import LogFailed, Recorder, check_writable
+from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import Scene, TrackScene
@@ -92,7 +92,7 @@ def _simulate(
             done, reached = k, t
 
         try:
-            with Recorder(path, *manifest(scene, graph, components), every=strides(scene, components)) as recorder:
+            with open_log(path, scene, graph, components, scheme) as recorder:
                 stats_every = max(1, round(STATS_PERIOD / pace.step))
                 observers: list[master.Observer] = [
                     count,

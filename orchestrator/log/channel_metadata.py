@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from orchestrator.log import schema
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.log.time_series import Topic
+from orchestrator.log.wire import RULES, Wire
+
+FIELDS = set(Wire._fields)
 
 
 class Recorded(NamedTuple):
@@ -16,37 +19,73 @@ class Recorded(NamedTuple):
 
     topic: str
     about: Topic
+    columns: tuple[int, ...]  # of its variables, those that its messages hold
     layout: schema.Layout
 
 
-def texts(variables: Sequence[tuple[str, str]], every: int) -> dict[str, str]:
-    """The metadata of a channel of (variable, unit)."""
-    names = [name for name, _ in variables]
-    return {
-        "names": json.dumps(names),
-        "units": json.dumps([unit for _, unit in variables]),
-        "places": json.dumps(schema.places(names)),
-        "every": str(every),
+def recorded(topic: str, about: Topic) -> Recorded:
+    """The channel of a topic; raises ValueError for one that no message can be made of."""
+    wired = {name for wire in about.wires for name in wire.inputs}
+    columns = tuple(column for column, name in enumerate(about.names) if name not in wired)
+    layout = schema.layout(schema.places([about.names[column] for column in columns]))
+    return Recorded(topic, about, columns, layout)
+
+
+def texts(channel: Recorded) -> dict[str, str]:
+    """Its metadata; a variable that a wire has has no place in its messages."""
+    about = channel.about
+    places = dict(zip(channel.columns, schema.places([about.names[k] for k in channel.columns]), strict=True))
+    found = {
+        "names": json.dumps(about.names),
+        "units": json.dumps(about.units),
+        "places": json.dumps([places.get(column, "") for column in range(len(about.names))]),
+        "every": str(about.every),
     }
+    return found | ({"wires": json.dumps([wire._asdict() for wire in about.wires])} if about.wires else {})
 
 
-def recorded(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
+def read(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
     """The channel of these metadata, whose schema is ``described``; raises LookupError, ValueError, RecursionError."""
-    names, units, where = (_texts(about[key]) for key in ("names", "units", "places"))
-    if not len(names) == len(set(names)) == len(units) == len(where):
+    names, units, places = (_texts(about[key]) for key in ("names", "units", "places"))
+    if not len(names) == len(set(names)) == len(units) == len(places):
         raise ValueError("names, units and places do not belong together")
     every = int(about["every"])
     if not 1 <= every <= MOST_STEPS:
         raise ValueError(f"a topic is not recorded every {every} steps")
-    layout = schema.layout(where)
+    wires = _wires(about["wires"]) if "wires" in about else ()
+    columns = tuple(column for column, place in enumerate(places) if place or not wires)
+    wired = [name for wire in wires for name in wire.inputs]
+    if sorted(wired) != sorted(set(names) - {names[column] for column in columns}):
+        raise ValueError("what has no place has no wire")
+    if wires and every != 1:
+        raise ValueError("wires are of every step")
+    layout = schema.layout([places[column] for column in columns])
     if not schema.describes(described, layout.fields):
         raise ValueError("schema and places differ")
-    return Recorded(topic, Topic(names, units, every), layout)
+    return Recorded(topic, Topic(names, units, every, wires), columns, layout)
+
+
+def _wires(text: str) -> tuple[Wire, ...]:
+    """A JSON list of wires."""
+    found = json.loads(text)
+    if not isinstance(found, list) or not all(isinstance(each, dict) and each.keys() == FIELDS for each in found):
+        raise ValueError("not a list of wires")
+    wires = []
+    for each in found:
+        outputs, inputs = (_all_texts(each[key]) for key in ("outputs", "inputs"))
+        if len(outputs) != len(inputs) or each["rule"] not in RULES:
+            raise ValueError("a wire is not told as one")
+        (source,) = _all_texts([each["source"]])
+        wires.append(Wire(source, each["rule"], outputs, inputs))
+    return tuple(wires)
 
 
 def _texts(text: str) -> tuple[str, ...]:
     """A JSON list of texts."""
-    found = json.loads(text)
+    return _all_texts(json.loads(text))
+
+
+def _all_texts(found: object) -> tuple[str, ...]:
     if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
         raise ValueError("not a list of texts")
     "".join(found).encode()  # half a surrogate pair is JSON, but no text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import zstandard
@@ -13,7 +13,6 @@ from mcap.records import Chunk
 from orchestrator.log.channel_metadata import Recorded
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
 from orchestrator.log.message_records import Messages, all_of_size, offsets_by_channel, size_of
-from orchestrator.log.time_series import EVER
 
 KEEP = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
 _SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
@@ -40,19 +39,14 @@ class Chunks:
         self.spans[offset] = 1e-9 * first, 1e-9 * last
         self._file.let_go(offset)
 
-    def passing(
-        self, topics: Collection[str], offsets: Iterable[int], window: tuple[float, float] = EVER
-    ) -> Iterator[Messages]:
-        """The messages of topics in the chunks at these offsets that have any of a time in the window, s; not kept."""
-        for offset in offsets:
-            first, last = self.spans[offset]
-            if first <= window[1] + 1e-6 and last >= window[0] - 1e-6:
-                yield from (messages for messages in self.read(offset, keep=False) if messages.topic in topics)
+    def read(self, offset: int, topics: Collection[str] | None = None, keep: bool = True) -> list[Messages]:
+        """The message records of a chunk by channel, of topics or of all; raises LogUnreadable."""
+        piece = self.unpacked.get(offset)
+        if piece is None:
+            piece = self._unpack(offset, keep)
+        return [messages for messages in piece if topics is None or messages.topic in topics]
 
-    def read(self, offset: int, keep: bool = True) -> list[Messages]:
-        """The message records of a chunk by channel; raises LogUnreadable."""
-        if offset in self.unpacked:
-            return self.unpacked[offset]
+    def _unpack(self, offset: int, keep: bool) -> list[Messages]:
         try:
             content = _content(self._file.record(Chunk, offset))
             if offset not in self._inside:
@@ -90,7 +84,8 @@ def _messages(content: bytes, channel: Recorded, offsets: Sequence[int]) -> Mess
         rows = np.frombuffer(content, np.uint8, size * len(offsets), offsets[0])
     else:
         rows = np.frombuffer(b"".join(content[offset : offset + size] for offset in offsets), np.uint8)
-    return Messages(channel.topic, channel.about.names, channel.layout, rows.reshape(-1, size))
+    names = tuple(channel.about.names[column] for column in channel.columns)
+    return Messages(channel.topic, names, channel.layout, rows.reshape(-1, size))
 
 
 def _content(chunk: Chunk) -> bytes:

@@ -22,7 +22,6 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -43,7 +42,9 @@ try:
 except ImportError:  # Windows does not let go of open files in any case
     fcntl = None  # type: ignore[assignment]
 
-COMPRESSION_LEVEL = 1  # of zstandard
+ZSTD, COMPRESSION_LEVEL = b"zstd", 1
+_CHUNK = struct.Struct("<BQQQQII4sQ")  # all of a chunk but its records: opcode, length, times, size, checksum, kind
+_HEAD = 9  # bytes of opcode and length, which the length does not count
 SUMMARY = (
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -69,6 +70,7 @@ class ContainerWriter:
         self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
         self._indexed: dict[Opcode, list[Any]] = {opcode: [] for opcode in SUMMARY}  # records of the summary
         self._counts: dict[int, int] = {}  # messages of each channel
+        self._room = np.empty(0, np.uint8)
         try:
             self._append(MCAP0_MAGIC + _bytes(Header(profile="", library="cotrack")))
         except OSError:
@@ -101,21 +103,16 @@ class ContainerWriter:
 
     def chunk(self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]]) -> None:
         """Write message records (m, size) with their times (ns), by channel number, as one chunk."""
-        content = b"".join(rows.data for _, rows, _ in parts)
+        content = self._joined([rows for _, rows, _ in parts])
         start = min(int(times.min()) for _, _, times in parts)
         end = max(int(times.max()) for _, _, times in parts)
-        record = Chunk(
-            compression="zstd",
-            data=self._compressor.compress(content),
-            message_end_time=end,
-            message_start_time=start,
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
-        )
-        head = _bytes(record)
+        data = self._compressor.compress(content)
+        length = _CHUNK.size - _HEAD + len(data)
+        crc = zlib.crc32(content)
+        head = _CHUNK.pack(Opcode.CHUNK, length, start, end, len(content), crc, len(ZSTD), ZSTD, len(data))
         indexes, offsets, within = bytearray(), {}, 0
         for number, rows, times in parts:
-            offsets[number] = self.size + len(head) + len(indexes)
+            offsets[number] = self.size + _HEAD + length + len(indexes)
             entries = np.empty((len(rows), 2), "<u8")
             entries[:, 0] = times
             entries[:, 1] = within + rows.shape[1] * np.arange(len(rows), dtype=np.uint64)
@@ -123,20 +120,20 @@ class ContainerWriter:
             indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, number, entries.nbytes)
             indexes += entries.tobytes()
         offset = self.size
-        self._append(head + indexes)
+        self._append(head, data, indexes)
         for number, rows, _ in parts:
             self._counts[number] += len(rows)
         self._indexed[Opcode.CHUNK_INDEX].append(
             ChunkIndex(
-                chunk_length=len(head),
+                chunk_length=_HEAD + length,
                 chunk_start_offset=offset,
-                compression=record.compression,
-                compressed_size=len(record.data),
+                compression=ZSTD.decode(),
+                compressed_size=len(data),
                 message_end_time=end,
                 message_index_length=len(indexes),
                 message_index_offsets=offsets,
                 message_start_time=start,
-                uncompressed_size=record.uncompressed_size,
+                uncompressed_size=len(content),
             )
         )
 
@@ -172,19 +169,29 @@ class ContainerWriter:
         """Give the file back."""
         self._stream.close()
 
-    def _append(self, data: bytes | bytearray) -> None:
+    def _joined(self, parts: Sequence[NDArray[np.uint8]]) -> memoryview:
+        """Their bytes one after the other, in room that is used again: fresh memory costs more than the copy."""
+        size = sum(part.size for part in parts)
+        if size > len(self._room):
+            self._room = np.empty(size, np.uint8)
+        np.concatenate([part.ravel() for part in parts], out=self._room[:size])
+        return self._room[:size].data
+
+    def _append(self, *parts: bytes | bytearray) -> None:
         """Write whole records, or none of them."""
-        rest = memoryview(data)
         try:
-            while rest:
-                rest = rest[self._stream.write(rest) :]
+            for part in parts:
+                rest = memoryview(part)
+                while rest:
+                    rest = rest[self._stream.write(rest) :]
         except OSError:
             with suppress(OSError):  # what cannot be cut back stays behind as a cut record
                 self._stream.truncate(self.size)
                 self._stream.seek(self.size)
             raise
-        self.size += len(data)
-        self._crc = zlib.crc32(data, self._crc)
+        for part in parts:
+            self.size += len(part)
+            self._crc = zlib.crc32(part, self._crc)
 
 
 def check_writable(path: Path) -> None:

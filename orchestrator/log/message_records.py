@@ -26,14 +26,19 @@ class Messages(NamedTuple):
     """Message records of one topic in one chunk, as they stand in the file."""
 
     topic: str
-    names: tuple[str, ...]  # variables
+    names: tuple[str, ...]  # of the variables that they hold
     layout: Layout
     rows: NDArray[np.uint8]  # (m, bytes)
 
-    def decode(self) -> Series:
-        """What they say, as arrays."""
-        t, h, values = self.layout.unpack(self.rows, PREFIX)
-        return Series(t, h, self.names, values)
+    def decode(self, columns: Sequence[int] | None = None) -> Series:
+        """What they say, as arrays; of some variables, or of all."""
+        t, h, values = self.layout.unpack(self.rows, PREFIX, columns)
+        return Series(t, h, self.names if columns is None else tuple(self.names[k] for k in columns), values)
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Time (m,), s."""
+        return self.layout.unpack(self.rows, PREFIX, ())[0]
 
     def digestible(self) -> memoryview:
         """The bytes that a topic's sha256 is made of: sequence, times and data."""

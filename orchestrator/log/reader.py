@@ -1,8 +1,8 @@
 """Reads a log, whole or cut off: every complete message as arrays, bit by bit what was recorded.
 
 ``complete`` and ``faults`` say what is missing. Contents are checked against their CRCs as they are read. ``read``
-keeps what it has read; ``select``, ``ends`` and ``blocks`` go through the file and keep nothing, so that a long log
-needs no more memory.
+keeps what it has read; ``stream``, ``select``, ``ends`` and ``blocks`` go through the file and keep nothing, so that a
+long log needs no more memory.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import hashlib
 import json
 import os
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from itertools import chain
 from pathlib import Path
@@ -27,6 +27,7 @@ from orchestrator.log import channel_metadata, closing_record
 from orchestrator.log.chunk_reader import Chunks
 from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parsed
 from orchestrator.log.message_records import Messages
+from orchestrator.log.stream import Stream
 from orchestrator.log.time_series import EVER, Floats, Series, Topic, joined, nothing
 
 
@@ -60,9 +61,11 @@ class Log(AbstractContextManager["Log"]):
         self._attachments: dict[str, int] = {}  # name -> offset
         self._schemas: dict[int, bytes] = {}
         self._channels: dict[int, channel_metadata.Recorded] = {}
+        self._recorded: dict[str, channel_metadata.Recorded] = {}
         self._chunks = Chunks(self._file, self._channels)
         self._series: dict[str, Series] = {}
         self._file.walk(self._note)
+        self._check_wires()
         self.complete = self.closing is not None and self._file.ended and not self.faults
         self._places: dict[str, tuple[str, int]] = {}
         for topic, about in self.topics.items():
@@ -112,26 +115,58 @@ class Log(AbstractContextManager["Log"]):
     def read(self, topic: str) -> Series:
         """All messages of a topic; raises NoSuchSignal, LogUnreadable. Kept: do not write into the arrays."""
         if topic not in self._series:
-            self._series[topic] = joined([self._nothing(topic), *(messages.decode() for messages in self._of(topic))])
+            every = range(len(self.topics[self.known_topic(topic)].names))
+            pieces = self._stream({topic: every}, self._chunks.spans, keep=True)
+            self._series[topic] = joined([self._nothing(topic), *(piece[topic] for piece in pieces)])
         return self._series[topic]
+
+    def stream(
+        self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER
+    ) -> Iterator[dict[str, Series]]:
+        """Some columns of topics in a closed interval of time, s, in one pass: piece by piece, as the log has them.
+
+        A piece holds some messages of some of the topics. Nothing is kept. Raises NoSuchSignal, LogUnreadable.
+        """
+        return self._stream(wanted, self._chunks.spans, window)
+
+    def _stream(
+        self,
+        wanted: Mapping[str, Sequence[int]],
+        chunks: Iterable[int],
+        window: tuple[float, float] = EVER,
+        keep: bool = False,
+    ) -> Iterator[dict[str, Series]]:
+        for topic in wanted:
+            self.known_topic(topic)
+        stream = Stream(self._recorded, wanted, window)
+        for offset in chunks:
+            first, last = self._chunks.spans[offset]
+            if last >= window[0] - 1e-6 and (first <= window[1] + 1e-6 or stream.waits):
+                piece = stream.add(self._chunks.read(offset, stream.topics, keep))
+                if piece:
+                    yield piece
 
     def select(self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER) -> dict[str, Series]:
         """Some columns of topics in a closed interval of time, s; raises NoSuchSignal, LogUnreadable."""
         found = {topic: [self._nothing(topic).columns(columns)] for topic, columns in wanted.items()}
-        for messages in self._chunks.passing(wanted, self._chunks.spans, window):
-            series = messages.decode().columns(wanted[messages.topic])
-            inside = (series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)
-            found[messages.topic].append(series.rows(inside))
+        for piece in self.stream(wanted, window):
+            for topic, series in piece.items():
+                found[topic].append(series)
         return {topic: joined(parts) for topic, parts in found.items()}
 
     def ends(self, topic: str) -> Series:
         """The first and the last message of a topic; none where there is none. Raises NoSuchSignal, LogUnreadable."""
-        ends = [self._nothing(topic)]
-        for chunks, end in ((self._chunks.spans, slice(1)), (reversed(self._chunks.spans), slice(-1, None))):
-            found = next(self._chunks.passing([topic], chunks), None)
-            if found is not None:
-                ends.append(found.decode().rows(end))
-        return joined(ends)
+        wanted = {topic: range(len(self.topics[self.known_topic(topic)].names))}
+        offsets = list(self._chunks.spans)
+        first = next(self._stream(wanted, offsets), None)
+        if first is None:
+            return self._nothing(topic)
+        for number in range(1, len(offsets) + 1):  # backwards, until there is one
+            *_, last = [None, *self._stream(wanted, offsets[-number:])]
+            if last is not None:
+                break
+        assert last is not None
+        return joined([first[topic].rows(slice(1)), last[topic].rows(slice(-1, None))])
 
     def blocks(self, topics: Sequence[str], size: int, more: int = 0) -> Iterator[dict[str, Series]]:
         """Topics side by side, ``size`` messages of each at a time and some ``more``, with which the next block begins.
@@ -140,9 +175,9 @@ class Log(AbstractContextManager["Log"]):
         lies in its file, its blocks are the same. Raises NoSuchSignal, LogUnreadable.
         """
         held = {topic: [self._nothing(topic)] for topic in topics}
-        for offset in self._chunks.spans:
-            for messages in self._chunks.passing(topics, [offset]):
-                held[messages.topic].append(messages.decode())
+        for piece in self.stream({topic: range(len(self.topics[topic].names)) for topic in topics}):
+            for topic, series in piece.items():
+                held[topic].append(series)
             while min(sum(len(part.t) for part in parts) for parts in held.values()) >= size + max(more, 1):
                 whole = {topic: joined(parts) for topic, parts in held.items()}
                 yield {topic: series.rows(slice(size + more)) for topic, series in whole.items()}
@@ -152,8 +187,9 @@ class Log(AbstractContextManager["Log"]):
     def lengths(self) -> dict[str, int]:
         """Number of messages by topic; raises LogUnreadable."""
         found = dict.fromkeys(self.topics, 0)
-        for messages in self._chunks.passing(self.topics, self._chunks.spans):
-            found[messages.topic] += len(messages.rows)
+        for offset in self._chunks.spans:
+            for messages in self._chunks.read(offset, found, keep=False):
+                found[messages.topic] += len(messages.rows)
         return found
 
     def sequence(self, topic: str) -> NDArray[np.uint32]:
@@ -256,10 +292,22 @@ class Log(AbstractContextManager["Log"]):
         """A topic and how its messages are laid out; one that was not recorded by recorder.py is left out."""
         if channel.id in self._channels or "places" not in channel.metadata:
             return
-        recorded = channel_metadata.recorded(channel.topic, channel.metadata, self._schemas[channel.schema_id])
+        recorded = channel_metadata.read(channel.topic, channel.metadata, self._schemas[channel.schema_id])
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
             raise ValueError(f"{channel.topic} is described twice, not alike")
-        self._channels[channel.id] = recorded
+        self._channels[channel.id] = self._recorded[channel.topic] = recorded
+
+    def _check_wires(self) -> None:
+        """Leave out topics whose wires lead nowhere."""
+        for topic, about in list(self.topics.items()):
+            for wire in about.wires:
+                source = self._recorded.get(wire.source)
+                held = () if source is None else [source.about.names[column] for column in source.columns]
+                if source is None or source.about.every > 1 or not set(wire.outputs) <= set(held):
+                    self._file.fault(f"{self.path}: {topic} is wired to {wire.source}, which lacks what it needs")
+                    self.topics.pop(topic, None)
+        for number in [number for number, one in self._channels.items() if one.topic not in self.topics]:
+            del self._channels[number]
 
     def _nothing(self, topic: str) -> Series:
         """No messages of a topic; raises NoSuchSignal."""

@@ -6,27 +6,29 @@ killed run loses no more than that. In a chunk the messages of a topic stand tog
 simulation time, and what depends on the wall clock goes to ``/stats/<instance>`` only: two equal runs write
 equal messages. The last record, the metadata ``closing``, says how the run ended and holds a sha256 per
 topic; a log without it was cut off.
+
+Inputs that a wire makes of outputs are left out, once they have been compared with these, step by step and bit by bit.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log import channel_metadata, closing_record, schema
 from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
-from orchestrator.log.message_records import IDENTITY, LONGEST, PREFIX, prefix, size_of
+from orchestrator.log.message_records import LONGEST
+from orchestrator.log.page import CHUNK, Block, Channel, Page, Unproven
+from orchestrator.log.time_series import Topic
+from orchestrator.log.wire import Wire
 
-CHUNK = 1 << 20  # bytes of messages that make a chunk
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too
 
 
@@ -39,8 +41,10 @@ class Recorder(AbstractContextManager["Recorder"]):
     :param attachments: name -> content of the files that belong to the run.
     :param metadata: name -> key -> value, all text.
     :param every: topic -> n: only steps whose number is a multiple of n are recorded (default 1).
+    :param wires: topic -> wires of its variables that other topics hold. One that is written by itself is taken at its
+        word, without the variables of its wires.
     :param flush: longest time that a message waits for the disk, s of wall time.
-    :raises LogFailed: here and in ``write`` and ``close``, when the file cannot be written.
+    :raises LogFailed: here and in ``write`` and ``close``, when the file cannot be written or a wire is wrong.
     :raises ValueError: for topics that no message can be made of.
     """
 
@@ -52,17 +56,19 @@ class Recorder(AbstractContextManager["Recorder"]):
         metadata: Mapping[str, Mapping[str, str]],
         *,
         every: Mapping[str, int] | None = None,
+        wires: Mapping[str, Sequence[Wire]] | None = None,
         flush: float = 0.25,
     ) -> None:
         self.path = Path(path)
-        strides = {topic: 1 for topic in topics} | dict(every or {})
-        self._channels = {
-            topic: _Channel(number, topic, variables, strides[topic])
-            for number, (topic, variables) in enumerate(topics.items(), 1)
-        }
-        self._pages = {topic: _Page([channel]) for topic, channel in self._channels.items()}
+        strides, wired = every or {}, wires or {}
+        self._channels = {}
+        for number, (topic, variables) in enumerate(topics.items(), 1):
+            names, units = tuple(name for name, _ in variables), tuple(unit for _, unit in variables)
+            about = Topic(names, units, strides.get(topic, 1), tuple(wired.get(topic, ())))
+            self._channels[topic] = Channel(number, channel_metadata.recorded(topic, about))
+        self._pages = {topic: Page([], [channel], whole=False) for topic, channel in self._channels.items()}
         self._turn = threading.Condition()
-        self._backlog: deque[list[_Filled]] = deque()
+        self._backlog: deque[list[tuple[Page, Block]]] = deque()
         self._bytes = 0  # of messages in the blocks
         self._last = 0  # newest sequence written
         self._closing = self._closed = False
@@ -77,7 +83,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         except OSError as error:
             raise failed(self.path, error) from None
         try:
-            self._begin(topics, attachments, metadata)
+            self._begin(attachments, metadata)
         except OSError as error:
             self._file.close()
             raise failed(self.path, error) from None
@@ -90,14 +96,15 @@ class Recorder(AbstractContextManager["Recorder"]):
             with suppress(LogFailed) if error else nullcontext():  # the first error is the one to hear of
                 self.close("failed", message, self._last)
 
-    def together(self, topics: Sequence[str]) -> str:
-        """Let topics recorded at the same steps be written by one ``write``, under the name that is returned."""
-        members = [self._channels[topic] for topic in topics]
-        if len({channel.every for channel in members}) > 1:
-            raise ValueError(f"{', '.join(topics)} are not recorded at the same steps")
+    def together(self, given: Sequence[str], shown: Sequence[str]) -> str:
+        """Let topics be written by one ``write`` of every step, under the name that is returned.
+
+        ``given``: what the step that ended was given; its messages have the number and the time of its beginning.
+        """
+        topics = [*given, *shown]
         name = " ".join(topics)
-        self._pages = {topic: page for topic, page in self._pages.items() if topic not in topics}
-        self._pages[name] = _Page(members)
+        page = Page([self._channels[topic] for topic in given], [self._channels[topic] for topic in shown])
+        self._pages = {topic: other for topic, other in self._pages.items() if topic not in topics} | {name: page}
         return name
 
     def due(self, topic: str, sequence: int) -> bool:
@@ -113,9 +120,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         page = self._pages[topic]
         if sequence % page.every:
             return
-        for channel, part in zip(page.channels, values, strict=True):
-            if len(part) != channel.width:
-                raise ValueError(f"{channel.topic} has {channel.width} variables, not {len(part)}")
+        for width, name, part in zip(page.widths, page.topics, values, strict=True):
+            if len(part) != width:
+                raise ValueError(f"{name} has {width} variables, not {len(part)}")
         if not 0.0 <= t < LONGEST:
             raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {LONGEST:g}")
         with self._turn:
@@ -132,7 +139,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             block.count = row + 1
             self._last = sequence
             self._bytes += page.size
-            if self._bytes >= CHUNK or block.count == page.capacity:
+            if self._bytes >= CHUNK or block.count > page.capacity:
                 self._hand_over()
                 while len(self._backlog) > BACKLOG and self._failure is None:
                     self._turn.wait()
@@ -184,12 +191,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         if self._failure is not None and self._failure is not known:
             raise self._failure
 
-    def _begin(
-        self,
-        topics: Mapping[str, Sequence[tuple[str, str]]],
-        attachments: Mapping[str, bytes],
-        metadata: Mapping[str, Mapping[str, str]],
-    ) -> None:
+    def _begin(self, attachments: Mapping[str, bytes], metadata: Mapping[str, Mapping[str, str]]) -> None:
         """Everything that stands before step 0."""
         for name, entries in metadata.items():
             self._file.metadata(name, entries)
@@ -197,17 +199,15 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._file.attachment(name, content)
         for topic, channel in self._channels.items():
             kind = schema.type_name(topic)
-            about = channel_metadata.texts(topics[topic], channel.every)
-            self._file.channel(channel.number, topic, kind, schema.descriptor(kind, channel.layout.fields), about)
+            about = channel_metadata.texts(channel.recorded)
+            description = schema.descriptor(kind, channel.layout.fields)
+            self._file.channel(channel.number, topic, kind, description, about)
 
     def _hand_over(self) -> None:
         """Queue the filled blocks as one chunk and go on with empty ones; the caller holds the lock."""
-        filled: list[_Filled] = []
-        for page in self._pages.values():
-            if page.block.count:
-                filled += page.turn()
+        filled = [(page, page.turn()) for page in self._pages.values() if page.block.count > 1]
         if filled:
-            self._backlog.append(sorted(filled, key=lambda each: each.channel.number))
+            self._backlog.append(filled)
         self._bytes = 0
         self._turn.notify_all()
 
@@ -227,89 +227,21 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self._write_chunk(filled)
             except Exception as error:  # whatever it is, the run must hear of it
                 with self._turn:
-                    self._failure = failed(self.path, error)
+                    unproven = isinstance(error, Unproven)
+                    self._failure = LogFailed(f"{self.path}: {error}") if unproven else failed(self.path, error)
                     self._backlog.clear()
                     self._turn.notify_all()
                 return
             with self._turn:
+                for page, block in filled:
+                    page.spare.append(block)
                 self._turn.notify_all()
 
-    def _write_chunk(self, filled: Sequence[_Filled]) -> None:
-        packed = [each.channel.pack(each.block, each.columns) for each in filled]
-        self._file.chunk(
-            [(each.channel.number, rows, times) for each, (rows, times) in zip(filled, packed, strict=True)]
-        )
-        for each, (rows, _) in zip(filled, packed, strict=True):  # only what is in the file counts
-            each.channel.hash.update(np.ascontiguousarray(rows[:, IDENTITY:]).data)
-            each.channel.messages += len(rows)
-
-
-class _Block:
-    """The messages of one topic, or of topics written together, that wait for the thread."""
-
-    def __init__(self, capacity: int, width: int) -> None:
-        self.sequence = np.empty(capacity, "<u4")
-        self.t = np.empty(capacity)
-        self.h = np.empty(capacity)
-        self.values = np.empty((capacity, width))
-        self.count = 0
-
-
-class _Channel:
-    """One topic: its layout and its hash."""
-
-    def __init__(self, number: int, topic: str, variables: Sequence[tuple[str, str]], every: int) -> None:
-        if every < 1:
-            raise ValueError(f"a topic is recorded every n >= 1 steps, not every {every}")
-        self.number = number
-        self.topic = topic
-        self.every = every
-        self.width = len(variables)
-        self.layout = schema.layout(schema.places([name for name, _ in variables]))
-        self.size = size_of(self.layout)  # bytes of a message record
-        self.hash = hashlib.sha256()
-        self.messages = 0
-        self._prefix = prefix(number, self.size)
-
-    def pack(self, block: _Block, columns: slice) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
-        """Message records (m, size), and their times in ns, of the topic's columns of a block."""
-        m = block.count
-        t = block.t[:m]
-        times = np.rint(t * 1e9).astype("<u8")
-        rows = np.empty((m, self.size), np.uint8)
-        rows[:, :PREFIX] = np.frombuffer(self._prefix, np.uint8)
-        rows[:, 11:15] = block.sequence[:m].view(np.uint8).reshape(m, 4)
-        rows[:, 15:23] = rows[:, 23:31] = times.view(np.uint8).reshape(m, 8)
-        self.layout.pack(rows, PREFIX, t, block.h[:m], block.values[:m, columns])
-        return rows, times
-
-
-class _Filled(NamedTuple):
-    """A topic's part of a block that is full enough to be written."""
-
-    channel: _Channel
-    block: _Block
-    columns: slice
-
-
-class _Page:
-    """Topics that are written together: a row of its block holds the values of all."""
-
-    def __init__(self, channels: Sequence[_Channel]) -> None:
-        self.channels = tuple(channels)
-        self.every = channels[0].every
-        self.size = sum(channel.size for channel in channels)  # bytes of a row's message records
-        self.capacity = CHUNK // self.size + 1
-        self._ends = np.cumsum([channel.width for channel in channels]).tolist()
-        self.block = self._blank()
-
-    def _blank(self) -> _Block:
-        return _Block(self.capacity, self._ends[-1])
-
-    def turn(self) -> list[_Filled]:
-        """The filled block by topic; a blank one takes its place."""
-        filled, self.block = self.block, self._blank()
-        return [
-            _Filled(channel, filled, slice(end - channel.width, end))
-            for channel, end in zip(self.channels, self._ends, strict=True)
-        ]
+    def _write_chunk(self, filled: Sequence[tuple[Page, Block]]) -> None:
+        packed = [part for page, block in filled for part in page.pack(block)]
+        if not packed:
+            return
+        packed.sort(key=lambda part: part.channel.number)
+        self._file.chunk([(part.channel.number, part.rows, part.times) for part in packed])
+        for channel, rows, _ in packed:  # only what is in the file counts
+            channel.count(rows)

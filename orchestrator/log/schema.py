@@ -56,29 +56,36 @@ class Layout(NamedTuple):
     fields: tuple[Field, ...]
     order: NDArray[np.intp]  # index of the variable that is value i in field order
     groups: tuple[Group, ...]
+    starts: NDArray[np.intp]  # of each variable, the byte in the message where its value begins
     template: bytes  # a message whose values, t and h are all zero
 
-    def pack(self, rows: Bytes, offset: int, t: Floats, h: Floats, values: Floats) -> None:
-        """Fill messages that start at byte ``offset`` of each row (m, bytes) with values (m, variables)."""
-        rows[:, offset : offset + len(self.template)] = np.frombuffer(self.template, np.uint8)
+    def pack(self, rows: Bytes, offset: int, t: Floats, h: Floats, ordered: Floats) -> None:
+        """Fill templates at byte ``offset`` of each row (m, bytes) with values (m, variables) in field order."""
         _holes(rows, offset + 1, (1,), (0,))[:, 0] = t
         _holes(rows, offset + 10, (1,), (0,))[:, 0] = h
-        ordered = values[:, self.order]
         for group in self.groups:
             fields, count = group.shape
             part = ordered[:, group.first : group.first + fields * count]
             holes = _holes(rows, offset + group.offset, group.shape, (group.stride, 8))
             holes[...] = part.reshape(-1, fields, count)
 
-    def unpack(self, rows: Bytes, offset: int) -> tuple[Floats, Floats, Floats]:
-        """Return t (m,), h (m,), values (m, variables) of the messages at byte ``offset`` of each row."""
+    def unpack(self, rows: Bytes, offset: int, columns: Sequence[int] | None = None) -> tuple[Floats, Floats, Floats]:
+        """Return t (m,), h (m,), values (m, variables) of the messages at byte ``offset`` of each row.
+
+        ``columns``: of these variables only, which is quicker for few.
+        """
         t = _holes(rows, offset + 1, (1,), (0,))[:, 0].copy()
         h = _holes(rows, offset + 10, (1,), (0,))[:, 0].copy()
+        if columns is not None:
+            values = np.empty((len(rows), len(columns)))
+            for k, column in enumerate(columns):
+                values[:, k] = _holes(rows, offset + self.starts[column], (1,), (0,))[:, 0]
+            return t, h, values
         values = np.empty((len(rows), len(self.order)))
         for group in self.groups:
-            columns = self.order[group.first : group.first + group.shape[0] * group.shape[1]]
+            members = self.order[group.first : group.first + group.shape[0] * group.shape[1]]
             holes = _holes(rows, offset + group.offset, group.shape, (group.stride, 8))
-            values[:, columns] = holes.reshape(len(rows), -1)
+            values[:, members] = holes.reshape(len(rows), -1)
         return t, h, values
 
 
@@ -157,7 +164,12 @@ def layout(where: Sequence[str]) -> Layout:
     indices = ((f.name, i if f.length else None) for f in fields for i in range(f.length or 1))
     order = np.array([members[name][index] for name, index in indices], np.intp)
     groups, template = _lay_out(fields)
-    return Layout(fields, order, groups, template)
+    starts = np.empty(len(order), np.intp)
+    for group in groups:
+        of_fields, of_values = group.stride * np.arange(group.shape[0]), 8 * np.arange(group.shape[1])
+        places = order[group.first : group.first + group.shape[0] * group.shape[1]]
+        starts[places] = (group.offset + of_fields[:, None] + of_values).ravel()
+    return Layout(fields, order, groups, starts, template)
 
 
 def _lay_out(fields: Sequence[Field]) -> tuple[tuple[Group, ...], bytes]:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from orchestrator.log.wire import Floats, Wire
+
 EVER = (-np.inf, np.inf)
 
 
@@ -18,6 +18,7 @@ class Topic(NamedTuple):
     names: tuple[str, ...]  # variables, in the order of the values
     units: tuple[str, ...]
     every: int  # one step in ``every`` is recorded
+    wires: tuple[Wire, ...] = ()  # of inputs that are recorded elsewhere
 
 
 class Series(NamedTuple):

@@ -53,7 +53,7 @@ class Tally:
         if len(wrong):
             before, after = sequence[wrong[0] : wrong[0] + 2]
             found.append(f"{messages.topic}: step {after} follows step {before}")
-        t = messages.decode().t
+        t = messages.t
         with np.errstate(invalid="ignore", over="ignore"):
             times = np.rint(t * 1e9).astype(np.uint64)
         if not (np.array_equal(messages.log_time, times) and np.array_equal(messages.publish_time, times)):
@@ -169,7 +169,8 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     untouched = log.closing is not None and log.sound()
     steps = None if untouched else _whole_steps(log, closing["messages"])
     reached = 0.0
-    with Recorder(fresh, topics, attachments, log.metadata, every=every) as recorder:
+    wires = {topic: about.wires for topic, about in log.topics.items()}
+    with Recorder(fresh, topics, attachments, log.metadata, every=every, wires=wires) as recorder:
         for messages in log.intact():
             t, h, _, values = messages.decode()
             kept = slice(None) if steps is None else np.isin(_steps(messages), steps)
@@ -271,7 +272,7 @@ def export(
         chosen = _choose(log, signals, topics)
         if not chosen:
             raise NoSuchSignal(f"{path} holds nothing to export")
-        tables = {topic: log.read(topic) for topic in chosen}
+        tables = log.select({topic: range(len(log.topics[topic].names)) for topic in chosen})
         if target.suffix.lower() != ".csv":
             files = dict(zip(_files(target, list(chosen)), ([topic] for topic in chosen), strict=True))
         else:

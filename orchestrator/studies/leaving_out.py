@@ -25,10 +25,9 @@ from orchestrator.cosim import master
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
-from orchestrator.execution.manifest import manifest, strides
+from orchestrator.execution.manifest import open_log
 from orchestrator.execution.simulate import load_components, paced, simulate, warm_up
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
 from orchestrator.scene.scene import TrackScene, load
 from orchestrator.studies import Case, files
@@ -237,8 +236,7 @@ def run(name: str, side: Side, path: Path) -> tuple[float, float]:
         stages = wire(graph, components)
         scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
         warm_up(stages, scene.run.step)
-        described = manifest(scene, graph, components)
-        with Recorder(path, *described, every=strides(scene, components)) as recorder:
+        with open_log(path, scene, graph, components, scheme) as recorder:
             cpu, wall = time.process_time(), time.perf_counter()
             outcome = master.run(scheme, paced(scene.run), [Logging(recorder, list(components.values()), 100)])
             recorder.close(outcome.status, outcome.message, outcome.steps)

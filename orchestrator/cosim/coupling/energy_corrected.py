@@ -28,12 +28,11 @@ class EnergyCorrected(GaussSeidel):
 
     def __init__(self, stages: Stages, threads: bool = True) -> None:
         super().__init__(stages, "linear", threads)
-        stage = {member.component.name: k for k, group in enumerate(stages) for member in group}
         self._corrected = [
             (member, feed)
             for member in self.members
             for feed in member.feeds
-            if feed.carries in ("value", "mean") and stage[feed.source.name] >= stage[member.component.name]
+            if feed.carries in ("value", "mean") and feed.source.name not in self.stepped(member)
         ]
         self.missed: dict[int, Floats] = {}  # s times the unit of the feed, by the feed's identity
 
@@ -41,9 +40,9 @@ class EnergyCorrected(GaussSeidel):
         """One by one: each has missed something of its own."""
         return member.feeds
 
-    def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
+    def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """Extrapolated, with what the feed missed so far."""
-        given = super().early(feed, now, h)
+        given = super().made(feed, now, h)
         return given + self.missed[id(feed)] / h if id(feed) in self.missed else given
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
@@ -51,7 +50,7 @@ class EnergyCorrected(GaussSeidel):
         super().exchange(t, h, now)
         self.missed = {
             id(feed): self.missed.get(id(feed), 0.0)
-            + h * (input_hold.interpolated(feed, now) - member.component.u[feed.inputs])
+            + h * (input_hold.mean(feed, now) - member.component.u[feed.inputs])
             for member, feed in self._corrected
         }
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from orchestrator.cosim.coupling import input_hold
-from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.staged import Staged
-from orchestrator.cosim.graph import Feed, Floats, Stages
+from orchestrator.cosim.graph import Feed, Stages
+from orchestrator.log.wire import Rule
 
 
 class GaussSeidel(Staged):
@@ -18,10 +18,8 @@ class GaussSeidel(Staged):
         self.linear = hold == "linear"
         self.ORDER = 2 if self.linear else 1
 
-    def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """Of a peer that has not stepped yet."""
-        return input_hold.extrapolated(feed, now, self.past, h) if self.linear else input_hold.constant(feed, now)
-
-    def late(self, feed: Feed, now: Outputs) -> Floats:
-        """Of a peer that has stepped."""
-        return input_hold.interpolated(feed, now) if self.linear else input_hold.at_end(feed, now)
+    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+        """Of peers that have stepped the mean or the latest; of others the latest, or what the past says."""
+        if stepped:
+            return input_hold.interpolated(feed) if self.linear else input_hold.at_end(feed)
+        return None if self.linear and feed.carries != "state" else "start"

@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from orchestrator.cosim.graph import Feed, Floats
+from orchestrator.log.wire import Rule, handed_over
 
 Outputs = Mapping[str, Floats]  # y of every component by its name
 
@@ -49,13 +50,23 @@ def extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
     return y + reach * (y - past.outputs[feed.source.name][feed.outputs])
 
 
-def at_end(feed: Feed, now: Outputs) -> Floats:
+def at_end(feed: Feed) -> Rule:
     """As the source, which has stepped, shows it at t + h; a state is always of t."""
-    return constant(feed, now) if feed.carries == "state" else feed.source.y[feed.outputs]
+    return "start" if feed.carries == "state" else "end"
 
 
-def interpolated(feed: Feed, now: Outputs) -> Floats:
+def interpolated(feed: Feed) -> Rule:
     """For the middle of the step that the source has done."""
-    if feed.carries in ("state", "mean"):
-        return at_end(feed, now)
-    return 0.5 * (constant(feed, now) + at_end(feed, now))
+    return at_end(feed) if feed.carries in ("state", "mean") else "middle"
+
+
+def by_rule(rule: Rule, feed: Feed, now: Outputs) -> Floats:
+    """What a rule makes of the outputs at t and, unless that is all it asks for, those of a source that has stepped."""
+    if rule == "start":
+        return constant(feed, now)
+    return handed_over(rule, constant(feed, now), feed.source.y[feed.outputs])
+
+
+def mean(feed: Feed, now: Outputs) -> Floats:
+    """What the source, which has stepped, shows in the middle of the step."""
+    return by_rule(interpolated(feed), feed, now)

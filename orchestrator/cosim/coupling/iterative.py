@@ -7,15 +7,16 @@ connection has carried), which also converges where plain repetition does not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs
-from orchestrator.cosim.coupling.scheme import CouplingFailed, Given, needs_states
+from orchestrator.cosim.coupling.scheme import CouplingFailed, needs_states
 from orchestrator.cosim.coupling.staged import Staged
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
+from orchestrator.log.wire import Rule
 
 KEPT = 6  # differences of earlier sweeps that the acceleration looks at
 
@@ -34,12 +35,11 @@ class Iterative(Staged):
         needs_states(self, "coupling 'iterative'")
         self.tolerance, self.iterations = tolerance, iterations
         self.sweeps = 0  # in all
-        stage = {member.component.name: k for k, group in enumerate(stages) for member in group}
         feeds = [
             (member.component.name, feed)
             for member in self.members
             for feed in member.feeds
-            if feed.carries != "state" and stage[feed.source.name] >= stage[member.component.name]
+            if feed.carries != "state" and feed.source.name not in self.stepped(member)
         ]
         ends = np.cumsum([0, *(len(feed.inputs) for _, feed in feeds)])
         self._feeds = feeds
@@ -66,7 +66,7 @@ class Iterative(Staged):
                 self._guess = z
                 super().exchange(t, h, now)
                 self.sweeps += 1
-                residual = self._collect(lambda feed: input_hold.interpolated(feed, now)) - z
+                residual = self._collect(lambda feed: input_hold.mean(feed, now)) - z
                 scale = self._scale(z + residual)
                 history.append((z, residual))
                 if np.abs(residual / scale).max() <= self.tolerance:
@@ -76,16 +76,17 @@ class Iterative(Staged):
             self.free(start)
         raise CouplingFailed(self._complaint(t, h, residual / scale))
 
-    def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """The unknown; a state is as of t."""
-        place = self._place.get(id(feed))
-        return input_hold.constant(feed, now) if place is None else self._guess[place]
+    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+        """The mean; before that is known a state is as of t, and all else unknown."""
+        if stepped:
+            return input_hold.interpolated(feed)
+        return None if id(feed) in self._place else "start"
 
-    def late(self, feed: Feed, now: Outputs) -> Floats:
-        """The mean."""
-        return input_hold.interpolated(feed, now)
+    def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
+        """The unknown."""
+        return self._guess[self._place[id(feed)]]
 
-    def _collect(self, given: Given) -> Floats:
+    def _collect(self, given: Callable[[Feed], Floats]) -> Floats:
         parts = [given(feed) for _, feed in self._feeds]
         return np.concatenate(parts) if parts else np.zeros(0)
 

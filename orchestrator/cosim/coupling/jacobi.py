@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs
-from orchestrator.cosim.coupling.scheme import Scheme, give
-from orchestrator.cosim.graph import Feed, Floats, Stages
+from orchestrator.cosim.coupling.scheme import Scheme
+from orchestrator.cosim.graph import Feed, Member, Stages
+from orchestrator.log.wire import Rule
 
 
 class Jacobi(Scheme):
@@ -25,9 +25,14 @@ class Jacobi(Scheme):
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """All inputs before any step."""
         for member in self.members:
-            give(member, lambda feed: self.foreseen(feed, now, h))
+            for feed in member.feeds:
+                member.component.u[feed.inputs] = self.given(feed, False, now, h)
         self.step(self.members, t, h)
 
-    def foreseen(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """What a feed hands over for [t, t + h]."""
-        return input_hold.extrapolated(feed, now, self.past, h) if self.linear else input_hold.constant(feed, now)
+    def stepped(self, member: Member) -> frozenset[str]:
+        """None: all step at once."""
+        return frozenset()
+
+    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+        """As of t, or what the past says."""
+        return None if self.linear and feed.carries != "state" else "start"

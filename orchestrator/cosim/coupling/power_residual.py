@@ -78,8 +78,8 @@ def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dim
 
 def works(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
     """J that went from a to b over the step just done: as a felt it, and as b did; ``now``: outputs at its start."""
-    shown, felt = input_hold.interpolated(bond.there, now), bond.b.component.u[bond.there.inputs]
-    answer, seen = input_hold.interpolated(bond.back, now), bond.a.component.u[bond.back.inputs]
+    shown, felt = input_hold.mean(bond.there, now), bond.b.component.u[bond.there.inputs]
+    answer, seen = input_hold.mean(bond.back, now), bond.a.component.u[bond.back.inputs]
     return h * float(shown @ seen), h * float(felt @ answer)
 
 

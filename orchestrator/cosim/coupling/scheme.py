@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import perf_counter
 from typing import Any, ClassVar, NamedTuple
 
 from orchestrator.cosim.beside import Beside, possible
 from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
+from orchestrator.log.wire import Rule
 
 LONG = 5e-5  # s: in a shorter step an FMU of ours is mostly Python, which runs in one thread at a time
-Given = Callable[[Feed], Floats]  # what a feed hands over
 
 
 class CouplingFailed(RuntimeError):
@@ -41,6 +42,10 @@ class Scheme:
         self.stages = stages
         self.members = tuple(member for stage in stages for member in stage)
         self.past = Past({}, 0.0, 0.0)
+        self._stepped: dict[str, frozenset[str]] = {}
+        for stage in stages:
+            before = frozenset(self._stepped)
+            self._stepped |= {member.component.name: before for member in stage}
         self._threads = threads
         self._helpers: list[Beside] = []
         self._spent: dict[str, float] = {}  # s, by the last member of each group in its last step
@@ -69,6 +74,26 @@ class Scheme:
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """The step itself; ``now`` holds the outputs at t."""
         raise NotImplementedError
+
+    def stepped(self, member: Member) -> frozenset[str]:
+        """Names of the components that have done the step when a member is given its inputs: the stages before."""
+        return self._stepped[member.component.name]
+
+    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+        """How the inputs of a feed follow from outputs at t and, where its source has ``stepped``, at t + h.
+
+        None: the coupling makes them otherwise (``made``).
+        """
+        raise NotImplementedError
+
+    def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
+        """What a feed without a rule hands over: for the middle of the step, from the past."""
+        return input_hold.extrapolated(feed, now, self.past, h)
+
+    def given(self, feed: Feed, stepped: bool, now: Outputs, h: float) -> Floats:
+        """What a feed hands over for [t, t + h]."""
+        rule = self.rule(feed, stepped)
+        return self.made(feed, now, h) if rule is None else input_hold.by_rule(rule, feed, now)
 
     def step(self, group: Sequence[Member], t: float, h: float) -> None:
         """Members of a group over [t, t + h] at once; the first failure of the group is raised when all have ended."""
@@ -124,16 +149,10 @@ def needs_states(scheme: Scheme, what: str) -> None:
         member.component.free(state)
 
 
-def give(member: Member, given: Given) -> None:
-    """Fill the inputs of a member."""
-    u = member.component.u
-    for feed in member.feeds:
-        u[feed.inputs] = given(feed)
-
-
 def gather(member: Member) -> None:
     """Copy what the peers show now into the inputs."""
-    give(member, lambda feed: feed.source.y[feed.outputs])
+    for feed in member.feeds:
+        member.component.u[feed.inputs] = feed.source.y[feed.outputs]
 
 
 def step(member: Member, t: float, h: float) -> None:

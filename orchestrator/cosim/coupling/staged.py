@@ -10,21 +10,18 @@ from orchestrator.cosim.graph import Feed, Floats, Member, Stages, joined
 
 
 class Staged(Scheme):
-    """A stage sees what the stages before it have just done, and of the others what ``early`` makes of their past."""
+    """A stage sees what the stages before it have just done, and of the others what its rules make of their past."""
 
     def __init__(self, stages: Stages, threads: bool = True) -> None:
         super().__init__(stages, threads)
-        self._copies: list[list[tuple[Floats, Feed, bool]]] = []  # of a stage: inputs, feed, whether its source stepped
-        done: set[str] = set()
-        for stage in stages:
-            self._copies.append(
-                [
-                    (member.component.u, feed, feed.source.name in done)
-                    for member in stage
-                    for feed in self.feeds(member)
-                ]
-            )
-            done |= {member.component.name for member in stage}
+        self._copies: list[list[tuple[Floats, Feed, bool]]] = [  # of a stage: inputs, feed, whether its source stepped
+            [
+                (member.component.u, feed, feed.source.name in self.stepped(member))
+                for member in stage
+                for feed in self.feeds(member)
+            ]
+            for stage in stages
+        ]
 
     def feeds(self, member: Member) -> Sequence[Feed]:
         """Of a member, as few as do the same."""
@@ -34,13 +31,5 @@ class Staged(Scheme):
         """Inputs are filled right before a stage steps."""
         for stage, feeds in zip(self.stages, self._copies, strict=True):
             for u, feed, stepped in feeds:
-                u[feed.inputs] = self.late(feed, now) if stepped else self.early(feed, now, h)
+                u[feed.inputs] = self.given(feed, stepped, now, h)
             self.step(stage, t, h)
-
-    def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """Of a peer that has not stepped yet."""
-        raise NotImplementedError
-
-    def late(self, feed: Feed, now: Outputs) -> Floats:
-        """Of a peer that has stepped."""
-        raise NotImplementedError

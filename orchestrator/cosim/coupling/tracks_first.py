@@ -8,9 +8,9 @@ value for the middle of the step where only the master can do so; one whose peer
 from __future__ import annotations
 
 from orchestrator.cosim.coupling import input_hold
-from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.staged import Staged
-from orchestrator.cosim.graph import Feed, Floats
+from orchestrator.cosim.graph import Feed
+from orchestrator.log.wire import Rule
 
 
 class TracksFirst(Staged):
@@ -19,12 +19,8 @@ class TracksFirst(Staged):
     NAME = "tracks_first"
     ORDER = 2
 
-    def early(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """Values for the middle of the step, all else as of t: the receiver moves on what comes with its rate."""
-        if feed.carries == "value":
-            return input_hold.extrapolated(feed, now, self.past, h)
-        return input_hold.constant(feed, now)
-
-    def late(self, feed: Feed, now: Outputs) -> Floats:
-        """The mean."""
-        return input_hold.interpolated(feed, now)
+    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+        """The mean of a peer that has stepped; else all but values as of t: the receiver moves on what has a rate."""
+        if stepped:
+            return input_hold.interpolated(feed)
+        return None if feed.carries == "value" else "start"

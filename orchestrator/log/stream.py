@@ -1,0 +1,176 @@
+"""What was asked for of some topics, chunk by chunk: wired inputs get the values of the outputs that they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.log.channel_metadata import Recorded
+from orchestrator.log.message_records import Messages
+from orchestrator.log.time_series import EVER, Series, joined, nothing
+from orchestrator.log.wire import Rule, Wire, handed_over
+
+FEW = 4  # one variable in so many is decoded by itself
+Steps = NDArray[np.int64]
+
+
+class Stream:
+    """Messages of topics, given away as soon as they are whole. Feed it the chunks of a log in their order.
+
+    An input whose outputs the log has lost is lost, too: its message is left out.
+
+    :param recorded: the log's topics.
+    :param wanted: topic -> columns.
+    :param window: closed interval of time, s.
+    """
+
+    def __init__(
+        self, recorded: Mapping[str, Recorded], wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER
+    ) -> None:
+        needed: dict[str, set[str]] = {}
+        for topic, columns in wanted.items():
+            for wire, wired in _wired(recorded[topic], [recorded[topic].about.names[column] for column in columns]):
+                needed.setdefault(wire.source, set()).update(wired)
+        self._window = window
+        self._outputs = {source: _Outputs(recorded[source], sorted(names)) for source, names in needed.items()}
+        self._topics = {topic: _Topic(recorded[topic], columns, self._outputs) for topic, columns in wanted.items()}
+        self.topics = {*self._topics, *self._outputs}  # whose messages it wants to see
+
+    @property
+    def waits(self) -> bool:
+        """Whether messages have come that are not whole yet."""
+        return any(len(topic.steps) for topic in self._topics.values())
+
+    def add(self, piece: Iterable[Messages]) -> dict[str, Series]:
+        """What is whole with the messages of another chunk; topics of which nothing is are left out."""
+        for messages in piece:
+            if messages.topic in self._outputs:
+                self._outputs[messages.topic].add(messages)
+            if messages.topic in self._topics:
+                self._topics[messages.topic].add(messages, self._window)
+        whole = {name: topic.take() for name, topic in self._topics.items()}
+        for source, outputs in self._outputs.items():
+            users = [topic for topic in self._topics.values() if any(part.source == source for part in topic.parts)]
+            outputs.forget(min(topic.next for topic in users))
+        return {name: series for name, series in whole.items() if len(series.t)}
+
+
+class _Outputs:
+    """A topic's variables that wires use: rows that some input may still need."""
+
+    def __init__(self, recorded: Recorded, names: Sequence[str]) -> None:
+        self.names = list(names)
+        self._held = [recorded.columns.index(recorded.about.names.index(name)) for name in names]
+        self.sequence = np.empty(0, np.int64)
+        self.values = np.empty((0, len(names)))
+
+    def add(self, messages: Messages) -> None:
+        """Rows that come after those that are here."""
+        self.sequence = np.concatenate([self.sequence, messages.sequence])
+        self.values = np.concatenate([self.values, decoded(messages, self._held).values])
+
+    def forget(self, number: int) -> None:
+        """Rows of steps before that one."""
+        first = int(np.searchsorted(self.sequence, number))
+        self.sequence, self.values = self.sequence[first:], self.values[first:]
+
+    def find(self, steps: Steps) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Rows of steps, and whether they are there."""
+        if not len(self.sequence):
+            return np.zeros(len(steps), np.intp), np.zeros(len(steps), bool)
+        rows = np.minimum(np.searchsorted(self.sequence, steps), len(self.sequence) - 1)
+        return rows, self.sequence[rows] == steps
+
+
+class _Part(NamedTuple):
+    """Of a topic's variables that were asked for, those that one wire has."""
+
+    source: str
+    rule: Rule
+    outputs: list[int]  # columns of ``_Outputs``
+    places: list[int]  # among what was asked for
+
+    @property
+    def later(self) -> int:
+        """How many steps after an input the last output comes that it needs."""
+        return int(self.rule != "start")
+
+
+class _Topic:
+    """A topic that was asked for: its messages that wait for outputs."""
+
+    def __init__(self, recorded: Recorded, columns: Sequence[int], outputs: Mapping[str, _Outputs]) -> None:
+        names = [recorded.about.names[column] for column in columns]
+        held = {column: k for k, column in enumerate(recorded.columns)}
+        self._own = [k for k, column in enumerate(columns) if column in held]  # places among what was asked for
+        self._held = [held[columns[k]] for k in self._own]
+        self._outputs = outputs
+        self.parts = [
+            _Part(
+                wire.source,
+                wire.rule,
+                [outputs[wire.source].names.index(name) for name in wired],
+                [names.index(name) for name in wired.values()],
+            )
+            for wire, wired in _wired(recorded, names)
+        ]
+        self.next = 0  # number of the first message that is not given away
+        self.steps = np.empty(0, np.int64)  # of the messages that wait
+        self._nothing = self._waiting = nothing(names)
+
+    def add(self, messages: Messages, window: tuple[float, float]) -> None:
+        """Messages that come after those that are here."""
+        own, steps = decoded(messages, self._held), messages.sequence.astype(np.int64)
+        self.next = int(steps[-1]) + 1
+        if self.parts:
+            values = np.empty((len(own.t), len(self._nothing.names)))
+            values[:, self._own] = own.values
+            own = own._replace(names=self._nothing.names, values=values)
+        if not (own.t[0] >= window[0] and own.t[-1] <= window[1]):
+            inside = (own.t >= window[0] - 1e-9) & (own.t <= window[1] + 1e-9)
+            own, steps = own.rows(inside), steps[inside]
+        if len(self.steps):
+            own, steps = joined([self._waiting, own]), np.concatenate([self.steps, steps])
+        self._waiting, self.steps = own, steps
+
+    def take(self) -> Series:
+        """The messages whose outputs came; those whose outputs are lost are left out."""
+        decided = len(self.steps)
+        for part in self.parts:
+            came = self._outputs[part.source].sequence
+            newest = int(came[-1]) - part.later if len(came) else -1
+            decided = min(decided, int(np.searchsorted(self.steps, newest, "right")))
+        steps, whole = self.steps[:decided], self._waiting.rows(slice(decided))
+        there = np.ones(decided, bool)
+        for part in self.parts:
+            outputs = self._outputs[part.source]
+            first, found = outputs.find(steps)
+            there &= found | (part.rule == "end")
+            last, found = outputs.find(steps + part.later)
+            there &= found
+            if decided and len(outputs.sequence):
+                shown = outputs.values[:, part.outputs]
+                whole.values[:, part.places] = handed_over(part.rule, shown[first], shown[last])
+        self.steps, self._waiting = self.steps[decided:], self._waiting.rows(slice(decided, None))
+        if len(self.steps):
+            self.next = int(self.steps[0])
+        return whole if there.all() else whole.rows(there)
+
+
+def _wired(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[Wire, dict[str, str]]]:
+    """Wires that have any of these inputs: output -> input of those."""
+    for wire in recorded.about.wires:
+        wired = {one: other for one, other in zip(wire.outputs, wire.inputs, strict=True) if other in names}
+        if wired:
+            yield wire, wired
+
+
+def decoded(messages: Messages, columns: Sequence[int]) -> Series:
+    """Some of the variables that messages hold; few one by one."""
+    if FEW * len(columns) < len(messages.names):
+        return messages.decode(columns)
+    whole = messages.decode()
+    return whole if list(columns) == [*range(len(messages.names))] else whole.columns(columns)
