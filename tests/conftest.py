@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from fmus.build import build_shell
-from orchestrator.log.message_records import Messages
+from orchestrator.log.stream import Stream
 
 # how long an example takes says something of the machine, not of the code
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -67,14 +67,15 @@ def scaled(monkeypatch):
     """``scaled(log, topic, name, factor)``: logs are read as if a variable were so many times as large."""
 
     def change(log, topic, name, factor):
-        column, decode = log.topics[topic].names.index(name), Messages.decode
+        assert name in log.topics[topic].names
+        add = Stream.add
 
-        def changed(messages):
-            series = decode(messages)
-            if messages.topic == topic:
-                series.values[:, column] *= factor
-            return series
+        def changed(stream, piece):
+            whole = add(stream, piece)
+            if topic in whole and name in whole[topic].names:
+                whole[topic].values[:, whole[topic].names.index(name)] *= factor
+            return whole
 
-        monkeypatch.setattr(Messages, "decode", changed)
+        monkeypatch.setattr(Stream, "add", changed)
 
     return change

@@ -300,7 +300,7 @@ def test_a_disk_that_fills_while_closing(tmp_path, monkeypatch):
     recorder = Recorder(tmp_path / "a.mcap", TOPICS, {}, {})
     write_steps(recorder, 50)
 
-    def full(data):
+    def full(*parts):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(recorder._file, "_append", full)
@@ -359,33 +359,26 @@ def test_cost_of_a_message(tmp_path, width):
 
 def test_topics_written_together_are_those_written_one_by_one(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "CHUNK", 5_000)
-    topics = {"/b/out": [("y", "m"), ("z", "m")], "/stats/b": [("wall_time", "s")], "/a/out": [("x", "m")]}
+    topics = {"/a/in": [("u", "m")], "/stats/b": [("wall_time", "s")], "/b/out": [("y", "m"), ("z", "m")]}
+    topics["/a/out"] = [("x", "m")]
     for name in ("apart", "together"):
-        with Recorder(tmp_path / name, topics, {}, {}, every={"/a/out": 2, "/b/out": 2}, flush=60) as recorder:
-            both = recorder.together(["/a/out", "/b/out"]) if name == "together" else ""
+        with Recorder(tmp_path / name, topics, {}, {}, every={"/a/out": 2}, flush=60) as recorder:
+            page = recorder.together(["/a/in"], ["/a/out", "/b/out"]) if name == "together" else ""
             for k in range(301):
-                a, b = np.array([k]), np.array([-k, 0.5 * k])
-                if both:
-                    assert recorder.due(both, k) == (k % 2 == 0)
-                    recorder.write(both, k, k * STEP, STEP, a, b)
+                a, b, u = np.array([k]), np.array([-k, 0.5 * k]), np.array([k - 1.0])
+                if page:
+                    recorder.write(page, k, k * STEP, STEP, u, a, b)
                 else:
+                    if k:
+                        recorder.write("/a/in", k - 1, (k - 1) * STEP, STEP, u)
                     recorder.write("/b/out", k, k * STEP, STEP, b)
                     recorder.write("/a/out", k, k * STEP, STEP, a)
                 recorder.stats("b", k, k * STEP, STEP, a)
             with pytest.raises(ValueError, match="/b/out has 2 variables, not 1"):
-                recorder.write(both or "/b/out", 302, 0.302, STEP, *([a, a] if both else [a]))
+                recorder.write(page or "/b/out", 302, 0.302, STEP, *([a, a, a] if page else [a]))
             recorder.close("ok", "", 300)
     with Log(tmp_path / "apart") as apart, Log(tmp_path / "together") as together:
         assert together.hashes() == apart.hashes()
-        assert together.lengths() == {"/b/out": 151, "/stats/b": 301, "/a/out": 151}
+        assert together.lengths() == {"/a/in": 300, "/b/out": 301, "/stats/b": 301, "/a/out": 151}
         order = [[messages.topic for messages in piece] for piece in together.chunks()]
         assert order[0] == list(topics)
-
-
-def test_only_topics_of_the_same_steps_are_written_together(tmp_path):
-    with Recorder(
-        tmp_path / "log", {"/a/out": [("x", "m")], "/b/out": [("x", "m")]}, {}, {}, every={"/a/out": 2}
-    ) as log:
-        with pytest.raises(ValueError, match="/a/out, /b/out are not recorded at the same steps"):
-            log.together(["/a/out", "/b/out"])
-        log.close("ok", "", 0)
