@@ -25,15 +25,15 @@ STOREYS = (
 )
 # Modules that run any FMI 2.0 co-simulation FMU: nothing of ours is behind them.
 GENERIC = (
-    "cosim/beside.py",
     "cosim/cache.py",
     "cosim/component.py",
     "cosim/warned.py",
     "cosim/graph.py",
+    "cosim/machine.py",
+    "cosim/program.py",
     "cosim/master.py",
     "cosim/coupling/input_hold.py",
     "cosim/coupling/scheme.py",
-    "cosim/coupling/staged.py",
     "cosim/coupling/tracks_first.py",
     "cosim/coupling/jacobi.py",
     "cosim/coupling/gauss_seidel.py",

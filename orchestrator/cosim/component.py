@@ -45,8 +45,8 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from orchestrator.cosim.beside import KNOWN, Beside, Board, Errand, Report
 from orchestrator.cosim.cache import cache_folder, make, own, temporary, write
+from orchestrator.cosim.machine import Board, laid_out
 from orchestrator.cosim.warned import Warned, Warnings
 
 Floats = NDArray[np.float64]
@@ -62,6 +62,7 @@ SETTERS: dict[str, tuple[str, Any, Any]] = {  # of a type: the function, what it
     "String": ("fmi2SetString", c_char_p, str),
 }
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
+KEPT, SPENT = (Board._fields.index(name) for name in ("kept", "spent"))
 _BYTECODE = "__pycache__"
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
@@ -200,14 +201,14 @@ class Component(AbstractContextManager["Component"]):
 
     def __init__(self, fmu: Path, name: str, logger: Logger | None = None) -> None:
         self.name = name
-        self.wall_time = 0.0  # s inside the FMU since initialise
         self._logger = logger
         self._messages: list[tuple[int, str]] = []
         self._warnings = Warnings(name)
         self._time = 0.0  # s, where the last step began
         self._states: list[State] = []
         self._handle: Any = None
-        self._board: Board | None = None
+        self._board: NDArray[np.int64] | None = None
+        self._spent = 0.0  # s inside the FMU, but for steps by ``board``
         self._phase = "made"
         folder = unpack(Path(fmu))
         self.description = _description(folder, fmu)
@@ -289,6 +290,17 @@ class Component(AbstractContextManager["Component"]):
                 return (*(float(getattr(base, one)) for one in BASE_UNITS), math.log10(base.factor))
         return None
 
+    @property
+    def wall_time(self) -> float:
+        """Time inside the FMU since it was initialised, s."""
+        return self._spent + (0.0 if self._board is None else float(self._board.view(np.float64)[SPENT]))
+
+    @wall_time.setter
+    def wall_time(self, seconds: float) -> None:
+        self._spent = seconds
+        if self._board is not None:
+            self._board.view(np.float64)[SPENT] = 0.0
+
     # -------------------------------------------------------------- messages
 
     @property
@@ -320,7 +332,7 @@ class Component(AbstractContextManager["Component"]):
             self._messages.clear()
         began = perf_counter()
         status = function(self._handle, *arguments)
-        self.wall_time += perf_counter() - began
+        self._spent += perf_counter() - began
         if status > _WARNING:
             raise self._failure(function.__name__, status)
 
@@ -384,45 +396,35 @@ class Component(AbstractContextManager["Component"]):
         """The Real outputs go into ``y``, but for those of links."""
         self._exchange(self._library.fmi2GetReal, self._y)
 
-    def exchange(self, t: float, h: float) -> None:
-        """``write``, ``step`` and ``read``, in one call where that is known."""
-        if not KNOWN:
-            self.write()
-            self.step(t, h)
-            self.read()
-            return
-        board = self._begin(t)
-        board.write(t, h, not self._states)
-        self._end(board.do())
-
-    def exchange_beside(self, helper: Beside, t: float, h: float) -> None:
-        """The same in another thread, to be ended with ``join``."""
-        helper.ask(self._begin(t).errand, t, h, not self._states)
-
-    def join(self, helper: Beside) -> None:
-        """Wait for that."""
-        self._end(helper.wait())
-
-    def _begin(self, t: float) -> Board:
-        if self._handle is None:
-            raise ComponentFailed(f"{self.name}: the component is closed")
+    @property
+    def board(self) -> NDArray[np.int64]:
+        """What ``machine`` needs for a step: ``write``, ``step`` and ``read``."""
         if self._board is None:
             fmu = self._library
             functions = (fmu.fmi2SetReal, fmu.fmi2DoStep, fmu.fmi2GetReal)
             write, step, read = (cast(each, c_void_p).value or 0 for each in functions)
             (u_at, n_u, _), (y_at, n_y, _) = self._u, self._y
-            at = self._handle, write, addressof(u_at), n_u, self.u.ctypes.data
-            self._board = Board(Errand(*at, step, read, addressof(y_at), n_y, self.y.ctypes.data))
+            at = int(self._handle)
+            inputs = write, addressof(u_at), n_u, self.u.ctypes.data
+            outputs = read, addressof(y_at), n_y, self.y.ctypes.data
+            self._board = laid_out(Board(at, *inputs, step, *outputs, 0.0, 0.0, not self._states))
+        return self._board
+
+    def begin(self, t: float) -> None:
+        """What comes before a step by ``board``; raises ComponentFailed."""
+        if self._handle is None:
+            raise ComponentFailed(f"{self.name}: the component is closed")
         self._time = t
         if self._messages:
             self._messages.clear()
-        return self._board
 
-    def _end(self, report: Report) -> None:
-        self.wall_time += report.seconds
-        if report.failed:
-            names = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
-            raise self._failure(names[Errand._fields[report.failed]], report.status)
+    def failure(self) -> ComponentFailed | None:
+        """What went wrong in a step by ``board``, if anything did."""
+        words = Board(*self.board)
+        if not words.failed:
+            return None
+        names = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
+        return self._failure(names[Board._fields[words.failed]], words.status)
 
     def read_links(self) -> None:
         """The outputs of links go into ``y_links``."""
@@ -446,8 +448,13 @@ class Component(AbstractContextManager["Component"]):
 
     def _state(self, handle: fmi2FMUstate) -> State:
         state = State(handle, tuple(array.copy() for array in self._arrays), self._warnings.save())
-        self._states.append(state)
+        self._keep([*self._states, state])
         return state
+
+    def _keep(self, states: list[State]) -> None:
+        self._states = states
+        if self._board is not None:
+            self._board[KEPT] = not states
 
     def restore(self, state: State) -> None:
         """Back to a saved state, bit for bit; it stays good for another time."""
@@ -459,7 +466,7 @@ class Component(AbstractContextManager["Component"]):
 
     def free(self, state: State) -> None:
         """Forget a saved state."""
-        self._states = [kept for kept in self._states if kept is not state]
+        self._keep([kept for kept in self._states if kept is not state])
         self._call(self._library.fmi2FreeFMUstate, byref(state.handle))
 
     def dump(self, state: State) -> bytes:

@@ -122,23 +122,6 @@ class Member(NamedTuple):
 Stages = tuple[tuple[Member, ...], ...]
 
 
-def joined(feeds: Sequence[Feed]) -> tuple[Feed, ...]:
-    """The same exchange in fewer copies: what comes from one source in one way is one feed, of no bond."""
-    alike: dict[tuple[str, Kind, bool], list[Feed]] = {}
-    for feed in feeds:
-        alike.setdefault((feed.source.name, feed.carries, feed.rates is None), []).append(feed)
-    return tuple(
-        Feed(
-            group[0].source,
-            np.concatenate([feed.outputs for feed in group]),
-            np.concatenate([feed.inputs for feed in group]),
-            carries,
-            None if unknown else np.concatenate([feed.rates for feed in group if feed.rates is not None]),
-        )
-        for (_, carries, unknown), group in alike.items()
-    )
-
-
 class Miswired(ValueError):
     """A connection names an instance or a variable that does not exist."""
 

@@ -151,6 +151,17 @@ class Page:
                 proofs.append(_Proof(number, np.array(outputs), np.array(inputs)))
         return proofs
 
+    def add(self, sequence: int, t: float, h: float, values: Sequence[Floats]) -> None:
+        """Another row: the values of each topic, which are copied; raises ValueError where their number is wrong."""
+        block = self.block
+        row = block.count
+        if [*map(len, values)] != self.widths:
+            wrong = zip(self.topics, self.widths, map(len, values), strict=True)
+            raise ValueError("; ".join(f"{topic} has {k} variables, not {n}" for topic, k, n in wrong if k != n))
+        np.concatenate(values, out=block.values[row])
+        block.sequence[row], block.t[row], block.h[row] = sequence, t, h
+        block.count = row + 1
+
     def turn(self) -> Block:
         """The filled block; another one takes its place."""
         filled = self.block

@@ -120,9 +120,6 @@ class Recorder(AbstractContextManager["Recorder"]):
         page = self._pages[topic]
         if sequence % page.every:
             return
-        for width, name, part in zip(page.widths, page.topics, values, strict=True):
-            if len(part) != width:
-                raise ValueError(f"{name} has {width} variables, not {len(part)}")
         if not 0.0 <= t < LONGEST:
             raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {LONGEST:g}")
         with self._turn:
@@ -130,16 +127,10 @@ class Recorder(AbstractContextManager["Recorder"]):
                 raise self._failure
             if self._closing:
                 raise ValueError(f"the log {self.path} is closed")
-            block = page.block
-            row = block.count
-            block.sequence[row] = sequence
-            block.t[row] = t
-            block.h[row] = h
-            np.concatenate(values, out=block.values[row])
-            block.count = row + 1
+            page.add(sequence, t, h, values)
             self._last = sequence
             self._bytes += page.size
-            if self._bytes >= CHUNK or block.count > page.capacity:
+            if self._bytes >= CHUNK or page.block.count > page.capacity:
                 self._hand_over()
                 while len(self._backlog) > BACKLOG and self._failure is None:
                     self._turn.wait()

@@ -17,6 +17,7 @@ from conftest import messages
 from fmus.vehicle import BadInput
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.program import Program
 from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
@@ -249,14 +250,14 @@ def test_a_full_disk_fails_the_run(cotrack):
 
 
 def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, monkeypatch, tmp_path):
-    exchange = Component.exchange
+    run = Program.run
 
     def failing(self, t, h):
         if t > 0.0105:
             raise ComponentFailed("chain: no convergence at t = 0.011 s, link 7")
-        exchange(self, t, h)
+        run(self, t, h)
 
-    monkeypatch.setattr(Component, "exchange", failing)
+    monkeypatch.setattr(Program, "run", failing)
     status, out, err = cotrack(*SHORT)
     assert status == 1
     assert "link 7" in err

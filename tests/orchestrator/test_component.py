@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from conftest import build_toy
 
-from orchestrator.cosim.beside import Beside
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
+from orchestrator.cosim.machine import KNOWN
+from orchestrator.cosim.program import Program, Stage
 
 H = 1e-3
 
@@ -89,29 +90,31 @@ def test_components_step_side_by_side_in_threads(toy):
     assert np.array_equal(both[1], alone)
 
 
-def test_an_exchange_beside_is_the_exchange(toy):
+@pytest.mark.skipif(not KNOWN, reason="no machine code for this system")
+def test_a_step_in_machine_code_is_the_step(toy):
     """And its failure is the component's, in its own words."""
-    helper = Beside()
     with Component(toy, "one") as one, Component(toy, "two") as two:
         for component in (one, two):
             component.initialise({})
+        program = Program([Stage([one], [])])
         for i in range(50):
             one.u[0] = two.u[0] = np.cos(i)
-            one.exchange_beside(helper, i * H, H)
+            program.run(i * H, H)
             two.write()
             two.step(i * H, H)
             two.read()
-            one.join(helper)
             assert np.array_equal(one.y, two.y)
         assert one.wall_time > 0.0
+        one.wall_time = 0.0
+        assert one.wall_time == 0.0
         one.initialise({"trouble": "raise"})
-        for i in range(6):
-            one.exchange_beside(helper, i * H, H)
-            if i < 5:
-                one.join(helper)
+        for i in range(5):
+            program.run(i * H, H)
         with pytest.raises(ComponentFailed, match="one: the spring broke"):
-            one.join(helper)
-    helper.close()
+            program.run(5 * H, H)
+        one.close()
+        with pytest.raises(ComponentFailed, match="one: the component is closed"):
+            program.run(6 * H, H)
 
 
 def test_failures_in_threads_find_their_component(toy):

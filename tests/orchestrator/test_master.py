@@ -1,17 +1,12 @@
 """The master and ``tracks_first`` on two masses, split at their spring, solved exactly on each side."""
 
 import math
-import threading
-import time
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from orchestrator.cosim.beside import possible
-from orchestrator.cosim.component import Component, ComponentFailed
-from orchestrator.cosim.coupling.scheme import LONG
+from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.master import Clock, run
@@ -191,52 +186,3 @@ def test_an_interruption_ends_between_steps():
     assert outcome.status == "interrupted"
     assert outcome.steps == 4
     assert points == [0, 1, 2, 3, 4]
-
-
-class Sleeper(Component):
-    """Steps only when its twin is stepping too, and long enough for another thread to pay."""
-
-    inputs, outputs = (), ()
-
-    def __init__(self, name, barrier, failing=False):
-        self.name, self.barrier, self.failing = name, barrier, failing
-        self.u, self.y = np.zeros(0), np.zeros(0)
-        self.done = 0
-
-    def write(self):
-        pass
-
-    def step(self, t, h):
-        self.barrier.wait(timeout=5.0)
-        time.sleep(10 * LONG)
-        if self.failing:
-            raise ComponentFailed(f"{self.name}: failed")
-        self.done += 1
-
-    def read(self):
-        pass
-
-    def exchange(self, t, h):
-        self.step(t, h)
-
-    def exchange_beside(self, helper, t, h):
-        self.pool = ThreadPoolExecutor(1)
-        self.future = self.pool.submit(self.step, t, h)
-
-    def join(self, helper):
-        self.pool.shutdown()
-        self.future.result()
-
-
-@pytest.mark.skipif(not possible(), reason="needs a second processor")
-@pytest.mark.parametrize("failing", ["", "one", "two"])
-def test_a_stage_steps_at_once_and_every_failure_is_heard(failing):
-    barrier = threading.Barrier(2)
-    pair = {name: Sleeper(name, barrier, name == failing) for name in ("one", "two")}
-    system = System(tuple(Instance(name, None, {}, 0) for name in pair), ())
-    outcome = run(TracksFirst(wire(system, pair)), Clock(0.1, 3), [])
-    if failing:
-        assert outcome[:3] == ("failed", f"{failing}: failed", 0)
-    else:
-        assert outcome[:3] == ("ok", "", 3)
-        assert [sleeper.done for sleeper in pair.values()] == [3, 3]

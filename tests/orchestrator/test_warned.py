@@ -13,6 +13,7 @@ from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling.iterative import Iterative
 from orchestrator.cosim.graph import Connection, Instance, System, wire
+from orchestrator.cosim.program import Program
 from orchestrator.cosim.warned import Warned, Warnings
 from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
@@ -158,14 +159,14 @@ def test_a_run_that_is_quiet_has_none(cotrack):
 
 
 def test_a_failed_run_tells_its_warnings(cotrack, creaking, monkeypatch):
-    exchange = Component.exchange
+    run = Program.run
 
     def failing(self, t, h):
-        exchange(self, t, h)
+        run(self, t, h)
         if t > 0.0105:
             raise ComponentFailed("chain: the spring broke")
 
-    monkeypatch.setattr(Component, "exchange", failing)
+    monkeypatch.setattr(Program, "run", failing)
     status, out, _ = cotrack(*SHORT, "--json")
     assert status == 1
     assert told(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 12}]

@@ -12,13 +12,11 @@ when a stage steps. A state that is sent again at every point brings its own cor
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.gauss_seidel import GaussSeidel
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import Saved
-from orchestrator.cosim.graph import Feed, Floats, Member, Stages
+from orchestrator.cosim.graph import Feed, Floats, Stages
 
 
 class EnergyCorrected(GaussSeidel):
@@ -35,10 +33,6 @@ class EnergyCorrected(GaussSeidel):
             if feed.carries in ("value", "mean") and feed.source.name not in self.stepped(member)
         ]
         self.missed: dict[int, Floats] = {}  # s times the unit of the feed, by the feed's identity
-
-    def feeds(self, member: Member) -> Sequence[Feed]:
-        """One by one: each has missed something of its own."""
-        return member.feeds
 
     def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """Extrapolated, with what the feed missed so far."""

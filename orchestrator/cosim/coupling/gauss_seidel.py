@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from orchestrator.cosim.coupling import input_hold
-from orchestrator.cosim.coupling.staged import Staged
+from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Feed, Stages
 from orchestrator.log.wire import Rule
 
 
-class GaussSeidel(Staged):
+class GaussSeidel(Scheme):
     """Stage after stage; constant: the latest values, of order 1."""
 
     NAME = "gauss_seidel"

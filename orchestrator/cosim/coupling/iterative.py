@@ -7,21 +7,20 @@ connection has carried), which also converges where plain repetition does not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs
-from orchestrator.cosim.coupling.scheme import CouplingFailed, needs_states
-from orchestrator.cosim.coupling.staged import Staged
-from orchestrator.cosim.graph import Feed, Floats, Member, Stages
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, needs_states
+from orchestrator.cosim.graph import Feed, Floats, Stages
 from orchestrator.log.wire import Rule
 
 KEPT = 6  # differences of earlier sweeps that the acceleration looks at
 
 
-class Iterative(Staged):
+class Iterative(Scheme):
     """Converged when no unknown input changes by more than ``tolerance`` of the largest its connection has carried.
 
     :raises CouplingFailed: here where a component cannot save its state, in ``advance`` after ``iterations`` sweeps.
@@ -46,10 +45,6 @@ class Iterative(Staged):
         self._place = {id(feed): slice(a, b) for (_, feed), a, b in zip(feeds, ends[:-1], ends[1:], strict=True)}
         self._largest = np.zeros(len(feeds))
         self._guess = np.zeros(int(ends[-1]))
-
-    def feeds(self, member: Member) -> Sequence[Feed]:
-        """One by one: each has a place of its own among the unknowns."""
-        return member.feeds
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """Sweeps until the unknown inputs repeat themselves."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Feed, Member, Stages
 from orchestrator.log.wire import Rule
@@ -21,13 +20,6 @@ class Jacobi(Scheme):
     def groups(self) -> Stages:
         """One group of all."""
         return (self.members,)
-
-    def exchange(self, t: float, h: float, now: Outputs) -> None:
-        """All inputs before any step."""
-        for member in self.members:
-            for feed in member.feeds:
-                member.component.u[feed.inputs] = self.given(feed, False, now, h)
-        self.step(self.members, t, h)
 
     def stepped(self, member: Member) -> frozenset[str]:
         """None: all step at once."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from time import perf_counter
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
-from orchestrator.cosim.beside import Beside, possible
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
-from orchestrator.log.wire import Rule
-
-LONG = 5e-5  # s: in a shorter step an FMU of ours is mostly Python, which runs in one thread at a time
+from orchestrator.cosim.machine import KNOWN
+from orchestrator.cosim.program import Move, Program, Stage
+from orchestrator.log.wire import Rule, handed_over
 
 
 class CouplingFailed(RuntimeError):
@@ -47,23 +46,48 @@ class Scheme:
             before = frozenset(self._stepped)
             self._stepped |= {member.component.name: before for member in stage}
         self._threads = threads
-        self._helpers: list[Beside] = []
-        self._spent: dict[str, float] = {}  # s, by the last member of each group in its last step
+        self._program: Program | None = None
 
     def __enter__(self) -> Scheme:
-        width = max(len(group) for group in self.groups())
-        if self._threads and width > 1 and possible():
-            self._helpers = [Beside() for _ in range(width - 1)]
+        loaded = {each.component.name: each.component for each in self.members if isinstance(each.component, Component)}
+        if KNOWN and len(loaded) == len(self.members):
+            stages = [
+                Stage(
+                    [loaded[member.component.name] for member in group],
+                    [Move(u, feed.inputs, feed.source.y, feed.outputs, rule) for u, feed, rule in hands if rule],
+                )
+                for group, hands in self._hands
+            ]
+            self._program = Program(stages, self._threads)
         return self
 
     def __exit__(self, *ended: object) -> None:
-        for helper in self._helpers:
-            helper.close()
-        self._helpers = []
+        if self._program is not None:
+            self._program.close()
+        self._program = None
 
     def groups(self) -> Stages:
         """Members that step at once, group after group."""
         return self.stages
+
+    @cached_property
+    def _hands(self) -> list[tuple[Sequence[Member], list[tuple[Floats, Feed, Rule | None]]]]:
+        """Group after group its members, and all their inputs."""
+        return [
+            (
+                group,
+                [
+                    (member.component.u, feed, self.rule(feed, feed.source.name in self.stepped(member)))
+                    for member in group
+                    for feed in member.feeds
+                ],
+            )
+            for group in self.groups()
+        ]
+
+    @cached_property
+    def _without_rule(self) -> list[tuple[Floats, Feed]]:
+        return [(u, feed) for _, hands in self._hands for u, feed, rule in hands if rule is None]
 
     def advance(self, t: float, h: float) -> None:
         """Bring every component from t to t + h; raises what a component raises, and CouplingFailed."""
@@ -72,8 +96,24 @@ class Scheme:
         self.past = Past(now, h, self.past.last)
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
-        """The step itself; ``now`` holds the outputs at t."""
-        raise NotImplementedError
+        """The step itself; ``now`` holds the outputs at t. Inputs that need later ones are filled as these come."""
+        for u, feed in self._without_rule:
+            u[feed.inputs] = self.made(feed, now, h)
+        if self._program is not None:
+            self._program.run(t, h)
+            return
+        for _, hands in self._hands:
+            for u, feed, rule in hands:
+                if rule in ("start", "middle"):
+                    u[feed.inputs] = feed.source.y[feed.outputs]
+        for group, hands in self._hands:
+            for u, feed, rule in hands:
+                if rule in ("end", "middle"):
+                    u[feed.inputs] = handed_over(rule, u[feed.inputs], feed.source.y[feed.outputs])
+            for member in group:
+                member.component.write()
+                member.component.step(t, h)
+                member.component.read()
 
     def stepped(self, member: Member) -> frozenset[str]:
         """Names of the components that have done the step when a member is given its inputs: the stages before."""
@@ -89,39 +129,6 @@ class Scheme:
     def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """What a feed without a rule hands over: for the middle of the step, from the past."""
         return input_hold.extrapolated(feed, now, self.past, h)
-
-    def given(self, feed: Feed, stepped: bool, now: Outputs, h: float) -> Floats:
-        """What a feed hands over for [t, t + h]."""
-        rule = self.rule(feed, stepped)
-        return self.made(feed, now, h) if rule is None else input_hold.by_rule(rule, feed, now)
-
-    def step(self, group: Sequence[Member], t: float, h: float) -> None:
-        """Members of a group over [t, t + h] at once; the first failure of the group is raised when all have ended."""
-        *others, last = group
-        helpers = self._helpers if self._spent.get(last.component.name, LONG) >= LONG else []
-        beside: list[tuple[Component, Beside]] = []
-        failures: list[ComponentFailed] = []
-        try:
-            for k, member in enumerate(others):
-                if k < len(helpers) and isinstance(member.component, Component):
-                    member.component.exchange_beside(helpers[k], t, h)
-                    beside.append((member.component, helpers[k]))
-                else:
-                    step(member, t, h)
-            self._timed(last, t, h)
-        finally:
-            for component, helper in beside:
-                try:
-                    component.join(helper)
-                except ComponentFailed as failure:
-                    failures.append(failure)
-        if failures:
-            raise failures[0]
-
-    def _timed(self, member: Member, t: float, h: float) -> None:
-        began = perf_counter()
-        step(member, t, h)
-        self._spent[member.component.name] = perf_counter() - began
 
     def save(self) -> Saved:
         """The communication point, to be restored or freed."""
@@ -153,14 +160,3 @@ def gather(member: Member) -> None:
     """Copy what the peers show now into the inputs."""
     for feed in member.feeds:
         member.component.u[feed.inputs] = feed.source.y[feed.outputs]
-
-
-def step(member: Member, t: float, h: float) -> None:
-    """One component over [t, t + h]."""
-    component = member.component
-    if isinstance(component, Component):
-        component.exchange(t, h)
-    else:
-        component.write()
-        component.step(t, h)
-        component.read()

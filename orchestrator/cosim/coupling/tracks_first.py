@@ -8,12 +8,12 @@ value for the middle of the step where only the master can do so; one whose peer
 from __future__ import annotations
 
 from orchestrator.cosim.coupling import input_hold
-from orchestrator.cosim.coupling.staged import Staged
+from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Feed
 from orchestrator.log.wire import Rule
 
 
-class TracksFirst(Staged):
+class TracksFirst(Scheme):
     """Stages are force sides first."""
 
     NAME = "tracks_first"
