@@ -31,7 +31,7 @@ def describe(scene: Scene) -> Iterator[str]:
         yield f"  {run.stop:g} s in {run.steps} steps of {run.step * 1e3:g} ms, {run.coupling}"
     else:
         yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
-    yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {run.links}"
+    yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {scene.links_every}"
     present, absent = _of_fmus(scene) if isinstance(scene, TrackScene) else _without_fmu(scene)
     yield from _section("in", present)
     yield from _section("left out", absent)
@@ -135,7 +135,7 @@ def _evaluated(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
     yield "outputs"
     sizes = zip(assembly.parts, found.outputs, found.link_outputs, found.state, strict=True)
     for part, outputs, links, state in sizes:
-        every = f" and {links} of links every {scene.run.links} steps" if links else ""
+        every = f" and {links} of links every {scene.links_every} steps" if links else ""
         yield f"  {part.name:12} {outputs} a step{every}; {state} numbers of state"
     whole = len(found.modules) + len(found.left_out)
     yield from _section(f"modules of fmus: {len(found.modules)} of {whole} in", _folded(found.modules))

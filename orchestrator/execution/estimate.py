@@ -44,7 +44,7 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
     """
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
-    strides = {"outputs": max(1, scene.run.outputs // 2), "links": max(1, scene.run.links // 2)}
+    strides = {"outputs": max(1, scene.run.outputs // 2), "links": max(1, scene.links_every // 2)}
     run = scene.run.model_copy(update={"step": step, "stop": stop, **strides})
     if scene.run.variable is not None:
         track = scene.track

@@ -91,7 +91,7 @@ def describe(graph: System) -> dict[str, Any]:
 
 def _strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
     """Every how many steps a topic is recorded."""
-    every = {"out": scene.run.outputs, "links": scene.run.links}
+    every = {"out": scene.run.outputs, "links": scene.links_every}
     return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}
 
 

@@ -63,7 +63,7 @@ class Again(NamedTuple):
         if self.model.scene is not None:
             attachments["scene.json"] = as_json(self.model.scene.resolved())
         links = log.topics.get(f"/{name}/links")
-        every = links.every if links else self.model.scene.run.links if self.model.scene else 1
+        every = links.every if links else self.model.scene.links_every if self.model.scene else 1
         return replays.answer(log, self.component, self.parameters, path, attachments, every)
 
 

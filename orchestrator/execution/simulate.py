@@ -30,6 +30,7 @@ from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.recording import folded
 from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
@@ -84,6 +85,11 @@ def _simulate(
         if isinstance(pace, VariableStep):
             needs_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
+        told = []  # of the record itself
+        if aliases := folded(scene.links_every, scene.run.step, scene.teeth_rate) if any_links(components) else "":
+            told.append({"component": "log", "text": aliases, "time": 0.0, "count": 1})
+            if logger:
+                logger("log", 1, aliases)
         outcome, startup, wall, spent = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0, 0.0
         done, reached = 0, 0.0
 
@@ -113,7 +119,7 @@ def _simulate(
                     "cpu_time": spent,
                     "rejected_steps": 0 if isinstance(pace, master.Clock) else pace.rejected,
                     "components": {name: cost(component) for name, component in components.items()},
-                    "warnings": warnings(components),
+                    "warnings": [*told, *warnings(components)],
                 }
                 if outcome.steps:
                     say(f"{scene.name}: results are read from the log")
@@ -124,7 +130,7 @@ def _simulate(
                 recorder.close(outcome.status, outcome.message, outcome.steps, _results(result), result["warnings"])
         except LogFailed as failure:
             outcome = master.Outcome("failed", f"{failure}, at t = {reached:.6g} s", done, reached)
-            result |= _how_it_ended(outcome, startup, wall) | {"warnings": warnings(components)}
+            result |= _how_it_ended(outcome, startup, wall) | {"warnings": [*told, *warnings(components)]}
         interrupt.gentle = False
     return result | {"log": str(path), "log_bytes": path.stat().st_size if path.exists() else 0}
 
@@ -270,6 +276,11 @@ def warnings(components: Mapping[str, Recorded]) -> list[dict[str, Any]]:
     """What the components have warned of, the first one first."""
     told = [one for component in components.values() for one in component.warnings]
     return [asdict(one) for one in sorted(told, key=lambda one: one.time)]
+
+
+def any_links(components: Mapping[str, Recorded]) -> bool:
+    """Whether something is recorded of every link."""
+    return any(component.links for component in components.values())
 
 
 class _Interrupt:

@@ -42,7 +42,7 @@ try:
 except ImportError:  # Windows does not let go of open files in any case
     fcntl = None  # type: ignore[assignment]
 
-ZSTD, COMPRESSION_LEVEL = b"zstd", 1
+ZSTD, COMPRESSION_LEVEL = b"zstd", -3  # by a fifth less of the processor than level 1, and 7 % larger
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # all of a chunk but its records: opcode, length, times, size, checksum, kind
 _HEAD = 9  # bytes of opcode and length, which the length does not count
 SUMMARY = (

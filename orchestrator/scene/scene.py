@@ -6,6 +6,7 @@ scene holds the whole vehicle table under ``vehicle``, so that a dotted key reac
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -15,6 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery, points
+from orchestrator.scene.recording import UNKNOWN, links_every
 from orchestrator.scene.settings import keys, merged, put, setting
 from orchestrator.scene.tables import (
     SIDES,
@@ -47,6 +49,7 @@ COMPUTED = (
 )  # fmt: skip
 # what a drive in mode controller may say beside a driver
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
+OUTSIDE = 1.2  # of a vehicle's speed: that of its outer track in a turn
 SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of theirs
 
 
@@ -66,6 +69,16 @@ class Scene(Table):
             if not name.isidentifier():
                 raise ValueError(f"'{name}' is no name for a check")
         return value
+
+    @property
+    def teeth_rate(self) -> float:
+        """Teeth that pass a second at top speed, as far as the scene says it; 0 where there are none."""
+        return 0.0
+
+    @property
+    def links_every(self) -> int:
+        """Steps from one record of links to the next."""
+        return self.run.links or links_every(self.run.step, self.teeth_rate)
 
     def resolved(self) -> dict[str, Any]:
         """The scene as plain SI numbers; ``from_table`` makes the same scene of it."""
@@ -106,6 +119,10 @@ class TrackScene(Scene):
         """The scene with the axes that its cables need where nothing is said of them: fixed ones."""
         return self
 
+    def _teeth_rate(self, speed: float | None) -> float:
+        """Teeth that pass a second when the sprocket turns with ``speed``, rad/s."""
+        return self.vehicle.sprocket.teeth * (UNKNOWN if speed is None else speed) / (2.0 * math.pi)
+
 
 class ChainScene(TrackScene):
     """A chain and nothing else."""
@@ -127,6 +144,11 @@ class BenchScene(TrackScene):
     bench: Bench
     drive: Drive
 
+    @property
+    def teeth_rate(self) -> float:
+        """As ``drive`` turns the sprocket."""
+        return self._teeth_rate(self.drive.top_speed)
+
 
 class RigScene(TrackScene):
     """A closed chain, a driven sprocket and a braked idler."""
@@ -135,6 +157,11 @@ class RigScene(TrackScene):
     rig: Rig
     drive: Drive
     idler_drive: Drive
+
+    @property
+    def teeth_rate(self) -> float:
+        """As ``drive`` turns the sprocket."""
+        return self._teeth_rate(self.drive.top_speed)
 
 
 class VehicleScene(TrackScene):
@@ -168,6 +195,16 @@ class VehicleScene(TrackScene):
         if self.driver is not None:
             self._may_be_driven()
         return self.with_axes()
+
+    @property
+    def teeth_rate(self) -> float:
+        """On the faster side; of a driver's vehicle at its speed in a turn of some ten metres."""
+        if self.driver is not None:
+            radius = self.vehicle.track.pitch / (2.0 * math.sin(math.pi / self.vehicle.sprocket.teeth))
+            return self._teeth_rate(OUTSIDE * self.driver.top_speed / radius)
+        known = [speed for side in SIDES if (speed := self.drive.of(side).top_speed) is not None]
+        steering = self.drive.steering and self.drive.steering.top_speed
+        return self._teeth_rate(max(known) + 0.5 * (steering or 0.0) if known else None)
 
     @property
     def turns(self) -> bool:

@@ -95,7 +95,7 @@ class Run(Table):
     coupling: Annotated[Coupling, BeforeValidator(short_coupling)] = Coupling()
     variable: Annotated[Variable | None, BeforeValidator(off)] = None  # without it, or false: all of length H
     outputs: Every = 1  # outputs are recorded every n communication steps
-    links: Every = 10  # per-link outputs are recorded every n communication steps
+    links: Every | None = None  # per-link outputs are recorded every n communication steps; default: ``recording``
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Run:
@@ -249,6 +249,13 @@ class Drive(Table):
             raise ValueError("speed_points and stop exclude each other: the points say when it stops")
         return self
 
+    @property
+    def top_speed(self) -> float | None:
+        """Largest speed that is asked for, rad/s; None where a torque makes it."""
+        if self.mode == "torque":
+            return None
+        return max(abs(speed) for _, speed in self.speed_points or ((0.0, self.speed),))
+
 
 class Steering(Drive):
     """What turns right less left in a steering differential: ``speed`` is the right sprocket's less the left one's."""
@@ -365,6 +372,11 @@ class Driver(Table):
             if getattr(self, key) is not None and self.arcs is None and self.points is None:
                 raise ValueError(f"{key} needs a path, arcs or points")
         return self
+
+    @property
+    def top_speed(self) -> float:
+        """Largest speed that is asked for, m/s."""
+        return max(speed for _, speed in self.speed_points or ((0.0, self.speed),))
 
 
 class Check(Table):

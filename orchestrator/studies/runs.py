@@ -33,7 +33,7 @@ def logged(scene: Scene, name: str) -> Iterator[Path]:
 
 def sampled(scene: Scene) -> Scene:
     """The scene with all outputs recorded, those of links every LINKS s, or as they are with variable steps."""
-    every = max(1, round(LINKS / scene.run.step)) if scene.run.variable is None else scene.run.links
+    every = max(1, round(LINKS / scene.run.step)) if scene.run.variable is None else scene.links_every
     return scene.model_copy(update={"run": scene.run.model_copy(update={"outputs": 1, "links": every})})
 
 

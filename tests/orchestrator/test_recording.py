@@ -1,0 +1,60 @@
+"""Links are recorded often enough to show what teeth do to them; where they are not, it is said."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orchestrator.scene.recording import FEWEST, SAMPLES, SELDOM, folded, links_every
+from orchestrator.scene.scene import load
+
+STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
+
+
+@given(STEPS, RATES)
+def test_ten_samples_a_tooth_or_every_step(step, teeth):
+    every = links_every(step, teeth)
+    assert every == 1 or 1.0 / (every * step * teeth) >= SAMPLES * (1.0 - 1e-9)
+    assert every == SELDOM or 1.0 / ((every + 1) * step * teeth) < SAMPLES, "no more often than that"
+    assert every == 1 or not folded(every, step, teeth)
+
+
+def test_without_teeth_seldom():
+    assert (links_every(1e-3, 0.0), folded(1000, 1e-3, 0.0)) == (SELDOM, "")
+
+
+@given(STEPS, RATES, st.integers(1, 1000))
+def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
+    sentence = folded(every, step, teeth)
+    assert bool(sentence) == (FEWEST * teeth * every * step > 1.0)
+    if sentence and teeth * every * step < 1e3:
+        shown = float(sentence.partition("shows at ")[2].split()[0])
+        t = np.arange(200) * every * step
+        own, seen = np.cos(2 * np.pi * teeth * t), np.cos(2 * np.pi * shown * t)
+        assert shown <= 0.5 / (every * step) * (1 + 1e-3)
+        if shown * t[-1] < 20.0:  # else four digits are too few to compare over so many periods
+            assert np.abs(own - seen).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings", "speed"),
+    [
+        ("straight", (), 20.0),
+        ("turn", (), 12.0),
+        ("pivot", (), 10.0),
+        ("brake_turn", (), 10.0),  # of the side that is not braked
+        ("differential", (), 10.0 + 0.5 * 4.0),
+        ("rig", (), 3.0),
+        ("rig", ("drive.mode=torque", "drive.torque=10", "drive.speed=0"), 20.0),
+        ("straight", ("drive.speed_points=[[0, 0], [1, -30], [2, 5]]", "drive.speed=0"), 30.0),
+        ("hanging_chain", (), 0.0),
+        ("elastica", (), 0.0),
+    ],
+)
+def test_top_speed_is_what_the_scene_asks_for(scene, settings, speed):
+    found = load(scene, None, settings)
+    teeth = found.vehicle.sprocket.teeth if speed else 0
+    assert found.teeth_rate == pytest.approx(teeth * speed / (2.0 * math.pi))
+    assert load(scene, None, (*settings, "run.links=7")).links_every == 7
