@@ -20,6 +20,7 @@ class Recorded(NamedTuple):
     topic: str
     about: Topic
     columns: tuple[int, ...]  # of its variables, those that its messages hold
+    names: tuple[str, ...]  # of these
     layout: schema.Layout
 
 
@@ -27,14 +28,14 @@ def recorded(topic: str, about: Topic) -> Recorded:
     """The channel of a topic; raises ValueError for one that no message can be made of."""
     wired = {name for wire in about.wires for name in wire.inputs}
     columns = tuple(column for column, name in enumerate(about.names) if name not in wired)
-    layout = schema.layout(schema.places([about.names[column] for column in columns]))
-    return Recorded(topic, about, columns, layout)
+    names = tuple(about.names[column] for column in columns)
+    return Recorded(topic, about, columns, names, schema.layout(schema.places(names)))
 
 
 def texts(channel: Recorded) -> dict[str, str]:
     """Its metadata; a variable that a wire has has no place in its messages."""
     about = channel.about
-    places = dict(zip(channel.columns, schema.places([about.names[k] for k in channel.columns]), strict=True))
+    places = dict(zip(channel.columns, schema.places(channel.names), strict=True))
     found = {
         "names": json.dumps(about.names),
         "units": json.dumps(about.units),
@@ -54,15 +55,16 @@ def read(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
         raise ValueError(f"a topic is not recorded every {every} steps")
     wires = _wires(about["wires"]) if "wires" in about else ()
     columns = tuple(column for column, place in enumerate(places) if place or not wires)
+    held = tuple(names[column] for column in columns)
     wired = [name for wire in wires for name in wire.inputs]
-    if sorted(wired) != sorted(set(names) - {names[column] for column in columns}):
+    if sorted(wired) != sorted(set(names) - set(held)):
         raise ValueError("what has no place has no wire")
     if wires and every != 1:
         raise ValueError("wires are of every step")
     layout = schema.layout([places[column] for column in columns])
     if not schema.describes(described, layout.fields):
         raise ValueError("schema and places differ")
-    return Recorded(topic, Topic(names, units, every, wires), columns, layout)
+    return Recorded(topic, Topic(names, units, every, wires), columns, held, layout)
 
 
 def _wires(text: str) -> tuple[Wire, ...]:

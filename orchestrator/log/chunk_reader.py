@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-import zstandard
-from mcap.records import Chunk
 
 from orchestrator.log.channel_metadata import Recorded
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
-from orchestrator.log.message_records import Messages, all_of_size, offsets_by_channel, size_of
+from orchestrator.log.message_records import Messages, runs_by_channel, size_of
+from orchestrator.log.schema import Bytes
 
 KEEP = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
 _SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
@@ -30,7 +28,6 @@ class Chunks:
         self._channels = channels
         self.spans: dict[int, tuple[float, float]] = {}
         self.unpacked: dict[int, list[Messages]] = {}
-        self._inside: dict[int, list[tuple[Recorded, Sequence[int]]]] = {}  # where messages are in a chunk, by offset
         self._room = KEEP
 
     def add(self, offset: int) -> None:
@@ -48,15 +45,12 @@ class Chunks:
 
     def _unpack(self, offset: int, keep: bool) -> list[Messages]:
         try:
-            content = _content(self._file.record(Chunk, offset))
-            if offset not in self._inside:
-                found = offsets_by_channel(content)
-                self._inside[offset] = [
-                    (self._channels[number], _together(content, self._channels[number], where))
-                    for number, where in found.items()
-                    if number in self._channels
-                ]
-            piece = [_messages(content, *at) for at in self._inside[offset]]
+            content = np.frombuffer(self._file.content(offset), np.uint8)
+            piece = [
+                _messages(content, self._channels[number], runs)
+                for number, runs in runs_by_channel(content).items()
+                if number in self._channels
+            ]
         except DAMAGE as damage:
             raise LogUnreadable(
                 f"{self._file.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
@@ -69,35 +63,9 @@ class Chunks:
         return piece
 
 
-def _together(content: bytes, channel: Recorded, offsets: list[int]) -> Sequence[int]:
-    """Where the messages of a channel are; where they stand together, in no more room than a range takes."""
+def _messages(content: Bytes, channel: Recorded, runs: Sequence[range]) -> Messages:
     size = size_of(channel.layout)
-    if not all_of_size(content, offsets, size):
+    rows = [content[run.start : run.stop].reshape(-1, run.step) for run in runs]
+    if any(run.step != size for run in runs):
         raise ValueError(f"a message of {channel.topic} does not have {size} bytes")
-    together = offsets[-1] - offsets[0] == size * (len(offsets) - 1)
-    return range(offsets[0], offsets[-1] + 1, size) if together else offsets
-
-
-def _messages(content: bytes, channel: Recorded, offsets: Sequence[int]) -> Messages:
-    size = size_of(channel.layout)
-    if isinstance(offsets, range):
-        rows = np.frombuffer(content, np.uint8, size * len(offsets), offsets[0])
-    else:
-        rows = np.frombuffer(b"".join(content[offset : offset + size] for offset in offsets), np.uint8)
-    names = tuple(channel.about.names[column] for column in channel.columns)
-    return Messages(channel.topic, names, channel.layout, rows.reshape(-1, size))
-
-
-def _content(chunk: Chunk) -> bytes:
-    """The uncompressed records of a chunk, checked; raises one of DAMAGE."""
-    if chunk.compression == "zstd":
-        if zstandard.frame_content_size(chunk.data) not in (-1, chunk.uncompressed_size):  # -1: not said
-            raise ValueError("its size does not hold")
-        content = zstandard.decompress(chunk.data, chunk.uncompressed_size)
-    elif chunk.compression == "":
-        content = chunk.data
-    else:
-        raise ValueError(f"compression {chunk.compression!r} is not known")
-    if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
-        raise ValueError("its checksum does not hold")
-    return content
+    return Messages(channel.topic, channel.names, channel.layout, rows[0] if len(rows) == 1 else np.concatenate(rows))

@@ -27,6 +27,8 @@ from orchestrator.log.container_writer import reason
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
 AROUND = 16 * mmap.PAGESIZE  # bytes that a system may map when one of them is touched
+_CHUNK, _LENGTH = struct.Struct("<QQQII"), struct.Struct("<Q")  # times, size, checksum, letters of the compression
+PIECE = 256 * AROUND  # bytes that are summed up at once
 INDEXES: dict[int, tuple[Any, str]] = {  # records of the summary that say where another one is
     Opcode.CHUNK_INDEX: (ChunkIndex, "chunk_start_offset"),
     Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
@@ -52,6 +54,7 @@ class ContainerReader:
         self.faults: list[str] = []  # sentences
         self.data_end: int | None = None  # offset of the record that ends the data
         self.ended = False
+        self._decompressor = zstandard.ZstdDecompressor()
 
     def close(self) -> None:
         """Give the file back."""
@@ -70,6 +73,31 @@ class ContainerReader:
     def record(self, kind: Any, offset: int) -> Any:
         """The record of a class of ``mcap.records``; raises one of DAMAGE."""
         return parsed(kind, self.body(offset))
+
+    def content(self, offset: int) -> bytes:
+        """The records inside a chunk, unpacked and checked; raises one of DAMAGE."""
+        _, length = HEAD.unpack_from(self._data, offset)
+        start = offset + HEAD.size
+        with memoryview(self._data) as whole, whole[start : start + length] as body:
+            *_, size, crc, letters = _CHUNK.unpack_from(body)
+            kind, at = bytes(body[_CHUNK.size : _CHUNK.size + letters]), _CHUNK.size + letters
+            (length,) = _LENGTH.unpack_from(body, at)
+            with body[at + _LENGTH.size : at + _LENGTH.size + length] as packed:
+                if len(packed) != length:
+                    raise ValueError("it is cut off")
+                content = self._unpacked(kind, packed, size)
+        if crc not in (0, zlib.crc32(content)):
+            raise ValueError("its checksum does not hold")
+        return content
+
+    def _unpacked(self, kind: bytes, packed: memoryview, size: int) -> bytes:
+        if kind == b"":
+            return bytes(packed)
+        if kind != b"zstd":
+            raise ValueError(f"compression {kind.decode(errors='replace')!r} is not known")
+        if zstandard.frame_content_size(packed) not in (-1, size):  # -1: not said
+            raise ValueError("its size does not hold")
+        return self._decompressor.decompress(packed, size)
 
     def walk(self, note: Callable[[int, int], None]) -> None:
         """Tell ``note`` opcode and offset of every record of data; it may raise one of DAMAGE."""
@@ -122,10 +150,13 @@ class ContainerReader:
 
     def let_go(self, offset: int) -> None:
         """Of the file's pages that hold the record at ``offset``: what is mapped counts as memory."""
+        _, length = HEAD.unpack_from(self._data, offset)
+        start = offset - offset % AROUND - AROUND  # what was touched since the chunk before it, too
+        self._release(max(0, start), offset + HEAD.size + length)
+
+    def _release(self, start: int, end: int) -> None:
         if hasattr(mmap, "MADV_DONTNEED"):
-            start = max(0, offset - offset % AROUND - AROUND)  # what was touched since the chunk before it, too
-            _, length = HEAD.unpack_from(self._data, offset)
-            self._data.madvise(mmap.MADV_DONTNEED, start, offset + HEAD.size + length - start)
+            self._data.madvise(mmap.MADV_DONTNEED, start, end - start)
 
     def data_sound(self) -> bool:
         """Whether all bytes but the indexes at the end are as they were written."""
@@ -139,8 +170,14 @@ class ContainerReader:
         return footer.summary_crc == self._crc(footer.summary_start, self.size - FOOTER + HEAD.size + 16)
 
     def _crc(self, start: int, end: int) -> int:
-        with memoryview(self._data) as whole, whole[start:end] as part:
-            return zlib.crc32(part)
+        crc = 0
+        while start < end:
+            border = min(start - start % PIECE + PIECE, end)
+            with memoryview(self._data) as whole, whole[start:border] as part:
+                crc = zlib.crc32(part, crc)
+            self._release(border - border % AROUND - PIECE if border > PIECE else 0, border)
+            start = border
+        return crc
 
 
 def parsed(kind: Any, body: bytes) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from orchestrator.log.schema import Layout
+from orchestrator.log.schema import Bytes, Layout
 from orchestrator.log.time_series import Series
 
 MOST_STEPS = 2**32 - 1  # a message counts them in 32 bits
@@ -73,20 +73,35 @@ def prefix(channel: int, size: int) -> bytes:
     return _PREFIX.pack(Opcode.MESSAGE, size - _HEAD, channel, 0, 0, 0)
 
 
-def offsets_by_channel(content: bytes) -> dict[int, list[int]]:
-    """Where the message records of each channel begin in the content of a chunk; raises ValueError, struct.error."""
-    found: dict[int, list[int]] = {}
+def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
+    """Where message records begin in the content of a chunk (n,), by channel; raises ValueError.
+
+    A range is a run of records of one size, its step. Those of a log that ``recorder`` wrote stand together.
+    """
+    found: dict[int, list[range]] = {}
     offset, end = 0, len(content)
-    while offset < end:
-        opcode, length, channel = _IDENTITY.unpack_from(content, offset)
+    while offset + IDENTITY <= end:
+        opcode, length, channel = _IDENTITY.unpack_from(content.data, offset)
+        size = _HEAD + length
+        if offset + size > end:
+            break
+        count = 1
         if opcode == Opcode.MESSAGE:
-            found.setdefault(channel, []).append(offset)
-        offset += _HEAD + length
+            count = _alike(content[offset:], size)
+            found.setdefault(channel, []).append(range(offset, offset + count * size, size))
+        offset += count * size
     if offset != end:
         raise ValueError("its last message is cut off")
     return found
 
 
-def all_of_size(content: bytes, offsets: Sequence[int], size: int) -> bool:
-    """Whether each of the message records at ``offsets`` has so many bytes."""
-    return all(_IDENTITY.unpack_from(content, offset)[1] == size - _HEAD for offset in offsets)
+def _alike(content: Bytes, size: int) -> int:
+    """How many records of one size, opcode and channel come one after the other."""
+    most, count = len(content) // size, 1
+    rows = content[: most * size].reshape(most, size)[:, :IDENTITY]
+    while count < most:
+        same = (rows[count : 4 * count] == rows[0]).all(axis=1)
+        if not same.all():
+            return count + int(same.argmin())
+        count += len(same)
+    return most

@@ -46,7 +46,7 @@ class Channel:
     def __init__(self, number: int, recorded: Recorded) -> None:
         self.number = number
         self.recorded = recorded
-        self.topic, self.about, self.columns, self.layout = recorded
+        self.topic, self.about, self.columns, _, self.layout = recorded
         if self.about.every < 1:
             raise ValueError(f"a topic is recorded every n >= 1 steps, not every {self.about.every}")
         self.size = size_of(self.layout)  # bytes of a message record

@@ -226,13 +226,13 @@ class Log(AbstractContextManager["Log"]):
     def chunks(self) -> Iterator[list[Messages]]:
         """The log piece by piece, by topic, as recorded; raises LogUnreadable at a damaged piece."""
         for offset in self._chunks.spans:
-            yield self._chunks.read(offset)
+            yield self._chunks.read(offset, keep=False)
 
     def intact(self) -> Iterator[Messages]:
         """All messages, piece by piece and by topic, without the damaged pieces, which go to ``faults``."""
         for offset in self._chunks.spans:
             try:
-                yield from self._chunks.read(offset)
+                yield from self._chunks.read(offset, keep=False)
             except LogUnreadable as damage:
                 self._file.fault(str(damage))
 
@@ -243,11 +243,14 @@ class Log(AbstractContextManager["Log"]):
             found[messages.topic].update(messages.digestible())
         return {topic: value.hexdigest() for topic, value in found.items()}
 
-    def digest(self) -> str:
-        """One sha256 over names, units and messages of all topics but /stats: equal runs, equal digests."""
+    def digest(self, hashes: Mapping[str, str] | None = None) -> str:
+        """One sha256 over names, units and messages of all topics but /stats: equal runs, equal digests.
+
+        ``hashes``, if they are known, save another pass. Raises LogUnreadable.
+        """
         whole = [
             [topic, *self.topics[topic], value]
-            for topic, value in sorted(self.hashes().items())
+            for topic, value in sorted((hashes or self.hashes()).items())
             if not topic.startswith("/stats/")
         ]
         return hashlib.sha256(json.dumps(whole).encode()).hexdigest()
@@ -302,7 +305,7 @@ class Log(AbstractContextManager["Log"]):
         for topic, about in list(self.topics.items()):
             for wire in about.wires:
                 source = self._recorded.get(wire.source)
-                held = () if source is None else [source.about.names[column] for column in source.columns]
+                held = () if source is None else source.names
                 if source is None or source.about.every > 1 or not set(wire.outputs) <= set(held):
                     self._file.fault(f"{self.path}: {topic} is wired to {wire.source}, which lacks what it needs")
                     self.topics.pop(topic, None)

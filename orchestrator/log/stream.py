@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orchestrator.log.channel_metadata import Recorded
 from orchestrator.log.message_records import Messages
 from orchestrator.log.time_series import EVER, Series, joined, nothing
-from orchestrator.log.wire import Rule, Wire, handed_over
+from orchestrator.log.wire import Floats, Rule, Wire, handed_over
 
 FEW = 4  # one variable in so many is decoded by itself
 Steps = NDArray[np.int64]
@@ -84,6 +84,11 @@ class _Outputs:
         rows = np.minimum(np.searchsorted(self.sequence, steps), len(self.sequence) - 1)
         return rows, self.sequence[rows] == steps
 
+    def rows(self, which: NDArray[np.intp], columns: list[int]) -> Floats:
+        """Some rows and columns of the values."""
+        together = bool((np.diff(which) == 1).all())  # mostly, and then without a copy
+        return (self.values[which[0] : which[-1] + 1] if together else self.values[which])[:, columns]
+
 
 class _Part(NamedTuple):
     """Of a topic's variables that were asked for, those that one wire has."""
@@ -152,8 +157,9 @@ class _Topic:
             last, found = outputs.find(steps + part.later)
             there &= found
             if decided and len(outputs.sequence):
-                shown = outputs.values[:, part.outputs]
-                whole.values[:, part.places] = handed_over(part.rule, shown[first], shown[last])
+                end = outputs.rows(last, part.outputs)
+                start = outputs.rows(first, part.outputs) if part.rule == "middle" else end
+                whole.values[:, part.places] = handed_over(part.rule, start, end)
         self.steps, self._waiting = self.steps[decided:], self._waiting.rows(slice(decided, None))
         if len(self.steps):
             self.next = int(self.steps[0])

@@ -236,13 +236,11 @@ def _attachment(log: Log, name: str) -> bytes | None:
 def info(path: str | os.PathLike[str]) -> Info:
     """A log at a glance; reads all of it. Raises LogUnreadable."""
     with Log(path) as log:
-        tallies = {topic: Tally() for topic in log.topics}
+        tallies, known = {topic: Tally() for topic in log.topics}, len(log.faults)
         for messages in log.intact():
             tallies[messages.topic].add(messages, None)
-        try:
-            digest = log.digest()
-        except LogUnreadable:
-            digest = ""
+        whole = len(log.faults) == known
+        digest = log.digest({topic: tally.hash.hexdigest() for topic, tally in tallies.items()}) if whole else ""
         attachments = {name: len(_attachment(log, name) or b"") for name in log.attachments}
         written = [tally for tally in tallies.values() if tally.messages]
         start = min((tally.first for tally in written), default=float("nan"))

@@ -6,6 +6,7 @@ A log from before links said so, or one without them, shows the force of the gro
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.picture import saved
-from orchestrator.results.run_data import Floats, RunData, Window, within
+from orchestrator.results.run_data import EVER, Floats, RunData, Window, within
 
 INSTANTS = 5
 ROOM = 5.0  # m: of the vehicle beside its way
@@ -73,8 +74,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
 
 def _way(run: RunData) -> tuple[Floats, Floats]:
     """Times and places (m, 2) of the hull."""
-    t, x = run.signal("chassis.chassis.position.x")
-    return t, np.stack([x, run.signal("chassis.chassis.position.y")[1]], axis=1)
+    return run.vectors("chassis", "out", "chassis.position", "xy", EVER)
 
 
 def _instants(t: Floats, times: Sequence[float] | None) -> Sequence[float]:
@@ -89,14 +89,19 @@ def _instants(t: Floats, times: Sequence[float] | None) -> Sequence[float]:
 
 def _track(run: RunData, name: str, at: Sequence[float]) -> tuple[list[Floats], list[Floats]]:
     """Pins (n, 2) at the instants nearest to those recorded, and force of the ground then, (links or 1, 2), N."""
-    series = run.log.read(f"/{name}/links")
-    pins = sum(column.startswith("joint[") and column.endswith("].position.x") for column in series.names)
-    columns = [[series.names.index(f"joint[{i + 1}].position.{axis}") for i in range(pins)] for axis in "xy"]
-    rows = [int(np.abs(series.t - moment).argmin()) for moment in at]
-    places = [np.stack([series.values[row, column] for column in columns], axis=1) for row in rows]
-    names = [[f"link[{i + 1}].ground.force.{axis}" for i in range(pins)] for axis in "xy"]
-    if names[0][0] in series.names:
-        of_links = [[series.names.index(each) for each in column if each in series.names] for column in names]
-        return places, [np.stack([series.values[row, column] for column in of_links], axis=1) for row in rows]
-    forces = [run.signal(f"{name}.ground.force.{axis}") for axis in "xy"]
-    return places, [np.array([[np.interp(moment, t, values) for t, values in forces]]) for moment in at]
+    topic = f"/{name}/links"
+    t, columns = run.log.select({topic: []})[topic].t, run.log.topics[topic].names
+    pins = sum(column.startswith("joint[") and column.endswith("].position.x") for column in columns)
+    wanted = [[columns.index(f"joint[{i + 1}].position.{axis}") for axis in "xy"] for i in range(pins)]
+    ground = [[f"link[{i + 1}].ground.force.{axis}" for axis in "xy"] for i in range(pins)]
+    of_links = [[columns.index(each) for each in link] for link in ground if set(link) <= set(columns)]
+    found = []
+    for moment in at:
+        nearest = float(t[np.abs(t - moment).argmin()])
+        series = run.log.select({topic: [*chain(*wanted), *chain(*of_links)]}, (nearest, nearest))[topic]
+        found.append(series.values[0].reshape(-1, 2))
+    places = [each[:pins] for each in found]
+    if of_links:
+        return places, [each[pins:] for each in found]
+    times, force = run.vectors(name, "out", "ground.force", "xy", EVER)
+    return places, [np.array([[np.interp(moment, times, part) for part in force.T]]) for moment in at]

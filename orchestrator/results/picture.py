@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from fmus.vehicle import BadInput, sentence
 from orchestrator.log.reader import Log
-from orchestrator.results.run_data import Floats, Links, RunData, Window, pitch_radius, within
+from orchestrator.results.run_data import EVER, Floats, Links, RunData, Window, pitch_radius, within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,19 +83,20 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         if not run.tracks:
             raise BadInput(f"{path} holds no links to draw")
         run.scene = _scene(run)
-        if not _drawable(links := run.links(run.tracks[0])):
-            raise BadInput(f"{path} holds no links to draw")
         track = run.tracks[0]
-        rows = _rows(links, times)
-        if not np.isfinite([links.forward[rows], links.up[rows]]).all():
+        instants = _instants(run, track, times)
+        found = [run.links(track, Window(t, t)) for t in instants]
+        if not all(_drawable(links) for links in found):
+            raise BadInput(f"{path} holds no links to draw")
+        if not all(np.isfinite([links.forward[0], links.up[0]]).all() for links in found):
             raise BadInput(f"{path}: places of links are no finite numbers at one of these instants")
-        shown = links.tension[rows] / 1e3
+        shown = np.array([links.tension[0] for links in found]) / 1e3
         scale = ScalarMappable(Normalize(min(0.0, float(shown.min())), float(shown.max())), "viridis")
-        figure = Figure(figsize=(9.0, 2.1 * len(rows) + 0.4), layout="constrained")
+        figure = Figure(figsize=(9.0, 2.1 * len(found) + 0.4), layout="constrained")
         FigureCanvasAgg(figure)
-        panes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
-        for pane, row in zip(panes, rows, strict=True):
-            _pane(pane, run, track, links, row, scale)
+        panes = figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
+        for pane, links in zip(panes, found, strict=True):
+            _pane(pane, run, track, links, scale)
         panes[-1].set_xlabel("ahead of the sprocket axle, m")
         figure.colorbar(scale, ax=list(panes), label="link tension, kN", shrink=0.8)
         title = f"{run.scene['title']} ({run.scene['track']['model']} links)"
@@ -129,41 +130,46 @@ def _drawable(links: Links) -> bool:
     return len(links.t) > 0 and count > 0 and pins in (count, count + 1)
 
 
-def _rows(links: Links, times: Sequence[float] | None) -> list[int]:
-    """Rows of the records nearest to the times, by default at thirds of the run; raises BadInput outside of it."""
+def _instants(run: RunData, track: str, times: Sequence[float] | None) -> list[float]:
+    """The records nearest to the times, s, by default at thirds of the run; raises BadInput outside of it."""
+    topic = f"/{track}/links"
+    recorded = run.log.select({topic: []})[topic].t if topic in run.log.topics else np.empty(0)
+    if not len(recorded):
+        raise BadInput(f"{run.log.path} holds no links to draw")
     if times is None:
-        end = links.t[-1]
+        end = recorded[-1]
         times = [end * (i + 1) / INSTANTS for i in range(INSTANTS)] if end else [0.0]
-    recorded = Window(float(links.t[0]), float(links.t[-1]))
     for t in times:
-        if not within(np.array(t), recorded):
-            raise BadInput(f"--at {t:.9g}: links were recorded from {recorded.start:.9g} to {recorded.end:.9g} s")
-    return [int(np.abs(links.t - t).argmin()) for t in times]
+        if not within(np.array(t), Window(float(recorded[0]), float(recorded[-1]))):
+            raise BadInput(f"--at {t:.9g}: links were recorded from {recorded[0]:.9g} to {recorded[-1]:.9g} s")
+    return [float(recorded[np.abs(recorded - t).argmin()]) for t in times]
 
 
-def _pane(pane: Axes, run: RunData, track: str, links: Links, row: int, scale: Any) -> None:
+def _pane(pane: Axes, run: RunData, track: str, links: Links, scale: Any) -> None:
+    """The one record of links, and what they touch at that instant."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Circle, Polygon
 
-    pins = np.stack([links.forward[row], links.up[row]], axis=1)
-    for name, centre, radius in _wheels(run, track, links.t[row]):
+    t = float(links.t[0])
+    pins = np.stack([links.forward[0], links.up[0]], axis=1)
+    for name, centre, radius in _wheels(run, track, t):
         if name == "sprocket":
-            outline = centre + _teeth(run, track, links.t[row])
+            outline = centre + _teeth(run, track, t)
             pane.add_patch(Polygon(outline, facecolor="0.85", edgecolor="0.5"))
         else:
             pane.add_patch(Circle(centre, radius, facecolor="0.92", edgecolor="0.6"))
         pane.plot(*centre, ".", color="0.4", markersize=3)
     count = links.tension.shape[1]
     boxes = _boxes(pins[:count], pins[(np.arange(count) + 1) % len(pins)], run.scene["vehicle"]["track"]["face"])
-    colours = scale.to_rgba(links.tension[row] / 1e3)
+    colours = scale.to_rgba(links.tension[0] / 1e3)
     pane.add_collection(PolyCollection(list(boxes), facecolors=colours, edgecolors="0.25", linewidths=0.3))
     if run.scene["assembly"] == "vehicle":
-        pane.axhspan(pins[:, 1].min() - MARGIN, _ground(run, track, links.t[row]), color="0.8", zorder=0)
+        pane.axhspan(pins[:, 1].min() - MARGIN, _ground(run, track, t), color="0.8", zorder=0)
     pane.set_aspect("equal")
     pane.set_xlim(pins[:, 0].min() - MARGIN, pins[:, 0].max() + MARGIN)
     pane.set_ylim(pins[:, 1].min() - MARGIN, pins[:, 1].max() + MARGIN)
     pane.set_ylabel("m")
-    pane.set_title(f"t = {links.t[row]:.2f} s{_motion(run, links.t[row])}", fontsize=9, loc="left")
+    pane.set_title(f"t = {t:.2f} s{_motion(run, t)}", fontsize=9, loc="left")
 
 
 def _boxes(a: Floats, b: Floats, face: float) -> Floats:
@@ -178,8 +184,7 @@ def _teeth(run: RunData, track: str, t: float) -> Floats:
     vehicle = run.scene["vehicle"]
     sprocket, number = vehicle["sprocket"], vehicle["sprocket"]["teeth"]
     root = pitch_radius(vehicle) - sprocket["pin_radius"]
-    times, q = run.vectors(track, "in", "sprocket.orientation", "wxyz")
-    w, x, y, z = q[np.abs(times - t).argmin()]
+    w, x, y, z = run.near(track, "in", "sprocket.orientation", t, "wxyz")
     axle = np.array([2 * (x * y - w * z), 1 - 2 * (x * x + z * z)])  # along the level
     heading = np.array([axle[1], -axle[0]]) / np.linalg.norm(axle)
     ahead = heading @ [1 - 2 * (y * y + z * z), 2 * (x * y + w * z)]
@@ -196,8 +201,7 @@ def _ground(run: RunData, track: str, t: float) -> float:
     vehicle = run.scene["vehicle"]
     wheel = vehicle["road_wheel"]
     height = wheel["z"] - wheel["radius"] - 2 * vehicle["track"]["face"] + run.scene["start"]["position"][2]
-    times, axle = run.vectors(track, "in", "sprocket.position")
-    return float(height - axle[np.abs(times - t).argmin(), 2])
+    return float(height - run.near(track, "in", "sprocket.position", t)[2])
 
 
 def _wheels(run: RunData, track: str, t: float) -> list[tuple[str, tuple[float, float], float]]:
@@ -216,5 +220,5 @@ def _wheels(run: RunData, track: str, t: float) -> list[tuple[str, tuple[float, 
 def _motion(run: RunData, t: float) -> str:
     if not run.has("chassis.speed"):
         return ""
-    times, speed = run.signal("chassis.speed")
+    times, speed = run.signal("chassis.speed", EVER)
     return f", {np.interp(t, times, speed):.2f} m/s"

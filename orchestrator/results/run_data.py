@@ -177,11 +177,18 @@ class RunData:
         offset = position - origin[:, None, :]
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
 
+    def near(self, instance: str, topic: str, prefix: str, t: float, parts: str = "xyz") -> Floats:
+        """``prefix.{parts}`` of a topic in the last message that begins by t, or in its first one; raises Missing."""
+        for window in (Window(t - BEFORE, t), Window(t - BEFORE, t + BEFORE), EVER):
+            times, values = self.vectors(instance, topic, prefix, parts, window)
+            if len(times):
+                return values[max(int(np.searchsorted(times, t + 1e-9)) - 1, 0)]
+        raise Missing(f"the log holds no step of '{instance}'")
+
     def in_plane(self, track: str, wheel: str, t: float) -> tuple[float, float]:
         """Centre of a wheel (forward, up) from the sprocket axle at time t, m."""
-        origin, ahead = self._axle(track, np.array([t]))
-        times, position = self.vectors(track, "in", f"{wheel}.position")
-        offset = position[max(int(np.searchsorted(times, t + 1e-9)) - 1, 0)] - origin[0]
+        origin, ahead = self._axle(track, np.array([t]), Window(t, t))
+        offset = self.near(track, "in", f"{wheel}.position", t) - origin[0]
         return float(offset @ ahead[0]), float(offset[2])
 
     def _axle(self, track: str, t: Floats, window: Window | None = None) -> tuple[Floats, Floats]:
