@@ -14,7 +14,7 @@ from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recorded
 from orchestrator.cosim.narration import Narration
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.wire import Wire
+from orchestrator.log.wire import Rule, Wire
 
 REFRESH = 0.2  # s of wall time between updates of the bar
 STATS = ("wall_time",)  # of /stats/<instance>, after the counters
@@ -22,15 +22,18 @@ STATS = ("wall_time",)  # of /stats/<instance>, after the counters
 
 def wires(scheme: Scheme) -> dict[str, list[Wire]]:
     """By topic, the inputs that a coupling makes of outputs before and after a step and of nothing else."""
-    found: dict[str, list[Wire]] = {}
+    found = {}
     for member in scheme.members:
-        component, wired = member.component, found.setdefault(f"/{member.component.name}/in", [])
+        wired: dict[tuple[str, Rule], Wire] = {}  # by source and rule, as few as can be
         for feed in member.feeds:
             rule = scheme.rule(feed, feed.source.name in scheme.stepped(member))
             if rule is not None:
-                outputs = tuple(feed.source.outputs[k] for k in feed.outputs)
-                inputs = tuple(component.inputs[k] for k in feed.inputs)
-                wired.append(Wire(f"/{feed.source.name}/out", rule, outputs, inputs))
+                source = f"/{feed.source.name}/out"
+                wire = wired.get((source, rule), Wire(source, rule, (), ()))
+                outputs = wire.outputs + tuple(feed.source.outputs[k] for k in feed.outputs)
+                inputs = wire.inputs + tuple(member.component.inputs[k] for k in feed.inputs)
+                wired[source, rule] = wire._replace(outputs=outputs, inputs=inputs)
+        found[f"/{member.component.name}/in"] = list(wired.values())
     return found
 
 

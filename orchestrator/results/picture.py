@@ -84,7 +84,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
             raise BadInput(f"{path} holds no links to draw")
         run.scene = _scene(run)
         track = run.tracks[0]
-        instants = _instants(run, track, times)
+        instants = _instants(_recorded(run, track), times)
         found = [run.links(track, Window(t, t)) for t in instants]
         if not all(_drawable(links) for links in found):
             raise BadInput(f"{path} holds no links to draw")
@@ -130,12 +130,17 @@ def _drawable(links: Links) -> bool:
     return len(links.t) > 0 and count > 0 and pins in (count, count + 1)
 
 
-def _instants(run: RunData, track: str, times: Sequence[float] | None) -> list[float]:
-    """The records nearest to the times, s, by default at thirds of the run; raises BadInput outside of it."""
+def _recorded(run: RunData, track: str) -> Floats:
+    """When the links of a track were recorded (m,), s; raises BadInput where they were not."""
     topic = f"/{track}/links"
     recorded = run.log.select({topic: []})[topic].t if topic in run.log.topics else np.empty(0)
     if not len(recorded):
         raise BadInput(f"{run.log.path} holds no links to draw")
+    return recorded
+
+
+def _instants(recorded: Floats, times: Sequence[float] | None) -> list[float]:
+    """Of the records those nearest to the times, s, by default at thirds of the run; raises BadInput outside of it."""
     if times is None:
         end = recorded[-1]
         times = [end * (i + 1) / INSTANTS for i in range(INSTANTS)] if end else [0.0]

@@ -23,7 +23,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 from orchestrator.results import above, picture
-from orchestrator.results.run_data import Links, RunData
+from orchestrator.results.run_data import RunData
 from orchestrator.scene import gallery
 
 KEYS = {
@@ -365,13 +365,13 @@ def test_view_takes_the_end_as_it_is_written(step, refused):
     """Of 1000 ends k H, so many lie above the last record by rounding."""
     above = 0
     for k in range(1, 1001):
-        links = Links(np.arange(k + 1) * float(step), *3 * (np.empty(0),))
+        recorded = np.arange(k + 1) * float(step)
         end = float(k * Decimal(step))
-        above += end > links.t[-1]
-        assert picture._rows(links, [end]) == [k]
-        assert picture._rows(links, None)[-1] == k
+        above += end > recorded[-1]
+        assert picture._instants(recorded, [end]) == [recorded[k]]
+        assert picture._instants(recorded, None)[-1] == recorded[k]
         with pytest.raises(BadInput, match=f"from 0 to {end:.9g} s"):
-            picture._rows(links, [end + 1e-3 * float(step)])
+            picture._instants(recorded, [end + 1e-3 * float(step)])
     assert above == refused
 
 

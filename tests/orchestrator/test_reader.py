@@ -166,7 +166,7 @@ def test_who_knows_mcap_and_protobuf():
         for package, found in users.items():
             if re.search(rf"^\s*(from|import) {re.escape(package)}\b", path.read_text(), re.MULTILINE):
                 found.add(path.name)
-    mcap = {"container_writer.py", "container_reader.py", "chunk_reader.py", "message_records.py", "reader.py"}
+    mcap = {"container_writer.py", "container_reader.py", "message_records.py", "reader.py"}
     assert users == {"mcap": mcap, "google.protobuf": {"schema.py"}}
 
 
