@@ -11,6 +11,11 @@ OFFERED = {  # name: module and what it is called there
     "scenes": ("scene.gallery", "names"),
     "load": ("scene.scene", "load"),
     "Log": ("log.reader", "Log"),
+    "export": ("log.export", "export"),
+    "to_pandas": ("log.frames", "to_pandas"),
+    "to_xarray": ("log.frames", "to_xarray"),
+    "to_polars": ("log.frames", "to_polars"),
+    "to_arrow": ("log.frames", "to_arrow"),
     "compare": ("results.difference", "differences_of_logs"),
 }
 

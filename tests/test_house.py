@@ -54,6 +54,9 @@ GENERIC = (
     "log/chunk_reader.py",
     "log/stream.py",
     "log/reader.py",
+    "log/extra.py",
+    "log/export.py",
+    "log/frames.py",
     "log/bitwise.py",
     "execution/replays.py",
 )

@@ -67,6 +67,7 @@ def refusals() -> tuple[type[Exception], ...]:
     from orchestrator.cosim.coupling.scheme import CouplingFailed
     from orchestrator.cosim.graph import Miswired
     from orchestrator.execution.replays import Unfit
+    from orchestrator.log.extra import NotInstalled
     from orchestrator.log.reader import LogUnreadable, NoSuchSignal
     from orchestrator.log.recorder import LogFailed
     from orchestrator.results.run_data import Missing
@@ -80,6 +81,7 @@ def refusals() -> tuple[type[Exception], ...]:
         LogUnreadable,
         LogFailed,
         NoSuchSignal,
+        NotInstalled,
         Unfit,
         Missing,
     )

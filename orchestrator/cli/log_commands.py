@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -64,10 +65,20 @@ def recover(
     _report(tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")))
 
 
+class Kind(StrEnum):
+    """Of an exported file."""
+
+    csv = "csv"
+    parquet = "parquet"
+    mat = "mat"
+
+
 @app.command("export")
 def export(
     log: LogPath,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="PATH", help="a folder, or one .csv file")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="PATH", help="a folder, or one .csv, .parquet or .mat file")
+    ],
     signals: Annotated[
         list[str] | None,
         typer.Option("--signal", metavar="NAME", help="instance.variable, * for anything; repeatable"),
@@ -75,11 +86,14 @@ def export(
     topics: Annotated[
         list[str] | None, typer.Option("--topic", metavar="TOPIC", help="a whole topic; repeatable")
     ] = None,
+    kind: Annotated[Kind | None, typer.Option("--as", help="of the files of a folder, default csv")] = None,
+    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")] = float("-inf"),
+    end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = float("inf"),
 ) -> None:
-    """Recorded values as CSV."""
-    from orchestrator.log import tools
+    """Recorded values as CSV, Parquet or MATLAB files."""
+    from orchestrator.log.export import export as write
 
-    for file in tools.export(log, output, signals or (), topics or ()):
+    for file in write(log, output, signals or (), topics or (), (start, end), kind):
         print(file)
 
 

@@ -29,7 +29,7 @@ def replay(
     An FMU that is the one that ran, by its hash, is compared bit by bit unless -o asks for its log.
     """
     from orchestrator.execution import replay_model
-    from orchestrator.log.tools import file_name
+    from orchestrator.log.export import file_name
 
     with replay_model.opened(log, component, other, warn) as again:
         if other is None or (again.model.ran and output is None):

@@ -11,6 +11,7 @@ import difflib
 import hashlib
 import json
 import os
+import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -168,14 +169,23 @@ class Log(AbstractContextManager["Log"]):
         assert last is not None
         return joined([first[topic].rows(slice(1)), last[topic].rows(slice(-1, None))])
 
-    def blocks(self, topics: Sequence[str], size: int, more: int = 0) -> Iterator[dict[str, Series]]:
-        """Topics side by side, ``size`` messages of each at a time and some ``more``, with which the next block begins.
+    def blocks(
+        self,
+        topics: Sequence[str] | Mapping[str, Sequence[int]],
+        size: int,
+        more: int = 0,
+        window: tuple[float, float] = EVER,
+    ) -> Iterator[dict[str, Series]]:
+        """Topics, or columns of topics, side by side, in a closed interval of time, s.
 
-        The last block holds what is left: fewer, or, of topics that do not end together, more of some. However a log
-        lies in its file, its blocks are the same. Raises NoSuchSignal, LogUnreadable.
+        ``size`` messages of each at a time and some ``more``, with which the next block begins. The last block holds
+        what is left: fewer, or, of topics that do not end together, more of some. However a log lies in its file, its
+        blocks are the same. Raises NoSuchSignal, LogUnreadable.
         """
-        held = {topic: [self._nothing(topic)] for topic in topics}
-        for piece in self.stream({topic: range(len(self.topics[topic].names)) for topic in topics}):
+        whole_topics = {topic: range(len(self.topics[self.known_topic(topic)].names)) for topic in topics}
+        wanted = topics if isinstance(topics, Mapping) else whole_topics
+        held = {topic: [self._nothing(topic).columns(columns)] for topic, columns in wanted.items()}
+        for piece in self.stream(wanted, window):
             for topic, series in piece.items():
                 held[topic].append(series)
             while min(sum(len(part.t) for part in parts) for parts in held.values()) >= size + max(more, 1):
@@ -183,6 +193,40 @@ class Log(AbstractContextManager["Log"]):
                 yield {topic: series.rows(slice(size + more)) for topic, series in whole.items()}
                 held = {topic: [series.rows(slice(size, None))] for topic, series in whole.items()}
         yield {topic: joined(parts) for topic, parts in held.items()}
+
+    def choose(self, signals: Sequence[str] = (), topics: Sequence[str] = ()) -> dict[str, list[int]]:
+        """Topic -> columns of signals ("instance.variable") and whole topics, in the order of the log.
+
+        ``*`` stands for anything; without either, all. Raises NoSuchSignal.
+        """
+        if not topics and not signals:
+            return {topic: [*range(len(about.names))] for topic, about in self.topics.items()}
+        chosen: dict[str, set[int]] = {}
+        for wanted in topics:
+            found = [topic for topic in self.topics if _matches(wanted, topic)]
+            for topic in found or [self.known_topic(wanted)]:
+                chosen.setdefault(topic, set()).update(range(len(self.topics[topic].names)))
+        for wanted in signals:
+            for signal in [name for name in self.signals if _matches(wanted, name)] or [wanted]:
+                topic, column = self.find(signal)
+                chosen.setdefault(topic, set()).add(column)
+        return {topic: sorted(chosen[topic]) for topic in self.topics if topic in chosen}
+
+    def sample(self, signals: Sequence[str], t: Floats) -> Floats:
+        """Signals at times (m,), s, by straight lines between their records (m, signals).
+
+        Before the first record and after the last they are held. What passes faster than twice between two times is
+        shown at another frequency: take means first where that matters. Raises NoSuchSignal, LogUnreadable.
+        """
+        places = [self.find(signal) for signal in signals]
+        wanted: dict[str, list[int]] = {}
+        for topic, column in places:
+            wanted.setdefault(topic, []).append(column)
+        found = self.select(wanted)
+        column_of = {(topic, column): k for topic, columns in wanted.items() for k, column in enumerate(columns)}
+        return np.stack(
+            [np.interp(t, found[place[0]].t, found[place[0]].values[:, column_of[place]]) for place in places], axis=1
+        )
 
     def lengths(self) -> dict[str, int]:
         """Number of messages by topic; raises LogUnreadable."""
@@ -324,6 +368,11 @@ def _owner(topic: str) -> str:
     """The instance of a topic; statistics stand apart: "/stats/chassis" -> "stats.chassis"."""
     words = topic.strip("/").split("/")
     return f"stats.{words[1]}" if words[0] == "stats" and len(words) > 1 else words[0]
+
+
+def _matches(pattern: str, text: str) -> bool:
+    """Whether ``pattern``, with ``*`` for anything, is ``text`` (brackets mean themselves)."""
+    return re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), text) is not None
 
 
 def _near(name: str, known: Mapping[str, object]) -> str:

@@ -1,12 +1,10 @@
-"""What can be asked of a log: is it whole, save what is left of it, what is in it, give it as CSV."""
+"""What can be asked of a log: is it whole, save what is left of it, what is in it."""
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import os
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -14,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log.container_writer import LogFailed, check_writable, reason
+from orchestrator.log.container_writer import LogFailed, check_writable
 from orchestrator.log.message_records import Messages
-from orchestrator.log.reader import Log, LogUnreadable, NoSuchSignal
+from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.time_series import Series
 
 WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes
 
@@ -246,97 +243,3 @@ def info(path: str | os.PathLike[str]) -> Info:
         start = min((tally.first for tally in written), default=float("nan"))
         end = max((tally.last for tally in written), default=float("nan"))
         return Info(log, start, end, digest, tallies, attachments)
-
-
-def export(
-    path: str | os.PathLike[str],
-    out: str | os.PathLike[str],
-    signals: Sequence[str] = (),
-    topics: Sequence[str] = (),
-) -> list[Path]:
-    """Write recorded values as CSV and return the files.
-
-    A column is ``t [s]`` or ``instance.variable [unit]``; numbers are the shortest that read back as the same
-    double (only the payload of a NaN is lost). ``signals`` and ``topics`` choose, ``*`` in them stands for
-    anything; without either everything is written. ``out`` is a folder, which gets one file a topic
-    (``left_track.out.csv``), or, when it ends in ``.csv``, one file: its signals must have the same times.
-
-    :raises NoSuchSignal: for what the log does not hold, or cannot put into one file.
-    :raises LogUnreadable: for a log, or a part of it, that cannot be read.
-    :raises LogFailed: where the CSV cannot be written.
-    """
-    target = Path(out)
-    with Log(path) as log:
-        chosen = _choose(log, signals, topics)
-        if not chosen:
-            raise NoSuchSignal(f"{path} holds nothing to export")
-        tables = log.select({topic: range(len(log.topics[topic].names)) for topic in chosen})
-        if target.suffix.lower() != ".csv":
-            files = dict(zip(_files(target, list(chosen)), ([topic] for topic in chosen), strict=True))
-        else:
-            first, *others = chosen
-            for topic in others:
-                if not np.array_equal(tables[topic].t, tables[first].t):
-                    raise NoSuchSignal(f"{first} and {topic} were recorded at different times: export to a folder")
-            files = {target: list(chosen)}
-        for file, members in files.items():
-            header = ["t [s]"] + [
-                f"{log.name(topic, column)} [{log.topics[topic].units[column]}]"
-                for topic in members
-                for column in chosen[topic]
-            ]
-            _write(file, header, [(tables[topic], chosen[topic]) for topic in members])
-    return list(files)
-
-
-def file_name(name: str) -> str:
-    """What a log calls something as part of a file's name, wherever the log comes from."""
-    return re.sub(r"[^\w.()\[\]-]", "_", name.strip("/").replace("/", ".")).strip(".")[:100] or "_"
-
-
-def _files(folder: Path, topics: Sequence[str]) -> list[Path]:
-    """A file for each topic, no two alike, in a folder."""
-    taken: set[str] = set()
-    found = []
-    for topic in topics:
-        name, number = file_name(topic), 1
-        while (candidate := name if number == 1 else f"{name}-{number}").lower() in taken:
-            number += 1
-        taken.add(candidate.lower())
-        found.append(folder / f"{candidate}.csv")
-    return found
-
-
-def _choose(log: Log, signals: Sequence[str], topics: Sequence[str]) -> dict[str, list[int]]:
-    """Topic -> columns, in the order of the log; raises NoSuchSignal."""
-    chosen: dict[str, set[int]] = {}
-    for wanted in topics:
-        found = [topic for topic in log.topics if _matches(wanted, topic)]
-        for topic in found or [log.known_topic(wanted)]:
-            chosen.setdefault(topic, set()).update(range(len(log.topics[topic].names)))
-    for wanted in signals:
-        for signal in [name for name in log.signals if _matches(wanted, name)] or [wanted]:
-            topic, column = log.find(signal)
-            chosen.setdefault(topic, set()).add(column)
-    if not topics and not signals:
-        chosen = {topic: set(range(len(about.names))) for topic, about in log.topics.items()}
-    return {topic: sorted(chosen[topic]) for topic in log.topics if topic in chosen}
-
-
-def _matches(pattern: str, text: str) -> bool:
-    """Whether ``pattern``, with ``*`` for anything, is ``text`` (brackets mean themselves)."""
-    return re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), text) is not None
-
-
-def _write(file: Path, header: list[str], parts: Sequence[tuple[Series, list[int]]]) -> None:
-    t = parts[0][0].t
-    table = np.concatenate([t[:, None], *(series.values[:, columns] for series, columns in parts)], axis=1)
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with file.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(header)
-            for start in range(0, len(table), 1000):
-                writer.writerows(table[start : start + 1000].tolist())
-    except OSError as error:
-        raise LogFailed(f"{file} cannot be written: {reason(error)}") from None

@@ -1,4 +1,3 @@
-import csv
 import json
 import shutil
 import struct
@@ -14,11 +13,10 @@ from recorded import ATTACHMENTS, STEP, TOPICS, record, record_in_chunks
 
 from orchestrator.log import recorder as module
 from orchestrator.log.container_reader import LogUnreadable
-from orchestrator.log.container_writer import LogFailed
 from orchestrator.log.message_records import PREFIX
-from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, export, info, recover, verify
+from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, info, recover, verify
 
 
 @pytest.fixture(scope="module")
@@ -375,57 +373,3 @@ def test_info_of_a_cut_log(chunked, tmp_path):
     about = info(tmp_path / "cut.mcap")
     assert (about.log.complete, about.log.closing) == (False, None)
     assert about.log.faults
-
-
-def table(path):
-    with path.open(newline="") as stream:
-        header, *rows = csv.reader(stream)
-    return header, np.array(rows, float)
-
-
-def test_export_of_everything(small, tmp_path):
-    files = export(small, tmp_path / "csv")
-    assert [file.name for file in files] == [f"{topic[1:].replace('/', '.')}.csv" for topic in TOPICS]
-    header, rows = table(tmp_path / "csv" / "left_track.out.csv")
-    assert header == ["t [s]", "left_track.speed [m/s]", "left_track.tension.mean [N]"]
-    with Log(small) as log:
-        series = log.read("/left_track/out")
-    assert np.array_equal(rows[:, 0], series.t)
-    assert np.array_equal(rows[:, 1:], series.values)
-
-
-def test_export_of_signals_and_topics(small, tmp_path):
-    (file,) = export(small, tmp_path / "a.csv", ["chassis.speed", "left_track.tension.*"])
-    header, rows = table(file)
-    assert header == ["t [s]", "left_track.tension.mean [N]", "chassis.speed [m/s]"]
-    assert rows.shape == (101, 3)
-    (file,) = export(small, tmp_path / "csv", ["left_track.link[*].tension"])
-    assert len(table(file)[0]) == 65
-    (file,) = export(small, tmp_path / "csv", topics=["/*/in"])
-    assert file.name == "left_track.in.csv"
-
-
-def test_files_of_topics_stay_in_their_folder(tmp_path):
-    topics = ["/../../a/out", "/..\\..\\a/out", "/A.b", "/a/b", "/", "\0", "/" + "x" * 5000]
-    with Recorder(tmp_path / "a.mcap", {topic: [("x", "m")] for topic in topics}, {}, {}) as recorder:
-        recorder.close("ok", "", 0)
-    files = export(tmp_path / "a.mcap", tmp_path / "csv")
-    assert len({file.name.lower() for file in files}) == len(topics)
-    assert all(file.parent == tmp_path / "csv" and file.is_file() and len(file.name) < 120 for file in files)
-    with Recorder(tmp_path / "none.mcap", {}, {}, {}) as recorder:
-        recorder.close("ok", "", 0)
-    for out in ("csv", "a.csv"):
-        with pytest.raises(NoSuchSignal, match="holds nothing to export"):
-            export(tmp_path / "none.mcap", tmp_path / out)
-
-
-def test_export_of_what_is_not_there(small, tmp_path):
-    with pytest.raises(NoSuchSignal, match=r"did you mean 'chassis\.speed'"):
-        export(small, tmp_path, ["chassis.sped"])
-    with pytest.raises(NoSuchSignal, match="no topic"):
-        export(small, tmp_path, topics=["/chassis/inn"])
-    with pytest.raises(NoSuchSignal, match="different times"):
-        export(small, tmp_path / "a.csv", ["chassis.speed", "left_track.link[1].tension"])
-    (tmp_path / "file").write_text("")
-    with pytest.raises(LogFailed, match="cannot be written"):
-        export(small, tmp_path / "file" / "a.csv", ["chassis.speed"])

@@ -14,6 +14,7 @@ from orchestrator.execution import replay_model, replays
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import tools
 from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.export import export
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
@@ -203,7 +204,7 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
     inner.mkdir(parents=True)
     evil = content.write(inner / "evil.mcap")
     before = set(tmp_path.rglob("*"))
-    files = tools.export(evil, inner / "csv")
+    files = export(evil, inner / "csv")
     assert len(set(files)) == 4
     assert all(file.resolve().parent == (inner / "csv").resolve() for file in files)
     tools.recover(evil, inner / "saved.mcap")

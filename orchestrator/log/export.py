@@ -1,0 +1,227 @@
+"""Recorded values as files: CSV, Parquet or MATLAB, one a topic or one of all, a few messages at a time."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from orchestrator.log.container_writer import LogFailed, reason
+from orchestrator.log.extra import library
+from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.time_series import EVER, Floats, Series
+
+BLOCK = 4000  # rows that are in memory at once
+GROUP = 4 << 20  # bytes of a row group of a Parquet file: what is read at once, and its footer is not the larger part
+
+
+class Columns(NamedTuple):
+    """Of a table whose first column is the time, s."""
+
+    names: tuple[str, ...]  # instance.variable
+    units: tuple[str, ...]
+
+
+class Writer(Protocol):
+    """A file of one table."""
+
+    def rows(self, table: Floats) -> None:
+        """More rows (m, 1 + columns)."""
+
+    def close(self) -> None:
+        """All rows are there."""
+
+
+class Csv:
+    """Numbers are the shortest that read back as the same double; only the payload of a NaN is lost."""
+
+    def __init__(self, file: Path, columns: Columns) -> None:
+        self._stream = file.open("w", newline="", encoding="utf-8")
+        self._writer = csv.writer(self._stream, lineterminator="\n")
+        titles = [f"{name} [{unit}]" for name, unit in zip(*columns, strict=True)]
+        self._writer.writerow(["t [s]", *titles])
+
+    def rows(self, table: Floats) -> None:
+        """As text."""
+        self._writer.writerows(table.tolist())
+
+    def close(self) -> None:
+        """Whole lines only."""
+        self._stream.close()
+
+
+class Parquet:
+    """Bit by bit; bytes of equal place side by side, which compresses better; units are in the columns' metadata."""
+
+    def __init__(self, file: Path, columns: Columns) -> None:
+        self._arrow = library("pyarrow")
+        names = ("t", *columns.names)
+        units = ("s", *columns.units)
+        fields = [
+            self._arrow.field(name, self._arrow.float64(), metadata={"unit": unit})
+            for name, unit in zip(names, units, strict=True)
+        ]
+        self._schema = self._arrow.schema(fields)
+        self._writer = library("pyarrow.parquet").ParquetWriter(
+            file, self._schema, compression="zstd", use_dictionary=False, use_byte_stream_split=True
+        )
+
+        self._tables: list[Floats] = []
+
+    def rows(self, table: Floats) -> None:
+        """Kept until they make a row group."""
+        self._tables.append(table)
+        if sum(each.nbytes for each in self._tables) >= GROUP:
+            self._write()
+
+    def _write(self) -> None:
+        if self._tables:
+            columns = np.ascontiguousarray(np.concatenate(self._tables).T)
+            self._writer.write_table(self._arrow.table(list(columns), schema=self._schema))
+        self._tables = []
+
+    def close(self) -> None:
+        """With the last rows and the footer."""
+        self._write()
+        self._writer.close()
+
+
+class Matlab:
+    """``t``, ``values`` (m, n), ``names`` and ``units`` of a .mat file of version 5; all rows are in memory."""
+
+    def __init__(self, file: Path, columns: Columns) -> None:
+        self._file, self._columns = file, columns
+        self._tables: list[Floats] = [np.empty((0, 1 + len(columns.names)))]
+
+    def rows(self, table: Floats) -> None:
+        """Kept."""
+        self._tables.append(table.copy())
+
+    def close(self) -> None:
+        """Written as a whole."""
+        from scipy.io import savemat
+
+        whole = np.concatenate(self._tables)
+        texts = {key: np.array(getattr(self._columns, key), dtype=object)[:, None] for key in ("names", "units")}
+        savemat(self._file, {"t": whole[:, :1], "values": whole[:, 1:], **texts}, appendmat=False, do_compression=True)
+
+
+KINDS: dict[str, Any] = {"csv": Csv, "parquet": Parquet, "mat": Matlab}
+
+
+def export(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    signals: Sequence[str] = (),
+    topics: Sequence[str] = (),
+    window: tuple[float, float] = EVER,
+    kind: str | None = None,
+) -> list[Path]:
+    """Write recorded values of a closed interval of time, s, and return the files.
+
+    ``signals`` and ``topics`` choose, ``*`` in them stands for anything; without either everything is written. ``out``
+    is one file (``.csv``, ``.parquet`` or ``.mat``: its signals must have the same times), or a folder, which gets one
+    file a topic (``left_track.out.csv``) of that ``kind``, by default csv.
+
+    :raises NoSuchSignal: for what the log does not hold, or cannot put into one file.
+    :raises LogUnreadable: for a log, or a part of it, that cannot be read.
+    :raises LogFailed: where a file cannot be written. Nothing half-written is left.
+    :raises NotInstalled: for a format whose library is missing.
+    """
+    target = Path(out)
+    suffix = target.suffix.lower().removeprefix(".")
+    with Log(path) as log:
+        chosen = log.choose(signals, topics)
+        if not chosen:
+            raise NoSuchSignal(f"{path} holds nothing to export")
+        if suffix in KINDS:
+            names = tuple(name for topic in chosen for name in _columns(log, topic, chosen[topic]).names)
+            units = tuple(unit for topic in chosen for unit in _columns(log, topic, chosen[topic]).units)
+            with written(target, suffix, Columns(names, units)) as writer:
+                for block in side_by_side(log, chosen, window):
+                    writer.rows(block)
+            return [target]
+        made = kind or "csv"
+        files = _files(target, list(chosen), made)
+        with ExitStack() as stack:
+            writers = {
+                topic: stack.enter_context(written(file, made, _columns(log, topic, chosen[topic])))
+                for topic, file in zip(chosen, files, strict=True)
+            }
+            for piece in log.stream(chosen, window):
+                for topic, series in piece.items():
+                    writers[topic].rows(table(series))
+    return files
+
+
+def side_by_side(log: Log, chosen: dict[str, list[int]], window: tuple[float, float]) -> Iterator[Floats]:
+    """Tables (m, 1 + columns) of topics that have the same times; raises NoSuchSignal where they have not."""
+    first, *others = chosen
+    for block in log.blocks(chosen, BLOCK, window=window):
+        for topic in others:
+            if not np.array_equal(block[topic].t, block[first].t):
+                raise NoSuchSignal(f"{first} and {topic} were recorded at different times: export to a folder")
+        yield np.concatenate([block[first].t[:, None], *(block[topic].values for topic in chosen)], axis=1)
+
+
+def table(series: Series) -> Floats:
+    """Time and values side by side (m, 1 + columns)."""
+    return np.concatenate([series.t[:, None], series.values], axis=1)
+
+
+@contextmanager
+def written(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
+    """A file that is there when all of it is; raises LogFailed, NotInstalled."""
+    fresh = file.with_name(f".{file.name}.{os.getpid()}")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if file.exists() and not file.is_file():  # a device is written as it stands
+            fresh = file
+        writer = KINDS[kind](fresh, columns)
+        try:
+            yield writer
+        finally:
+            writer.close()
+        if fresh != file:
+            fresh.replace(file)
+    except OSError as error:
+        raise LogFailed(f"{file} cannot be written: {reason(error)}") from None
+    finally:
+        if fresh != file:
+            _remove(fresh)
+
+
+def _remove(file: Path) -> None:
+    try:
+        file.unlink(missing_ok=True)
+    except OSError:  # its folder is none
+        return
+
+
+def _columns(log: Log, topic: str, columns: Sequence[int]) -> Columns:
+    about = log.topics[topic]
+    return Columns(tuple(log.name(topic, k) for k in columns), tuple(about.units[k] for k in columns))
+
+
+def file_name(name: str) -> str:
+    """What a log calls something as part of a file's name, wherever the log comes from."""
+    return re.sub(r"[^\w.()\[\]-]", "_", name.strip("/").replace("/", ".")).strip(".")[:100] or "_"
+
+
+def _files(folder: Path, topics: Sequence[str], suffix: str) -> list[Path]:
+    """A file for each topic, no two alike, in a folder."""
+    taken: set[str] = set()
+    found = []
+    for topic in topics:
+        name, number = file_name(topic), 1
+        while (candidate := name if number == 1 else f"{name}-{number}").lower() in taken:
+            number += 1
+        taken.add(candidate.lower())
+        found.append(folder / f"{candidate}.{suffix}")
+    return found

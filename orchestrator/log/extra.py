@@ -1,0 +1,19 @@
+"""Libraries of the extra ``analysis``, imported when they are asked for."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from types import ModuleType
+
+
+class NotInstalled(RuntimeError):
+    """A library of an extra is missing; the message is one sentence."""
+
+
+def library(name: str) -> ModuleType:
+    """A library by the name of its module; raises NotInstalled."""
+    try:
+        return import_module(name)
+    except ImportError:
+        package = name.partition(".")[0]
+        raise NotInstalled(f"{package} is not installed: pip install 'cotrack[analysis]'") from None

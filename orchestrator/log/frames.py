@@ -1,0 +1,83 @@
+"""Recorded values as tables of other libraries, with names and units; those are of the extra ``analysis``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from orchestrator.log.export import side_by_side
+from orchestrator.log.extra import library
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import EVER, Floats
+
+_MEMBER = re.compile(r"\[(\d+)\]")
+
+
+Named = dict[str, tuple[str, Floats]]  # by signal its unit and values (m,)
+
+
+def _table(log: Log, signals: Sequence[str], window: tuple[float, float]) -> tuple[Floats, Named]:
+    """Times (m,) and the signals; raises NoSuchSignal where signals differ in their times."""
+    chosen = log.choose(signals)
+    whole = np.concatenate([*side_by_side(log, chosen, window)])
+    places = [(topic, column) for topic, columns in chosen.items() for column in columns]
+    return whole[:, 0], {
+        log.name(topic, column): (log.topics[topic].units[column], np.ascontiguousarray(whole[:, k]))
+        for k, (topic, column) in enumerate(places, 1)
+    }
+
+
+def to_pandas(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
+    """A DataFrame of signals (``*`` stands for anything) over ``t``, s; units are in its ``attrs``.
+
+    Raises NoSuchSignal, also for signals that do not have the same times, LogUnreadable, NotInstalled.
+    """
+    pandas = library("pandas")
+    t, columns = _table(log, signals, window)
+    frame = pandas.DataFrame({name: values for name, (_, values) in columns.items()}, index=pandas.Index(t, name="t"))
+    frame.attrs["units"] = {name: unit for name, (unit, _) in columns.items()}
+    return frame
+
+
+def to_arrow(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
+    """A table with the columns ``t`` and the signals, units in their metadata; raises as ``to_pandas``."""
+    arrow = library("pyarrow")
+    t, columns = _table(log, signals, window)
+    fields = [
+        arrow.field(name, arrow.float64(), metadata={"unit": unit})
+        for name, unit in (("t", "s"), *((name, unit) for name, (unit, _) in columns.items()))
+    ]
+    return arrow.table([t, *(values for _, values in columns.values())], schema=arrow.schema(fields))
+
+
+def to_polars(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
+    """A DataFrame with the columns ``t`` and the signals; raises as ``to_pandas``."""
+    t, columns = _table(log, signals, window)
+    return library("polars").DataFrame({"t": t} | {name: values for name, (_, values) in columns.items()})
+
+
+def to_xarray(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
+    """A Dataset over ``t``; ``left_track.link[3].tension`` is ``left_track.link.tension`` at ``link`` = 3.
+
+    Raises as ``to_pandas``.
+    """
+    xarray = library("xarray")
+    t, columns = _table(log, signals, window)
+    families: dict[str, dict[int, str]] = {}
+    for name in columns:
+        found = _MEMBER.findall(name)
+        family = _MEMBER.sub("", name) if len(found) == 1 else name
+        families.setdefault(family, {})[int(found[0]) if len(found) == 1 else 0] = name
+    arrays = {}
+    for family, members in families.items():
+        unit = {"units": columns[next(iter(members.values()))][0]}
+        if 0 in members:
+            arrays[family] = xarray.DataArray(columns[members[0]][1], {"t": t}, ["t"], attrs=unit)
+            continue
+        of = next(iter(members.values())).partition("[")[0].rpartition(".")[2]
+        values = np.stack([columns[name][1] for name in members.values()], axis=1)
+        arrays[family] = xarray.DataArray(values, {"t": t, of: [*members]}, ["t", of], attrs=unit)
+    return xarray.Dataset(arrays)

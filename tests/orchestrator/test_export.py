@@ -1,0 +1,181 @@
+"""Recorded values as files and as tables of other libraries: what comes back is what was recorded, bit by bit."""
+
+import csv
+import sys
+
+import numpy as np
+import pandas
+import polars
+import pyarrow.parquet
+import pytest
+from recorded import STEP, TOPICS, record, record_in_chunks, values
+from scipy.io import loadmat
+
+from orchestrator.cli.common import ended_by
+from orchestrator.log.container_writer import LogFailed
+from orchestrator.log.export import export
+from orchestrator.log.extra import NotInstalled
+from orchestrator.log.frames import to_arrow, to_pandas, to_polars, to_xarray
+from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.recorder import Recorder
+
+TENSIONS = "left_track.link[*].tension"
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("logs") / "small.mcap")
+
+
+@pytest.fixture(scope="module")
+def chunked(tmp_path_factory):
+    return record_in_chunks(tmp_path_factory.mktemp("logs") / "chunked.mcap")
+
+
+def table(path):
+    with path.open(newline="") as stream:
+        header, *rows = csv.reader(stream)
+    return header, np.array(rows, float)
+
+
+def test_export_of_everything(small, tmp_path):
+    files = export(small, tmp_path / "csv")
+    assert [file.name for file in files] == [f"{topic[1:].replace('/', '.')}.csv" for topic in TOPICS]
+    header, rows = table(tmp_path / "csv" / "left_track.out.csv")
+    assert header == ["t [s]", "left_track.speed [m/s]", "left_track.tension.mean [N]"]
+    with Log(small) as log:
+        series = log.read("/left_track/out")
+    assert np.array_equal(rows[:, 0], series.t)
+    assert np.array_equal(rows[:, 1:], series.values)
+
+
+def test_export_of_signals_and_topics(small, tmp_path):
+    (file,) = export(small, tmp_path / "a.csv", ["chassis.speed", "left_track.tension.*"])
+    header, rows = table(file)
+    assert header == ["t [s]", "left_track.tension.mean [N]", "chassis.speed [m/s]"]
+    assert rows.shape == (101, 3)
+    (file,) = export(small, tmp_path / "csv", ["left_track.link[*].tension"])
+    assert len(table(file)[0]) == 65
+    (file,) = export(small, tmp_path / "csv", topics=["/*/in"])
+    assert file.name == "left_track.in.csv"
+
+
+def test_files_of_topics_stay_in_their_folder(tmp_path):
+    topics = ["/../../a/out", "/..\\..\\a/out", "/A.b", "/a/b", "/", "\0", "/" + "x" * 5000]
+    with Recorder(tmp_path / "a.mcap", {topic: [("x", "m")] for topic in topics}, {}, {}) as recorder:
+        recorder.close("ok", "", 0)
+    files = export(tmp_path / "a.mcap", tmp_path / "csv")
+    assert len({file.name.lower() for file in files}) == len(topics)
+    assert all(file.parent == tmp_path / "csv" and file.is_file() and len(file.name) < 120 for file in files)
+    with Recorder(tmp_path / "none.mcap", {}, {}, {}) as recorder:
+        recorder.close("ok", "", 0)
+    for out in ("csv", "a.csv"):
+        with pytest.raises(NoSuchSignal, match="holds nothing to export"):
+            export(tmp_path / "none.mcap", tmp_path / out)
+
+
+def test_export_of_what_is_not_there(small, tmp_path):
+    with pytest.raises(NoSuchSignal, match=r"did you mean 'chassis\.speed'"):
+        export(small, tmp_path, ["chassis.sped"])
+    with pytest.raises(NoSuchSignal, match="no topic"):
+        export(small, tmp_path, topics=["/chassis/inn"])
+    with pytest.raises(NoSuchSignal, match="different times"):
+        export(small, tmp_path / "a.csv", ["chassis.speed", "left_track.link[1].tension"])
+    (tmp_path / "file").write_text("")
+    with pytest.raises(LogFailed, match="cannot be written"):
+        export(small, tmp_path / "file" / "a.csv", ["chassis.speed"])
+    assert [path.name for path in tmp_path.iterdir()] == ["file"], "nothing half-written is left"
+
+
+def test_parquet_gives_every_bit_back(chunked, tmp_path):
+    odd = np.array([np.nan, -0.0, 5e-324, np.inf])
+    with Recorder(tmp_path / "odd.mcap", {"/a/out": [("x", "m")]}, {}, {}) as recorder:
+        for k, x in enumerate(odd):
+            recorder.write("/a/out", k, 0.1 * k, 0.1, np.array([x]))
+        recorder.close("ok", "", 3)
+    (file,) = export(tmp_path / "odd.mcap", tmp_path / "odd.parquet")
+    assert pyarrow.parquet.read_table(file)["a.x"].to_numpy().tobytes() == odd.tobytes()
+
+    files = export(chunked, tmp_path / "all", kind="parquet")
+    assert [file.name for file in files] == [f"{topic[1:].replace('/', '.')}.parquet" for topic in TOPICS]
+    with Log(chunked) as log:
+        for topic, file in zip(TOPICS, files, strict=True):
+            found, series = pyarrow.parquet.read_table(file), log.read(topic)
+            assert np.array_equal(found["t"].to_numpy(), series.t)
+            names = [log.name(topic, column) for column in range(len(series.names))]
+            assert found.column_names == ["t", *names]
+            assert np.stack([found[name] for name in names], axis=1).tobytes() == series.values.tobytes()
+            units = [found.field(name).metadata[b"unit"].decode() for name in names]
+            assert tuple(units) == log.topics[topic].units
+
+
+def test_a_matlab_file(chunked, tmp_path):
+    (file,) = export(chunked, tmp_path / "a.mat", [TENSIONS], window=(0.5, 0.7))
+    found = loadmat(file)
+    assert [str(name[0][0]) for name in found["names"]] == [f"left_track.link[{i}].tension" for i in range(1, 65)]
+    assert {str(unit[0][0]) for unit in found["units"]} == {"N"}
+    steps = range(500, 701, 5)
+    assert np.array_equal(found["t"][:, 0], np.array(steps) * STEP)
+    assert np.array_equal(found["values"], [values("/left_track/links", k)[::2] for k in steps])
+
+
+def test_windows_and_rows_do_not_depend_on_chunks(small, chunked, tmp_path):
+    (few,) = export(small, tmp_path / "a.csv", ["chassis.speed"], window=(0.02, 0.08))
+    (many,) = export(chunked, tmp_path / "b.csv", ["chassis.speed"], window=(0.02, 0.08))
+    assert few.read_text() == many.read_text()
+    assert table(few)[1].shape == (61, 2)
+
+
+def test_frames(chunked):
+    with Log(chunked) as log:
+        t, speed = log.signal("chassis.speed")
+        tensions = log.select(log.choose([TENSIONS]))["/left_track/links"]
+        frame = to_pandas(log, "chassis.speed", "chassis.left.road_arm[*].angle", window=(0.5, 1.0))
+        inside = (t >= 0.5) & (t <= 1.0)
+        assert isinstance(frame, pandas.DataFrame)
+        assert (frame.index.name, frame.shape, frame.attrs["units"]["chassis.speed"]) == ("t", (501, 6), "m/s")
+        assert np.array_equal(frame["chassis.speed"].to_numpy(), speed[inside])
+        assert np.array_equal(frame.index, t[inside])
+
+        whole = to_polars(log, TENSIONS)
+        assert isinstance(whole, polars.DataFrame)
+        assert np.array_equal(whole.to_numpy()[:, 1:], tensions.values)
+        assert to_arrow(log, TENSIONS).field("left_track.link[7].tension").metadata == {b"unit": b"N"}
+
+        data = to_xarray(log, "left_track.link[*]*")
+        assert dict(data.sizes) == {"t": 301, "link": 64}
+        assert data["left_track.link.stress"].attrs["units"] == "Pa"
+        assert np.array_equal(data["left_track.link.tension"].sel(link=7), tensions.values[:, 6])
+        alone = to_xarray(log, "chassis.speed", "chassis.left.road_arm[3].angle")
+        assert np.array_equal(
+            alone["chassis.left.road_arm.angle"].sel(road_arm=3), log.signal("chassis.left.road_arm[3].angle")[1]
+        )
+        with pytest.raises(NoSuchSignal, match="recorded at different times"):
+            to_pandas(log, "chassis.speed", TENSIONS)
+        with pytest.raises(NoSuchSignal, match=r"did you mean 'chassis\.speed'"):
+            to_pandas(log, "chassis.sped")
+
+
+def test_samples_lie_on_straight_lines(chunked):
+    t = np.array([-1.0, 0.0, 0.0025, 0.77, 9.0])
+    with Log(chunked) as log:
+        found = log.sample(["left_track.link[3].tension", "chassis.speed"], t)
+        for column, signal in enumerate(("left_track.link[3].tension", "chassis.speed")):
+            times, recorded = log.signal(signal)
+            assert found[0, column] == recorded[0]
+            assert found[-1, column] == recorded[-1]
+            assert np.array_equal(found[:, column], np.interp(t, times, recorded))
+
+
+@pytest.mark.parametrize("package", ["pandas", "xarray", "polars", "pyarrow"])
+def test_a_library_that_is_missing_is_a_sentence_and_exit_2(small, tmp_path, monkeypatch, package):
+    ask = {"pandas": to_pandas, "xarray": to_xarray, "polars": to_polars, "pyarrow": to_arrow}[package]
+    monkeypatch.setitem(sys.modules, package, None)
+    sentence = rf"^{package} is not installed: pip install 'cotrack\[analysis\]'$"
+    with Log(small) as log, pytest.raises(NotInstalled, match=sentence) as missing:
+        ask(log, "chassis.speed")
+    assert ended_by(missing.value)[1] == 2
+    if package == "pyarrow":
+        with pytest.raises(NotInstalled, match=sentence):
+            export(small, tmp_path / "a.parquet", ["chassis.speed"])
+        assert not list(tmp_path.iterdir())
