@@ -147,9 +147,8 @@ def test_frames(chunked):
         assert data["left_track.link.stress"].attrs["units"] == "Pa"
         assert np.array_equal(data["left_track.link.tension"].sel(link=7), tensions.values[:, 6])
         alone = to_xarray(log, "chassis.speed", "chassis.left.road_arm[3].angle")
-        assert np.array_equal(
-            alone["chassis.left.road_arm.angle"].sel(road_arm=3), log.signal("chassis.left.road_arm[3].angle")[1]
-        )
+        angle = log.signal("chassis.left.road_arm[3].angle")[1]
+        assert np.array_equal(alone["chassis.left.road_arm.angle"].sel(road_arm=3), angle)
         with pytest.raises(NoSuchSignal, match="recorded at different times"):
             to_pandas(log, "chassis.speed", TENSIONS)
         with pytest.raises(NoSuchSignal, match=r"did you mean 'chassis\.speed'"):
