@@ -18,7 +18,7 @@ from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import EVER, Floats, Series
 
 BLOCK = 4000  # rows that are in memory at once
-GROUP = 1 << 20  # bytes of a row group of a Parquet file: what is read at once, and its footer is not the larger part
+GROUP = 8 << 20  # bytes of a row group of a Parquet file, whose footer, in memory, describes each column of each
 
 
 class Columns(NamedTuple):
