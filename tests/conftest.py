@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from fmus.build import build_shell
+from orchestrator.cli import main
 from orchestrator.log.stream import Stream
 
 # how long an example takes says something of the machine, not of the code
@@ -79,3 +80,18 @@ def scaled(monkeypatch):
         monkeypatch.setattr(Stream, "add", changed)
 
     return change
+
+
+@pytest.fixture
+def cotrack(capsys, monkeypatch, tmp_path):
+    """Call the command in an empty folder; exit status, stdout, stderr without the lines of its narration."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return ended.value.code or 0, said.out, messages(said.err)
+
+    return call

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import sys
+from math import inf
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, leave, warn
 
 
@@ -47,28 +50,53 @@ def replay(
 
 def compare(
     run: Annotated[Path, typer.Argument(metavar="A", help="an MCAP log")],
-    reference: Annotated[Path, typer.Argument(metavar="B", help="the log that A is held against")],
+    reference: Annotated[Path, typer.Argument(metavar="B", help="the reference: the log that A is held against")],
     different: Annotated[bool, typer.Option("--different", help="even if they are runs of different scenes")] = False,
+    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant of what is compared, s")] = -inf,
+    end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = inf,
+    allowed: Annotated[
+        list[str] | None,
+        typer.Option("--allow", metavar="[NAME=]RELATIVE", help="most of an observable, or of all decisive ones"),
+    ] = None,
+    bitwise: Annotated[
+        bool, typer.Option("--bits", help="where they part bit by bit, what that spreads to, how it grows")
+    ] = False,
+    picture: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="the growth as a picture, .png or .svg")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
 ) -> None:
-    """How far two runs of a scene are apart, by observable.
+    """How far two runs of a scene are apart, by observable; with --bits, where they part.
 
     They may differ in the track model, in what its links are, in steps, coupling, duration, checks and records; where
     anything else of their scenes differs, vehicle included, they are refused (--different compares them all the same).
+    Exit status 1 where something that was allowed is exceeded, or, with --bits, where a bit differs.
     """
+    from orchestrator.cli.compared import limits, lines, table
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import differences
-    from orchestrator.results.run_data import RunData
+    from orchestrator.results.divergence import divergence
+    from orchestrator.results.growth_picture import draw
+    from orchestrator.results.run_data import RunData, Window
     from orchestrator.scene.scene import of_one_scene
 
+    window = Window(start, end)
     with Log(run) as one, Log(reference) as other:
         a, b = RunData(one), RunData(other)
         if not different:
             of_one_scene((f"{run}", a.scene), (f"{reference}", b.scene))
-        found = differences(a, b)
-    print(f"{'observable':18} {'RMS':>10}       {'relative':>9}")
-    for name, apart in found.items():
-        note = "" if apart.decisive else "  instant by instant: sensitive"
-        print(f"{name:18} {apart.absolute:10.3g} {apart.unit:5} {apart.relative:9.2g}{note}")
+        apart = differences(a, b, window)
+        most = limits(allowed or (), apart)
+        parted = divergence(one, other, window) if bitwise or picture else None
+        result = table(a, b, window, apart, most, parted)
+    if picture and parted is not None:
+        draw(parted, picture)
+    if as_json:
+        print(json.dumps(printed.finite(result)))
+    else:
+        for line in lines(result):
+            print(printed.plain(line))
+    sys.exit(0 if result["ok"] else 1)
 
 
 def view(

@@ -90,7 +90,7 @@ def verify(log: Log, component: Component, parameters: Parameters) -> Verdict:
                     component.read_links()
                 rows[topic].append(shown[topic][1].copy())
     differences = [
-        first_difference(component.name, series, series._replace(values=np.array(rows[topic])))
+        first_difference(topic, series, series._replace(values=np.array(rows[topic])), log.topics[topic].every)
         for topic, series in recorded.items()
     ]
     first = min((d for d in differences if d is not None), key=lambda d: d.t, default=None)

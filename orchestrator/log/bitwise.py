@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from orchestrator.log.time_series import Series
+from orchestrator.log.time_series import Floats, Series
+
+_SIGN = 1 << 63
 
 
 class Difference(NamedTuple):
@@ -14,43 +17,64 @@ class Difference(NamedTuple):
 
     instance: str
     variable: str
-    step: int  # row of both recordings
+    step: int  # number of the communication step
     t: float  # s
     recorded: float
     replayed: float
+    ulps: int | None  # representable numbers from one to the other; None where one is not a number
 
     def __str__(self) -> str:
+        apart = f", {self.ulps} ULP apart" if self.ulps else ""  # not for zeros of two signs
         return (
-            f"{self.instance}.{self.variable} differs first at step {self.step}, t = {self.t:.6g} s: "
-            f"recorded {self.recorded!r} ({_bits(self.recorded)}), "
-            f"replayed {self.replayed!r} ({_bits(self.replayed)})"
+            f"{self.instance}.{self.variable} differs first at step {self.step}, t = {self.t:.6g} s{apart}: "
+            f"recorded {self.recorded!r} ({_hexadecimal(self.recorded)}), "
+            f"replayed {self.replayed!r} ({_hexadecimal(self.replayed)})"
         )
 
 
-def first_difference(instance: str, recorded: Series, replayed: Series) -> Difference | None:
+def difference(topic: str, variable: str, step: int, recorded: float, replayed: float, t: float) -> Difference:
+    """Of two numbers of a topic."""
+    numbers = float(recorded), float(replayed)
+    return Difference(topic.strip("/").partition("/")[0], variable, step, t, *numbers, ulps(*numbers))
+
+
+def first_difference(topic: str, recorded: Series, replayed: Series, every: int = 1) -> Difference | None:
     """The first difference in time, then in the order of the variables, or None when all bits are equal.
 
-    Compares ``t`` and the values as bits: -0.0 is not 0.0, and a NaN equals itself. A recording that ends
-    early differs at its end, in the variable ``t`` against NaN. Raises ValueError for different variables.
+    Compares ``t`` and the values as bits: -0.0 is not 0.0, and a NaN equals itself. A recording that ends early
+    differs at its end, in the variable ``t`` against NaN. Both begin with step 0 and hold one in ``every``. Raises
+    ValueError for different variables.
     """
     if recorded.names != replayed.names:
-        raise ValueError(f"the recordings of {instance} hold different variables")
+        raise ValueError(f"the recordings of {topic} hold different variables")
     m = min(len(recorded.t), len(replayed.t))
     ours, theirs = (np.column_stack([series.t[:m], series.values[:m]]) for series in (recorded, replayed))
-    different = ours.view(np.uint64) != theirs.view(np.uint64)
+    different = bits(ours) != bits(theirs)
     rows = np.flatnonzero(different.any(axis=1))
     if len(rows):
         row = int(rows[0])
         column = int(np.argmax(different[row]))
         name = ("t", *recorded.names)[column]
-        return Difference(
-            instance, name, row, float(recorded.t[row]), float(ours[row, column]), float(theirs[row, column])
-        )
+        return difference(topic, name, row * every, ours[row, column], theirs[row, column], float(recorded.t[row]))
     if len(recorded.t) != len(replayed.t):
         ends = [float(series.t[m]) if m < len(series.t) else float("nan") for series in (recorded, replayed)]
-        return Difference(instance, "t", m, float(np.nanmax(ends)), *ends)
+        return difference(topic, "t", m * every, ends[0], ends[1], float(np.nanmax(ends)))
     return None
 
 
-def _bits(value: float) -> str:
+def bits(values: Floats) -> NDArray[np.uint64]:
+    """Numbers as bits, of the same shape."""
+    return np.ascontiguousarray(values).view(np.uint64)
+
+
+def ulps(one: float, other: float) -> int | None:
+    """How many representable numbers lie between two, the second one counted; None where one is not a number."""
+    if np.isnan(one) or np.isnan(other):
+        return None
+    places = [int(np.float64(value).view(np.uint64)) for value in (one, other)]
+    ordered = [_SIGN - place if place >= _SIGN else place for place in places]
+    return abs(ordered[0] - ordered[1])
+
+
+def _hexadecimal(value: float) -> str:
     return f"{np.float64(value).view(np.uint64):#018x}"

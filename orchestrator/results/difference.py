@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.reader import Log
-from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, since
+from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, since, within
 
 WINDOW = 1.0  # s
 POINTWISE = 4.0  # s: no longer do sensitive observables compare instant by instant
@@ -49,15 +49,15 @@ class Difference(NamedTuple):
     decisive: bool
 
 
-def differences(run: RunData, reference: RunData) -> dict[str, Difference]:
-    """Every observable that both hold; raises Missing when there is none."""
+def differences(run: RunData, reference: RunData, window: Window = EVER) -> dict[str, Difference]:
+    """Every observable that both hold, over a window; raises Missing when there is none."""
     found = {}
     for name, observable in observables(reference):
         try:
             pair = observable.read(run), observable.read(reference)
             if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # not the links of half a vehicle and of a whole
                 with np.errstate(all="ignore"):  # of runs that blew up: what comes out says so
-                    found[name] = difference(*pair, observable)
+                    found[name] = difference(_within(pair[0], window), _within(pair[1], window), observable)
         except (Missing, LookupError):
             continue
     if not found:
@@ -86,6 +86,14 @@ def difference(run: Signal, reference: Signal, observable: Observable) -> Differ
     absolute = _rms(a - b, lengths)
     relative = absolute / max(_rms(b, lengths), observable.floor)
     return Difference(absolute, relative, observable.unit, observable.decisive)
+
+
+def _within(signal: Signal, window: Window) -> Signal:
+    """The samples of a window."""
+    if window == EVER:
+        return signal
+    inside = within(signal.t, window)
+    return signal._replace(t=signal.t[inside], values=signal.values[inside])
 
 
 def aligned(run: Signal, reference: Signal) -> tuple[Floats, Floats]:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -29,26 +28,10 @@ from orchestrator.bench import vehicle as vehicle_part
 from orchestrator.bench.process import Failed, isolated
 from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import laps, least, per_step
-from orchestrator.cli import main
 from orchestrator.log.reader import Series
 
 COLUMNS = (Column("what", "what", "", ABOUT), Column("time", "us", ".1f", COST), Column("count", "count", ",d"))
 TABLE = Table("Title", COLUMNS, [{"what": "a", "time": 2.0, "count": 1000}, {"what": "b", "time": None}], ("A note.",))
-
-
-@pytest.fixture
-def cotrack(capsys, monkeypatch, tmp_path):
-    """Call the command in an empty folder; exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["cotrack", "bench", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return ended.value.code or 0, said.out, said.err
-
-    return call
 
 
 # ------------------------------------------------------------------ the command
@@ -64,7 +47,7 @@ def test_what_comes_out(cotrack, monkeypatch):
         return json.loads(json.dumps([TABLE]))
 
     monkeypatch.setattr(bench, "isolated", measured)
-    status, out, _ = cotrack("--only", "vehicle,links", "--quick", "--json")
+    status, out, _ = cotrack("bench", "--only", "vehicle,links", "--quick", "--json")
     told = json.loads(out.splitlines()[-1])
     assert (status, told["ok"]) == (1, False)
     assert asked == [(name, {"quick": True, "repeats": bench.QUICK_REPEATS}) for name in ("vehicle", "links")]
@@ -74,7 +57,7 @@ def test_what_comes_out(cotrack, monkeypatch):
     assert told["parts"]["vehicle"] == [tables.plain(TABLE)]
     assert "| a | 2.0 | 1,000 |\n| b |  |  |\n\nA note." in out
     assert "not measured: no reason" in out
-    status, out, _ = cotrack("--only", "vehicle", "--repeat", "2")
+    status, out, _ = cotrack("bench", "--only", "vehicle", "--repeat", "2")
     assert (status, asked[-1]) == (0, ("vehicle", {"quick": False, "repeats": 2}))
     assert out.splitlines()[0].endswith(".")
 
@@ -92,7 +75,7 @@ def test_what_comes_out(cotrack, monkeypatch):
 def test_what_is_refused(cotrack, tmp_path, arguments, says):
     (tmp_path / "older" / "orchestrator").mkdir(parents=True)
     (tmp_path / "older" / "orchestrator" / "cli.py").touch()
-    status, out, err = cotrack(*arguments)
+    status, out, err = cotrack("bench", *arguments)
     assert status == 2
     assert says in " ".join(err.replace("│", " ").split())
     assert "|" not in out
@@ -345,7 +328,7 @@ def test_the_reference_is_what_it_says():
 
 @pytest.mark.benchmark
 def test_the_quick_form_as_a_whole(cotrack):
-    status, out, _ = cotrack("--quick", "--repeat", "1", "--json")
+    status, out, _ = cotrack("bench", "--quick", "--repeat", "1", "--json")
     told = json.loads(out.splitlines()[-1])
     assert status == 0, out
     assert list(told["parts"]) == list(bench.PARTS)

@@ -12,10 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import messages
 
 from fmus.vehicle import BadInput
-from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.program import Program
 from orchestrator.execution import replay_model, simulate
@@ -33,21 +31,6 @@ KEYS = {
     "observables", "warnings",
 }  # fmt: skip
 SHORT = ("run", "hanging_chain", "--stop", "0.02", "--json")
-
-
-@pytest.fixture
-def cotrack(capsys, monkeypatch, tmp_path):
-    """Call the command in an empty folder; exit status, stdout, stderr without the lines of its narration."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return ended.value.code or 0, said.out, messages(said.err)
-
-    return call
 
 
 def last(out):

@@ -170,7 +170,7 @@ def test_compare_and_version(swings, monkeypatch, capsys):
 
     status, said = call("compare", swings[4.0]["log"], swings[2.0]["log"])
     assert status == 0, said.err
-    assert [line.split()[0] for line in said.out.splitlines()] == ["observable", "pins", "tension"]
+    assert [line.split()[0] for line in said.out.splitlines()] == ["run", "reference", "observable", "pins", "tension"]
     status, said = call("compare", swings[4.0]["log"], "nothing.mcap")
     assert status == 2
     assert len(said.err.splitlines()) == 1

@@ -5,14 +5,12 @@ import io
 import math
 import os
 import signal
-import sys
 import time
 
 import pytest
 
 from fmus.vehicle import BadInput
 from orchestrator import studies
-from orchestrator.cli import main
 from orchestrator.studies import Case, compared, element_cases, mechanics, orders, pool, tables
 from orchestrator.studies.compared import checked
 from orchestrator.studies.store import Store
@@ -28,21 +26,6 @@ def raises() -> list[Row]:
 
 def dies() -> list[Row]:
     os._exit(3)
-
-
-@pytest.fixture
-def cotrack(capsys, monkeypatch, tmp_path):
-    """Call the command in an empty folder; exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return ended.value.code or 0, said.out, said.err
-
-    return call
 
 
 def only(monkeypatch, *cases):

@@ -1,14 +1,11 @@
 """Scenes without an FMU: the same command, log and summary; what they cannot do is said."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
-from conftest import messages
 from test_cli import KEYS
 
-from orchestrator.cli import main
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
@@ -16,21 +13,6 @@ from orchestrator.results.measures import energy_drift
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.scene import load
 from orchestrator.without_fmu.models import ModelComponent, model_of
-
-
-@pytest.fixture
-def cotrack(capsys, monkeypatch, tmp_path):
-    """Call the command in an empty folder; exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return ended.value.code or 0, said.out, messages(said.err)
-
-    return call
 
 
 def stepped(name, *settings):

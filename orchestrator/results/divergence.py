@@ -1,0 +1,163 @@
+"""Where two runs part, bit by bit: the first difference, what it spreads to, and how it grows.
+
+Records are compared as they are, step by step: nothing is interpolated, so runs must share their steps. Both logs are
+gone through once, side by side, and not kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.bitwise import Difference, bits, difference
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import EVER, Floats, Series, joined
+
+POINTS = 40  # of a growth curve, about
+BIN = 32  # messages of which the most is kept
+
+
+class Growth(NamedTuple):
+    """How far the signals of a topic are apart: by interval the most of any, over the largest value of its unit."""
+
+    t: Floats  # (k,) s, ends of the intervals
+    apart: Floats  # (k,)
+
+
+class Divergence(NamedTuple):
+    """What two logs have in common, and where that ends."""
+
+    compared: int  # numbers
+    until: float  # s, as far as both go
+    first: Difference | None  # of all; None: every bit is equal
+    spread: tuple[Difference, ...]  # the first one of every instance, in the order of time
+    growth: Mapping[str, Growth]  # by topic, of those that part
+    only: tuple[str, ...]  # topics and variables that one of them has alone
+
+
+def divergence(one: Log, reference: Log, window: tuple[float, float] = EVER) -> Divergence:
+    """Compare all that both logs hold in a closed interval of time, s; raises LogUnreadable."""
+    shared, only = _shared(one, reference)
+    before = {topic: _number(reference, topic, window[0]) for topic in shared}
+    firsts: list[Difference] = []
+    parted = {topic: _Parted([reference.topics[topic].units[k] for k in shared[topic][1]]) for topic in shared}
+    compared, until, uneven = 0, float("nan"), set[str]()
+    names = {topic: [one.topics[topic].names[column] for column in columns[0]] for topic, columns in shared.items()}
+    for topic, a, b in _side_by_side(one, reference, shared, window):
+        if topic in uneven:
+            continue
+        every, already = reference.topics[topic].every, before[topic]
+        before[topic] += len(a.t)
+        until = float(np.fmax(until, b.t[-1]))
+        moments = bits(a.t) != bits(b.t)
+        if moments.any():  # other steps: nothing that follows belongs together
+            row = int(moments.argmax())
+            uneven.add(topic)
+            firsts.append(difference(topic, "t", (already + row) * every, a.t[row], b.t[row], float(b.t[row])))
+            a, b = a.rows(slice(row)), b.rows(slice(row))
+        compared += a.values.size
+        different = bits(a.values) != bits(b.values)
+        if different.any() and not parted[topic].t:
+            row = int(different.any(axis=1).argmax())
+            column = int(different[row].argmax())
+            values = a.values[row, column], b.values[row, column]
+            name, step = names[topic][column], (already + row) * every
+            firsts.append(difference(topic, name, step, *values, float(b.t[row])))
+        parted[topic].add(a, b, bool(different.any()))
+    firsts.sort(key=lambda found: (found.t, found.variable != "t"))
+    instances: dict[str, Difference] = {}
+    for found in firsts:
+        instances.setdefault(found.instance, found)
+    growth = {topic: found.curve() for topic, found in parted.items() if found.t}
+    return Divergence(compared, until, firsts[0] if firsts else None, tuple(instances.values()), growth, only)
+
+
+class _Parted:
+    """The largest differences of a topic's signals, by unit, as time goes on."""
+
+    def __init__(self, units: Sequence[str]) -> None:
+        self._unit = np.unique(np.array(units, dtype=str), return_inverse=True)[1]  # a number for each column
+        self._size = np.zeros(len(set(units)))  # a force along y, which is rounding, is judged by all forces
+        self.t: list[float] = []  # ends of bins, from the first difference on
+        self._apart: list[Floats] = []  # of each bin, by unit
+
+    def add(self, a: Series, b: Series, different: bool) -> None:
+        """More messages."""
+        if not b.values.size:
+            return
+        with np.errstate(all="ignore"):  # what blew up is apart
+            np.fmax.at(self._size, self._unit, np.abs(b.values).max(axis=0))
+            if not (different or self.t):
+                return
+            apart = np.abs(a.values - b.values)
+            apart = np.where(bits(a.values) == bits(b.values), 0.0, np.where(np.isnan(apart), np.inf, apart))
+        for first in range(0, len(b.t), BIN):
+            most = np.zeros(len(self._size))
+            np.maximum.at(most, self._unit, apart[first : first + BIN].max(axis=0))
+            self.t.append(float(b.t[first : first + BIN][-1]))
+            self._apart.append(most)
+
+    def curve(self) -> Growth:
+        """Of some intervals."""
+        apart = (np.array(self._apart) / np.where(self._size > 0.0, self._size, 1.0)).max(axis=1)
+        first = int((apart > 0.0).argmax())
+        starts = np.arange(first, len(apart), max(1, -(-(len(apart) - first) // POINTS)))
+        ends = np.append(starts[1:], len(apart)) - 1
+        return Growth(np.array(self.t)[ends], np.maximum.reduceat(apart, starts))
+
+
+Shared = dict[str, tuple[list[int], list[int]]]  # by topic columns of the same variables in both logs
+
+
+def _shared(one: Log, reference: Log) -> tuple[Shared, tuple[str, ...]]:
+    shared: Shared = {}
+    only = [f"{log.path}: {topic}" for log, other in ((one, reference), (reference, one)) for topic in log.topics
+            if not topic.startswith("/stats/") and topic not in other.topics]  # fmt: skip
+    for topic, about in one.topics.items():
+        theirs = reference.topics.get(topic)
+        if theirs is None or topic.startswith("/stats/"):
+            continue
+        if theirs.every != about.every:
+            only.append(f"{topic}: one step in {about.every} and {theirs.every}")
+            continue
+        place = {name: column for column, name in enumerate(theirs.names)}
+        common = [name for name in about.names if name in place]
+        mine = {name: column for column, name in enumerate(about.names)}
+        only += [f"{topic}: {name}" for name in sorted({*about.names} ^ {*theirs.names})]
+        shared[topic] = [mine[name] for name in common], [place[name] for name in common]
+    return shared, tuple(only)
+
+
+def _number(log: Log, topic: str, start: float) -> int:
+    """How many messages of a topic there are before a time, s."""
+    return 0 if start == EVER[0] else int((log.select({topic: []}, (EVER[0], start))[topic].t < start - 1e-9).sum())
+
+
+def _side_by_side(
+    one: Log, reference: Log, shared: Shared, window: tuple[float, float]
+) -> Iterator[tuple[str, Series, Series]]:
+    """Messages of a topic in pairs, some at a time, until one of the logs ends."""
+    wanted: Sequence[dict[str, list[int]]] = [{topic: both[k] for topic, both in shared.items()} for k in (0, 1)]
+    logs = [log.stream(columns, window) for log, columns in zip((one, reference), wanted, strict=True)]
+    waiting: list[dict[str, list[Series]]] = [{topic: [] for topic in shared} for _ in logs]
+    reached = [-np.inf, -np.inf]
+    while True:
+        behind = int(reached[1] < reached[0])
+        piece = next(logs[behind], None)
+        if piece is None:
+            if reached[behind] == np.inf:
+                return
+            reached[behind] = np.inf
+            continue
+        for topic, series in piece.items():
+            waiting[behind][topic].append(series)
+            reached[behind] = max(reached[behind], float(series.t[-1]))
+        for topic in piece:
+            if all(each[topic] for each in waiting):
+                a, b = (joined(each[topic]) for each in waiting)
+                m = min(len(a.t), len(b.t))
+                for each, series in zip(waiting, (a, b), strict=True):
+                    each[topic] = [series.rows(slice(m, None))] if len(series.t) > m else []
+                yield topic, a.rows(slice(m)), b.rows(slice(m))

@@ -1,0 +1,38 @@
+"""How a difference of two runs grows, as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.results.divergence import Divergence
+from orchestrator.results.picture import saved
+
+STYLES = {"in": ":", "out": "-", "links": "--"}
+
+
+def draw(found: Divergence, output: Path) -> None:
+    """A curve for each topic that parts; raises BadInput where there is none, or the file cannot be written."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if not found.growth:
+        raise BadInput("both runs are equal bit by bit: there is no growth to draw")
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    pane = figure.subplots()
+    instances = list(dict.fromkeys(topic.split("/")[1] for topic in found.growth))
+    for topic, growth in found.growth.items():
+        _, instance, kind = topic.split("/", 2)
+        finite = np.isfinite(growth.apart) & (growth.apart > 0.0)
+        pane.semilogy(
+            growth.t[finite], growth.apart[finite], STYLES.get(kind, "-."), color=f"C{instances.index(instance)}",
+            marker=".", markersize=3, linewidth=1.0, label=topic,
+        )  # fmt: skip
+    pane.set_xlabel("t, s")
+    pane.set_ylabel("largest difference, over the largest value of its unit")
+    pane.grid(alpha=0.3)
+    figure.legend(loc="outside right upper", fontsize=7)
+    saved(figure, output)
