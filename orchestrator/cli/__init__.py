@@ -16,7 +16,7 @@ import typer
 from orchestrator.cli import log_commands
 from orchestrator.cli.common import ended_by, narration, tell
 from orchestrator.cli.result_commands import compare, replay, view
-from orchestrator.cli.run_commands import run, truth
+from orchestrator.cli.run_commands import resume, run, truth
 from orchestrator.cli.scene_commands import build, scenes, show, warm
 from orchestrator.cli.study_commands import bench, study
 
@@ -29,7 +29,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(log_commands.app, name="log")
-for command in (scenes, show, build, run, replay, compare, view, study, truth, bench, warm):
+for command in (scenes, show, build, run, resume, replay, compare, view, study, truth, bench, warm):
     app.command()(command)
 
 

@@ -63,6 +63,7 @@ def ended_by(error: Exception) -> tuple[str, int]:
 def refusals() -> tuple[type[Exception], ...]:
     """What is raised about input before anything ran."""
     from fmus.build import BuildFailed
+    from orchestrator.cosim.checkpoint import Unusable
     from orchestrator.cosim.component import ComponentFailed
     from orchestrator.cosim.coupling.scheme import CouplingFailed
     from orchestrator.cosim.graph import Miswired
@@ -83,6 +84,7 @@ def refusals() -> tuple[type[Exception], ...]:
         NoSuchSignal,
         NotInstalled,
         Unfit,
+        Unusable,
         Missing,
     )
 

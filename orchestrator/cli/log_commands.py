@@ -22,6 +22,7 @@ def info(log: LogPath) -> None:
     from orchestrator.log import tools
 
     about = tools.info(log)
+    points = {name: size for name, size in about.attachments.items() if name.startswith("checkpoint/")}
     held, closing = about.log, about.log.closing or {"message": "", "warnings": []}
     ended = f"{closing['status']} after {closing['steps']} steps" if held.closing else "cut off"
     lines = [
@@ -37,7 +38,11 @@ def info(log: LogPath) -> None:
             f" one step in {held.topics[topic].every}, {tally.bytes / 1e6:.2f} MB"
             for topic, tally in about.topics.items()
         ),
-        *(f"  attached: {name}, {size} bytes" for name, size in about.attachments.items()),
+        *(f"  attached: {name}, {size} bytes" for name, size in about.attachments.items() if name not in points),
+        *(
+            [f"  {len(points)} checkpoints, {sum(points.values())} bytes: 'cotrack resume' goes on from there"]
+            * bool(points)
+        ),
         f"  digest {about.digest or 'none: a part is damaged'}",
     ]
     for line in lines:

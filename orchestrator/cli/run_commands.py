@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from orchestrator.cli import printed
-from orchestrator.cli.common import SceneName, Settings, TrackOption, ended_by, leave, narration, tell, warn
+from orchestrator.cli.common import LogPath, SceneName, Settings, TrackOption, ended_by, leave, narration, tell, warn
 
 
 def run(
@@ -67,6 +67,33 @@ def run(
     elif status != 2:
         printed.summary(result)
     sys.exit(status)
+
+
+def resume(
+    log: LogPath,
+    at: Annotated[
+        float | None, typer.Option("--at", metavar="T", help="from the last checkpoint by then, s, instead of the last")
+    ] = None,
+    stop: Annotated[float | None, typer.Option("--stop", metavar="T", help="another end, s")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PATH", help="default LOG-resumed.mcap")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+) -> None:
+    """Go on from a checkpoint of a log.
+
+    The new log is, bit by bit, that of a run that was not interrupted: with all that came before.
+    A run that was stopped or killed goes on where its last checkpoint is.
+    """
+    from orchestrator.execution.resume import resume as go_on
+
+    result = go_on(log, output or log.with_name(f"{log.stem}-resumed.mcap"), at, stop, warn, narration)
+    tell(result["message"], 0)
+    if as_json:
+        print(json.dumps(printed.finite(result)))
+    else:
+        printed.summary(result)
+    sys.exit(0 if result["status"] == "ok" else 1)
 
 
 def truth(

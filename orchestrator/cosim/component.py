@@ -308,6 +308,10 @@ class Component(AbstractContextManager["Component"]):
         """What the FMU has logged with status warning since its start, without what was taken back."""
         return self._warnings.told()
 
+    def warned_of(self, earlier: Mapping[str, Warned]) -> None:
+        """It has warned of this in an earlier process, which is gone on with."""
+        self._warnings = Warnings(self.name, earlier)
+
     def _receive(self, status: int, message: str, category: str) -> None:
         if status == _WARNING and not self._warnings.add(message, self._time):
             return

@@ -27,10 +27,11 @@ class Clock(NamedTuple):
 
     step: float  # H, s
     steps: int
+    done: int = 0  # steps that an earlier run has done
 
     def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
         """Step after step."""
-        for k in range(self.steps):
+        for k in range(self.done, self.steps):
             scheme.advance(k * self.step, self.step)
             yield (k + 1) * self.step, self.step
 
@@ -49,14 +50,20 @@ def run(
     pace: Pace,
     observers: Sequence[Observer],
     interrupted: Callable[[], bool] = lambda: False,
+    begun: tuple[int, float] | None = None,
 ) -> Outcome:
-    """Step initialised components to the end, a failure or an interruption; observers see k = 0 as well."""
-    k, t, h = 0, 0.0, pace.step
+    """Step initialised components to the end, a failure or an interruption; observers see k = 0 as well.
+
+    ``begun``: steps that an earlier run has done, which observers have seen, and the time that it reached, s.
+    """
+    k, t = begun or (0, 0.0)
+    h, seen = pace.step, begun is not None
     with scheme:
         steps = pace.walk(scheme)
         while True:
-            for observer in observers:
+            for observer in () if seen else observers:
                 observer(k, t, h)
+            seen = False
             if interrupted():
                 return Outcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
             try:

@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from orchestrator.cosim import checkpoint
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recorded
 from orchestrator.cosim.narration import Narration
@@ -51,6 +52,10 @@ class Logging:
         self._values = [component.u for component in components] + [component.y for component in components]
         self._links = [(component, f"/{component.name}/links") for component in components if component.links]
 
+    def begin(self, k: int, t: float, h: float) -> None:
+        """Go on after step k, whose record is there."""
+        self.recorder.begin(self._step, k, t, h, *self._values)
+
     def __call__(self, k: int, t: float, h: float) -> None:
         """Record step k - 1's inputs and the outputs that belong to time t."""
         recorder, components = self.recorder, self.components
@@ -64,6 +69,19 @@ class Logging:
                 component.read_counters()
                 cost = np.append(component.counters.astype(float), component.wall_time)
                 recorder.stats(component.name, k, t, h, cost)
+
+
+class Checkpoints:
+    """Puts into the log, every so many steps, what a run needs to go on from there."""
+
+    def __init__(self, recorder: Recorder, scheme: Scheme, every: int) -> None:
+        self.recorder, self.scheme, self.every = recorder, scheme, every
+
+    def __call__(self, k: int, t: float, h: float) -> None:
+        """A checkpoint, where one is due."""
+        if k and k % self.every == 0:
+            content = checkpoint.save(self.scheme, checkpoint.Point(k, t, h))
+            self.recorder.attach(f"{checkpoint.PREFIX}{k}", content)
 
 
 class ProgressBar:

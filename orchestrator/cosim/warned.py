@@ -26,9 +26,9 @@ class Warnings:
     may say it once and never again.
     """
 
-    def __init__(self, component: str) -> None:
+    def __init__(self, component: str, earlier: Mapping[str, Warned] | None = None) -> None:
         self._component = component
-        self._known: dict[str, Warned] = {}  # by text without numbers; count 0: in steps taken back alone
+        self._known = dict(earlier or {})  # by text without numbers; count 0: in steps taken back alone
 
     def add(self, text: str, time: float) -> bool:
         """Count a warning that came in the step from ``time`` s on; whether it is the first of its kind."""

@@ -28,10 +28,12 @@ def open_log(
     components: Mapping[str, Recorded],
     scheme: Scheme,
     about: Mapping[str, str] | None = None,
+    more: Mapping[str, Mapping[str, str]] | None = None,
 ) -> Recorder:
-    """The log of a run, begun; ``about``: what else there is to say of the run. Raises LogFailed."""
+    """The log of a run, begun; ``about``: what else there is to say of the run, ``more`` metadata. Raises LogFailed."""
     topics, attachments, metadata = manifest(scene, graph, components)
     metadata["run"] |= about or {}
+    metadata |= {name: dict(entries) for name, entries in (more or {}).items()}
     wired = wires(scheme) if scene.run.outputs == 1 else {}
     return Recorder(path, topics, attachments, metadata, every=_strides(scene, components), wires=wired)
 

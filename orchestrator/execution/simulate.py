@@ -7,15 +7,15 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fmus.ahead import begun
 from fmus.build import BuildFailed
-from orchestrator.cosim import master
+from orchestrator.cosim import checkpoint, master
 from orchestrator.cosim.component import Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import SCHEMES, power_residual
 from orchestrator.cosim.coupling.power_residual import PowerResidual
@@ -23,11 +23,11 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, n
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.observers import Logging, ProgressBar
+from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar
 from orchestrator.execution import estimate, summary
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.recorder import LogFailed, check_writable
+from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.recording import folded
@@ -38,6 +38,15 @@ QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwi
 LATER = 10  # niceness of a process beside that is not the longest
 
 
+class Begun(NamedTuple):
+    """What an earlier run has done: where it was, its record, and what is to be said of that."""
+
+    step: int  # number of the last one
+    checkpoint: bytes
+    copy: Callable[[Recorder], None]
+    metadata: Mapping[str, Mapping[str, str]]
+
+
 def simulate(
     scene: Scene,
     path: Path,
@@ -45,11 +54,13 @@ def simulate(
     narration: Narration | None = None,
     estimated: bool = False,
     native: bool = False,
+    begun: Begun | None = None,
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; the summary of ``summary.empty``. A ``narration`` is told what is done.
 
     ``estimated``: coarser runs beside it say how wrong it is (``estimate``); they cost about as much again.
     ``native``: by native FMUs, which give the same numbers; coarser runs beside it are not.
+    ``begun``: what an earlier run has done of it (``resume``).
 
     Raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt before the first
     step (then no log is written); afterwards every failure is in the summary's status and message.
@@ -57,7 +68,7 @@ def simulate(
     check_writable(path)
     with _interruptible() as interrupt:
         try:
-            return _simulate(scene, path, logger, narration, estimated, interrupt, native)
+            return _simulate(scene, path, logger, narration, estimated, interrupt, native, begun)
         except (BuildFailed, ComponentFailed):
             if interrupt.asked:  # a component makes a failure of an interruption
                 raise KeyboardInterrupt from None
@@ -72,6 +83,7 @@ def _simulate(
     estimated: bool,
     interrupt: _Interrupt,
     native: bool = False,
+    begun: Begun | None = None,
 ) -> dict[str, Any]:
     began = time.perf_counter()
     result = summary.empty(scene.name, scene.variant)
@@ -85,6 +97,10 @@ def _simulate(
         if isinstance(pace, VariableStep):
             needs_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
+        at = None if begun is None else checkpoint.restore(begun.checkpoint, scheme, begun.step)
+        if at is not None:
+            assert isinstance(pace, master.Clock)
+            pace = pace._replace(done=at.k)
         told = []  # of the record itself
         if aliases := folded(scene.links_every, scene.run.step, scene.teeth_rate) if any_links(components) else "":
             told.append({"component": "log", "text": aliases, "time": 0.0, "count": 1})
@@ -98,23 +114,27 @@ def _simulate(
             done, reached = k, t
 
         try:
-            with open_log(path, scene, graph, components, scheme) as recorder:
-                stats_every = max(1, round(STATS_PERIOD / pace.step))
-                observers: list[master.Observer] = [
-                    count,
-                    Logging(recorder, list(components.values()), stats_every),
-                ]
+            with open_log(path, scene, graph, components, scheme, more=begun.metadata if begun else {}) as recorder:
+                if begun is not None:
+                    begun.copy(recorder)
+                logging = Logging(recorder, list(components.values()), max(1, round(STATS_PERIOD / pace.step)))
+                observers: list[master.Observer] = [count, logging]
+                if at is not None:
+                    logging.begin(*at)
+                    count(*at)
+                if scene.run.checkpoints and isinstance(pace, master.Clock) and checkpoint.possible(scheme):
+                    observers.append(Checkpoints(recorder, scheme, max(1, round(scene.run.checkpoints / pace.step))))
                 if narration:
                     observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
                 say(f"{scene.name}: {scene.run.stop:g} s are simulated")
                 startup, spent = time.perf_counter() - began, time.process_time()
                 interrupt.gentle = True
                 try:
-                    outcome = master.run(scheme, pace, observers, lambda: interrupt.asked)
+                    outcome = master.run(scheme, pace, observers, lambda: interrupt.asked, at and at[:2])
                 finally:
                     wall, spent = time.perf_counter() - began - startup, time.process_time() - spent
                 recorder.end()
-                result |= _how_it_ended(outcome, startup, wall)
+                result |= _how_it_ended(outcome, startup, wall, at.t if at else 0.0)
                 result |= {
                     "cpu_time": spent,
                     "rejected_steps": 0 if isinstance(pace, master.Clock) else pace.rejected,
@@ -135,14 +155,14 @@ def _simulate(
     return result | {"log": str(path), "log_bytes": path.stat().st_size if path.exists() else 0}
 
 
-def _how_it_ended(outcome: master.Outcome, startup: float, wall: float) -> dict[str, Any]:
+def _how_it_ended(outcome: master.Outcome, startup: float, wall: float, since: float = 0.0) -> dict[str, Any]:
     return {
         "status": "ok" if outcome.status == "ok" else "failed",
         "message": outcome.message,
         "simulated_time": outcome.time,
         "startup_time": startup,
         "wall_time": wall,
-        "real_time_factor": outcome.time / wall if wall else 0.0,
+        "real_time_factor": (outcome.time - since) / wall if wall else 0.0,
         "communication_steps": outcome.steps,
     }
 

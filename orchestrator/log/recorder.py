@@ -68,7 +68,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._channels[topic] = Channel(number, channel_metadata.recorded(topic, about))
         self._pages = {topic: Page([], [channel], whole=False) for topic, channel in self._channels.items()}
         self._turn = threading.Condition()
-        self._backlog: deque[list[tuple[Page, Block]]] = deque()
+        self._backlog: deque[list[tuple[Page, Block]] | tuple[str, bytes]] = deque()  # chunks and files
         self._bytes = 0  # of messages in the blocks
         self._last = 0  # newest sequence written
         self._closing = self._closed = False
@@ -104,6 +104,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         topics = [*given, *shown]
         name = " ".join(topics)
         page = Page([self._channels[topic] for topic in given], [self._channels[topic] for topic in shown])
+        with self._turn:
+            self._hand_over()
         self._pages = {topic: other for topic, other in self._pages.items() if topic not in topics} | {name: page}
         return name
 
@@ -134,6 +136,22 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self._hand_over()
                 while len(self._backlog) > BACKLOG and self._failure is None:
                     self._turn.wait()
+
+    def begin(self, topic: str, sequence: int, t: float, h: float, *values: NDArray[np.float64]) -> None:
+        """Topics that are written ``together`` go on after a step whose messages are there already."""
+        with self._turn:
+            page = self._pages[topic]
+            page.add(sequence, t, h, values)
+            page.turn()  # as the row before the next one
+
+    def attach(self, name: str, content: bytes) -> None:
+        """A file that belongs to the run as far as it has come: after all messages so far."""
+        with self._turn:
+            if self._failure is not None:
+                raise self._failure
+            self._hand_over()
+            self._backlog.append((name, content))
+            self._turn.notify_all()
 
     def stats(self, instance: str, sequence: int, t: float, h: float, values: NDArray[np.float64]) -> None:
         """Record what depends on the wall clock: the topic "/stats/<instance>", which no digest counts."""
@@ -215,6 +233,9 @@ class Recorder(AbstractContextManager["Recorder"]):
                     continue
                 filled = self._backlog.popleft()
             try:
+                if isinstance(filled, tuple):
+                    self._file.attachment(*filled)
+                    continue
                 self._write_chunk(filled)
             except Exception as error:  # whatever it is, the run must hear of it
                 with self._turn:

@@ -158,13 +158,15 @@ def _replacing(target: Path) -> Iterator[Path]:
 
 
 def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
-    attachments = {name: content for name in log.attachments if (content := _attachment(log, name)) is not None}
     topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
     every = {topic: about.every for topic, about in log.topics.items()}
     saved = dict.fromkeys(log.topics, 0)
     closing = log.closing or {"status": "", "steps": 0, "messages": {}, "results": {}, "warnings": []}
     untouched = log.closing is not None and log.sound()
     steps = None if untouched else _whole_steps(log, closing["messages"])
+    last = None if steps is None else int(steps[-1]) if len(steps) else 0
+    names = [name for name in log.attachments if last is None or not _later(name, last)]
+    attachments = {name: content for name in names if (content := _attachment(log, name)) is not None}
     reached = 0.0
     wires = {topic: about.wires for topic, about in log.topics.items()}
     with Recorder(fresh, topics, attachments, log.metadata, every=every, wires=wires) as recorder:
@@ -183,14 +185,20 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
         recorder.close(
             "failed",
             f"recovered from a broken log, which reads to t = {reached:.6g} s{ended}",
-            closing["steps"] if steps is None else int(steps[-1]) if len(steps) else 0,
+            closing["steps"] if last is None else last,
             closing["results"],
             closing["warnings"],
         )
     sentence = f"{target} holds {sum(saved.values())} messages, to t = {reached:.6g} s; the rest is lost"
-    if saved == closing["messages"] and len(attachments) == len(log.attachments):
+    if saved == closing["messages"] and len(attachments) == len(names):
         sentence = f"{target} holds all {sum(saved.values())} messages, but names or metadata may be damaged"
     return Verdict(RECOVERED, [sentence, *log.faults])
+
+
+def _later(attachment: str, step: int) -> bool:
+    """Whether it is a checkpoint after a step."""
+    kind, _, number = attachment.partition("/")
+    return kind == "checkpoint" and number.isdecimal() and int(number) > step
 
 
 def _whole_steps(log: Log, recorded: Mapping[str, int]) -> NDArray[np.int64] | None:

@@ -96,6 +96,8 @@ class Run(Table):
     variable: Annotated[Variable | None, BeforeValidator(off)] = None  # without it, or false: all of length H
     outputs: Every = 1  # outputs are recorded every n communication steps
     links: Every | None = None  # per-link outputs are recorded every n communication steps; default: ``recording``
+    # the log gets what the run needs to go on from there so often; false: never
+    checkpoints: Annotated[Duration | None, BeforeValidator(off)] = 0.5
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Run:

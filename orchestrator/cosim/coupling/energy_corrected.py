@@ -12,6 +12,8 @@ when a stage steps. A state that is sent again at every point brings its own cor
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.gauss_seidel import GaussSeidel
 from orchestrator.cosim.coupling.input_hold import Outputs
@@ -47,6 +49,17 @@ class EnergyCorrected(GaussSeidel):
             + h * (input_hold.mean(feed, now) - member.component.u[feed.inputs])
             for member, feed in self._corrected
         }
+
+    def memory(self) -> dict[str, Floats]:
+        """With what was missed, by the place of the feed."""
+        missed = [(number, self.missed.get(id(feed))) for number, (_, feed) in enumerate(self._corrected)]
+        return super().memory() | {f"missed:{number}": each for number, each in missed if each is not None}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """With what was missed."""
+        super().remember(memory)
+        missed = [(feed, memory.get(f"missed:{number}")) for number, (_, feed) in enumerate(self._corrected)]
+        self.missed = {id(feed): each for feed, each in missed if each is not None}
 
     def save(self) -> Saved:
         """With what was missed."""

@@ -7,7 +7,7 @@ connection has carried), which also converges where plain repetition does not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -80,6 +80,15 @@ class Iterative(Scheme):
     def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """The unknown."""
         return self._guess[self._place[id(feed)]]
+
+    def memory(self) -> dict[str, Floats]:
+        """With the largest that each connection has carried."""
+        return super().memory() | {"largest": self._largest}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """With the largest that each connection has carried."""
+        super().remember(memory)
+        self._largest[:] = memory["largest"]
 
     def _collect(self, given: Callable[[Feed], Floats]) -> Floats:
         parts = [given(feed) for _, feed in self._feeds]

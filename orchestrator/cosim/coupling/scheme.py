@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
 
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import input_hold
@@ -129,6 +131,19 @@ class Scheme:
     def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """What a feed without a rule hands over: for the middle of the step, from the past."""
         return input_hold.extrapolated(feed, now, self.past, h)
+
+    def memory(self) -> dict[str, Floats]:
+        """What the coupling remembers at a communication point, by name: the past, and what else one needs."""
+        outputs = {f"y:{name}": y for name, y in self.past.outputs.items()}
+        return outputs | {"steps": np.array([self.past.last, self.past.older])}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on with that; raises LookupError, ValueError for what is none of this coupling's."""
+        outputs = {name.removeprefix("y:"): memory[name] for name in memory if name.startswith("y:")}
+        if outputs and set(outputs) != {member.component.name for member in self.members}:
+            raise ValueError("it holds the past of other components")
+        last, older = memory["steps"].tolist()
+        self.past = Past(outputs, last, older)
 
     def save(self) -> Saved:
         """The communication point, to be restored or freed."""

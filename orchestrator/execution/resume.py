@@ -1,0 +1,106 @@
+"""A run goes on from a checkpoint in its log, into a log that is that of the run that was not interrupted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmus.vehicle import BadInput, shown
+from orchestrator.cosim.checkpoint import PREFIX
+from orchestrator.cosim.component import Logger
+from orchestrator.cosim.narration import Narration
+from orchestrator.execution.manifest import sha256
+from orchestrator.execution.simulate import Begun, simulate
+from orchestrator.log.described import system_of
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.scene import Scene, TrackScene, from_table
+
+
+def resume(
+    source: Path,
+    path: Path,
+    at: float | None = None,
+    stop: float | None = None,
+    logger: Logger | None = None,
+    narration: Narration | None = None,
+) -> dict[str, Any]:
+    """Go on from the last checkpoint by ``at``, s, or the last one, to ``stop``, s, or the end of the scene.
+
+    The log of an interrupted or killed run will do. The FMUs are built from the scene in the log and must have the
+    hashes that it names. The summary is that of ``simulate``; raises what that raises, LogUnreadable and BadInput.
+    """
+    with Log(source) as log:
+        if path.exists() and path.samefile(source):
+            raise BadInput(f"{path} is the log itself: give another name")
+        scene = _scene(log, stop)
+        number = _chosen(log, at)
+        if scene.run.steps < number:
+            raise BadInput(f"stop = {scene.run.stop:g} s is before the checkpoint at {number * scene.run.step:g} s")
+        begun = Begun(
+            number,
+            log.attachment(f"{PREFIX}{number}"),
+            lambda recorder: _copy(log, recorder, number),
+            {"resumed": {"of": _text(source), "step": str(number)}},
+        )
+        return simulate(scene, path, logger, narration, native=_native(log, scene), begun=begun)
+
+
+def _text(path: Path) -> str:
+    return str(path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are no text
+
+
+def _scene(log: Log, stop: float | None) -> Scene:
+    table = log.table("scene.json")
+    if stop is not None and isinstance(table.get("run"), dict):
+        table = {**table, "run": {**table["run"], "stop": stop}}
+    return from_table(table, f"{log.path}: scene.json")
+
+
+def _chosen(log: Log, at: float | None) -> int:
+    """The number of the step of the last checkpoint by a time; raises BadInput."""
+    numbers = sorted(
+        int(name.removeprefix(PREFIX))
+        for name in log.attachments
+        if name.startswith(PREFIX) and name.removeprefix(PREFIX).isdecimal()
+    )
+    if not numbers:
+        raise BadInput(f"{log.path} has no checkpoint to go on from")
+    step = float(log.metadata.get("run", {}).get("step", "nan"))
+    fitting = [number for number in numbers if at is None or number * step <= at + 1e-9]
+    if not fitting:
+        raise BadInput(f"--at {at:g}: the first checkpoint of {log.path} is at {numbers[0] * step:g} s")
+    return fitting[-1]
+
+
+def _native(log: Log, scene: Scene) -> bool:
+    """Whether native FMUs ran; raises BadInput where those that ran cannot be built here."""
+    ran = {entry["name"]: entry for entry in system_of(log)["instances"]}
+    if not isinstance(scene, TrackScene):
+        raise BadInput(f"{log.path}: a scene of assembly = '{scene.assembly}' has no FMUs to go on with")
+    other = ""
+    for native in (False, True):
+        graph = system(assemble(scene), native)
+        differing = [
+            instance.name
+            for instance in graph.instances
+            if instance.fmu is None or ran.get(instance.name, {}).get("sha256") != sha256(instance.fmu)
+        ]
+        if not differing:
+            return native
+        other = other or differing[0]
+    built = shown(ran.get(other, {}).get("fmu"))
+    raise BadInput(f"the log was made by another build of {built}: its states do not fit")
+
+
+def _copy(log: Log, recorder: Recorder, number: int) -> None:
+    """What was recorded up to a step; inputs belong to the step that they lead to."""
+    for piece in log.chunks():
+        for messages in piece:
+            kept = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number
+            t, h, _, values = messages.decode()
+            for row in np.flatnonzero(kept).tolist():
+                recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
