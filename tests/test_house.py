@@ -42,6 +42,7 @@ GENERIC = (
     "cosim/coupling/power_residual.py",
     "cosim/coupling/variable_step.py",
     "log/wire.py",
+    "log/log_format.py",
     "log/schema.py",
     "log/time_series.py",
     "log/message_records.py",

@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
+import subprocess
 import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
+from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from llvmlite.binding import llvm_version_info
+
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recorded, System
 from orchestrator.cosim.observers import STATS, wires
+from orchestrator.log import schema
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import Scene
 
@@ -35,7 +44,8 @@ def open_log(
     metadata["run"] |= about or {}
     metadata |= {name: dict(entries) for name, entries in (more or {}).items()}
     wired = wires(scheme) if scene.run.outputs == 1 else {}
-    return Recorder(path, topics, attachments, metadata, every=_strides(scene, components), wires=wired)
+    every = _strides(scene, components)
+    return Recorder(path, topics, attachments, metadata, every=every, wires=wired, types=_types(components))
 
 
 def manifest(
@@ -71,6 +81,7 @@ def manifest(
             "python": platform.python_version(),
             **{package: _version(package) for package in PACKAGES},
         },
+        "provenance": provenance(),
     }
     return topics, attachments, metadata
 
@@ -88,6 +99,55 @@ def describe(graph: System) -> dict[str, Any]:
             for instance in graph.instances
         ],
         "connections": [connection._asdict() for connection in graph.connections],
+    }
+
+
+def provenance() -> dict[str, str]:
+    """Where and when a run was made; what is not known is left out."""
+    found = {
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "system": platform.platform(),
+        "processor": _processor(),
+        "llvm": ".".join(map(str, llvm_version_info)),
+        "commit": _commit(),
+    }
+    return {name: text for name, text in found.items() if text}
+
+
+@cache
+def _processor() -> str:
+    """Its model's name, and how many of them there are."""
+    name = platform.processor()
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        name = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), name)
+    return f"{os.cpu_count()} x {name}" if name else ""
+
+
+@cache
+def _commit() -> str:
+    """Of the checkout that these sources are, "+" where they are changed; empty where they are installed."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        return ""
+
+    def git(*words: str) -> str:
+        told = subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, timeout=10, check=True)
+        return told.stdout.strip()
+
+    with suppress(OSError, subprocess.SubprocessError):
+        changed = git("status", "--porcelain", "--untracked-files=no", "--", "fmus", "orchestrator")
+        return git("rev-parse", "HEAD") + ("+" if changed else "")
+    return ""
+
+
+def _types(components: Mapping[str, Recorded]) -> dict[str, str]:
+    """Message types by topic: those of one kind of FMU are shared."""
+    return {
+        f"/{name}/{topic}": schema.type_name(f"/{component.description.modelName}/{topic}")
+        for name, component in components.items()
+        if isinstance(component, Component)
+        for topic in ("in", "out", "links")
     }
 
 

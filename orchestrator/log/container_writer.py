@@ -93,11 +93,14 @@ class ContainerWriter:
         self._indexed[Opcode.ATTACHMENT_INDEX].append(index)
 
     def channel(self, number: int, topic: str, kind: str, description: bytes, about: dict[str, str]) -> None:
-        """A topic and the message type that ``description`` describes; both have the channel's number."""
-        described = Schema(number, description, SchemaEncoding.Protobuf, kind)
-        channel = Channel(number, topic, MessageEncoding.Protobuf, about, schema_id=number)
-        self._append(_bytes(described, channel))
-        self._indexed[Opcode.SCHEMA].append(described)
+        """A topic and its message type, which ``description`` describes; topics may share one."""
+        described = next((one for one in self._indexed[Opcode.SCHEMA] if one.data == description), None)
+        if described is None:
+            described = Schema(number, description, SchemaEncoding.Protobuf, kind)
+            self._append(_bytes(described))
+            self._indexed[Opcode.SCHEMA].append(described)
+        channel = Channel(number, topic, MessageEncoding.Protobuf, about, schema_id=described.id)
+        self._append(_bytes(channel))
         self._indexed[Opcode.CHANNEL].append(channel)
         self._counts[number] = 0
 

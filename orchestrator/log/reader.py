@@ -24,7 +24,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record
+from orchestrator.log import channel_metadata, closing_record, log_format
 from orchestrator.log.chunk_reader import Chunks
 from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parsed
 from orchestrator.log.message_records import Messages
@@ -292,8 +292,9 @@ class Log(AbstractContextManager["Log"]):
 
         ``hashes``, if they are known, save another pass. Raises LogUnreadable.
         """
+        about = {topic: (*each[:3], *([each.wires] if each.wires else [])) for topic, each in self.topics.items()}
         whole = [
-            [topic, *self.topics[topic], value]
+            [topic, *about[topic], value]
             for topic, value in sorted((hashes or self.hashes()).items())
             if not topic.startswith("/stats/")
         ]
@@ -325,7 +326,9 @@ class Log(AbstractContextManager["Log"]):
             self._attachments[self._file.record(Attachment, offset).name] = offset
         elif opcode == Opcode.METADATA:
             record = self._file.record(Metadata, offset)
-            if record.name == closing_record.NAME:
+            if record.name == log_format.NAME:
+                self._check_format(record.metadata)
+            elif record.name == closing_record.NAME:
                 self.closing = closing_record.read(record.metadata)
             else:
                 self.metadata[record.name] = record.metadata
@@ -334,6 +337,14 @@ class Log(AbstractContextManager["Log"]):
             self._schemas[described.id] = described.data
         elif opcode == Opcode.CHANNEL:
             self._note_channel(self._file.record(Channel, offset))
+
+    def _check_format(self, record: Mapping[str, str]) -> None:
+        """Raises LogUnreadable for a log of a newer version."""
+        try:
+            log_format.check(record)
+        except log_format.TooNew as newer:
+            self.close()
+            raise LogUnreadable(f"{self.path} {newer}") from None
 
     def _note_channel(self, channel: Channel) -> None:
         """A topic and how its messages are laid out; one that was not recorded by recorder.py is left out."""

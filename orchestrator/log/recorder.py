@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record, schema
+from orchestrator.log import channel_metadata, closing_record, log_format, schema
 from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
 from orchestrator.log.message_records import LONGEST
 from orchestrator.log.page import CHUNK, Block, Channel, Page, Unproven
@@ -43,6 +43,7 @@ class Recorder(AbstractContextManager["Recorder"]):
     :param every: topic -> n: only steps whose number is a multiple of n are recorded (default 1).
     :param wires: topic -> wires of its variables that other topics hold. One that is written by itself is taken at its
         word, without the variables of its wires.
+    :param types: topic -> name of its message type, by default one of its own; topics of one kind may share one.
     :param flush: longest time that a message waits for the disk, s of wall time.
     :raises LogFailed: here and in ``write`` and ``close``, when the file cannot be written or a wire is wrong.
     :raises ValueError: for topics that no message can be made of.
@@ -57,6 +58,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         *,
         every: Mapping[str, int] | None = None,
         wires: Mapping[str, Sequence[Wire]] | None = None,
+        types: Mapping[str, str] | None = None,
         flush: float = 0.25,
     ) -> None:
         self.path = Path(path)
@@ -83,7 +85,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         except OSError as error:
             raise failed(self.path, error) from None
         try:
-            self._begin(attachments, metadata)
+            self._begin(attachments, metadata, types or {})
         except OSError as error:
             self._file.close()
             raise failed(self.path, error) from None
@@ -200,16 +202,24 @@ class Recorder(AbstractContextManager["Recorder"]):
         if self._failure is not None and self._failure is not known:
             raise self._failure
 
-    def _begin(self, attachments: Mapping[str, bytes], metadata: Mapping[str, Mapping[str, str]]) -> None:
+    def _begin(
+        self,
+        attachments: Mapping[str, bytes],
+        metadata: Mapping[str, Mapping[str, str]],
+        types: Mapping[str, str],
+    ) -> None:
         """Everything that stands before step 0."""
+        self._file.metadata(log_format.NAME, {"version": str(log_format.VERSION)})
         for name, entries in metadata.items():
             self._file.metadata(name, entries)
         for name, content in attachments.items():
             self._file.attachment(name, content)
+        described: dict[str, tuple[schema.Field, ...]] = {}  # by message type
         for topic, channel in self._channels.items():
-            kind = schema.type_name(topic)
-            about = channel_metadata.texts(channel.recorded)
-            description = schema.descriptor(kind, channel.layout.fields)
+            kind, fields = types.get(topic, schema.type_name(topic)), channel.layout.fields
+            if described.setdefault(kind, fields) != fields:  # of one kind, but not alike
+                kind = schema.type_name(topic)
+            about, description = channel_metadata.texts(channel.recorded), schema.descriptor(kind, fields)
             self._file.channel(channel.number, topic, kind, description, about)
 
     def _hand_over(self) -> None:

@@ -10,10 +10,13 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, record, record_in_chunks, values
 
+from orchestrator.log import log_format
 from orchestrator.log.bitwise import first_difference
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.recorder import Recorder
 from orchestrator.log.time_series import Series
+from orchestrator.log.tools import WHOLE, verify
 
 
 @pytest.fixture(scope="module")
@@ -200,3 +203,36 @@ def test_blocks_are_topics_side_by_side(chunked, size, more):
             assert 0 < len(parts[-1]) < size + max(more, 1)
             again = np.concatenate([*(part[:size] for part in parts[:-1]), parts[-1]])
             assert np.array_equal(again, log.read(topic).values)
+
+
+OLD = Path(__file__).with_name("logs") / "format_1.mcap"  # made on 2026-11-21, before formats had numbers
+
+
+def test_an_old_log_stays_readable():
+    """Its digest is what it was."""
+    with Log(OLD) as log:
+        assert log.digest() == "aa9904c9ceb3be31b23ee579c6f99991302ec69b75dd956b3315d5acbb79fb3e"
+        assert len(log.read("/chain/in").t) == 20
+        assert log.read("/chain/links").values.shape == (5, 38)
+    assert verify(OLD).code == WHOLE
+
+
+def test_a_log_of_a_newer_format_is_refused_with_a_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr(log_format, "VERSION", 3)
+    record(tmp_path / "new.mcap", 3)
+    monkeypatch.undo()
+    with pytest.raises(
+        LogUnreadable, match=r"new\.mcap has format 3 of a newer cotrack: this one reads formats 1 to 2"
+    ):
+        Log(tmp_path / "new.mcap")
+
+
+def test_topics_of_one_kind_share_a_message_type_where_they_are_alike(tmp_path):
+    topics = {"/a/out": [("x", "m")], "/b/out": [("x", "m")], "/c/out": [("y", "m")]}
+    with Recorder(tmp_path / "a.mcap", topics, {}, {}, types=dict.fromkeys(topics, "cotrack.Kind.Out")) as recorder:
+        recorder.close("ok", "", 0)
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    found = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
+    assert found == {"/a/out": "cotrack.Kind.Out", "/b/out": "cotrack.Kind.Out", "/c/out": "cotrack.c.Out"}
+    assert len(summary.schemas) == 2
