@@ -206,7 +206,7 @@ KEYS: dict[str, Acts] = {
     "slider.*": Acts("slider"),
 }
 # How long and what is recorded; what is expected. They change nothing that is computed, and must not.
-APART = ("run.stop", "run.outputs", "run.links", "expect.*")
+APART = ("run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*")
 
 
 def flat(value: Any, key: str = "") -> Iterator[tuple[str, float | int]]:

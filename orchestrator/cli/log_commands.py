@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -9,22 +10,28 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath
 from orchestrator.cli.printed import plain
 
+JsonOption = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
 app = typer.Typer(help="Look into a log.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @app.command("info")
-def info(log: LogPath) -> None:
+def info(
+    log: LogPath,
+    signals: Annotated[bool, typer.Option("--signals", help="the name and unit of every signal, by topic")] = False,
+    as_json: JsonOption = False,
+) -> None:
     """What a log holds and how its run ended."""
-    from orchestrator.cli import printed
     from orchestrator.log import tools
 
     about = tools.info(log)
     points = {name: size for name, size in about.attachments.items() if name.startswith("checkpoint/")}
     held, closing = about.log, about.log.closing or {"message": "", "warnings": []}
-    ended = f"{closing['status']} after {closing['steps']} steps" if held.closing else "cut off"
+    cut = "still being written" if held.being_written else "cut off"
+    ended = f"{closing['status']} after {closing['steps']} steps" if held.closing else cut
     lines = [
         f"{held.path}: {held.size / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {ended}",
         *(f"  {sentence}" for sentence in (closing["message"], *held.faults) if sentence),
@@ -45,16 +52,51 @@ def info(log: LogPath) -> None:
         ),
         f"  digest {about.digest or 'none: a part is damaged'}",
     ]
+    if as_json:
+        print(json.dumps(printed.finite(_as_table(about))))
+        return
     for line in lines:
         print(plain(line))
+    if signals:
+        for topic, each in held.topics.items():
+            print(plain(f"{topic}:"))
+            for name, unit in zip(each.names, each.units, strict=True):
+                print(plain(f"  {name} [{unit}]"))
+
+
+def _as_table(about: Any) -> dict[str, Any]:
+    """An ``Info`` as JSON has it."""
+    held = about.log
+    return {
+        "log": str(held.path),
+        "bytes": held.size,
+        "start": about.start,
+        "end": about.end,
+        "complete": held.complete,
+        "being_written": held.being_written,
+        "faults": held.faults,
+        "closing": held.closing,
+        "metadata": held.metadata,
+        "topics": {
+            topic: {
+                "signals": [list(pair) for pair in zip(each.names, each.units, strict=True)],
+                "every": each.every,
+                "messages": about.topics[topic].messages,
+                "bytes": about.topics[topic].bytes,
+            }
+            for topic, each in held.topics.items()
+        },
+        "attachments": about.attachments,
+        "digest": about.digest,
+    }
 
 
 @app.command("verify")
-def verify(log: LogPath) -> None:
+def verify(log: LogPath, as_json: JsonOption = False) -> None:
     """Whether a log is whole: exit 0, or 1 when it is broken."""
     from orchestrator.log import tools
 
-    _report(tools.verify(log))
+    _report(tools.verify(log), as_json)
 
 
 @app.command("recover")
@@ -63,11 +105,12 @@ def recover(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="default LOG-recovered.mcap")
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Save what is whole in a broken log: exit 0 without loss, 3 with loss, 1 when nothing is left."""
     from orchestrator.log import tools
 
-    _report(tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")))
+    _report(tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")), as_json)
 
 
 class Kind(StrEnum):
@@ -102,7 +145,10 @@ def export(
         print(file)
 
 
-def _report(verdict: Any) -> NoReturn:
-    for sentence in verdict.sentences:
-        print(plain(sentence))
+def _report(verdict: Any, as_json: bool) -> NoReturn:
+    if as_json:
+        print(json.dumps({"code": verdict.code, "sentences": verdict.sentences}))
+    else:
+        for sentence in verdict.sentences:
+            print(plain(sentence))
     sys.exit(verdict.code)

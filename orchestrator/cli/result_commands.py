@@ -24,6 +24,9 @@ def replay(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model's answer")
     ] = None,
+    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant that is compared, s")] = -inf,
+    end: Annotated[float, typer.Option("--to", metavar="T", help="last one; the component is stepped that far")] = inf,
+    as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout, of a comparison")] = False,
 ) -> None:
     """Feed a component its recorded inputs: is it equal?
 
@@ -36,8 +39,12 @@ def replay(
 
     with replay_model.opened(log, component, other, warn) as again:
         if other is None or (again.model.ran and output is None):
-            verdict = again.verify()
-            print(verdict.sentence)
+            verdict = again.verify((start, end))
+            if as_json:
+                told = None if verdict.difference is None else verdict.difference._asdict()
+                print(json.dumps(printed.finite({**verdict._asdict(), "difference": told, "equal": verdict.equal})))
+            else:
+                print(verdict.sentence)
             sys.exit(0 if verdict.equal else 1)
         path = output or log.with_name(f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap")
         lines = again.answer(path)

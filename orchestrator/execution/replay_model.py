@@ -18,6 +18,7 @@ from orchestrator.execution import replays
 from orchestrator.execution.manifest import as_json, describe, description, sha256
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
+from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, placed
 from orchestrator.scene.scene import TrackScene, from_table
 
@@ -40,9 +41,9 @@ class Again(NamedTuple):
     parameters: replays.Parameters
     model: Model
 
-    def verify(self) -> replays.Verdict:
-        """Bit by bit against the log."""
-        return replays.verify(self.log, self.component, self.parameters)
+    def verify(self, window: tuple[float, float] = EVER) -> replays.Verdict:
+        """Bit by bit against the log, in a window, s."""
+        return replays.verify(self.log, self.component, self.parameters, window)
 
     def answer(self, path: Path) -> list[str]:
         """Log the component's own answer, and lines of a table of forces; nothing for a log without a step.

@@ -14,7 +14,7 @@ from orchestrator.cosim.component import Component
 from orchestrator.log.bitwise import Difference, first_difference
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.time_series import Floats, Series
+from orchestrator.log.time_series import EVER, Floats, Series
 
 Parameters = Mapping[str, float | int | str]
 
@@ -29,20 +29,23 @@ class Verdict(NamedTuple):
     steps: int
     compared: int  # numbers compared
     difference: Difference | None  # None: all are equal
+    altered: tuple[str, ...] = ()  # topics of its inputs that are not what the closing record says
 
     @property
     def equal(self) -> bool:
-        """Whether something was compared and nothing differed."""
-        return self.difference is None and self.steps > 0 and self.compared > 0
+        """Whether something was compared, nothing differed, and the inputs are those that were recorded."""
+        return self.difference is None and not self.altered and self.steps > 0 and self.compared > 0
 
     @property
     def sentence(self) -> str:
         """The verdict in words."""
         if not self.steps or not self.compared:
             return f"nothing was compared: the log holds {self.steps} steps and {self.compared} numbers of it"
+        inputs = f"; its inputs were altered: {' and '.join(self.altered)} has another sha256 than was recorded"
+        told = inputs if self.altered else ""
         if self.difference is None:
-            return f"equal: {self.compared} numbers of {self.steps} steps, bit by bit"
-        return f"different: {self.difference}"
+            return f"equal: {self.compared} numbers of {self.steps} steps, bit by bit{told}"
+        return f"different: {self.difference}{told}"
 
 
 def check(component: Component, inputs: Series) -> None:
@@ -68,8 +71,11 @@ def drive(component: Component, inputs: Series, parameters: Parameters) -> Itera
         yield k, float(ends[k - 1])
 
 
-def verify(log: Log, component: Component, parameters: Parameters) -> Verdict:
-    """Step the component again and compare every recorded output and link output, bit by bit; raises Unfit."""
+def verify(log: Log, component: Component, parameters: Parameters, window: tuple[float, float] = EVER) -> Verdict:
+    """Step the component again and compare every recorded output and link output, bit by bit; raises Unfit.
+
+    With a window, a closed interval of time, s, it is stepped to its end, and compared inside.
+    """
     inputs = log.read(f"/{component.name}/in")
     check(component, inputs)
     out, links = (f"/{component.name}/{kind}" for kind in ("out", "links"))
@@ -82,19 +88,41 @@ def verify(log: Log, component: Component, parameters: Parameters) -> Verdict:
             )
         if series.names != shown[topic][0]:
             raise Unfit(f"{component.name}: its outputs are not those of the log")
+    numbers = {
+        topic: np.flatnonzero((series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)) * log.topics[topic].every
+        for topic, series in recorded.items()
+    }
+    compared = {topic: set(steps.tolist()) for topic, steps in numbers.items()}
+    last = max((max(steps) for steps in compared.values() if steps), default=-1)
     rows: dict[str, list[Floats]] = {topic: [] for topic in recorded}
     for k, _ in drive(component, inputs, parameters):
+        if k > last:
+            break
         for topic in recorded:
-            if k % log.topics[topic].every == 0:
+            if k in compared[topic]:
                 if topic == links:
                     component.read_links()
                 rows[topic].append(shown[topic][1].copy())
-    differences = [
-        first_difference(topic, series, series._replace(values=np.array(rows[topic])), log.topics[topic].every)
-        for topic, series in recorded.items()
-    ]
-    first = min((d for d in differences if d is not None), key=lambda d: d.t, default=None)
-    return Verdict(len(inputs.t), sum(series.values.size for series in recorded.values()), first)
+    differences = []
+    for topic, series in recorded.items():
+        every = log.topics[topic].every
+        own = series.rows(numbers[topic] // every)
+        again = own._replace(values=np.array(rows[topic]).reshape(own.values.shape))
+        first = int(numbers[topic][0]) if len(numbers[topic]) else 0
+        differences.append(first_difference(topic, own, again, every, first))
+    difference = min((found for found in differences if found is not None), key=lambda found: found.t, default=None)
+    count = sum(len(steps) * recorded[topic].values.shape[1] for topic, steps in compared.items())
+    steps = max((len(each - {0}) for each in compared.values()), default=0)
+    return Verdict(steps, count, difference, _altered(log, f"/{component.name}/in"))
+
+
+def _altered(log: Log, topic: str) -> tuple[str, ...]:
+    """Of the topics that inputs come from, those that are not as the closing record says, where there is one."""
+    if log.closing is None:
+        return ()
+    sources = dict.fromkeys([topic, *(wire.source for wire in log.topics[topic].wires)])
+    found, recorded = log.hashes(), log.closing["sha256"]
+    return tuple(source for source in sources if source in recorded and found[source] != recorded[source])
 
 
 def answer(

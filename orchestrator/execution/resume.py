@@ -12,7 +12,7 @@ from orchestrator.cosim.checkpoint import PREFIX
 from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.manifest import sha256
-from orchestrator.execution.simulate import Begun, simulate
+from orchestrator.execution.simulate import NATIVE, Begun, simulate
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
@@ -78,22 +78,16 @@ def _chosen(log: Log, at: float | None) -> int:
 
 def _native(log: Log, scene: Scene) -> bool:
     """Whether native FMUs ran; raises BadInput where those that ran cannot be built here."""
-    ran = {entry["name"]: entry for entry in system_of(log)["instances"]}
     if not isinstance(scene, TrackScene):
         raise BadInput(f"{log.path}: a scene of assembly = '{scene.assembly}' has no FMUs to go on with")
-    other = ""
-    for native in (False, True):
-        graph = system(assemble(scene), native)
-        differing = [
-            instance.name
-            for instance in graph.instances
-            if instance.fmu is None or ran.get(instance.name, {}).get("sha256") != sha256(instance.fmu)
-        ]
-        if not differing:
-            return native
-        other = other or differing[0]
-    built = shown(ran.get(other, {}).get("fmu"))
-    raise BadInput(f"the log was made by another build of {built}: its states do not fit")
+    ran = {entry["name"]: entry for entry in system_of(log)["instances"]}
+    native = log.metadata.get("run", {}).get("fmus") == NATIVE
+    for instance in system(assemble(scene), native).instances:
+        entry = ran.get(instance.name, {})
+        if instance.fmu is None or entry.get("sha256") != sha256(instance.fmu):
+            built = shown(entry.get("fmu"))
+            raise BadInput(f"the log was made by another build of {built}: its states do not fit")
+    return native
 
 
 def _copy(log: Log, recorder: Recorder, number: int) -> None:

@@ -35,6 +35,7 @@ from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
 QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
+NATIVE = "native"  # kind of FMUs, in a log's metadata
 LATER = 10  # niceness of a process beside that is not the longest
 
 
@@ -114,7 +115,8 @@ def _simulate(
             done, reached = k, t
 
         try:
-            with open_log(path, scene, graph, components, scheme, more=begun.metadata if begun else {}) as recorder:
+            about, more = {"fmus": NATIVE} if native else {}, begun.metadata if begun else {}
+            with open_log(path, scene, graph, components, scheme, about, more) as recorder:
                 if begun is not None:
                     begun.copy(recorder)
                 logging = Logging(recorder, list(components.values()), max(1, round(STATS_PERIOD / pace.step)))
@@ -172,7 +174,7 @@ def _evaluated(scene: Scene, path: Path, outcome: master.Outcome) -> dict[str, A
     try:
         with Log(path) as log:
             found = summary.evaluate(RunData(log), scene, outcome.time)
-    except LogUnreadable as error:  # a device, or a file that someone else has changed
+    except LogUnreadable as error:  # someone else has changed the file
         return {"status": "failed", "message": str(error)}
     return found | {"message": "; ".join(filter(None, (outcome.message, summary.energy_warning(found["energy"]))))}
 

@@ -38,12 +38,14 @@ def difference(topic: str, variable: str, step: int, recorded: float, replayed: 
     return Difference(topic.strip("/").partition("/")[0], variable, step, t, *numbers, ulps(*numbers))
 
 
-def first_difference(topic: str, recorded: Series, replayed: Series, every: int = 1) -> Difference | None:
+def first_difference(
+    topic: str, recorded: Series, replayed: Series, every: int = 1, first: int = 0
+) -> Difference | None:
     """The first difference in time, then in the order of the variables, or None when all bits are equal.
 
     Compares ``t`` and the values as bits: -0.0 is not 0.0, and a NaN equals itself. A recording that ends early
-    differs at its end, in the variable ``t`` against NaN. Both begin with step 0 and hold one in ``every``. Raises
-    ValueError for different variables.
+    differs at its end, in the variable ``t`` against NaN. Both begin with step ``first`` and hold one in ``every``.
+    Raises ValueError for different variables.
     """
     if recorded.names != replayed.names:
         raise ValueError(f"the recordings of {topic} hold different variables")
@@ -55,10 +57,12 @@ def first_difference(topic: str, recorded: Series, replayed: Series, every: int 
         row = int(rows[0])
         column = int(np.argmax(different[row]))
         name = ("t", *recorded.names)[column]
-        return difference(topic, name, row * every, ours[row, column], theirs[row, column], float(recorded.t[row]))
+        return difference(
+            topic, name, first + row * every, ours[row, column], theirs[row, column], float(recorded.t[row])
+        )
     if len(recorded.t) != len(replayed.t):
         ends = [float(series.t[m]) if m < len(series.t) else float("nan") for series in (recorded, replayed)]
-        return difference(topic, "t", m * every, ends[0], ends[1], float(np.nanmax(ends)))
+        return difference(topic, "t", first + m * every, ends[0], ends[1], float(np.nanmax(ends)))
     return None
 
 

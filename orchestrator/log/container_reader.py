@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataIndex
 from mcap.writer import MCAP0_MAGIC
 
-from orchestrator.log.container_writer import reason
+from orchestrator.log.container_writer import being_written, reason
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
@@ -49,7 +49,7 @@ class ContainerReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._data = _mapped(path)
+        self._data, self.being_written = _mapped(path)
         self.size = len(self._data)
         self.faults: list[str] = []  # sentences
         self.data_end: int | None = None  # offset of the record that ends the data
@@ -108,7 +108,9 @@ class ContainerReader:
                 following = next((indexed for indexed in self._indexed() if indexed > offset), self.size)
                 self.fault(f"{self.path}: the record at byte {offset} of {self.size} is cut off or damaged")
             offset = following
-        if self.data_end is None:
+        if self.data_end is None and self.being_written:
+            self.fault(f"{self.path}: the log is still being written, {self.size} bytes so far")
+        elif self.data_end is None:
             self.fault(f"{self.path}: the log was cut off at byte {self.size}")
         elif not self.ended:
             self.fault(f"{self.path}: the end of the file is missing or damaged")
@@ -185,12 +187,13 @@ def parsed(kind: Any, body: bytes) -> Any:
     return kind.read(ReadDataStream(io.BytesIO(body)))
 
 
-def _mapped(path: Path) -> mmap.mmap:
+def _mapped(path: Path) -> tuple[mmap.mmap, bool]:
+    """The file, and whether a recorder has it open."""
     try:
         with path.open("rb") as stream:
             size = os.fstat(stream.fileno()).st_size
             if size < len(MCAP0_MAGIC) or stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
                 raise LogUnreadable(f"{path} is not a log: it does not begin as an MCAP file does")
-            return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+            return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ), being_written(stream)
     except OSError as error:
         raise LogUnreadable(f"the log {path} cannot be read: {reason(error)}") from None

@@ -65,7 +65,7 @@ class ContainerWriter:
     def __init__(self, path: Path) -> None:
         self.size = 0
         self._crc = 0  # of all bytes so far
-        self._stream = path.open("wb" if path.exists() else "xb", buffering=0)  # exists: a device
+        self._stream = path.open("xb", buffering=0)
         _lock(self._stream)
         self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
         self._indexed: dict[Opcode, list[Any]] = {opcode: [] for opcode in SUMMARY}  # records of the summary
@@ -202,12 +202,16 @@ def check_writable(path: Path) -> None:
     why = ""
     if path.is_dir():
         why = "it is a directory"
+    elif path.is_symlink() and not path.exists():
+        why = f"it is a link to {path.readlink()}, which does not exist"
+    elif path.exists() and not path.is_file():
+        why = "it is a device or a pipe, which cannot be read again"
     elif path.is_file():
         try:
             with path.open("rb") as stream:
                 if not MCAP0_MAGIC.startswith(stream.read(len(MCAP0_MAGIC))):
                     why = "there is a file that is no log"
-                elif not _lock(stream):
+                elif being_written(stream):
                     why = "another run is writing it"
         except OSError as error:
             raise failed(path, error) from None
@@ -231,6 +235,19 @@ def _lock(stream: IO[bytes]) -> bool:
         except OSError:  # a file system without locks
             pass
     return True
+
+
+def being_written(stream: IO[bytes]) -> bool:
+    """Whether a recorder has the file."""
+    if fcntl is not None:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            fcntl.flock(stream, fcntl.LOCK_UN)
+        except BlockingIOError:
+            return True
+        except OSError:  # a file system without locks
+            pass
+    return False
 
 
 def _bytes(*records: McapRecord) -> bytes:

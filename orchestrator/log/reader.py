@@ -56,6 +56,7 @@ class Log(AbstractContextManager["Log"]):
         self._file = ContainerReader(self.path)
         self.size = self._file.size
         self.faults = self._file.faults
+        self.being_written = self._file.being_written  # by a run that goes on
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.closing: dict | None = None

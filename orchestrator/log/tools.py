@@ -102,7 +102,8 @@ def _faults(log: Log) -> list[str]:
     faults = [*log.faults, *log.checksums(), *faults]
     if log.closing is None:
         last = max((tally.last for tally in tallies.values() if tally.messages), default=0.0)
-        return [*faults, f"{log.path} has no closing record: the run was cut off after t = {last:.6g} s"]
+        ended = "has come to" if log.being_written else "was cut off after"
+        return [*faults, f"{log.path} has no closing record: the run {ended} t = {last:.6g} s"]
     for topic, expected in log.closing["messages"].items():
         if topic not in tallies:
             faults.append(f"{topic} is missing")
@@ -140,11 +141,8 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdic
 
 @contextmanager
 def _replacing(target: Path) -> Iterator[Path]:
-    """A file to be written, which takes the place of ``target`` once it is whole; a device is written as it stands."""
+    """A file to be written, which takes the place of ``target`` once it is whole."""
     check_writable(target)
-    if target.exists() and not target.is_file():
-        yield target
-        return
     fresh = target.with_name(f".{target.name}.{os.getpid()}")
     try:
         yield fresh

@@ -8,6 +8,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mcap.reader import make_reader
 
 from orchestrator.log.closing_record import NAME as CLOSING
@@ -43,8 +44,20 @@ class Content:
                 for piece in log.chunks()
             ]
 
+    def nudge(self, topic: str, place: int, step: int) -> None:
+        """Change a number by one ULP: the 8 bytes from ``place`` on of a topic's message of a step."""
+        for piece in self.chunks:
+            for k, (number, rows, times) in enumerate(piece):
+                row = np.flatnonzero(np.ascontiguousarray(rows[:, 11:15]).view("<u4")[:, 0] == step)
+                if self.channels[number][0] == topic and len(row):
+                    rows = rows.copy()
+                    bits = rows[row[0], PREFIX + place : PREFIX + place + 8]
+                    bits[:] = (bits.copy().view("<i8") + 1).view(np.uint8)
+                    piece[k] = number, rows, times
+
     def write(self, path: Path) -> Path:
         """A log of it; raises UnicodeEncodeError for text that no record can hold."""
+        path.unlink(missing_ok=True)
         file = ContainerWriter(path)
         try:
             for name, entries in self.metadata.items():

@@ -17,6 +17,7 @@ from fmus.vehicle import BadInput
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.program import Program
 from orchestrator.execution import replay_model, simulate
+from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
@@ -164,12 +165,32 @@ def test_a_log_never_replaces_what_is_no_log(cotrack, tmp_path):
     assert "the folder note.txt cannot be made" in err
 
 
-def test_a_log_that_cannot_be_read_back_is_not_ok(cotrack):
-    if not os.path.exists("/dev/null"):
-        pytest.skip("no /dev/null here")
-    status, out, err = cotrack(*SHORT, "--log", "/dev/null")
-    assert (status, last(out)["status"]) == (1, "failed")
-    assert "/dev/null is not a log" in err
+def test_what_cannot_be_read_back_is_refused_before_the_run(cotrack, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    said = {"pipe": "it is a device or a pipe", "/dev/null": "it is a device or a pipe", "link": "it is a link to"}
+    for name, why in said.items():
+        status, out, err = cotrack(*SHORT, "--log", name)
+        assert (status, last(out)["status"], len(err.splitlines())) == (2, "failed", 1)
+        assert f"the log {name} cannot be written: {why}" in err
+
+
+def test_a_log_that_is_being_written_is_called_so(cotrack, tmp_path):
+    recorder = Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m")]}, {}, {}, flush=0.01)
+    recorder.write("/a/out", 0, 0.0, 0.1, np.zeros(1))
+    until = time.monotonic() + 10.0
+    while not cotrack("log", "info", "a.mcap", "--json")[1].count('"messages": 1'):
+        assert time.monotonic() < until
+    status, out, _ = cotrack("log", "info", "a.mcap")
+    assert "0 to 0 s, still being written" in out
+    assert "cut off" not in out
+    status, out, _ = cotrack("log", "verify", "a.mcap", "--json")
+    told = json.loads(out)
+    assert (status, told["code"]) == (1, 1)
+    assert told["sentences"][-1].endswith("has no closing record: the run has come to t = 0 s")
+    recorder.close("ok", "", 0)
+    assert cotrack("log", "verify", "a.mcap")[0] == 0
+    assert "/a/out:\n  x [m]\n" in cotrack("log", "info", "a.mcap", "--signals")[1]
 
 
 def test_checks_that_cannot_be_made_say_why(cotrack):
@@ -223,10 +244,16 @@ def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
     assert last(out)["status"] == "failed"
 
 
-def test_a_full_disk_fails_the_run(cotrack):
-    if not os.path.exists("/dev/full"):
-        pytest.skip("no /dev/full here")
-    status, out, err = cotrack(*SHORT, "--log", "/dev/full")
+def test_a_full_disk_fails_the_run(cotrack, monkeypatch):
+    append = ContainerWriter._append
+
+    def full(writer, *parts):
+        if writer.size > 10_000:
+            raise OSError(28, "No space left on device")
+        append(writer, *parts)
+
+    monkeypatch.setattr(ContainerWriter, "_append", full)
+    status, out, err = cotrack(*SHORT)
     assert status == 1
     assert "no space left on device, at t = 0 s" in err
     assert last(out)["status"] == "failed"

@@ -22,7 +22,7 @@ from recorded import STEP, TOPICS, record, values, write_steps
 
 from orchestrator.log import recorder as module
 from orchestrator.log import schema
-from orchestrator.log.container_writer import LogFailed
+from orchestrator.log.container_writer import ContainerWriter, LogFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
@@ -290,10 +290,13 @@ def test_a_full_disk_is_one_sentence_and_leaves_a_readable_log(tmp_path):
     assert verify(path).code == WHOLE
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-def test_a_disk_that_is_full_at_once():
-    with pytest.raises(LogFailed, match="the log /dev/full cannot be written: no space left on device"):
-        Recorder("/dev/full", TOPICS, {}, {})
+def test_a_disk_that_is_full_at_once(tmp_path, monkeypatch):
+    def full(writer, *parts):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(ContainerWriter, "_append", full)
+    with pytest.raises(LogFailed, match=r"the log .*a\.mcap cannot be written: no space left on device"):
+        Recorder(tmp_path / "a.mcap", TOPICS, {}, {})
 
 
 def test_a_disk_that_fills_while_closing(tmp_path, monkeypatch):

@@ -17,7 +17,7 @@ from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.export import export
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.tools import WHOLE, verify
+from orchestrator.log.tools import BROKEN, WHOLE, verify
 from orchestrator.results.difference import differences
 from orchestrator.results.picture import draw
 from orchestrator.results.run_data import RunData
@@ -273,3 +273,29 @@ def test_a_run_that_blew_up_is_compared_in_silence(log, tmp_path, recwarn):
             apart = differences(RunData(blown), RunData(whole))
     assert apart["tension"].relative > 1e100
     assert not [each for each in recwarn if issubclass(each.category, RuntimeWarning)]
+
+
+def test_one_bit_of_an_input_is_named_where_it_is(tmp_path):
+    """A sprocket is elsewhere by one ULP at step 40: its own replay says so, and the track's that was given it."""
+    settings = ("run.stop=0.08", "expect={}", "drive.ramp_start=0", "run.links=8")
+    whole = tmp_path / "whole.mcap"
+    assert simulate(load("rig", "rigid", settings), whole)["status"] == "ok"
+    content = Content(whole)
+    with Log(whole) as log:
+        layout = log._recorded["/drive/out"].layout
+        content.nudge(
+            "/drive/out", int(layout.starts[log.topics["/drive/out"].names.index("sprocket.angular_velocity.y")]), 40
+        )
+    nudged = content.write(tmp_path / "nudged.mcap")
+    for component, step in (("drive", 40), ("track", 41)):
+        with replay_model.opened(whole, component, None) as again:
+            assert again.verify((0.03, 0.06)).equal
+        with replay_model.opened(nudged, component, None) as again:
+            verdict = again.verify()
+            assert again.verify((0.0, 0.001 * (step - 1))).difference is None
+            assert again.verify((0.03, 0.06)).difference == verdict.difference
+        assert not verdict.equal
+        assert verdict.difference.step == step
+        assert verdict.altered == (("/drive/out",) if component == "track" else ())
+        assert ("its inputs were altered: /drive/out" in verdict.sentence) == (component == "track")
+    assert verify(nudged).code == BROKEN
