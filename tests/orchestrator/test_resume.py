@@ -52,7 +52,10 @@ def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
             assert log.metadata["resumed"] == {"of": str(whole), "step": str(step)}
 
 
-@pytest.mark.parametrize(("track", "native"), [("flexible", False), ("rigid", False), pytest.param("flexible", True, marks=pytest.mark.study)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("track", "native"),
+    [("flexible", False), ("rigid", False), pytest.param("flexible", True, marks=pytest.mark.study)],
+)
 def test_vehicles_go_on(tmp_path, track, native):
     settings = ("run.stop=0.03", "run.checkpoints=0.01", "expect={}", "drive.ramp_start=0")
     whole = ran(tmp_path / "whole.mcap", "straight", track, "run.step=1 ms", *settings, native=native)
