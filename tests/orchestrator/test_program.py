@@ -11,9 +11,13 @@ import numpy as np
 import pytest
 
 from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.machine import ASKED, ASLEEP, FREE, KNOWN, Board, laid_out, machine
 from orchestrator.cosim.program import Helper, Move, Program, Stage, spare_processors
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
 from orchestrator.log.wire import RULES, handed_over
+from orchestrator.scene.scene import load
 
 EXCHANGE = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, POINTER(c_double))
 STEP = CFUNCTYPE(c_int, c_void_p, c_double, c_double, c_int)
@@ -188,3 +192,15 @@ def test_the_time_is_that_of_the_calls():
     slow = Instance(pause=0.02)
     program_of(([slow], [])).run(0.0, 1.0)
     assert 0.02 <= slow.told("seconds") < 1.0
+
+
+@pytest.mark.parametrize("coupling", ["tracks_first", "jacobi", "iterative"])
+def test_python_does_the_same_where_there_is_no_machine_code(tmp_path, monkeypatch, coupling):
+    settings = ("run.stop=0.03", "expect={}", "drive.ramp_start=0", f"run.coupling={coupling}")
+    digests = []
+    for known in (True, False):
+        monkeypatch.setattr(scheme, "KNOWN", known)
+        assert simulate(load("rig", "rigid", settings), tmp_path / f"{known}.mcap")["status"] == "ok"
+        with Log(tmp_path / f"{known}.mcap") as log:
+            digests.append(log.digest())
+    assert digests[0] == digests[1]
