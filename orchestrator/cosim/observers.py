@@ -50,7 +50,9 @@ class Logging:
             [f"/{component.name}/out" for component in components],
         )
         self._values = [component.u for component in components] + [component.y for component in components]
-        self._links = [(component, f"/{component.name}/links") for component in components if component.links]
+        self._linked = [component for component in components if component.links]
+        if self._linked:
+            self._links = recorder.together([], [f"/{component.name}/links" for component in self._linked])
 
     def begin(self, k: int, t: float, h: float) -> None:
         """Go on after step k, whose record is there."""
@@ -60,10 +62,10 @@ class Logging:
         """Record step k - 1's inputs and the outputs that belong to time t."""
         recorder, components = self.recorder, self.components
         recorder.write(self._step, k, t, h, *self._values)
-        for component, topic in self._links:
-            if recorder.due(topic, k):
+        if self._linked and recorder.due(self._links, k):
+            for component in self._linked:
                 component.read_links()
-                recorder.write(topic, k, t, h, component.y_links)
+            recorder.write(self._links, k, t, h, *(component.y_links for component in self._linked))
         if k % self.stats_every == 0:
             for component in components:
                 component.read_counters()

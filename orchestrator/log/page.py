@@ -114,7 +114,8 @@ class Page:
     def __init__(self, given: Sequence[Channel], shown: Sequence[Channel], whole: bool = True) -> None:
         channels = [*given, *shown]
         self.topics = tuple(channel.topic for channel in channels)
-        self.every = channels[0].about.every if len(channels) == 1 else 1
+        strides = {channel.about.every for channel in channels}
+        self.every = strides.pop() if len(strides) == 1 and not given else 1
         self.size = sum(channel.size for channel in channels)  # bytes of a row's message records
         self.capacity = CHUNK // self.size + 1
         self.widths = [len(channel.about.names if whole else channel.columns) for channel in channels]
