@@ -26,9 +26,10 @@ def info(
 ) -> None:
     """What a log holds and how its run ended."""
     from orchestrator.log import tools
+    from orchestrator.log.log_format import checkpoint_step
 
     about = tools.info(log)
-    points = {name: size for name, size in about.attachments.items() if name.startswith("checkpoint/")}
+    points = {name: size for name, size in about.attachments.items() if checkpoint_step(name) is not None}
     held, closing = about.log, about.log.closing or {"message": "", "warnings": []}
     cut = "still being written" if held.being_written else "cut off"
     ended = f"{closing['status']} after {closing['steps']} steps" if held.closing else cut

@@ -55,8 +55,7 @@ def run(
 
         path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
         result = simulate(resolved, path, warn, narration, estimated=estimate, native=native)
-        checked = all(check["ok"] for check in result["checks"].values())
-        status = 0 if result["status"] == "ok" and checked and not summary.energy_warning(result["energy"]) else 1
+        status = 0 if summary.passed(result) else 1
     except KeyboardInterrupt:
         result["message"], status = "interrupted", 1
     except Exception as failure:
@@ -85,6 +84,7 @@ def resume(
     The new log is, bit by bit, that of a run that was not interrupted: with all that came before.
     A run that was stopped or killed goes on where its last checkpoint is.
     """
+    from orchestrator.execution import summary
     from orchestrator.execution.resume import resume as go_on
 
     result = go_on(log, output or log.with_name(f"{log.stem}-resumed.mcap"), at, stop, warn, narration)
@@ -93,7 +93,7 @@ def resume(
         print(json.dumps(printed.finite(result)))
     else:
         printed.summary(result)
-    sys.exit(0 if result["status"] == "ok" else 1)
+    sys.exit(0 if summary.passed(result) else 1)
 
 
 def truth(

@@ -19,8 +19,6 @@ from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.warned import Warned
 
-PREFIX = "checkpoint/"  # of the name in a log, before the number of the step
-
 
 class Unusable(ValueError):
     """These bytes are no checkpoint of these components; the message is one sentence."""

@@ -1,8 +1,8 @@
 """A communication step in machine code: values handed over, components stepped, some of them in threads beside.
 
-Python needs 50 us to hand over the values of a vehicle and to call its components; a thread of Python begins 60 us late
-and its end is noticed 20 us late. This code needs 2 us, runs without Python's lock, and its threads look for their next
-errand all the time; after a millisecond without one they sleep in the kernel. It calls what FMI prescribes for a step.
+In Python every array that is handed over and every call cost microseconds, and a thread of Python begins 60 us late and
+its end is noticed 20 us late. This code runs without Python's lock, and its threads look for their next errand all the
+time; after a millisecond without one they sleep in the kernel. It calls what FMI prescribes for a step.
 
 All is laid out in words of 8 bytes: a board for each component, a desk for each thread, and the plan of a step.
 """

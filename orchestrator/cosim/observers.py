@@ -14,6 +14,7 @@ from orchestrator.cosim import checkpoint
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recorded
 from orchestrator.cosim.narration import Narration
+from orchestrator.log.log_format import CHECKPOINT
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.wire import Rule, Wire
 
@@ -83,7 +84,7 @@ class Checkpoints:
         """A checkpoint, where one is due."""
         if k and k % self.every == 0:
             content = checkpoint.save(self.scheme, checkpoint.Point(k, t, h))
-            self.recorder.attach(f"{checkpoint.PREFIX}{k}", content)
+            self.recorder.attach(f"{CHECKPOINT}{k}", content)
 
 
 class ProgressBar:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicle import BadInput, shown
-from orchestrator.cosim.checkpoint import PREFIX
 from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.manifest import sha256
 from orchestrator.execution.simulate import NATIVE, Begun, simulate
 from orchestrator.log.described import system_of
+from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
@@ -37,12 +37,12 @@ def resume(
         if path.exists() and path.samefile(source):
             raise BadInput(f"{path} is the log itself: give another name")
         scene = _scene(log, stop)
-        number = _chosen(log, at)
+        number = _chosen(log, at, scene.run.step)
         if scene.run.steps < number:
             raise BadInput(f"stop = {scene.run.stop:g} s is before the checkpoint at {number * scene.run.step:g} s")
         begun = Begun(
             number,
-            log.attachment(f"{PREFIX}{number}"),
+            log.attachment(f"{CHECKPOINT}{number}"),
             lambda recorder: _copy(log, recorder, number),
             {"resumed": {"of": _text(source), "step": str(number)}},
         )
@@ -60,16 +60,11 @@ def _scene(log: Log, stop: float | None) -> Scene:
     return from_table(table, f"{log.path}: scene.json")
 
 
-def _chosen(log: Log, at: float | None) -> int:
-    """The number of the step of the last checkpoint by a time; raises BadInput."""
-    numbers = sorted(
-        int(name.removeprefix(PREFIX))
-        for name in log.attachments
-        if name.startswith(PREFIX) and name.removeprefix(PREFIX).isdecimal()
-    )
+def _chosen(log: Log, at: float | None, step: float) -> int:
+    """The number of the last checkpoint by a time, in steps of length ``step``, s; raises BadInput."""
+    numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     if not numbers:
         raise BadInput(f"{log.path} has no checkpoint to go on from")
-    step = float(log.metadata.get("run", {}).get("step", "nan"))
     fitting = [number for number in numbers if at is None or number * step <= at + 1e-9]
     if not fitting:
         raise BadInput(f"--at {at:g}: the first checkpoint of {log.path} is at {numbers[0] * step:g} s")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -66,6 +66,12 @@ def energy_warning(energy: dict[str, Any] | None) -> str:
         f"the energy ledger leaves {abs(energy['residual_relative']):.0%} open: the internal or the communication step "
         "is too long for what this run does"
     )
+
+
+def passed(result: Mapping[str, Any]) -> bool:
+    """Whether a run ended well, met its checks and closed its energy balance."""
+    checked = all(check["ok"] for check in result["checks"].values())
+    return result["status"] == "ok" and checked and not energy_warning(result["energy"])
 
 
 def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, dict[str, Any]]:

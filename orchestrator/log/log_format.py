@@ -9,6 +9,13 @@ from collections.abc import Mapping
 
 NAME = "format"  # of the metadata record
 VERSION = 2
+CHECKPOINT = "checkpoint/"  # begins the name of an attachment, before the number of the step
+
+
+def checkpoint_step(attachment: str) -> int | None:
+    """The number of the step that a checkpoint belongs to; None for other attachments."""
+    number = attachment.removeprefix(CHECKPOINT)
+    return int(number) if number != attachment and number.isdecimal() else None
 
 
 class TooNew(ValueError):

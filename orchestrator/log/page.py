@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orchestrator.log.channel_metadata import Recorded
 from orchestrator.log.message_records import IDENTITY, PREFIX, prefix, size_of
-from orchestrator.log.wire import RULES, Floats, handed_over
+from orchestrator.log.wire import RULES, Floats, Rule, handed_over
 
 CHUNK = 1 << 20  # bytes of messages that make a chunk
 Columns = NDArray[np.intp]
@@ -96,7 +96,7 @@ class _Part(NamedTuple):
 class _Proof(NamedTuple):
     """Columns of a row that one rule connects."""
 
-    rule: int  # place in RULES
+    rule: Rule
     outputs: Columns
     inputs: Columns
 
@@ -139,7 +139,7 @@ class Page:
             (topic, name): self._first[topic] + k for topic, one in about.items() for k, name in enumerate(one.names)
         }
         proofs = []
-        for number, rule in enumerate(RULES):
+        for rule in RULES:
             outputs, inputs = [], []
             for part in self._parts:
                 for wire in part.channel.about.wires:
@@ -149,7 +149,7 @@ class Page:
                         outputs += [place[wire.source, name] for name in wire.outputs]
                         inputs += [place[part.channel.topic, name] for name in wire.inputs]
             if inputs:
-                proofs.append(_Proof(number, np.array(outputs), np.array(inputs)))
+                proofs.append(_Proof(rule, np.array(outputs), np.array(inputs)))
         return proofs
 
     def add(self, sequence: int, t: float, h: float, values: Sequence[Floats]) -> None:
@@ -196,11 +196,10 @@ class Page:
             raise Unproven("a step is missing")
         values = block.values
         for proof in self._proofs:
-            rule = RULES[proof.rule]
             start = np.take(values[begin - 1 : block.count - 1], proof.outputs, axis=1)
-            end = start if rule == "start" else np.take(values[begin : block.count], proof.outputs, axis=1)
+            end = start if proof.rule == "start" else np.take(values[begin : block.count], proof.outputs, axis=1)
             given = np.take(values[begin : block.count], proof.inputs, axis=1)
-            wrong = handed_over(rule, start, end).view(np.uint64) != given.view(np.uint64)
+            wrong = handed_over(proof.rule, start, end).view(np.uint64) != given.view(np.uint64)
             if wrong.any():
                 row, column = np.argwhere(wrong)[0]
                 raise Unproven(self._sentence(float(block.t[begin - 1 + row]), int(proof.inputs[column])))

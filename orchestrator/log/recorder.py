@@ -99,7 +99,7 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self.close("failed", message, self._last)
 
     def together(self, given: Sequence[str], shown: Sequence[str]) -> str:
-        """Let topics be written by one ``write`` of every step, under the name that is returned.
+        """Let topics be written by one ``write``, under the name that is returned: those of wires, at every step.
 
         ``given``: what the step that ended was given; its messages have the number and the time of its beginning.
         """

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.container_writer import LogFailed, check_writable
+from orchestrator.log.log_format import checkpoint_step
 from orchestrator.log.message_records import Messages
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
@@ -163,7 +164,7 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     untouched = log.closing is not None and log.sound()
     steps = None if untouched else _whole_steps(log, closing["messages"])
     last = None if steps is None else int(steps[-1]) if len(steps) else 0
-    names = [name for name in log.attachments if last is None or not _later(name, last)]
+    names = [name for name in log.attachments if last is None or (checkpoint_step(name) or 0) <= last]
     attachments = {name: content for name in names if (content := _attachment(log, name)) is not None}
     reached = 0.0
     wires = {topic: about.wires for topic, about in log.topics.items()}
@@ -191,12 +192,6 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     if saved == closing["messages"] and len(attachments) == len(names):
         sentence = f"{target} holds all {sum(saved.values())} messages, but names or metadata may be damaged"
     return Verdict(RECOVERED, [sentence, *log.faults])
-
-
-def _later(attachment: str, step: int) -> bool:
-    """Whether it is a checkpoint after a step."""
-    kind, _, number = attachment.partition("/")
-    return kind == "checkpoint" and number.isdecimal() and int(number) > step
 
 
 def _whole_steps(log: Log, recorded: Mapping[str, int]) -> NDArray[np.int64] | None:

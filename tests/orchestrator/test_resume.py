@@ -7,15 +7,14 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pytest
 from mutated import Content
 
-from orchestrator.cosim import checkpoint
-from orchestrator.cosim.checkpoint import PREFIX, Unusable
+from orchestrator.cosim.checkpoint import Unusable
 from orchestrator.execution import replay_model
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import simulate
+from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
 from orchestrator.scene.scene import load
@@ -61,8 +60,9 @@ def test_vehicles_go_on(tmp_path, track, native):
     whole = ran(tmp_path / "whole.mcap", "straight", track, "run.step=1 ms", *settings, native=native)
     resume(whole, tmp_path / "again.mcap", 0.01)
     assert digest(tmp_path / "again.mcap") == digest(whole)
-    with replay_model.opened(tmp_path / "again.mcap", "chassis", None) if not native else Log(whole) as again:
-        assert native or again.verify().equal
+    if not native:  # a replay is of the Python FMU
+        with replay_model.opened(tmp_path / "again.mcap", "chassis", None) as again:
+            assert again.verify().equal
 
 
 def test_a_longer_run_is_that_of_a_longer_scene(rig, tmp_path):
@@ -95,7 +95,7 @@ def test_a_killed_run_goes_on(rig, tmp_path):
     assert digest(tmp_path / "again.mcap") == digest(whole)
     assert recover(killed, tmp_path / "saved.mcap").code == RECOVERED
     with Log(tmp_path / "saved.mcap") as log:
-        steps = [int(name.removeprefix(PREFIX)) for name in log.attachments if name.startswith(PREFIX)]
+        steps = [step for name in log.attachments if (step := checkpoint_step(name)) is not None]
         assert 100 <= max(steps) <= log.closing["steps"]
     resume(tmp_path / "saved.mcap", tmp_path / "third.mcap")
     assert digest(tmp_path / "third.mcap") == digest(whole)
@@ -126,8 +126,8 @@ def test_what_does_not_go_on_is_a_sentence(rig, cotrack, tmp_path):
 
 
 def test_bytes_that_are_no_checkpoint_are_a_sentence(rig, tmp_path):
-    good = Content(rig).attachments[f"{PREFIX}40"]
-    other = Content(rig).attachments[f"{PREFIX}20"]
+    good = Content(rig).attachments[f"{CHECKPOINT}40"]
+    other = Content(rig).attachments[f"{CHECKPOINT}20"]
     for bad in (
         b"",
         b"x" * 1000,
@@ -137,7 +137,7 @@ def test_bytes_that_are_no_checkpoint_are_a_sentence(rig, tmp_path):
         good.replace(b"state:drive", b"state:drove"),
     ):
         content = Content(rig)
-        content.attachments[f"{PREFIX}40"] = bad
+        content.attachments[f"{CHECKPOINT}40"] = bad
         path = content.write(tmp_path / "bad.mcap")
         with pytest.raises(Unusable, match="the checkpoint does not fit these components"):
             resume(path, tmp_path / "new.mcap", 0.05)
@@ -157,8 +157,6 @@ def test_a_checkpoint_is_small_and_changes_nothing(rig, tmp_path):
     without = ran(tmp_path / "without.mcap", "rig", "rigid", *RIG, "run.checkpoints=false")
     assert digest(without) == digest(rig)
     with Log(rig) as log:
-        sizes = [len(log.attachment(name)) for name in log.attachments if name.startswith(PREFIX)]
+        sizes = [len(log.attachment(name)) for name in log.attachments if checkpoint_step(name)]
     assert len(sizes) == 3
     assert max(sizes) < 60_000
-    assert checkpoint.Point(3, 0.5, 0.1) == (3, 0.5, 0.1)
-    assert np.isfinite(sizes).all()

@@ -60,13 +60,6 @@ def interpolated(feed: Feed) -> Rule:
     return at_end(feed) if feed.carries in ("state", "mean") else "middle"
 
 
-def by_rule(rule: Rule, feed: Feed, now: Outputs) -> Floats:
-    """What a rule makes of the outputs at t and, unless that is all it asks for, those of a source that has stepped."""
-    if rule == "start":
-        return constant(feed, now)
-    return handed_over(rule, constant(feed, now), feed.source.y[feed.outputs])
-
-
 def mean(feed: Feed, now: Outputs) -> Floats:
-    """What the source, which has stepped, shows in the middle of the step."""
-    return by_rule(interpolated(feed), feed, now)
+    """What the source, which has stepped, shows in the middle of the step; ``now``: outputs at t."""
+    return handed_over(interpolated(feed), constant(feed, now), feed.source.y[feed.outputs])
