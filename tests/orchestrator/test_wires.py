@@ -34,7 +34,7 @@ def rows(k):
     """Inputs of the step that leads to k, and outputs at k, of both."""
 
     def out(j):
-        return np.sin(j + np.arange(3.0)), np.cos(0.1 * j) * np.array([1.0, -0.0])
+        return np.sin(j + np.arange(3.0)), np.cos(0.1 * j) * np.array([1.0, -2.5])
 
     (x, y, z), (_, g) = out(k - 1)[0], out(k - 1)[1]
     f, later = out(k)[1]
