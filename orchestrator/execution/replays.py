@@ -93,7 +93,9 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
         for topic, series in recorded.items()
     }
     compared = {topic: set(steps.tolist()) for topic, steps in numbers.items()}
-    last = max((max(steps) for steps in compared.values() if steps), default=-1)
+    ends = np.append(inputs.t[1:], inputs.t[-1:] + inputs.h[-1:])
+    stepped = np.flatnonzero((ends >= window[0] - 1e-9) & (ends <= window[1] + 1e-9)) + 1
+    last = max([0, *stepped.tolist()])
     rows: dict[str, list[Floats]] = {topic: [] for topic in recorded}
     for k, _ in drive(component, inputs, parameters):
         if k > last:
@@ -112,8 +114,7 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
         differences.append(first_difference(topic, own, again, every, first))
     difference = min((found for found in differences if found is not None), key=lambda found: found.t, default=None)
     count = sum(len(steps) * recorded[topic].values.shape[1] for topic, steps in compared.items())
-    steps = max((len(each - {0}) for each in compared.values()), default=0)
-    return Verdict(steps, count, difference, _altered(log, f"/{component.name}/in"))
+    return Verdict(len(stepped), count, difference, _altered(log, f"/{component.name}/in"))
 
 
 def _altered(log: Log, topic: str) -> tuple[str, ...]:

@@ -59,8 +59,8 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
             with Log(saved) as left:
                 n = left.closing["steps"]
                 found.add(n)
-                if n < 1:
-                    continue
+                if n < max(about.every for topic, about in left.topics.items() if topic.endswith("/out")):
+                    continue  # no step's outputs are left to compare
                 assert set(ends(left).values()) == {n}, cut
                 run = RunData(left)
                 books = ledger(run)
