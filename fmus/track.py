@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import fmus.track_steps as steps
+from fmus import link_outputs
 from fmus.defaults import configured, given
 from fmus.model import NO_ROTATION, TOO_MANY, Component, Floats, Free, InvalidParameter
 from fmus.physics.chain import state
@@ -155,10 +156,10 @@ class TrackModel(Component):
         self.rows = np.zeros((wheels, WIDTH))
         self.start_rows = np.zeros((wheels, WIDTH))
         self.frame = np.zeros(5)
+        self.link_groups = link_outputs.chosen(config.get("link_outputs", True), bool(self.config["ground"]))
+        self.felt = link_outputs.felt(self.link_groups, self.links_count)
         self.ports = self._ports(config)
-        shown = bool(config.get("link_outputs", True))
-        self.soiled = self.links_count if shown and self.config["ground"] else 0  # links that say what the ground does
-        self.link_ports = (2 * self.links_count + 6 * self.nodes + 3 * self.soiled) if shown else 0
+        self.link_ports = len(link_outputs.ports(self.link_groups, self.links_count, self.nodes))
         self.counters = np.zeros(COUNTERS, dtype=np.int64)
         self.inputs = STATE * wheels
         self.failures = failures([wheel["name"] for wheel in self.wheel_list])
@@ -184,26 +185,7 @@ class TrackModel(Component):
         for wheel in self.wheel_list:
             ports += wrench(wheel["name"], "output")
         ports += [Port(name, "output", unit, text) for name, unit, text in OUTPUTS]
-        if config.get("link_outputs", True):
-            for i in range(1, self.links_count + 1):
-                ports.append(Port(f"link[{i}].tension", "output", "N", f"tension of link {i}"))
-            for i in range(1, self.links_count + 1):
-                ports.append(Port(f"link[{i}].stress", "output", "Pa", f"largest axial stress of link {i}"))
-            for i in range(1, self.nodes + 1):
-                ports += [Port(f"joint[{i}].position.{a}", "output", "m", f"{a} of pin {i}, world") for a in "xyz"]
-            for i in range(1, self.nodes + 1):
-                ports += [
-                    Port(
-                        f"joint[{i}].force.{a}",
-                        "output",
-                        "N",
-                        f"{a} force of pin {i} on the link that begins there, world",
-                    )
-                    for a in "xyz"
-                ]
-            for i in range(1, (self.links_count if self.config["ground"] else 0) + 1):
-                text = f"force of the ground on link {i}, world, mean over the step"
-                ports += [Port(f"link[{i}].ground.force.{a}", "output", "N", f"{a} {text}") for a in "xyz"]
+        ports += link_outputs.ports(self.link_groups, self.links_count, self.nodes)
         for name in ("steps", "evaluations", "iterations", "rejected"):
             ports.append(Port(f"solver.{name}", "output", "1", f"{name} of the integrator so far", 0))
         ports += place
@@ -317,7 +299,14 @@ class TrackModel(Component):
             ),
             steps.Shown(self.frame, self.s.mean[: len(self.rows)], self.report),
             steps.ShownLinks(
-                self.frame, *self.system()[::2], self.s, self.work, self.links_count, self.nodes, self.soiled
+                self.frame,
+                *self.system()[::2],
+                self.s,
+                self.work,
+                self.links_count,
+                self.nodes,
+                np.array([int(name in self.link_groups) for name in link_outputs.GROUPS]),
+                1 if set(self.link_groups) & set(link_outputs.BEYOND) else None,
             ),
         )
 

@@ -11,8 +11,11 @@ from fmus.model import no_rotation, too_many
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
 from fmus.physics.chain.implicit import advance
-from fmus.physics.chain.kinds import links_shown
-from fmus.physics.chain.report import GROUND, REJECTED, REPORT, STEPS
+from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, STRESS, TENSION, WHEELS
+from fmus.physics.chain import on_links
+from fmus.physics.chain.kinds import fibres, links_shown, pin_axes
+from fmus.physics.chain.report import GROUND as ON_GROUND
+from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.wheels import WIDTH, read_states, to_world
 from fmus.ports import STATE
 from fmus.sentences import TOLD as NUMBERS
@@ -78,7 +81,8 @@ class ShownLinks(NamedTuple):
     work: Any
     links: int
     nodes: int
-    soiled: int  # links that show the force of the ground
+    shows: np.ndarray  # of each group of ``link_outputs``, 1: it is asked for
+    beyond: int | None  # None: no group that needs kernels of its own is
 
 
 @allocating
@@ -174,23 +178,59 @@ def show(c, y):
         to_world(c.mean[k].reshape(2, 3), c.frame, y[6 * k : 6 * k + 6])
     for i in range(REPORT):
         y[6 * n + i] = c.report[i]
-    to_world(c.report[GROUND : GROUND + 3].reshape(1, 3), c.frame, y[6 * n + GROUND : 6 * n + GROUND + 3])
+    first = 6 * n + ON_GROUND
+    to_world(c.report[ON_GROUND : ON_GROUND + 3].reshape(1, 3), c.frame, y[first : first + 3])
 
 
 @allocating
 def show_links(c, y):
-    """See ``fmus.model.Component``: tension and stress of links, places of and forces at pins, force of the ground.
+    """See ``fmus.model.Component``: the groups of ``link_outputs`` that are asked for, in order; c: ``ShownLinks``."""
+    n, m, shows, felt = c.links, c.nodes, c.shows, c.s.on_links_mean
+    tension, stress, place, force = np.empty(n), np.empty(n), np.empty((m, 3)), np.empty((m, 3))
+    links_shown(c.link, c.environment, c.s, c.work, tension, stress, place, force)
+    at = _numbers(shows[TENSION], tension, y, 0)
+    at = _numbers(shows[STRESS], stress, y, at)
+    if shows[POSITION]:
+        to_world(place, c.frame, y[at : at + 3 * m])
+        for k in range(m):
+            for i in range(3):
+                y[at + 3 * k + i] += c.frame[i]
+        at += 3 * m
+    at = _vectors(shows[FORCE], force, c.frame, y, at)
+    at = _vectors(shows[GROUND], felt[:, on_links.GROUND : on_links.GROUND + 3], c.frame, y, at)
+    at = _vectors(shows[WHEELS], felt[:, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, at)
+    at = _vectors(shows[SLIDING], felt[:, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, at)
+    if shows[DEPTH]:
+        at = _numbers(1, felt[:, on_links.DEPTH], y, at)
+    _beyond(c.beyond, c, y, at)
 
-    c: ``ShownLinks``.
-    """
-    n, m = c.links, c.nodes
-    place, force = np.empty((m, 3)), np.empty((m, 3))
-    links_shown(c.link, c.environment, c.s, c.work, y[:n], y[n : 2 * n], place, force)
-    first = 2 * n
-    to_world(place, c.frame, y[first : first + 3 * m])
-    for k in range(m):
-        for i in range(3):
-            y[first + 3 * k + i] += c.frame[i]
-    to_world(force, c.frame, y[first + 3 * m : first + 6 * m])
-    if c.soiled:
-        to_world(c.s.soil_mean, c.frame, y[first + 6 * m : first + 6 * m + 3 * c.soiled])
+
+@allocating
+def _beyond(beyond, c, y, at):
+    """The groups that need kernels of their own, which are not even compiled where nobody asks."""
+    if beyond is not None:
+        axis, found = np.empty((c.nodes, 3)), np.empty((c.links, 2))
+        pin_axes(c.link, c.s, c.work, axis)
+        at = _vectors(c.shows[AXIS], axis, c.frame, y, at)
+        if c.shows[FIBRES]:
+            fibres(c.link, c.s, c.work, found)
+            _numbers(1, found.ravel(), y, at)
+
+
+@kernel
+def _numbers(shown, a, y, at):
+    """Where it is shown, the array ``a`` into ``y`` from ``at`` on; returns where the next one begins."""
+    if shown:
+        for i in range(a.shape[0]):
+            y[at + i] = a[i]
+        at += a.shape[0]
+    return at
+
+
+@kernel
+def _vectors(shown, a, frame, y, at):
+    """The same of vectors (k, 3) in the track's frame, turned into world axes."""
+    if shown:
+        to_world(a, frame, y[at : at + 3 * a.shape[0]])
+        at += 3 * a.shape[0]
+    return at

@@ -9,6 +9,7 @@ import numpy as np
 from fmus.model import Floats, InvalidParameter
 from fmus.physics.chain.flexible.state import State as Flexible
 from fmus.physics.chain.kinds import observe, settle_forces
+from fmus.physics.chain.on_links import MIRRORED
 from fmus.physics.chain.report import GROUND, SUMMED
 from fmus.physics.chain.rigid.state import State as Rigid
 from fmus.physics.chain.state import moving
@@ -36,7 +37,7 @@ class Place(NamedTuple):
     wrench: int  # the first of its m + 1 wrenches, the last one being the ground's
     frame: np.ndarray  # (5) of the track, see fmus.physics.wheels
     impulse: np.ndarray  # (m + 1, 6) of its wrenches over the step
-    soil: np.ndarray  # (k, 3) likewise of the ground on each link
+    on_links: np.ndarray  # (k, c) likewise of what touches each link
     books: np.ndarray  # dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
 
 
@@ -76,7 +77,7 @@ def give(model: TrackModel, x: Floats) -> None:
 def take(model: TrackModel, place: Place, x: Floats, h: float) -> None:
     """The state after a step of ``h``, evaluated, into the model and its report."""
     model.s.flat[: x.size] = x
-    model.s.mean[:], model.s.soil_mean[:] = place.impulse / h, place.soil / h
+    model.s.mean[:], model.s.on_links_mean[:] = place.impulse / h, place.on_links / h
     take_evaluated(model.s, model.work)
     settle_forces(*model.system(), model.s, model.work)
     observe(model.link, model.environment, model.s, model.work, model.report)
@@ -90,7 +91,7 @@ def mirror(of: TrackModel, model: TrackModel) -> None:
         mine, shown = getattr(s, name), getattr(theirs, name)
         size = min(signs.size, shown.shape[-1])
         mine[..., :size] = shown[..., :size] * signs[:size]
-    s.soil_mean[:] = theirs.soil_mean * FORCE
+    s.on_links_mean[:] = theirs.on_links_mean * MIRRORED[: theirs.on_links_mean.shape[1]]
     s.wrench[:], s.mean[:], s.sums[:] = theirs.wrench * WRENCH, theirs.mean * WRENCH, theirs.sums
     model.report[:] = of.report
     model.report[GROUND + 1] *= -1.0

@@ -74,7 +74,7 @@ def gather(chains, drives, plan, share):
     """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
     for c in chains:
         add_share(share, c.w.wrench, c.place.impulse)
-        add_share(share, c.w.soil, c.place.soil)
+        add_share(share, c.w.on_links, c.place.on_links)
         c.place.books[0] += share * c.w.sums[POWER]
         c.place.books[1] += share * c.w.sums[END_POWER]
         c.place.books[2] += share * c.w.sums[PATCH_POWER]

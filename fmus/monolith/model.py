@@ -186,7 +186,7 @@ class Monolith:
                     block,
                     model.frame,
                     np.zeros((m + 1, WRENCH)),
-                    np.zeros((model.soiled, 3)),
+                    np.zeros(model.felt),
                     np.zeros(4),
                 )
             )
@@ -293,7 +293,7 @@ class Monolith:
         for d in range(len(self._spun)):
             self.x[self._spin + SPIN * d + shaft.IMPULSE] = 0.0
         spins = self._spins
-        for sums in (spins.force, spins.reaction, *(a for p in self._places for a in (p.impulse, p.soil, p.books))):
+        for sums in (spins.force, spins.reaction, *(a for p in self._places for a in (p.impulse, p.on_links, p.books))):
             sums[:] = 0.0
         count = 0
         for begin, length, steps in self._intervals(t, h):

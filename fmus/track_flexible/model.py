@@ -100,7 +100,7 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.axes_state import SIZE
 
             axes = SIZE
-        return shapes(*ELEMENTS[self.element], self.links_count, self.nodes, len(self.wheel_list), axes, self.soiled)
+        return shapes(*ELEMENTS[self.element], self.links_count, self.nodes, len(self.wheel_list), axes, self.felt)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
@@ -123,7 +123,7 @@ class Model(TrackModel):
             self.element, self.axes = element, axes
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
-        self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list), self.soiled)
+        self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list), self.felt)
         self.stable = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
 

@@ -38,7 +38,7 @@ class Model(TrackModel):
 
     def shapes(self) -> state.Shapes:
         """Of the views into the chain's state."""
-        return shapes(self.links_count, self.closed, len(self.wheel_list), self.soiled)
+        return shapes(self.links_count, self.closed, len(self.wheel_list), self.felt)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from the vehicle table."""
@@ -54,7 +54,7 @@ class Model(TrackModel):
         }
         self._drawn = self.partners({**p, **drawn})
         self.link = RigidLinks(0.5 * self.pitch, v["face"], 0.25 * v["width"], v["mass"], inertia, ends)
-        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.soiled)
+        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.felt)
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """Links between the pins, then static equilibrium, or the accelerations of the release.

@@ -161,6 +161,11 @@ class Ground(Table):
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
+LinkOutput = Literal[
+    "tension", "stress", "position", "force", "ground", "wheels", "sliding", "depth", "axis", "fibres"
+]
+
+
 class Track(Table):
     """Which track model, and what it is told; what is not given is the model's own default."""
 
@@ -171,7 +176,7 @@ class Track(Table):
     integrator: Literal["generalized_alpha", "runge_kutta"] | None = None
     step: Duration | None = None  # largest internal step
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
-    link_outputs: bool = True
+    link_outputs: bool | tuple[LinkOutput, ...] = True  # the standard ones, none, or groups of ``fmus.link_outputs``
 
     @model_validator(mode="after")
     def _rigid_links_have_none(self) -> Track:

@@ -312,3 +312,12 @@ def end_moments(c, e):
         first, second = curved(c, parts(e, i))
         one, two = one + first * first, two + second * second
     return c.EI * np.sqrt(one), c.EI * np.sqrt(two)
+
+
+@kernel
+def mean_curvature(c, e):
+    """See ``element``: r_xx along the normal (-z, x) of r_x, both of the middle."""
+    up = len(c.axes) - 1
+    x = 1.5 * (e[2, 0] - e[0, 0]) / c.l - 0.25 * (e[1, 0] + e[3, 0])
+    z = 1.5 * (e[2, up] - e[0, up]) / c.l - 0.25 * (e[1, up] + e[3, up])
+    return (x * (e[3, up] - e[1, up]) - z * (e[3, 0] - e[1, 0])) / (c.l * np.sqrt(x * x + z * z))

@@ -102,6 +102,11 @@ def end_moments(c, e):
     """Bending moments of a cable at its two ends, N m."""
 
 
+@door(_whatever_the_elasticity, shared=True)
+def mean_curvature(c, e):
+    """Of a cable in its own plane, mean along it, 1/m; positive where it bends towards its outer side."""
+
+
 def highest_frequency(c: Any) -> float:
     """Of one straight free element, rad/s.
 

@@ -38,7 +38,7 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     stages = RK4.b.size
     x, x0 = s.flat[: k.shape[1]], k[stages]
     s.mean[:] = 0.0
-    s.soil_mean[:] = 0.0
+    s.on_links_mean[:] = 0.0
     move(rows, 0.0, w.moved)
     along = first_speed(links, env, s, w, report)
     for step in range(steps):
@@ -51,7 +51,7 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
                 return Outcome(SINGULAR, (step + RK4.c[i]) * dt, failed, 0.0)
             share = dt * RK4.b[i]
             add_share(share / h, w.wrench, s.mean)
-            add_share(share / h, w.soil, s.soil_mean)
+            add_share(share / h, w.on_links, s.on_links_mean)
             report[DISSIPATED] += share * w.sums[POWER]
             report[PATCH_DEFECT] += share * w.sums[PATCH_POWER]
             report[WORK] += share * w.sums[END_POWER]

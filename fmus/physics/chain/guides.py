@@ -5,6 +5,7 @@ from __future__ import annotations
 from fmus.jit import kernel
 from fmus.physics.chain.faces import along, count, enter, locate, pin_rates, pins, push, pushed, section
 from fmus.physics.chain.near import look, reached
+from fmus.physics.chain.on_links import WHEELS, feel
 from fmus.physics.chain.sums import PATCH_POWER, note
 from fmus.physics.contact.face import touch
 from fmus.physics.contact.guide import HORN, guide_face
@@ -67,5 +68,6 @@ def _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent):
         slope = -dot(face.n, along(links, x, w, i))
         w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
         collect(row, p, f.f, w.wrench[k])
+        feel(w.on_links, i, WHEELS, f.f)
         push(links, w, i, f, tangent)
         pushed(links, w, i, tangent)

@@ -45,7 +45,7 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
     """
     c = method.alpha
     s.mean[:] = 0.0
-    s.soil_mean[:] = 0.0
+    s.on_links_mean[:] = 0.0
     move(rows, 0.0, w.moved)
     along = first_speed(links, env, s, w, report)
     done, failure, link, residual = 0.0, DONE, 0, 0.0
@@ -66,7 +66,7 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
         done += dt
         counters[STEPS] += 1
         average(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
-        average(c, dt / h, s.soil, w.soil, s.soil_aux, s.soil_mean)
+        average(c, dt / h, s.on_links, w.on_links, s.on_links_aux, s.on_links_mean)
         report[DISSIPATED] += 0.5 * dt * (s.sums[POWER] + w.sums[POWER])
         report[PATCH_DEFECT] += 0.5 * dt * (s.sums[PATCH_POWER] + w.sums[PATCH_POWER])
         report[WORK] += end_work(links, env, dt, s, w)

@@ -69,3 +69,13 @@ def pin_places(links, s, w, place):
 @door(_of, shared=True)
 def links_shown(links, env, s, w, tension, stress, place, force):
     """What each link shows: tension, N, and stress, Pa, (n), places of and forces at the pins (nodes, 3)."""
+
+
+@door(_of, shared=True)
+def pin_axes(links, s, w, axis):
+    """Unit vectors along the pins into ``axis`` (nodes, 3)."""
+
+
+@door(_of, shared=True)
+def fibres(links, s, w, stress):
+    """Axial stress at the outer and at the inner fibre of each link, Pa, mean along it, into ``stress`` (n, 2)."""

@@ -31,6 +31,7 @@ from fmus.physics.chain.faces import (
     to_ground,
 )
 from fmus.physics.chain.near import beyond, look, reached, survey
+from fmus.physics.chain.on_links import GROUND, WHEELS, clear, feel, rest, slide
 from fmus.physics.chain.sums import CONTACT, LOAD, PATCH_POWER, SIDESLIP, SLIP, note
 from fmus.physics.contact.face import press, touch
 from fmus.physics.contact.ground import ground_face
@@ -49,6 +50,7 @@ def roll(links, contacts, x, w, rows, by_rate, tangent):
     Residuals, with ``tangent`` iteration matrices, reactions, energies and powers go to the arrays ``w``.
     """
     begin(links, x, w)
+    clear(w.on_links)
     survey(links, x, w)
     for k in range(rows.shape[0]):
         if contacts.teeth[k] == 0:
@@ -97,6 +99,7 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
                 slope = -dot(face.n, along(links, x, w, i))
                 w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
                 collect(row, p, f.f, w.wrench[k])
+                feel(w.on_links, i, WHEELS, f.f)
                 push(links, w, i, f, tangent)
                 if tangent:
                     resist(links, w, i, f, by_rate, foot, side)
@@ -109,7 +112,7 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
 @kernel
 def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
     """The teeth of sprocket ``k`` on the pins."""
-    nodes, (places, side_by) = count(links, x)[1], across(links)
+    (n, nodes), (places, side_by) = count(links, x), across(links)
     far = (contacts.profile.top + 2.0 * side_by) ** 2
     for i in range(nodes):
         for m in range(places):
@@ -124,6 +127,7 @@ def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
             f = touch(contacts.sprocket, 1.0 / places, depth, face, by_rate, tangent, w.contact, point)
             note(w.sums, depth, f.energy, f.power)
             collect(row, p, f.f, w.wrench[k])
+            feel(w.on_links, i - 1 if i > 0 else (n - 1 if nodes == n else 0), WHEELS, f.f)
             push_pin(links, x, w, i, y, f, tangent)
 
 
@@ -131,9 +135,6 @@ def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
 def _soil(links, contacts, x, w, by_rate, tangent):
     """The ground on the outer faces."""
     (n, nodes), (places, side_by), law = count(links, x), across(links), contacts.soil
-    for i in range(w.soil.shape[0]):
-        for j in range(3):
-            w.soil[i, j] = 0.0
     summit, first = contacts.shape.height + contacts.shape.rise, POINTS * len(contacts.teeth) * nodes
     for i in range(n):
         a, b = pins(links, x, w, i)
@@ -142,6 +143,7 @@ def _soil(links, contacts, x, w, by_rate, tangent):
         if min(one, other) - lift(links, x, i) > summit:
             continue
         enter(links, x, w, i)
+        hits = 0
         for g in range(2):
             at = section(links, x, w, i, 0.5 + (2.0 * g - 1.0) * GAUSS, links.face)
             for m in range(places):
@@ -157,7 +159,9 @@ def _soil(links, contacts, x, w, by_rate, tangent):
                 w.sums[SIDESLIP] -= f.normal * v[1]
                 for j in range(3):
                     w.wrench[-1, j] -= f.f[j]
-                    if i < w.soil.shape[0]:
-                        w.soil[i, j] += f.f[j]
+                feel(w.on_links, i, GROUND, f.f)
+                slide(w.on_links, i, v, depth)
+                hits += 1
                 push(links, w, i, from_ground(links, x, w, f, tangent), tangent)
             pushed(links, w, i, tangent)
+        rest(w.on_links, i, hits)

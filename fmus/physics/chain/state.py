@@ -5,10 +5,10 @@ Every kind of link has its own State and Work (arrays made once). Both have, for
     State   flat; q, v: coordinates and rates, first in ``flat``, after them axes, where the axes of the coordinates
             turn; a, vdot: auxiliary and true accelerations;
             wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground: now, auxiliary, mean over the
-            communication step; soil, soil_aux, soil_mean (k, 3): likewise the force of the ground on each link, k = n,
-            or k = 0 where nobody asks for it; sums: of the last evaluation (``sums``)
+            communication step; on_links, on_links_aux, on_links_mean (k, c): likewise what touches each link, k = n,
+            or k = 0 where nobody asks for it (``on_links``); sums: of the last evaluation (``sums``)
     Work    before: the State at the beginning of a step; moved (m, 15): the wheels at the time of evaluation;
-            wrench, soil, sums: of the evaluation; contact: a ``Memory``
+            wrench, on_links, sums: of the evaluation; contact: a ``Memory``
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def add_share(share, source, target):
 def take(s, w):
     """Wrenches, forces of the ground and sums of the last evaluation are those of the state."""
     put(w.wrench, s.wrench)
-    put(w.soil, s.soil)
+    put(w.on_links, s.on_links)
     for i in range(s.sums.shape[0]):
         s.sums[i] = w.sums[i]
 
@@ -78,5 +78,5 @@ def begin(s, w):
     take(s, w)
     put(w.wrench, s.aux)
     put(w.wrench, s.mean)
-    put(w.soil, s.soil_aux)
-    put(w.soil, s.soil_mean)
+    put(w.on_links, s.on_links_aux)
+    put(w.on_links, s.on_links_mean)

@@ -19,6 +19,7 @@ from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
 from fmus.physics.chain.flexible.beam_nodes import gather as coordinates
 from fmus.physics.chain.flexible.link_layout import arranged
+from fmus.physics.vector import dot, scale, vector
 
 LAYOUT = arranged(
     begin=[BEGIN[a] + k for a in range(4) for k in range(3)],
@@ -91,3 +92,27 @@ def axial(links, w):
                 square += (G[0, k] + a * G[1, k] + b * G[2, k]) ** 2
             stress = max(stress, abs(links.young * 0.5 * (square - 1.0)))
     return pull, stress
+
+
+@allocating
+def outer_and_inner(links, w):
+    """See ``elements``; in the middle of the width."""
+    N, G, up = np.empty((5, 8)), np.empty((5, 3)), links.outer_fibre / radii(links.element)[1]
+    outer = inner = 0.0
+    for p in range(GAUSS):
+        basis(links.element, POINTS[GAUSS, p], N)
+        seen(N, w.e, G)
+        one = other = 0.0
+        for k in range(3):
+            one += (G[0, k] + up * G[2, k]) ** 2
+            other += (G[0, k] - up * G[2, k]) ** 2
+        outer += WEIGHTS[GAUSS, p] * links.young * 0.5 * (one - 1.0)
+        inner += WEIGHTS[GAUSS, p] * links.young * 0.5 * (other - 1.0)
+    return outer, inner
+
+
+@kernel
+def pin_axis(links, q):
+    """See ``elements``."""
+    along = vector(q, 3)
+    return scale(1.0 / np.sqrt(dot(along, along)), along)

@@ -16,7 +16,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import Cable
-from fmus.physics.ancf.element import end_moments, tension
+from fmus.physics.ancf.element import end_moments, mean_curvature, tension
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.link_layout import arranged
@@ -72,3 +72,17 @@ def axial(links, w):
     bend = max(first, second) * links.outer_fibre / links.second_moment
     at = pull / links.area
     return pull, max(abs(at + bend), abs(at - bend))
+
+
+@kernel
+def outer_and_inner(links, w):
+    """See ``elements``; a cable's curvature is linear along it, so its mean is that of the middle."""
+    at = tension(links.element, w.e) / links.area
+    bend = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
+    return at - bend, at + bend
+
+
+@kernel
+def pin_axis(links, q):
+    """See ``elements``."""
+    return 0.0, 1.0, 0.0

@@ -8,7 +8,7 @@ from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
 from fmus.physics.chain.flexible.assembly import axials, totals
 from fmus.physics.chain.flexible.axes import directed, placed
-from fmus.physics.chain.flexible.elements import in_space
+from fmus.physics.chain.flexible.elements import gather, in_space, outer_and_inner, pin_axis
 from fmus.physics.chain.flexible.explicit import close, derivative, keep_residuals, settle_forces  # noqa: F401
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.flexible.state import Motion
@@ -53,6 +53,21 @@ def pin_places(links, s, w, place):
     """See ``kinds``."""
     for i in range(s.q.shape[0]):
         put(place[i], 0, placed(links, s, in_space(links, s.q[i])))
+
+
+@kernel
+def pin_axes(links, s, w, axis):
+    """See ``kinds``."""
+    for i in range(s.q.shape[0]):
+        put(axis[i], 0, directed(links, s, pin_axis(links, s.q[i])))
+
+
+@kernel
+def fibres(links, s, w, stress):
+    """See ``kinds``."""
+    for i in range(links.n):
+        gather(links, s.q, i, i + 1 if i + 1 < s.q.shape[0] else 0, w.e)
+        stress[i, 0], stress[i, 1] = outer_and_inner(links, w)
 
 
 @kernel

@@ -40,6 +40,16 @@ def axial(links, w):
     """Tension, N, and largest axial stress, Pa, of the link in ``w.e``."""
 
 
+@door(kit, shared=True)
+def outer_and_inner(links, w):
+    """Axial stress at the outer and at the inner fibre of the link in ``w.e``, Pa, mean along it."""
+
+
+@door(kit)
+def pin_axis(links, q):
+    """The unit vector along the pin with the coordinates ``q``."""
+
+
 @door(kit)
 def flatten(links, w):
     """The wheels ``w.moved`` as the chain sees them, into ``w.flat``."""

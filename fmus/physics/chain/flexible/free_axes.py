@@ -32,6 +32,7 @@ from fmus.physics.chain.flexible.axes_state import (
 )
 from fmus.physics.chain.flexible.condensation import eliminate
 from fmus.physics.chain.flexible.elements import gather
+from fmus.physics.chain.on_links import WHEELS
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
@@ -65,6 +66,9 @@ def homeward(links, x, w):
     for k in range(w.wrench.shape[0] - 1):
         put(w.wrench[k], 0, from_axes(x.axes, vector(w.wrench[k], 0)))
         put(w.wrench[k], 3, from_axes(x.axes, vector(w.wrench[k], 3)))
+    if WHEELS < w.on_links.shape[1]:
+        for i in range(w.on_links.shape[0]):
+            put(w.on_links[i], WHEELS, from_axes(x.axes, vector(w.on_links[i], WHEELS)))
 
 
 @kernel

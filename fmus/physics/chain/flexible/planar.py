@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.link_layout import arranged
 from fmus.physics.chain.flexible.planar_nodes import NODE  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.planar_nodes import gather as coordinates

@@ -8,6 +8,7 @@ import numpy as np
 
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
+from fmus.physics.chain.on_links import NONE, Felt
 from fmus.physics.chain.sums import SUMS
 
 FIXED = np.zeros(0)  # axes of coordinates that do not turn
@@ -25,9 +26,9 @@ class State(NamedTuple):
     wrench: np.ndarray  # (m + 1, 6) on each wheel now, and on the ground
     aux: np.ndarray  # (m + 1, 6) auxiliary wrenches
     mean: np.ndarray  # (m + 1, 6) over the communication step
-    soil: np.ndarray  # (k, 3) force of the ground on each link now, N; none where nobody asks
-    soil_aux: np.ndarray  # (k, 3) auxiliary
-    soil_mean: np.ndarray  # (k, 3) over the communication step
+    on_links: np.ndarray  # (k, c) what touches each link now, see ``on_links``; none where nobody asks
+    on_links_aux: np.ndarray  # (k, c) auxiliary
+    on_links_mean: np.ndarray  # (k, c) over the communication step
     sums: np.ndarray  # (SUMS) of the last evaluation
     residual: np.ndarray  # (links, rows, axes) of each link: inertia + internal - external
 
@@ -42,16 +43,16 @@ class Motion(NamedTuple):
 
 
 def shapes(
-    width: int, element: tuple[int, int], links: int, nodes: int, wheels: int, axes: int = 0, soiled: int = 0
+    width: int, element: tuple[int, int], links: int, nodes: int, wheels: int, axes: int = 0, felt: Felt = NONE
 ) -> state.Shapes:
     """Of the views; ``width``: coordinates of a pin, ``element``: vectors of a link and their components.
 
-    ``soiled``: links whose force on the ground is asked for, all or none.
+    ``felt``: of what touches each link.
     """
-    pins, on, soil = (nodes, width), (wheels + 1, 6), (soiled, 3)
+    pins, on = (nodes, width), (wheels + 1, 6)
     return {
         "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins, "wrench": on, "aux": on, "mean": on,
-        "soil": soil, "soil_aux": soil, "soil_mean": soil, "sums": (SUMS,), "residual": (links, *element),
+        "on_links": felt, "on_links_aux": felt, "on_links_mean": felt, "sums": (SUMS,), "residual": (links, *element),
     }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.axes_state import SIZE
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
-from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever, pin_axis  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.link_layout import joined
 
 LAYOUT = joined(cables.LAYOUT, 2)  # the turning of the axes: roll and yaw
@@ -58,3 +58,9 @@ def flatten(links, w):
 def axial(links, w):
     """See ``elements``."""
     return cables.axial(links, w)
+
+
+@kernel
+def outer_and_inner(links, w):
+    """See ``elements``."""
+    return cables.outer_and_inner(links, w)

@@ -10,6 +10,7 @@ from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain.flexible.axes_state import Axes, axes
 from fmus.physics.chain.flexible.state import State, shapes, views
 from fmus.physics.chain.near import Near, near
+from fmus.physics.chain.on_links import NONE, Felt
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
@@ -46,7 +47,7 @@ class Work(NamedTuple):
     load: np.ndarray  # (links, rows, axes) residual of its contacts, where touched
     stiffening: np.ndarray  # (links, whole, whole) and their iteration matrix
     wrench: np.ndarray  # (wheels + 1, 6) on the wheels, and on the ground
-    soil: np.ndarray  # (k, 3) of the ground on each link
+    on_links: np.ndarray  # (k, c) what touches each link, see ``on_links``
     sums: np.ndarray  # (SUMS)
     contact: Memory
     near: Near
@@ -55,12 +56,12 @@ class Work(NamedTuple):
     change: np.ndarray  # (2, nodes, width) accelerations that are looked for; what comes with them and is not
 
 
-def work(kit: Any, links: int, nodes: int, wheels: int, soiled: int = 0) -> Work:
+def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Work:
     """Zeroed; ``kit`` is the module of the links."""
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
-    sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels, kit.FREE, soiled)
+    sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels, kit.FREE, felt)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     moved = z((wheels, 15))
     return Work(
@@ -73,7 +74,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int, soiled: int = 0) -> Work
         S=z(rows), C=z(rows), t=z(3),
         moved=moved, flat=moved if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
-        wrench=z((wheels + 1, 6)), soil=z((soiled, 3)), sums=z(SUMS), contact=memory(points(wheels, nodes)),
+        wrench=z((wheels + 1, 6)), on_links=z(felt), sums=z(SUMS), contact=memory(points(wheels, nodes)),
         near=near(links),
         axes=axes(nodes, m, whole) if kit.FREE else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),

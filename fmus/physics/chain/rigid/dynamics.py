@@ -106,6 +106,25 @@ def pin_motion(links, s, w):
 
 
 @kernel
+def pin_axes(links, s, w, axis):
+    """See ``kinds``: of the link that begins there."""
+    n = s.q.shape[0]
+    for j in range(axis.shape[0]):
+        A = w.system.A[min(j, n - 1)]
+        body.rotation(s.q[min(j, n - 1)], A)
+        for k in range(3):
+            axis[j, k] = A[k, 1]
+
+
+@kernel
+def fibres(links, s, w, stress):
+    """See ``kinds``: rigid links have none."""
+    for i in range(stress.shape[0]):
+        for k in range(2):
+            stress[i, k] = 0.0
+
+
+@kernel
 def pin_places(links, s, w, place):
     """See ``kinds``."""
     pin_motion(links, s, w)

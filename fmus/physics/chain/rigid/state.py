@@ -8,6 +8,7 @@ import numpy as np
 
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
+from fmus.physics.chain.on_links import NONE, Felt
 from fmus.physics.chain.sums import SUMS
 
 
@@ -22,21 +23,21 @@ class State(NamedTuple):
     wrench: np.ndarray  # (m + 1, 6) on each wheel now, and on the ground
     aux: np.ndarray  # (m + 1, 6) auxiliary wrenches
     mean: np.ndarray  # (m + 1, 6) over the communication step
-    soil: np.ndarray  # (k, 3) force of the ground on each link now, N; none where nobody asks
-    soil_aux: np.ndarray  # (k, 3) auxiliary
-    soil_mean: np.ndarray  # (k, 3) over the communication step
+    on_links: np.ndarray  # (k, c) what touches each link now, see ``on_links``; none where nobody asks
+    on_links_aux: np.ndarray  # (k, c) auxiliary
+    on_links_mean: np.ndarray  # (k, c) over the communication step
     sums: np.ndarray  # (SUMS) of the last evaluation
     lam: np.ndarray  # (p, 5) multipliers of the pins
     load: np.ndarray  # (p, 3) force of teeth and damping on each pin now: half of it on either of its links, N
 
 
-def shapes(links: int, closed: bool, wheels: int, soiled: int = 0) -> state.Shapes:
-    """Of the views; ``soiled``: links whose force on the ground is asked for, all or none."""
-    pins, on, soil = (links if closed else links + 1), (wheels + 1, 6), (soiled, 3)
+def shapes(links: int, closed: bool, wheels: int, felt: Felt = NONE) -> state.Shapes:
+    """Of the views; ``felt``: of what touches each link."""
+    pins, on = (links if closed else links + 1), (wheels + 1, 6)
     motion = links, 6
     return {
         "q": (links, 7), "v": motion, "a": motion, "vdot": motion, "wrench": on, "aux": on, "mean": on,
-        "soil": soil, "soil_aux": soil, "soil_mean": soil, "sums": (SUMS,), "lam": (pins, 5), "load": (pins, 3),
+        "on_links": felt, "on_links_aux": felt, "on_links_mean": felt, "sums": (SUMS,), "lam": (pins, 5), "load": (pins, 3),
     }  # fmt: skip
 
 

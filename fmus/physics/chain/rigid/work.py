@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.physics.chain.near import Near, near
+from fmus.physics.chain.on_links import NONE, Felt
 from fmus.physics.chain.rigid.state import State, shapes, views
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
@@ -26,7 +27,7 @@ class Work(NamedTuple):
     x: np.ndarray  # (n, 6) increments over the step
     moved: np.ndarray  # (m, 15) wheels at the time of evaluation
     wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
-    soil: np.ndarray  # (k, 3) of the ground on each link
+    on_links: np.ndarray  # (k, c) what touches each link, see ``on_links``
     sums: np.ndarray  # (SUMS)
     pins: np.ndarray  # (2, p, 3) their positions and velocities
     lever: np.ndarray  # (3) of a contact point
@@ -35,10 +36,10 @@ class Work(NamedTuple):
     still: np.ndarray  # (3, 3) their rotation matrix, ones
 
 
-def work(links: int, closed: bool, wheels: int, soiled: int = 0) -> Work:
+def work(links: int, closed: bool, wheels: int, felt: Felt = NONE) -> Work:
     """Zeroed."""
     z, pins = np.zeros, links if closed else links + 1
-    sizes, ground = shapes(links, closed, wheels, soiled), z((2, 7))
+    sizes, ground = shapes(links, closed, wheels, felt), z((2, 7))
     ground[:, 3] = 1.0
     return Work(
         before=views(z(size(sizes)), sizes),
@@ -48,7 +49,7 @@ def work(links: int, closed: bool, wheels: int, soiled: int = 0) -> Work:
         x=z((links, 6)),
         moved=z((wheels, WIDTH)),
         wrench=z((wheels + 1, 6)),
-        soil=z((soiled, 3)),
+        on_links=z(felt),
         sums=z(SUMS),
         pins=z((2, pins, 3)),
         lever=z(3),

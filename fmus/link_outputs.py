@@ -1,0 +1,79 @@
+"""What a track can show of its links and pins, in groups: a scene chooses, and nobody computes what was not chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_SLIDING, WITH_WHEELS, Felt
+from fmus.ports import Port
+
+XYZ = tuple("xyz")
+
+
+class Group(NamedTuple):
+    """Outputs of each link, or of each pin ("joint"): all links one after the other, of each its ``parts``."""
+
+    of: str
+    signal: str
+    parts: tuple[str, ...]  # the last part of the name; "" for a signal that has none
+    unit: str
+    text: str  # {part} of {it}
+    columns: int = 0  # of ``on_links`` that it needs
+    ground: bool = False  # only where there is a ground
+
+
+GROUPS = {
+    "tension": Group("link", "tension", ("",), "N", "tension of {it}"),
+    "stress": Group("link", "stress", ("",), "Pa", "largest axial stress of {it}"),
+    "position": Group("joint", "position", XYZ, "m", "{part} of {it}, world"),
+    "force": Group("joint", "force", XYZ, "N", "{part} force of {it} on the link that begins there, world"),
+    "ground": Group(
+        "link", "ground.force", XYZ, "N", "{part} force of the ground on {it}, world, mean over the step",
+        WITH_GROUND, True,
+    ),
+    "wheels": Group(
+        "link", "wheels.force", XYZ, "N",
+        "{part} force of the wheels on {it} and on the pin where it ends, world, mean over the step", WITH_WHEELS,
+    ),
+    "sliding": Group(
+        "link", "ground.sliding", XYZ, "m/s",
+        "{part} velocity over the ground of what of {it} lies on it, world, mean over the step", WITH_SLIDING, True,
+    ),
+    "depth": Group(
+        "link", "ground.depth", ("",), "m", "depth of {it} in the ground, mean over the step", WITH_SLIDING, True
+    ),
+    "axis": Group("joint", "axis", XYZ, "1", "{part} of the unit vector along {it}, world"),
+    "fibres": Group(
+        "link", "fibre", ("outer", "inner"), "Pa",
+        "axial stress of {it} at its {part} fibre, mean along the link, positive where it is stretched",
+    ),
+}  # fmt: skip
+TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES = range(len(GROUPS))  # in their order
+STANDARD = ("tension", "stress", "position", "force", "ground")
+BEYOND = ("axis", "fibres")  # what needs kernels of its own
+
+
+def chosen(asked: Any, ground: bool) -> tuple[str, ...]:
+    """Names of the groups, in order; ``asked``: all that is standard (True), nothing (False), or names."""
+    names = STANDARD if asked is True else asked or ()
+    return tuple(name for name, group in GROUPS.items() if name in names and (ground or not group.ground))
+
+
+def felt(groups: Sequence[str], links: int) -> Felt:
+    """Rows and columns of what touches each link."""
+    columns = max((GROUPS[name].columns for name in groups), default=0)
+    return (links, columns) if columns else NONE
+
+
+def ports(groups: Sequence[str], links: int, pins: int) -> list[Port]:
+    """Outputs of links 1 to ``links`` and pins 1 to ``pins``."""
+    found = []
+    for group in (GROUPS[name] for name in groups):
+        of_a_link = group.of == "link"
+        for i in range(1, (links if of_a_link else pins) + 1):
+            it = f"link {i}" if of_a_link else f"pin {i}"
+            for part in group.parts:
+                name = f"{group.of}[{i}].{group.signal}" + (f".{part}" if part else "")
+                found.append(Port(name, "output", group.unit, group.text.format(part=part, it=it)))
+    return found
