@@ -49,13 +49,13 @@ GROUPS = {
         "axial stress of {it} at its {part} fibre, mean along the link, positive where it is stretched",
     ),
 }  # fmt: skip
-TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES = range(len(GROUPS))  # in their order
+TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES = range(len(GROUPS))
 STANDARD = ("tension", "stress", "position", "force", "ground")
 BEYOND = ("axis", "fibres")  # what needs kernels of its own
 
 
 def chosen(asked: Any, ground: bool) -> tuple[str, ...]:
-    """Names of the groups, in order; ``asked``: all that is standard (True), nothing (False), or names."""
+    """Names of the groups, in order, that there are; ``asked``: names, what is standard (True), or nothing (False)."""
     names = STANDARD if asked is True else asked or ()
     return tuple(name for name, group in GROUPS.items() if name in names and (ground or not group.ground))
 

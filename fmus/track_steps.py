@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.jit import allocating, kernel
+from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, STRESS, TENSION, WHEELS
 from fmus.model import no_rotation, too_many
+from fmus.physics.chain import on_links
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
 from fmus.physics.chain.implicit import advance
-from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, STRESS, TENSION, WHEELS
-from fmus.physics.chain import on_links
 from fmus.physics.chain.kinds import fibres, links_shown, pin_axes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS

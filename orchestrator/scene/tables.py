@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from fmus.link_outputs import GROUPS, STANDARD
 from fmus.vehicle import Distance, Force, In, Mass, Table
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
@@ -161,9 +162,18 @@ class Ground(Table):
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
-LinkOutput = Literal[
-    "tension", "stress", "position", "force", "ground", "wheels", "sliding", "depth", "axis", "fibres"
-]
+def _groups(asked: object) -> object:
+    """Of link outputs: all, those that are standard (true), none (false), or names."""
+    if asked == "all":
+        return tuple(GROUPS)
+    if isinstance(asked, bool):
+        return STANDARD if asked else ()
+    if isinstance(asked, list | tuple) and all(isinstance(name, str) and name in GROUPS for name in asked):
+        return tuple(name for name in GROUPS if name in asked)
+    raise ValueError(f"must be true, false, 'all' or a list of {', '.join(GROUPS)}")
+
+
+LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_groups)]
 
 
 class Track(Table):
@@ -176,7 +186,7 @@ class Track(Table):
     integrator: Literal["generalized_alpha", "runge_kutta"] | None = None
     step: Duration | None = None  # largest internal step
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
-    link_outputs: bool | tuple[LinkOutput, ...] = True  # the standard ones, none, or groups of ``fmus.link_outputs``
+    link_outputs: LinkOutputs = STANDARD  # groups of ``fmus.link_outputs``
 
     @model_validator(mode="after")
     def _rigid_links_have_none(self) -> Track:

@@ -99,6 +99,7 @@ class Rigid(Chain):
         self.pins = np.concatenate([self.centre - half, (self.centre + half)[:, -1:]], axis=1)[:, : self.nodes]
         self.rates = np.concatenate([self.velocity - swing, (self.velocity + swing)[:, -1:]], axis=1)[:, : self.nodes]
         self.axes = body[..., 1]
+        self.pin_axes = np.concatenate([body[..., 1], body[:, -1:, :, 1]], axis=1)[:, : self.nodes]
 
     def moved(self, tau: float) -> Rigid:
         other = copy(self)
@@ -228,6 +229,10 @@ class Cable(Element):
     def axes(self) -> Floats:
         return np.broadcast_to(self.across, self.e[:, :, 0].shape)
 
+    @property
+    def pin_axes(self) -> Floats:
+        return np.broadcast_to(self.axes[:, :1], self.pins.shape)
+
     def centreline(self, xi, derivative: int = 0) -> Floats:
         return hermite(xi, self.pitch, derivative)
 
@@ -285,6 +290,20 @@ class Cable(Element):
         fibre = moment * section["outer_fibre"] / section["bending"]
         axial = self.tension / section["area"]
         return np.maximum(abs(axial + fibre), abs(axial - fibre))
+
+    @cached_property
+    def fibres(self) -> tuple[Floats, Floats]:
+        """(T, n) at the outer and the inner fibre, Pa: tension over area, and curvature towards the outer side."""
+        section, (x, w) = self.vehicle["section"], gauss(3)
+        slope = self.slopes(self.e, [0.5])[:, :, 0]
+        outwards = np.cross(slope, self.axes)
+        outwards = outwards / np.linalg.norm(outwards, axis=-1, keepdims=True)
+        bend = np.einsum("p,tnpi,tni->tn", w, self.slopes(self.e, x, 2), outwards)
+        at, more = (
+            self.tension / section["area"],
+            self.stiffness[1] / section["bending"] * section["outer_fibre"] * bend,
+        )
+        return at - more, at + more
 
     def energies(self, e: Floats) -> Floats:
         EA, EI = self.stiffness
@@ -520,6 +539,21 @@ class Beam(Element):
                     slope = self.gradients(x, y, z)[..., 0]
                     found = np.maximum(found, abs(self.young * 0.5 * ((slope**2).sum(-1) - 1.0)))
         return found
+
+    @property
+    def pin_axes(self) -> Floats:
+        axis = np.concatenate([self.e[:, :, 2], self.e[:, -1:, 6]], axis=1)[:, : self.nodes]
+        return axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+
+    @cached_property
+    def fibres(self) -> tuple[Floats, Floats]:
+        """E times Green's strain xx in the middle of the width, mean along the link, outside and inside."""
+        off, (x, w) = self.vehicle["section"]["outer_fibre"], gauss(4)
+        return tuple(
+            sum(b * self.young * 0.5 * ((self.gradients(a, 0.0, z)[..., 0] ** 2).sum(-1) - 1.0)
+                for a, b in zip(x, w, strict=True))
+            for z in (off, -off)
+        )  # fmt: skip
 
     def energies(self, e: Floats) -> Floats:
         """Strain energy of elements at coordinates ``e`` (..., 8, 3), J.

@@ -3,6 +3,7 @@ what else there is with outputs that a vehicle leaves alone: ends that are pulle
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
@@ -10,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from vehicle_in_process import InProcess
 
+from fmus.link_outputs import GROUPS
 from mirror.record import Record
 from orchestrator.scene.scene import load
 
@@ -18,6 +20,8 @@ DRIVE = (
     "drive.ramp_start=0 s", "drive.ramp_time=0.3 s", "drive.speed=12 rad/s", "drive.stop=0.5 s",
     "drive.stop_time=0.1 s", "vehicle.contact.ground.friction=0.9", "run.step=1 ms",
 )  # fmt: skip
+# all that a track can show of its links
+ALL = f"track.link_outputs={json.dumps(list(GROUPS))}"
 STEPS = "run.step=1 ms", "track.step=1 ms"  # what the tolerances of the checks rest on
 RAISED = "start.height=5 cm", "start.pitch=2 deg"
 # the left drive is slower and controlled, or braked
@@ -32,12 +36,12 @@ BRAKED = {
 
 
 def vehicle(model: str, *settings: str, overrides=None, duration: float = 0.65) -> Record:
-    scene = load("straight", model, [*PLACE, *DRIVE, *STEPS, *settings])
+    scene = load("straight", model, [*PLACE, *DRIVE, *STEPS, ALL, *settings])
     return Record(InProcess(scene, overrides), duration)
 
 
 def other(scene: str, model: str, *settings: str, overrides=None, duration: float = 0.2) -> Record:
-    return Record(InProcess(load(scene, model, [*PLACE, *settings]), overrides), duration)
+    return Record(InProcess(load(scene, model, [*PLACE, ALL, *settings]), overrides), duration)
 
 
 SOFT = (

@@ -68,6 +68,8 @@ class Touch(NamedTuple):
     depth: Floats  # (T) m
     load: Floats  # (T) N on the ground
     slide: Floats  # (T, 3) N m/s: load times velocity of the points on the ground
+    sliding: Floats  # (T, n, 3) m/s, mean velocity of the points on the ground
+    sunk: Floats  # (T, n) m, depth of the deepest of them
 
 
 class _Sum:
@@ -76,7 +78,7 @@ class _Sum:
         z = np.zeros
         self.chain, self.wheels = chain, wheels
         self.t = Touch(z((T, m, 6)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
-                       z(T), z(T), z(T), z(T), z(T), z((T, 3)))  # fmt: skip
+                       z(T), z(T), z(T), z(T), z(T), z((T, 3)), z((T, chain.n, 3)), z((T, chain.n)))  # fmt: skip
 
     def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, pins: bool = False) -> None:
         """Points ``x`` (p, 3) at instants ``t`` on links (or pins) ``at`` and the wheel ``m``, or the ground."""
@@ -165,6 +167,7 @@ def soil(sums: _Sum, law: Law, level: float) -> None:
     chain = sums.chain
     near = np.minimum(chain.ends[0][..., 2], chain.ends[1][..., 2]) < level + 2.0 * chain.pitch
     t, i = np.nonzero(near)
+    lie = np.zeros(near.shape)
     for side in (-1.0, 1.0):
         for y in chain.lateral:
             x, u = chain.point(t, i, 0.5 + side * SPREAD, y, chain.face)
@@ -174,6 +177,10 @@ def soil(sums: _Sum, law: Law, level: float) -> None:
             sums.book(t[on], i[on], x[on], u[on], depth[on], push, None)
             np.add.at(sums.t.load, t[on], push.normal)
             np.add.at(sums.t.slide, t[on], push.normal[:, None] * u[on])
+            np.add.at(sums.t.sliding, (t[on], i[on]), u[on])
+            np.add.at(lie, (t[on], i[on]), 1.0)
+            np.maximum.at(sums.t.sunk, (t[on], i[on]), depth[on])
+    sums.t.sliding[:] /= np.maximum(lie, 1.0)[..., None]
 
 
 class Outline:

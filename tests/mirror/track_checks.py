@@ -67,6 +67,49 @@ def ground_of_links(view: View, names: Sequence[str]) -> Floats:
     return (view.part[f"ground.force.{axis}"] - sum(view.part[other] for other in others if other != name))[:, None]
 
 
+def wheels_of_links(view: View, names: Sequence[str]) -> Floats:
+    """Of rims and guides on each link, and of teeth on the pin where it ends; on the first pin of an open chain too."""
+    c, found = view.chain, view.touch.force - view.touch.ground + view.touch.teeth[:, view.chain.second]
+    if not c.closed:
+        found[:, 0] += view.touch.teeth[:, 0]
+    return of_links(view, found, names)
+
+
+def of_links(view: View, found: Floats, names: Sequence[str]) -> Floats:
+    """Mean over the steps, by the recursion, of what each link has (T, n, 3)."""
+    means = started(found[0], view.recursion.means(found))
+    return np.stack([means[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+def sliding(view: View, names: Sequence[str]) -> Floats:
+    return of_links(view, view.touch.sliding, names)
+
+
+def sunk(view: View, names: Sequence[str]) -> Floats:
+    means = started(view.touch.sunk[0], view.recursion.means(view.touch.sunk))
+    return np.stack([means[:, link_number(name)] for name in names], axis=1)
+
+
+def links_on_wheels(view: View, names: Sequence[str]) -> Floats:
+    """The reaction of all wheels, less what other links have."""
+    (name,) = names
+    axis = name[-1]
+    others = [f"link[{i}].wheels.force.{axis}" for i in range(1, view.chain.n + 1)]
+    on_wheels = sum(view.part[f"{wheel}.force.{axis}"] for wheel in wheel_names(view))
+    return (-on_wheels - sum(view.part[other] for other in others if other != name))[:, None]
+
+
+def newton(view: View, names: Sequence[str]) -> Floats:
+    """At rest: what is left of the joints' forces, the ground's and the weight of a link."""
+    (name,) = names
+    c, part, i, axis = view.chain, view.part, link_number(names[0]) + 1, name[-1]
+    found = np.full(len(part.t), np.nan)
+    force = part[f"joint[{c.second[i - 1] + 1}].force.{axis}"] - part[f"joint[{i}].force.{axis}"]
+    weight = c.mass * c.gravity if axis == "z" else 0.0
+    found[0] = (force + weight - part[f"link[{i}].ground.force.{axis}"])[0]
+    return found[:, None]
+
+
 def momentum(view: View, names: Sequence[str]) -> Floats:
     """Change of the chain's momentum over each step, less all other forces."""
     (name,), part, c = names, view.part, view.chain
@@ -237,6 +280,17 @@ def joint_forces(view: View, names: Sequence[str]) -> Floats:
     return np.stack([view.joints[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
 
 
+def joint_axes(view: View, names: Sequence[str]) -> Floats:
+    return np.stack([view.chain.pin_axes[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+def fibre(view: View, names: Sequence[str]) -> Floats:
+    c = view.chain
+    if isinstance(c, Rigid):
+        return np.zeros((len(view.part.t), len(names)))
+    return np.stack([c.fibres[name.endswith("inner")][:, link_number(name)] for name in names], axis=1)
+
+
 def joint_places(view: View, names: Sequence[str]) -> Floats:
     return np.stack([view.chain.pins[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
 
@@ -395,6 +449,13 @@ CHECKS = (
     Check(r"link\[\d+\]\.ground\.force\.[xyz]", "contact laws", ground, 1e-3, 2.0, applies=implicit),
     Check(r"link\[\d+\]\.ground\.force\.[xyz]", "the track's less that of others", ground_of_links, 1e-9, 1e-7,
           balance=True),
+    Check(r"link\[\d+\]\.wheels\.force\.[xyz]", "contact laws", wheels_of_links, 1e-3, 2.0, applies=implicit),
+    Check(r"link\[\d+\]\.wheels\.force\.[xyz]", "the reaction of wheels less that of others", links_on_wheels, 1e-9,
+          1e-7, balance=True),
+    Check(r"link\[\d+\]\.wheels\.force\.[xyz]", "what balances a link at rest", newton, 1e-3, 1.0, balance=True,
+          applies=straight_on),
+    Check(r"link\[\d+\]\.ground\.sliding\.[xyz]", "points on the ground", sliding, 1e-3, 1e-4, applies=implicit),
+    Check(r"link\[\d+\]\.ground\.depth", "points on the ground", sunk, 1e-4, 1e-7, applies=implicit),
     Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=straight_on),
     Check("travel", "straight runs over the carrier, summed", travel, 5e-3, 1e-4),
     Check("travel", "pins that have passed, counted", passed, 0.02, 2e-3, applies=on_a_vehicle),
@@ -405,6 +466,8 @@ CHECKS = (
     Check(r"link\[\d+\]\.tension", "between what its pins carry", carried, 0.03, 50.0, applies=strained),
     Check(r"tension\.(min|mean|max)", "of all links", tension_of_all, 1e-3, 2.0, applies=told),
     Check(r"link\[\d+\]\.stress", "strain at the outer fibre", stress, 1e-4, 1e-2),
+    Check(r"link\[\d+\]\.fibre\.(outer|inner)", "strain in the middle", fibre, 1e-4, 0.5),
+    Check(r"joint\[\d+\]\.axis\.[xyz]", "coordinates", joint_axes, 1e-12, 1e-15),
     Check(r"stress\.max", "of all links", stress_of_all, 1e-4, 1e-2),
     Check(r"joint\[\d+\]\.force\.[xyz]", "motion of the links", joint_forces, 2e-3, 4.0, applies=implicit),
     Check(r"joint\[\d+\]\.position\.[xyz]", "coordinates", joint_places, 1e-12),

@@ -36,7 +36,7 @@ def feel(on_links, i, column, f):
 @kernel
 def slide(on_links, i, v, depth):
     """A point of link ``i`` lies ``depth`` in the ground and moves by ``v`` over it; ``rest`` comes after the last."""
-    if SLIDING < on_links.shape[1]:
+    if on_links.shape[1] > SLIDING:
         for k in range(3):
             on_links[i, SLIDING + k] += v[k]
         on_links[i, DEPTH] = max(on_links[i, DEPTH], depth)
@@ -45,6 +45,6 @@ def slide(on_links, i, v, depth):
 @kernel
 def rest(on_links, i, points):
     """So many points of link ``i`` lay on the ground."""
-    if SLIDING < on_links.shape[1] and points > 1:
+    if on_links.shape[1] > SLIDING and points > 1:
         for k in range(3):
             on_links[i, SLIDING + k] /= points

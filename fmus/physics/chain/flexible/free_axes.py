@@ -66,7 +66,7 @@ def homeward(links, x, w):
     for k in range(w.wrench.shape[0] - 1):
         put(w.wrench[k], 0, from_axes(x.axes, vector(w.wrench[k], 0)))
         put(w.wrench[k], 3, from_axes(x.axes, vector(w.wrench[k], 3)))
-    if WHEELS < w.on_links.shape[1]:
+    if w.on_links.shape[1] > WHEELS:
         for i in range(w.on_links.shape[0]):
             put(w.on_links[i], WHEELS, from_axes(x.axes, vector(w.on_links[i], WHEELS)))
 
