@@ -37,7 +37,8 @@ def shapes(links: int, closed: bool, wheels: int, felt: Felt = NONE) -> state.Sh
     motion = links, 6
     return {
         "q": (links, 7), "v": motion, "a": motion, "vdot": motion, "wrench": on, "aux": on, "mean": on,
-        "on_links": felt, "on_links_aux": felt, "on_links_mean": felt, "sums": (SUMS,), "lam": (pins, 5), "load": (pins, 3),
+        "on_links": felt, "on_links_aux": felt, "on_links_mean": felt, "sums": (SUMS,),
+        "lam": (pins, 5), "load": (pins, 3),
     }  # fmt: skip
 
 
