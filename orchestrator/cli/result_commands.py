@@ -6,17 +6,21 @@ import json
 import sys
 from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, leave, warn
 
 
 def replay(
     log: LogPath,
-    component: Annotated[str, typer.Option("--component", metavar="NAME", help="the component that is stepped again")],
+    component: Annotated[
+        list[str] | None,
+        typer.Option("--component", metavar="NAME", help="what is stepped again; repeatable, all without it"),
+    ] = None,
     other: Annotated[
         str | None,
         typer.Option("--with", metavar="rigid|flexible|FMU", help="another model under the recorded motion"),
@@ -24,35 +28,69 @@ def replay(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model's answer")
     ] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="both answers over time, .png or .svg")
+    ] = None,
     start: Annotated[float, typer.Option("--from", metavar="T", help="first instant that is compared, s")] = -inf,
     end: Annotated[float, typer.Option("--to", metavar="T", help="last one; the component is stepped that far")] = inf,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout, of a comparison")] = False,
 ) -> None:
-    """Feed a component its recorded inputs: is it equal?
+    """Feed components their recorded inputs: are they equal?
 
-    Bit by bit; or, with another model in its place, how does that one answer.
+    Bit by bit; or, with another model in the place of one, how does that one answer: both over time, and apart.
     What is stepped is built from the scene in the log, or is the FMU that --with names: no file that the log names.
     An FMU that is the one that ran, by its hash, is compared bit by bit unless -o asks for its log.
     """
     from orchestrator.execution import replay_model
+
+    names = component or replay_model.components(log)
+    if other is not None and len(names) > 1:
+        raise BadInput(f"--with {other} takes the place of one component: --component {' or '.join(names)}")
+    verdicts = {}
+    for name in names:
+        with replay_model.opened(log, name, other, warn) as again:
+            if other is not None and not (again.model.ran and output is None):
+                _answer(log, again, output or log.with_name(_answer_name(log, name, other)), picture)
+                return
+            verdicts[name] = again.verify((start, end))
+    if as_json:
+        told = {name: _told(verdict) for name, verdict in verdicts.items()}
+        print(json.dumps(printed.finite(told[names[0]] if component and len(names) == 1 else told)))
+    else:
+        for name, verdict in verdicts.items():
+            print(printed.plain(verdict.sentence if len(names) == 1 else f"{name}: {verdict.sentence}"))
+    sys.exit(0 if verdicts and all(verdict.equal for verdict in verdicts.values()) else 1)
+
+
+def _told(verdict: Any) -> dict[str, Any]:
+    """A ``replays.Verdict`` as JSON has it."""
+    told = None if verdict.difference is None else verdict.difference._asdict()
+    return {**verdict._asdict(), "difference": told, "equal": verdict.equal}
+
+
+def _answer_name(log: Path, component: str, other: str) -> str:
+    """Of the log of another model's answer, if nobody names it."""
     from orchestrator.log.export import file_name
 
-    with replay_model.opened(log, component, other, warn) as again:
-        if other is None or (again.model.ran and output is None):
-            verdict = again.verify((start, end))
-            if as_json:
-                told = None if verdict.difference is None else verdict.difference._asdict()
-                print(json.dumps(printed.finite({**verdict._asdict(), "difference": told, "equal": verdict.equal})))
-            else:
-                print(verdict.sentence)
-            sys.exit(0 if verdict.equal else 1)
-        path = output or log.with_name(f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap")
-        lines = again.answer(path)
-        if not lines:
-            leave(f"{log} holds no step of '{component}': there is nothing to answer", 1)
-        for line in lines:
-            print(line)
-        print(f"log {path}")
+    return f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap"
+
+
+def _answer(log: Path, again: Any, path: Path, picture: Path | None) -> None:
+    """Log how another model answers; a table and a picture of both."""
+    from orchestrator.log.reader import Log
+    from orchestrator.results import answered
+
+    name = again.component.name
+    if not again.answer(path):
+        leave(f"{log} holds no step of '{name}': there is nothing to answer", 1)
+    with Log(log) as one, Log(path) as two:
+        found = answered.answers(one, two, name)
+    for line in answered.lines(found):
+        print(printed.plain(line))
+    print(f"log {path}")
+    if picture is not None:
+        answered.draw(found, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
+        print(picture)
 
 
 def compare(

@@ -45,8 +45,8 @@ class Again(NamedTuple):
         """Bit by bit against the log, in a window, s."""
         return replays.verify(self.log, self.component, self.parameters, window)
 
-    def answer(self, path: Path) -> list[str]:
-        """Log the component's own answer, and lines of a table of forces; nothing for a log without a step.
+    def answer(self, path: Path) -> int:
+        """Log the component's own answer; returns its steps, and makes no log of a log without one.
 
         That log holds the FMU's hash and its parameters, and the scene that it belongs to where that is known: it can
         be replayed in turn. Raises BadInput, Unfit.
@@ -55,7 +55,7 @@ class Again(NamedTuple):
         if path.exists() and path.samefile(log.path):
             raise BadInput(f"{path} is the log itself: give another name")
         if not len(log.read(f"/{name}/in").t):
-            return []
+            return 0
         ran = Instance(name, self.model.fmu, dict(self.parameters), self.model.stage)
         attachments = {
             "system.json": as_json(describe(System((ran,), ()))),
@@ -81,6 +81,12 @@ def opened(path: Path, name: str, other: str | None, logger: Logger | None = Non
             known = set(component.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in known}
             yield Again(log, component, parameters, model)
+
+
+def components(path: Path) -> list[str]:
+    """Names of the components of a log that ran as FMUs; raises LogUnreadable, NoSuchSignal."""
+    with Log(path) as log:
+        return [entry["name"] for entry in system_of(log)["instances"] if entry.get("sha256")]
 
 
 def _entry(log: Log, name: str) -> dict[str, Any]:

@@ -297,9 +297,10 @@ def test_equal_runs_have_equal_digests_and_replay_is_equal(cotrack):
 
 def test_replay_with_the_other_track_model(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
-    status, out, _ = cotrack("replay", "a.mcap", "--component", "chain", "--with", "rigid")
+    status, out, _ = cotrack("replay", "a.mcap", "--with", "rigid", "--picture", "x.png")
     assert status == 0
     assert "tension.max" in out
+    assert (out.splitlines()[-1], Path("x.png").stat().st_size > 10_000) == ("x.png", True)
     with Log(tmp_path / "a-chain-rigid.mcap") as log:
         assert len(log.read("/chain/out").t) == 21
     status, _, err = cotrack("replay", "a.mcap", "--component", "left_track")

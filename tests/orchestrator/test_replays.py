@@ -163,7 +163,7 @@ def test_a_replay_of_no_step_is_no_success(log, tmp_path):
         verdict = again.verify()
         assert (verdict.steps, verdict.difference, verdict.equal) == (0, None, False)
         assert verdict.sentence.startswith("nothing was compared: the log holds 0 steps")
-        assert again.answer(tmp_path / "answer.mcap") == []
+        assert again.answer(tmp_path / "answer.mcap") == 0
     assert not (tmp_path / "answer.mcap").exists()
 
 

@@ -1,0 +1,109 @@
+"""How another model answers the inputs that a log holds: both over time, how far they are apart, and from when on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results.picture import saved
+
+PARTED = 0.01  # of the largest value: from there on two answers have parted
+DRAWN = ("tension.max", "sprocket.force.x", "ground.force.z", "speed")  # where there are such
+
+
+class Answer(NamedTuple):
+    """An output of both models, at the steps that the log holds of it."""
+
+    signal: str
+    unit: str
+    t: Floats  # (m,) s
+    recorded: Floats  # (m,)
+    now: Floats  # (m,)
+
+    @property
+    def apart(self) -> Floats:
+        """The answer now less the recorded one (m,)."""
+        return self.now - self.recorded
+
+    @property
+    def largest(self) -> float:
+        """Absolute value that either reaches."""
+        return float(max(abs(self.recorded).max(), abs(self.now).max()))
+
+    @property
+    def peak(self) -> tuple[float, float]:
+        """The largest difference, with its sign, and when, s."""
+        k = int(abs(self.apart).argmax())
+        return float(self.apart[k]), float(self.t[k])
+
+    @property
+    def parted(self) -> float:
+        """When they were first PARTED of the largest value apart, s; NaN where they never were."""
+        beyond = np.flatnonzero(abs(self.apart) > PARTED * self.largest)
+        return float(self.t[beyond[0]]) if len(beyond) else np.nan
+
+
+def answers(log: Log, answer: Log, component: str) -> list[Answer]:
+    """Of all outputs that both logs hold of a component, but those that are zero in both.
+
+    Raises NoSuchSignal, LogUnreadable.
+    """
+    topic = f"/{component}/out"
+    about = {one: one.topics[one.known_topic(topic)] for one in (log, answer)}
+    names = [name for name in about[log].names if name in about[answer].names]
+    found = [one.select({topic: [about[one].names.index(name) for name in names]})[topic] for one in (log, answer)]
+    t, at, there = np.intersect1d(found[0].t, found[1].t, return_indices=True)
+    shown = []
+    for k, name in enumerate(names):
+        one = Answer(name, log.unit(f"{component}.{name}"), t, found[0].values[at, k], found[1].values[there, k])
+        if len(t) and one.largest > 0.0:
+            shown.append(one)
+    return shown
+
+
+def lines(found: list[Answer]) -> list[str]:
+    """A table of them."""
+    rows = [
+        f"{'signal':28} {'unit':5} {'rms, log':>12} {'rms, now':>12} {'rms apart':>12} {'most apart':>12}"
+        f" {'at, s':>8} {'parted, s':>10}"
+    ]
+    for one in found:
+        most, at = one.peak
+        figures = _rms(one.recorded), _rms(one.now), _rms(one.apart), most
+        parted = f"{one.parted:10.4f}" if np.isfinite(one.parted) else f"{'never':>10}"
+        rows.append(f"{one.signal:28} {one.unit:5} {' '.join(f'{x:12.5g}' for x in figures)} {at:8.4f} {parted}")
+    return rows
+
+
+def draw(found: list[Answer], output: Path, title: str) -> None:
+    """Both over time and their difference, of a few outputs; raises BadInput where the file cannot be written."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    chosen = [one for one in found if one.signal in DRAWN] or found[: len(DRAWN)]
+    figure = Figure(figsize=(9.0, 1.9 * len(chosen) + 0.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    for one, (pane, beside) in zip(chosen, figure.subplots(len(chosen), 2, sharex=True, squeeze=False), strict=True):
+        pane.plot(one.t, one.recorded, linewidth=0.9, label="log")
+        pane.plot(one.t, one.now, linewidth=0.9, label="now")
+        pane.set_ylabel(f"{one.signal}\n{one.unit}", fontsize=8)
+        beside.plot(one.t, one.apart, linewidth=0.9, color="C3")
+        beside.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
+        pane.grid(alpha=0.3)
+        beside.grid(alpha=0.3)
+    panes = figure.axes
+    panes[0].legend(fontsize=8)
+    panes[0].set_title("both answers", fontsize=9)
+    panes[1].set_title("now less log", fontsize=9)
+    for pane in panes[-2:]:
+        pane.set_xlabel("t, s")
+    figure.suptitle(title, fontsize=10, parse_math=False)
+    saved(figure, output)
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
