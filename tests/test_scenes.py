@@ -11,9 +11,9 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results import measures
+from orchestrator.results.answered import answers
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import third_law
-from orchestrator.results.answered import answers
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene import gallery
 from orchestrator.scene.scene import load, tracked

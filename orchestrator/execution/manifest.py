@@ -27,6 +27,7 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import Scene
 
 PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
+NATIVE = "native"  # kind of FMUs, in a log's metadata
 STATS_PERIOD = 0.1  # s of simulated time between records of cost
 
 

@@ -15,11 +15,11 @@ from fmus.vehicle import BadInput, shown
 from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
-from orchestrator.execution.manifest import as_json, describe, description, sha256
+from orchestrator.execution.manifest import NATIVE, as_json, describe, description, sha256
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER
-from orchestrator.scene.assembly import TRACKS, Part, assemble, build_all, placed
+from orchestrator.scene.assembly import TRACKS, Part, assemble, build_parts, placed
 from orchestrator.scene.scene import TrackScene, from_table
 
 
@@ -120,7 +120,8 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None) -> Model:
     part = _part(scene, name)
     if track is not None and part.kind != TRACKS[track]:
         raise BadInput(f"--with {track}: '{name}' is no track")
-    fmu = build_all([(part.kind, part.config, None)])[0]
+    native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
+    fmu = build_parts([part], native)[0]
     if track is not None:
         ran = sha256(fmu) == entry["sha256"] and part.parameters == entry.get("parameters", {})
         return Model(fmu, part.parameters, part.stage, scene, ran)

@@ -10,8 +10,8 @@ import numpy as np
 from fmus.vehicle import BadInput, shown
 from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
-from orchestrator.execution.manifest import sha256
-from orchestrator.execution.simulate import NATIVE, Begun, simulate
+from orchestrator.execution.manifest import NATIVE, sha256
+from orchestrator.execution.simulate import Begun, simulate
 from orchestrator.log.described import system_of
 from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log

@@ -25,7 +25,7 @@ from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar
 from orchestrator.execution import estimate, summary
-from orchestrator.execution.manifest import STATS_PERIOD, open_log
+from orchestrator.execution.manifest import NATIVE, STATS_PERIOD, open_log
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.run_data import RunData
@@ -35,7 +35,6 @@ from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
 QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
-NATIVE = "native"  # kind of FMUs, in a log's metadata
 LATER = 10  # niceness of a process beside that is not the longest
 
 

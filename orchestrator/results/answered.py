@@ -12,6 +12,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.picture import saved
 
 PARTED = 0.01  # of the largest value: from there on two answers have parted
+ROUNDING = 1e-9  # of the largest value of its unit
 DRAWN = ("tension.max", "sprocket.force.x", "ground.force.z", "speed")  # where there are such
 
 
@@ -48,7 +49,7 @@ class Answer(NamedTuple):
 
 
 def answers(log: Log, answer: Log, component: str) -> list[Answer]:
-    """Of all outputs that both logs hold of a component, but those that are zero in both.
+    """Of all outputs that both logs hold of a component, but those that are zero, or rounding, in both.
 
     Raises NoSuchSignal, LogUnreadable.
     """
@@ -57,12 +58,16 @@ def answers(log: Log, answer: Log, component: str) -> list[Answer]:
     names = [name for name in about[log].names if name in about[answer].names]
     found = [one.select({topic: [about[one].names.index(name) for name in names]})[topic] for one in (log, answer)]
     t, at, there = np.intersect1d(found[0].t, found[1].t, return_indices=True)
-    shown = []
-    for k, name in enumerate(names):
-        one = Answer(name, log.unit(f"{component}.{name}"), t, found[0].values[at, k], found[1].values[there, k])
-        if len(t) and one.largest > 0.0:
-            shown.append(one)
-    return shown
+    if not len(t):
+        return []
+    shown = [
+        Answer(name, log.unit(f"{component}.{name}"), t, found[0].values[at, k], found[1].values[there, k])
+        for k, name in enumerate(names)
+    ]
+    most: dict[str, float] = {}  # by unit
+    for one in shown:
+        most[one.unit] = max(most.get(one.unit, 0.0), one.largest)
+    return [one for one in shown if one.largest > ROUNDING * most[one.unit]]
 
 
 def lines(found: list[Answer]) -> list[str]:

@@ -94,18 +94,20 @@ def system(assembly: Assembly, native: bool = False) -> System:
 
     ``native``: as machine code alone, an FMU for parts that differ by free parameters only.
     """
-    if native:
-        from fmus.native.pack import held  # compilers, only for those who want them
-
-        files = build_native_all(
-            [(part.kind, held(part.kind, part.config, part.parameters), None) for part in assembly.parts]
-        )
-    else:
-        files = build_all([(part.kind, part.config, None) for part in assembly.parts])
+    files = build_parts(assembly.parts, native)
     instances = tuple(
         Instance(part.name, file, part.parameters, part.stage) for part, file in zip(assembly.parts, files, strict=True)
     )
     return System(instances, assembly.connections)
+
+
+def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
+    """The FMU of each part; ``native`` as in ``system``."""
+    if not native:
+        return build_all([(part.kind, part.config, None) for part in parts])
+    from fmus.native.pack import held  # compilers, only for those who want them
+
+    return build_native_all([(part.kind, held(part.kind, part.config, part.parameters), None) for part in parts])
 
 
 Product = tuple[str, dict[str, Any], str | None]  # kind, config, name
