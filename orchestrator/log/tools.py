@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.container_writer import LogFailed, check_writable
+from orchestrator.log.described import system_of
 from orchestrator.log.log_format import checkpoint_step
 from orchestrator.log.message_records import Messages
 from orchestrator.log.reader import Log, LogUnreadable
@@ -77,7 +78,7 @@ class Info(NamedTuple):
 
 
 def verify(path: str | os.PathLike[str]) -> Verdict:
-    """Whether a log is whole: every checksum, every step, every sha256, the closing record."""
+    """Whether a log is whole: every checksum, step and sha256, the closing record, wires along connections."""
     try:
         with Log(path) as log:
             faults = _faults(log)
@@ -100,7 +101,7 @@ def _faults(log: Log) -> list[str]:
         for messages in log.intact()
         for fault in tallies[messages.topic].add(messages, _stride(log, messages.topic))
     ]
-    faults = [*log.faults, *log.checksums(), *faults]
+    faults = [*log.faults, *log.checksums(), *faults, *_miswired(log)]
     if log.closing is None:
         last = max((tally.last for tally in tallies.values() if tally.messages), default=0.0)
         ended = "has come to" if log.being_written else "was cut off after"
@@ -113,6 +114,28 @@ def _faults(log: Log) -> list[str]:
         elif tallies[topic].hash.hexdigest() != log.closing["sha256"].get(topic):
             faults.append(f"{topic} does not have the sha256 of the closing record")
     return faults
+
+
+def _miswired(log: Log) -> list[str]:
+    """Inputs that the log takes from outputs which the system does not connect with them, in sentences."""
+    if "system.json" not in log.attachments:
+        return []
+    try:
+        connections = system_of(log)["connections"]
+    except LogUnreadable as damage:
+        return [str(damage)]
+    connected = {
+        (f"/{one['source']}/out", output, f"/{one['target']}/in", given)
+        for one in connections
+        for output, given in zip(one["outputs"], one["inputs"], strict=True)
+    }
+    return [
+        f"{log.path}: {topic} takes '{given}' from '{output}' of {wire.source}, which system.json does not connect"
+        for topic, about in log.topics.items()
+        for wire in about.wires
+        for output, given in zip(wire.outputs, wire.inputs, strict=True)
+        if (wire.source, output, topic, given) not in connected
+    ]
 
 
 def _stride(log: Log, topic: str) -> int | None:

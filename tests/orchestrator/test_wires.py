@@ -1,5 +1,7 @@
 """Inputs that are outputs of others are recorded once: what is read is what was handed over, wherever a log is cut."""
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -183,6 +185,22 @@ def test_a_wire_that_leads_nowhere_is_a_fault(tmp_path):
         assert "/b/in" in log.topics
         assert any("/a/in is wired to /b/out, which lacks what it needs" in fault for fault in log.faults)
     assert verify(tmp_path / "a").code == BROKEN
+
+
+@pytest.mark.parametrize(
+    ("output", "says"), [("y", ""), ("z", "takes 'y' from 'y' of /a/out, which system.json does not connect")]
+)
+def test_wires_are_held_against_the_connections(tmp_path, output, says):
+    ways = [("a", ["x", output], "b", ["x", "y"]), ("b", ["f", "g"], "a", ["f", "g"]), ("a", ["z"], "a", ["w"])]
+    table = {
+        "instances": [{"name": "a"}, {"name": "b"}],
+        "connections": [dict(zip(("source", "outputs", "target", "inputs"), way, strict=True)) for way in ways],
+    }
+    with Recorder(tmp_path / "a", TOPICS, {"system.json": json.dumps(table).encode()}, {}, wires=WIRES) as log:
+        log.close("ok", "", 0)
+    verdict = verify(tmp_path / "a")
+    assert verdict.code == (BROKEN if says else WHOLE)
+    assert says in verdict.sentences[0]
 
 
 @pytest.mark.parametrize("rule", RULES)
