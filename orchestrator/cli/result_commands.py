@@ -99,6 +99,9 @@ def compare(
     different: Annotated[bool, typer.Option("--different", help="even if they are runs of different scenes")] = False,
     start: Annotated[float, typer.Option("--from", metavar="T", help="first instant of what is compared, s")] = -inf,
     end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = inf,
+    align: Annotated[
+        str, typer.Option("--align", metavar="BY", help="time, travel (of the chains, m) or SIGNAL=VALUE (an event)")
+    ] = "time",
     allowed: Annotated[
         list[str] | None,
         typer.Option("--allow", metavar="[NAME=]RELATIVE", help="most of an observable, or of all decisive ones"),
@@ -115,10 +118,12 @@ def compare(
 
     They may differ in the track model, in what its links are, in steps, coupling, duration, checks and records; where
     anything else of their scenes differs, vehicle included, they are refused (--different compares them all the same).
+    Along travel, or time since an event, --from and --to count in that; what is averaged over seconds is left out.
     Exit status 1 where something that was allowed is exceeded, or, with --bits, where a bit differs.
     """
     from orchestrator.cli.compared import limits, lines, table
     from orchestrator.log.reader import Log
+    from orchestrator.results.alignment import alignment
     from orchestrator.results.difference import differences
     from orchestrator.results.divergence import divergence
     from orchestrator.results.growth_picture import draw
@@ -130,7 +135,7 @@ def compare(
         a, b = RunData(one), RunData(other)
         if not different:
             of_one_scene((f"{run}", a.scene), (f"{reference}", b.scene))
-        apart = differences(a, b, window)
+        apart = differences(a, b, window, alignment(align))
         most = limits(allowed or (), apart)
         parted = divergence(one, other, window) if bitwise or picture else None
         result = table(a, b, window, apart, most, parted)

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.cache import cache_folder, keep, kept, own, reason
+from fmus.link_outputs import STANDARD
 from fmus.monolith.model import content
 from fmus.vehicle import BadInput
 from orchestrator.cosim.narration import Narration
@@ -105,7 +106,7 @@ def bare(scene: TrackScene) -> TrackScene:
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
     sampled = Run(stop=run.stop, step=step, outputs=1, links=LINKS)
-    track = scene.track.model_copy(update={"integrator": None, "step": None, "link_outputs": True})
+    track = scene.track.model_copy(update={"integrator": None, "step": None, "link_outputs": STANDARD})
     same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # the motion of a planar chain is no other
     return assembly.placed(scene).model_copy(update=same)
 

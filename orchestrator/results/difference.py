@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.reader import Log
+from orchestrator.results.alignment import TIME, Alignment
 from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, since, within
 
 WINDOW = 1.0  # s
@@ -29,6 +30,7 @@ class Signal(NamedTuple):
     t: Floats  # (m,) s
     values: Floats  # (m, k)
     mean: bool = False  # values are means over the time since the sample before
+    moved: bool = False  # values count from where they are at the first instant that is compared
 
 
 class Observable(NamedTuple):
@@ -38,6 +40,7 @@ class Observable(NamedTuple):
     floor: float  # the least that an error is relative to, in ``unit``
     read: Callable[[RunData], Signal]
     decisive: bool = True  # counts towards the error of the run as a whole
+    windowed: bool = False  # of windows of time: says nothing along anything else
 
 
 class Difference(NamedTuple):
@@ -49,12 +52,19 @@ class Difference(NamedTuple):
     decisive: bool
 
 
-def differences(run: RunData, reference: RunData, window: Window = EVER) -> dict[str, Difference]:
-    """Every observable that both hold, over a window; raises Missing when there is none."""
+def differences(
+    run: RunData, reference: RunData, window: Window = EVER, along: Alignment = TIME
+) -> dict[str, Difference]:
+    """Every observable that both hold, over a window of what they are compared along; raises Missing for none."""
     found = {}
+    clocks = along.clock(run), along.clock(reference)
     for name, observable in observables(reference):
+        if observable.windowed and along is not TIME:
+            continue
         try:
             pair = observable.read(run), observable.read(reference)
+            if along is not TIME:
+                pair = _laid(pair[0], clocks[0]), _laid(pair[1], clocks[1])
             if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # not the links of half a vehicle and of a whole
                 with np.errstate(all="ignore"):  # of runs that blew up: what comes out says so
                     found[name] = difference(_within(pair[0], window), _within(pair[1], window), observable)
@@ -88,6 +98,13 @@ def difference(run: Signal, reference: Signal, observable: Observable) -> Differ
     return Difference(absolute, relative, observable.unit, observable.decisive)
 
 
+def _laid(signal: Signal, clock: Callable[[Floats], Floats]) -> Signal:
+    """A signal over its run's clock, as far as that goes on."""
+    at = clock(signal.t)
+    on = np.diff(np.maximum.accumulate(at), prepend=-np.inf) > 0.0
+    return signal._replace(t=at[on], values=signal.values[on], mean=False)
+
+
 def _within(signal: Signal, window: Window) -> Signal:
     """The samples of a window."""
     if window == EVER:
@@ -99,15 +116,16 @@ def _within(signal: Signal, window: Window) -> Signal:
 def aligned(run: Signal, reference: Signal) -> tuple[Floats, Floats]:
     """Both at the instants of the sparser one: interpolated, or as means between these instants."""
     t = _instants(run, reference)
-    return _at(run, t), _at(reference, t)
+    a, b = _at(run, t), _at(reference, t)
+    return (a - a[:1], b - b[:1]) if reference.moved else (a, b)
 
 
 def _instants(run: Signal, reference: Signal) -> Floats:
     if not len(run.t) or not len(reference.t):
         raise Missing("a log holds no step")
-    end = min(run.t[-1], reference.t[-1]) + 1e-9
-    sparser = run.t if np.sum(run.t <= end) <= np.sum(reference.t <= end) else reference.t
-    return sparser[sparser <= end]
+    common = Window(max(run.t[0], reference.t[0]), min(run.t[-1], reference.t[-1]))
+    a, b = (signal.t[within(signal.t, common)] for signal in (run, reference))
+    return a if len(a) <= len(b) else b
 
 
 def _at(signal: Signal, t: Floats) -> Floats:
@@ -146,10 +164,16 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     if "chassis" not in run.instances:
         names = [f"{track}.speed" for track in run.tracks]
         yield "chain_speed", Observable("m/s", 0.01, lambda run: _signals(run, names))
-    yield "tension_mean", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[0])
-    yield "tension_rms", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[1])
-    yield "joint_force_mean", Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[0])
-    yield "joint_force_rms", Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[1])
+    yield "tension_mean", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[0], windowed=True)
+    yield "tension_rms", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[1], windowed=True)
+    yield (
+        "joint_force_mean",
+        Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[0], windowed=True),
+    )
+    yield (
+        "joint_force_rms",
+        Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[1], windowed=True),
+    )
     yield "tension", Observable("N", 100.0, lambda run: _tension(run, EARLY), decisive=False)
     yield "joint_force", Observable("N", 100.0, lambda run: _joint_force(run, EARLY), decisive=False)
 
@@ -172,8 +196,7 @@ def _together(parts: list[tuple[Floats, Floats]], mean: bool = False) -> Signal:
 
 
 def _position(run: RunData) -> Signal:
-    t, position, _ = _together([run.vectors("chassis", "out", "chassis.position", window=EVER)])
-    return Signal(t, position - position[0])
+    return _together([run.vectors("chassis", "out", "chassis.position", window=EVER)])._replace(moved=True)
 
 
 def _velocity(run: RunData) -> Signal:
@@ -207,7 +230,7 @@ def _axes(run: RunData, what: str, window: Window) -> list[Signal]:
 
 def _pins(run: RunData) -> Signal:
     parts = _axes(run, "position", EVER)
-    return Signal(parts[0].t, np.hstack([part.values - part.values[:1] for part in parts]))
+    return Signal(parts[0].t, np.hstack([part.values for part in parts]), moved=True)
 
 
 def _tension(run: RunData, window: Window = EVER) -> Signal:

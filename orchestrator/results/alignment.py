@@ -1,0 +1,62 @@
+"""What two runs are laid side by side by: time, the way that their chains have travelled, or time since an event."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.results.run_data import EVER, Floats, Missing, RunData
+
+FORMS = "time, travel or SIGNAL=VALUE"
+
+
+class Alignment(NamedTuple):
+    """How the times of a run become what runs are compared along."""
+
+    unit: str
+    clock: Callable[[RunData], Callable[[Floats], Floats]]  # of a run: times (m,), s -> places (m,); raises Missing
+
+
+def alignment(text: str) -> Alignment:
+    """By name: "time", "travel" (m, mean of the tracks), or "SIGNAL=VALUE", the instant when it first passes that.
+
+    Raises BadInput.
+    """
+    if text == "time":
+        return TIME
+    if text == "travel":
+        return Alignment("m", _travel)
+    signal, _, number = text.rpartition("=")
+    try:
+        value = float(number)
+    except ValueError:
+        value = np.nan
+    if not signal or not np.isfinite(value):
+        raise BadInput(f"--align {text}: must be {FORMS}")
+    return Alignment("s", lambda run: _since(run, signal, value))
+
+
+TIME = Alignment("s", lambda run: lambda t: t)
+
+
+def _travel(run: RunData) -> Callable[[Floats], Floats]:
+    if not run.tracks:
+        raise Missing(f"{run.log.path} has no track whose travel runs could be compared along")
+    ways = [run.signal(f"{track}.travel", EVER) for track in run.tracks]
+    t = min((each for each, _ in ways), key=len)
+    way = np.mean([abs(values[: len(t)]) for _, values in ways], axis=0)
+    return lambda at: np.interp(at, t, way)
+
+
+def _since(run: RunData, signal: str, value: float) -> Callable[[Floats], Floats]:
+    t, values = run.signal(signal, EVER)
+    above = values >= value
+    passed = np.flatnonzero(above[1:] != above[:-1])
+    if not len(passed):
+        raise Missing(f"'{signal}' of {run.log.path} never passes {value:g}")
+    k = passed[0]
+    event = t[k] + (value - values[k]) / (values[k + 1] - values[k]) * (t[k + 1] - t[k])
+    return lambda at: at - event

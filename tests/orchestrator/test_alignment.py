@@ -1,0 +1,83 @@
+"""Runs laid side by side by time, by travel, by an event: the same motion later, and the same way at another pace."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.results.alignment import alignment
+from orchestrator.results.difference import differences
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+H, STEPS = 0.005, 800
+SYSTEM = {"instances": [{"name": "chassis"}, {"name": "left_track"}], "connections": []}
+MOTION = [f"chassis.{what}.{axis}" for what in ("position", "velocity") for axis in "xyz"]
+TOPICS = {
+    "/chassis/out": [(name, "1") for name in (*MOTION, "speed", "pitch")],
+    "/left_track/out": [("travel", "m"), ("tension.max", "N")],
+}
+
+
+def wrote(path, way, rate, scale=1.0):
+    """A vehicle at the place ``way(t)`` that nods as that place says; ``scale``: by how much more."""
+    with Recorder(path, TOPICS, {"system.json": json.dumps(SYSTEM).encode()}, {}) as recorder:
+        for k in range(STEPS + 1):
+            x, v = way(k * H), rate(k * H)
+            row = np.array([x, 0.0, 0.0, v, 0.0, 0.0, v, scale * 0.1 * np.sin(3.0 * x)])
+            recorder.write("/chassis/out", k, k * H, H, row)
+            recorder.write("/left_track/out", k, k * H, H, np.array([x, 0.0]))
+        recorder.close("ok", "", STEPS)
+    return path
+
+
+def apart(one, two, along, window=EVER):
+    with Log(one) as a, Log(two) as b:
+        return differences(RunData(a), RunData(b), window, alignment(along))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """The reference, the same 0.3 s later, the same way driven otherwise, and that with 4 % more pitch."""
+    folder = tmp_path_factory.mktemp("logs")
+    later = lambda t: max(t - 0.3, 0.0)  # noqa: E731
+    return {
+        "reference": wrote(folder / "a.mcap", lambda t: t**2, lambda t: 2.0 * t),
+        "later": wrote(folder / "b.mcap", lambda t: later(t) ** 2, lambda t: 2.0 * later(t)),
+        "slower": wrote(folder / "c.mcap", lambda t: t**1.8, lambda t: 1.8 * t**0.8),
+        "nods": wrote(folder / "d.mcap", lambda t: t**1.8, lambda t: 1.8 * t**0.8, 1.04),
+    }
+
+
+def test_what_comes_later_is_the_same_since_the_event(runs):
+    by_time, by_event = (apart(runs["later"], runs["reference"], along) for along in ("time", "chassis.speed=1.5"))
+    assert by_time["velocity"].relative > 0.1
+    assert by_event["velocity"].relative < 1e-6
+    assert by_event["position"].relative < 1e-4, "counted from the first instant in common"
+    assert apart(runs["slower"], runs["reference"], "chassis.speed=1.5")["velocity"].relative > 0.02
+
+
+def test_the_same_way_at_another_pace_is_the_same_along_it(runs):
+    assert apart(runs["slower"], runs["reference"], "time")["pitch"].relative > 0.1
+    assert apart(runs["slower"], runs["reference"], "travel")["pitch"].relative < 2e-3
+    assert apart(runs["nods"], runs["reference"], "travel")["pitch"].relative == pytest.approx(0.04, rel=0.1)
+
+
+def test_windows_count_in_what_runs_are_compared_along(runs):
+    found = apart(runs["nods"], runs["reference"], "travel", Window(2.0, 4.0))
+    x = np.linspace(2.0, 4.0, 1000)
+    assert found["pitch"].absolute == pytest.approx(0.004 * np.sqrt(np.mean(np.sin(3.0 * x) ** 2)), rel=0.05)
+    with pytest.raises(Missing):
+        apart(runs["nods"], runs["reference"], "travel", Window(50.0, 60.0))
+
+
+def test_what_cannot_be_laid_side_by_side(runs):
+    with pytest.raises(Missing, match=r"'chassis\.speed' of .*a\.mcap never passes 99"):
+        apart(runs["reference"], runs["later"], "chassis.speed=99")
+    with pytest.raises(Missing, match=r"no signal 'chassis\.way'"):
+        apart(runs["reference"], runs["later"], "chassis.way=1")
+    for text in ("way", "=1", "chassis.speed=", "chassis.speed=nan"):
+        with pytest.raises(BadInput, match=f"--align {text}: must be time, travel or SIGNAL=VALUE"):
+            alignment(text)
