@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from orchestrator.cosim import checkpoint
+from orchestrator.cosim.between import Between
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recorded
 from orchestrator.cosim.narration import Narration
@@ -40,9 +41,14 @@ def wires(scheme: Scheme) -> dict[str, list[Wire]]:
 
 
 class Logging:
-    """Hands what happened to the recorder: inputs at the step's beginning, outputs and links at its end."""
+    """Hands what happened to the recorder: inputs at the step's beginning, outputs and links at its end.
 
-    def __init__(self, recorder: Recorder, components: Sequence[Recorded], stats_every: int) -> None:
+    ``between``: links are read at every step, and what they did between two records goes to "/<instance>/links/between".
+    """
+
+    def __init__(
+        self, recorder: Recorder, components: Sequence[Recorded], stats_every: int, between: bool = False
+    ) -> None:
         self.recorder = recorder
         self.components = components
         self.stats_every = stats_every
@@ -54,6 +60,7 @@ class Logging:
         self._linked = [component for component in components if component.links]
         if self._linked:
             self._links = recorder.together([], [f"/{component.name}/links" for component in self._linked])
+        self._between = [Between(len(component.links)) for component in self._linked if between]
 
     def begin(self, k: int, t: float, h: float) -> None:
         """Go on after step k, whose record is there."""
@@ -63,10 +70,14 @@ class Logging:
         """Record step k - 1's inputs and the outputs that belong to time t."""
         recorder, components = self.recorder, self.components
         recorder.write(self._step, k, t, h, *self._values)
-        if self._linked and recorder.due(self._links, k):
+        if self._linked and (self._between or recorder.due(self._links, k)):
             for component in self._linked:
                 component.read_links()
             recorder.write(self._links, k, t, h, *(component.y_links for component in self._linked))
+            for component, between in zip(self._linked, self._between, strict=False):
+                between.add(component.y_links, h)
+                if recorder.due(self._links, k):
+                    recorder.write(f"/{component.name}/links/between", k, t, h, between.take())
         if k % self.stats_every == 0:
             for component in components:
                 component.read_counters()

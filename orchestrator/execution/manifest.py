@@ -18,6 +18,7 @@ from typing import Any
 
 from llvmlite.binding import llvm_version_info
 
+from orchestrator.cosim import between
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recorded, System
@@ -46,6 +47,13 @@ def open_log(
     metadata |= {name: dict(entries) for name, entries in (more or {}).items()}
     wired = wires(scheme) if scene.run.outputs == 1 else {}
     every = _strides(scene, components)
+    if scene.folded:
+        for name, component in components.items():
+            if component.links:
+                topic = f"/{name}/links/between"
+                units = [component.unit(variable) for variable in component.links]
+                topics[topic] = list(zip(between.names(component.links), units * len(between.PARTS), strict=True))
+                every[topic] = every[f"/{name}/links"]
     return Recorder(path, topics, attachments, metadata, every=every, wires=wired, types=_types(components))
 
 

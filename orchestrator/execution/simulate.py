@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
+from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,7 +31,6 @@ from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, placed, system
-from orchestrator.scene.recording import folded
 from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
@@ -102,7 +102,7 @@ def _simulate(
             assert isinstance(pace, master.Clock)
             pace = pace._replace(done=at.k)
         told = []  # of the record itself
-        if aliases := folded(scene.links_every, scene.run.step, scene.teeth_rate) if any_links(components) else "":
+        if aliases := scene.folded if any_links(components) else "":
             told.append({"component": "log", "text": aliases, "time": 0.0, "count": 1})
             if logger:
                 logger("log", 1, aliases)
@@ -118,13 +118,17 @@ def _simulate(
             with open_log(path, scene, graph, components, scheme, about, more) as recorder:
                 if begun is not None:
                     begun.copy(recorder)
-                logging = Logging(recorder, list(components.values()), max(1, round(STATS_PERIOD / pace.step)))
+                recorded = list(components.values())
+                logging = Logging(recorder, recorded, max(1, round(STATS_PERIOD / pace.step)), bool(scene.folded))
                 observers: list[master.Observer] = [count, logging]
                 if at is not None:
                     logging.begin(*at)
                     count(*at)
                 if scene.run.checkpoints and isinstance(pace, master.Clock) and checkpoint.possible(scheme):
-                    observers.append(Checkpoints(recorder, scheme, max(1, round(scene.run.checkpoints / pace.step))))
+                    every = max(1, round(scene.run.checkpoints / pace.step))
+                    if scene.folded:  # between two records of links there is what no checkpoint holds
+                        every = scene.links_every * ceil(every / scene.links_every)
+                    observers.append(Checkpoints(recorder, scheme, every))
                 if narration:
                     observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
                 say(f"{scene.name}: {scene.run.stop:g} s are simulated")

@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery, points
-from orchestrator.scene.recording import UNKNOWN, links_every
+from orchestrator.scene.recording import UNKNOWN, folded, links_every
 from orchestrator.scene.settings import keys, merged, put, setting
 from orchestrator.scene.tables import (
     SIDES,
@@ -79,6 +79,11 @@ class Scene(Table):
     def links_every(self) -> int:
         """Steps from one record of links to the next."""
         return self.run.links or links_every(self.run.step, self.teeth_rate)
+
+    @property
+    def folded(self) -> str:
+        """A sentence where records of links are too seldom to show what teeth do; else nothing."""
+        return folded(self.links_every, self.run.step, self.teeth_rate)
 
     def resolved(self) -> dict[str, Any]:
         """The scene as plain SI numbers; ``from_table`` makes the same scene of it."""

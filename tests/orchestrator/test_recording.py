@@ -7,6 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from orchestrator.execution import replay_model
+from orchestrator.execution.resume import resume
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.log.tools import WHOLE, verify
 from orchestrator.scene.recording import FEWEST, SAMPLES, SELDOM, folded, links_every
 from orchestrator.scene.scene import load
 
@@ -58,3 +63,49 @@ def test_top_speed_is_what_the_scene_asks_for(scene, settings, speed):
     teeth = found.vehicle.sprocket.teeth if speed else 0
     assert found.teeth_rate == pytest.approx(teeth * speed / (2.0 * math.pi))
     assert load(scene, None, (*settings, "run.links=7")).links_every == 7
+
+
+# --- records that are too seldom --------------------------------------------------------------------
+
+BRIEF = ("run.stop=0.08", "run.step=1 ms", "expect={}", "drive.ramp_start=0", "drive.ramp_time=0.01", "drive.speed=40")
+RARE = "run.links=20"  # 1 sample in 20 ms, 64 teeth a second
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Logs of the same run with links at every step and at one in 20."""
+    folder = tmp_path_factory.mktemp("logs")
+    found = {}
+    for name, links in (("all", "run.links=1"), ("rare", RARE)):
+        found[name] = folder / f"{name}.mcap"
+        told = simulate(load("rig", "rigid", (*BRIEF, "run.checkpoints=0.03", links)), found[name])
+        assert told["status"] == "ok", told["message"]
+        assert len(told["warnings"]) == (name == "rare")
+    return found
+
+
+def test_seldom_records_say_what_happened_between_them(runs):
+    with Log(runs["all"]) as log, Log(runs["rare"]) as rare:
+        every, seldom = log.read("/track/links"), rare.read("/track/links/between")
+        assert "/track/links/between" not in log.topics
+        assert rare.unit("track.link[1].tension.most") == "N"
+    n = every.values.shape[1]
+    mean, least, most = np.split(seldom.values, 3, axis=1)
+    assert seldom.names[:1] + seldom.names[n : n + 1] == ("link[1].tension.mean", "link[1].tension.least")
+    for k in range(1, 5):
+        own = every.values[20 * k - 19 : 20 * k + 1]
+        np.testing.assert_array_equal(least[k], own.min(axis=0))
+        np.testing.assert_array_equal(most[k], own.max(axis=0))
+        np.testing.assert_allclose(mean[k], own.mean(axis=0), rtol=1e-12, atol=1e-9)
+        assert np.abs(mean[k] - every.values[20 * k - 20 : 20 * k].mean(axis=0)).max() > 1.0, "one step earlier"
+    np.testing.assert_array_equal(most[0], every.values[0])
+
+
+def test_they_go_on_and_are_replayed_as_others(runs, tmp_path):
+    assert verify(runs["rare"]).code == WHOLE
+    resume(runs["rare"], tmp_path / "again.mcap", 0.045)
+    with Log(runs["rare"]) as log, Log(tmp_path / "again.mcap") as again:
+        assert again.metadata["resumed"]["step"] == "40", "checkpoints lie on records of links"
+        assert again.digest() == log.digest()
+    with replay_model.opened(runs["rare"], "track", None) as once_more:
+        assert once_more.verify().equal
