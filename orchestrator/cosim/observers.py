@@ -43,7 +43,7 @@ def wires(scheme: Scheme) -> dict[str, list[Wire]]:
 class Logging:
     """Hands what happened to the recorder: inputs at the step's beginning, outputs and links at its end.
 
-    ``between``: links are read at every step, and what they did between two records goes to "/<instance>/links/between".
+    ``between``: links are read at every step; what they did between two records goes to "/<instance>/links/between".
     """
 
     def __init__(
