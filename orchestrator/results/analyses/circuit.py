@@ -1,0 +1,77 @@
+"""Places on the circuit of a closed chain, in metres along it.
+
+The zero is fixed in the hull: where the chain crosses the line from the sprocket axle away from the middle of the
+circuit, in the middle of the wrap (without a sprocket: the line ahead of the middle). Places grow as links are numbered:
+from a sprocket in front down to the ground, rearwards along it, and ahead along the upper run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+
+class Placed(NamedTuple):
+    """Some records of links with their places."""
+
+    t: Floats  # (m,) s
+    length: Floats  # (m,) m, of the whole circuit
+    links: Floats  # (m, links) m, places of the middles of links
+    joints: Floats  # (m, joints) m, places of pins
+    centres: Floats  # (m, links, 2) m, middles of links ahead of and over the sprocket axle, in the axes of the hull
+    pins: Floats  # (m, joints, 3) m, world
+    axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, world
+    values: tuple[Floats, ...]  # of each signal (m, n) or (m, n, 3)
+
+
+def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[Placed]:
+    """Signals of links with the places of the links; raises Missing, also for chains that are open."""
+    away: Floats | None = None
+    middle = np.zeros(2)
+    port = hull.sprocket(run, track)
+    for block in of_links.records(run, track, window, "joint[*].position", "link[*].tension", *signals):
+        pins, tension = block.values[:2]
+        if pins.shape[1] != tension.shape[1]:
+            raise Missing(f"'{track}' is an open chain: it has no circuit")
+        origin, axes = hull.poses(run, track, block.t)
+        flat = np.einsum("mni,mij->mnj", pins - origin[:, None], axes[..., [0, 2]])
+        if away is None:
+            inside = flat[0].mean(axis=0)
+            away, middle = (np.array([1.0, 0.0]), inside) if port is None else (-inside, middle)
+        try:
+            links, joints, length = places(flat - middle, away)
+        except ValueError as problem:
+            raise Missing(f"{run.log.path}: '{track}' {problem} between {block.t[0]:g} and {block.t[-1]:g} s") from None
+        centres = 0.5 * (flat + np.roll(flat, -1, axis=1))
+        yield Placed(block.t, length, links, joints, centres, pins, axes, block.values[2:])
+
+
+def places(pins: Floats, away: Floats) -> tuple[Floats, Floats, Floats]:
+    """Places of the middles of links (m, n) and of pins (m, n), and lengths (m,), of closed polygons (m, n, 2).
+
+    The zero is where a polygon crosses the ray from the origin along ``away`` (2,), next to the origin.
+    Raises ValueError where one does not cross it.
+    """
+    after = np.roll(pins, -1, axis=1)
+    sides = np.linalg.norm(after - pins, axis=2)
+    along = np.cumsum(sides, axis=1) - sides  # of pins, from the first
+    length = sides.sum(axis=1)
+    off = pins[..., 0] * away[1] - pins[..., 1] * away[0]
+    next_off = np.roll(off, -1, axis=1)
+    crosses = (off <= 0.0) != (next_off <= 0.0)
+    share = np.where(crosses, off / np.where(crosses, off - next_off, 1.0), 0.0)
+    distance = (pins + share[..., None] * (after - pins)) @ away
+    candidates = np.where(crosses & (distance > 0.0), distance, np.inf)
+    at = candidates.argmin(axis=1)
+    row = np.arange(len(pins))
+    if not np.isfinite(candidates[row, at]).all():
+        raise ValueError("does not go round its sprocket")
+    zero = along[row, at] + share[row, at] * sides[row, at]
+    middle = along + 0.5 * sides
+    return *(((each - zero[:, None]) % length[:, None]) for each in (middle, along)), length  # type: ignore[return-value]

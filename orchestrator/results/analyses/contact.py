@@ -1,0 +1,72 @@
+"""Pressure of the ground under links: its force into a link over the area of the pad, pitch times width of the track."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import circuit, hull
+from orchestrator.results.analyses.envelope import Bins
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.link_axes import link_axes
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+SIGNAL = "link[*].ground.force"
+BEARS = 1e-3  # of the largest pressure: a place with less of it is off the ground
+
+
+class Contact(NamedTuple):
+    """By place on the circuit (``circuit.py``), in as many bins as there are links."""
+
+    track: str
+    place: Floats  # (bins,) m
+    mean: Floats  # (bins,) Pa, over the records of the window
+    most: Floats  # (bins,) Pa
+    forward: Floats  # (bins,) m ahead of the sprocket axle, in the axes of the hull
+    peak: float  # Pa, of all links and records
+    peak_link: int  # from 1
+    peak_t: float  # s
+    force: float  # N, into all links together, mean over the window
+    area: float  # m2, of a pad
+
+    def table(self) -> Table:
+        """A row for each place where links touch the ground."""
+        touched = self.most > BEARS * self.peak
+        values = (self.place, self.forward, self.mean / 1e3, self.most / 1e3)
+        rows = list(zip(*(each[touched].tolist() for each in values), strict=True))
+        columns = (("place", "m"), ("ahead", "m"), ("mean", "kPa"), ("largest", "kPa"))
+        notes = (
+            f"peak {self.peak / 1e3:.4g} kPa under link {self.peak_link} at {self.peak_t:.6g} s",
+            f"pads of {self.area * 1e4:.4g} cm2, {self.force / 1e3:.5g} kN together",
+        )
+        return Table(f"Pressure under {self.track} by place on the circuit", columns, rows, notes)
+
+
+def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
+    """Of a track, by default the first; raises Missing."""
+    track = hull.tracks(run, track)[0]
+    pad = run.scene["vehicle"]["track"]
+    area = float(pad["pitch"] * pad["width"])
+    bins: Bins | None = None
+    lengths: list[Floats] = []
+    sums: list[Floats] = []
+    peak, link, at = -np.inf, 0, 0.0
+    for block in circuit.records(run, track, window, SIGNAL):
+        bins = bins or Bins(block.links.shape[1], 2)
+        across = np.broadcast_to(block.axes[:, None, :, 1], block.pins.shape)
+        outwards = link_axes(block.pins, across, block.links.shape[1])[..., 2]
+        pressure = -np.einsum("mni,mni->mn", block.values[0], outwards) / area
+        bins.add(block.links / block.length[:, None], np.stack([pressure, block.centres[..., 0]], axis=2))
+        lengths.append(block.length)
+        sums.append(pressure.sum(axis=1))
+        record, number = np.unravel_index(int(pressure.argmax()), pressure.shape)
+        if pressure[record, number] > peak:
+            peak, link, at = float(pressure[record, number]), int(number) + 1, float(block.t[record])
+    if bins is None or not peak > 0.0:
+        raise Missing(f"{run.log.path}: no link of '{track}' touches the ground in the window")
+    count = len(bins.count)
+    place = (np.arange(count) + 0.5) * float(np.concatenate(lengths).mean()) / count
+    force = float(np.concatenate(sums).mean()) * area
+    return Contact(track, place, *bins.of(0)[1:], bins.of(1)[1], peak, link, at, force, area)

@@ -1,0 +1,88 @@
+"""What links feel by their place on the circuit: least, mean and largest of a signal at each place over a window."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import circuit, of_links
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+
+class Envelope(NamedTuple):
+    """Over all records of the window; places without a record are NaN."""
+
+    signal: str  # "left_track.link[*].tension"; of a vector its size
+    unit: str
+    place: Floats  # (bins,) m along the circuit (``circuit.py``), middles of the bins
+    least: Floats  # (bins,)
+    mean: Floats  # (bins,)
+    most: Floats  # (bins,)
+    count: Floats  # (bins,) records of links
+    forward: Floats  # (bins,) m, mean place ahead of the sprocket axle, in the axes of the hull
+    up: Floats  # (bins,) m, over the axle
+
+    def table(self) -> Table:
+        """A row for each place."""
+        columns = (
+            ("place", "m"), ("least", self.unit), ("mean", self.unit), ("largest", self.unit), ("ahead", "m"),
+            ("up", "m"), ("records", ""),
+        )  # fmt: skip
+        values = (self.place, self.least, self.mean, self.most, self.forward, self.up, self.count.astype(int))
+        rows = list(zip(*(each.tolist() for each in values), strict=True))
+        return Table(f"{self.signal} by place on the circuit", columns, rows)
+
+
+class Bins:
+    """Values gathered by place."""
+
+    def __init__(self, bins: int, columns: int = 1) -> None:
+        self.least = np.full((bins, columns), np.inf)
+        self.most = np.full((bins, columns), -np.inf)
+        self.total = np.zeros((bins, columns))
+        self.count = np.zeros(bins)
+
+    def add(self, share: Floats, values: Floats) -> None:
+        """Values (..., columns) at places (...,), shares of the circuit."""
+        at = np.minimum((share * len(self.count)).astype(int), len(self.count) - 1).ravel()
+        flat = values.reshape(len(at), -1)
+        np.minimum.at(self.least, at, flat)
+        np.maximum.at(self.most, at, flat)
+        np.add.at(self.total, at, flat)
+        self.count += np.bincount(at, minlength=len(self.count))
+
+    def of(self, column: int) -> tuple[Floats, Floats, Floats]:
+        """Least, mean and largest (bins,); NaN where there is nothing."""
+        empty = self.count == 0
+        mean = self.total[:, column] / np.where(empty, np.nan, self.count)
+        return np.where(empty, np.nan, self.least[:, column]), mean, np.where(empty, np.nan, self.most[:, column])
+
+
+def of(
+    run: RunData, track: str = "", signal: str = "link[*].tension", window: Window = EVER, bins: int = 0
+) -> Envelope:
+    """Of a signal of each link or pin of a track, by default the first, in as many bins as it has links or ``bins``.
+
+    Raises Missing.
+    """
+    track = track or next(iter(run.tracks), "")
+    unit = of_links.unit(run, track, signal)
+    gathered: Bins | None = None
+    lengths: list[Floats] = []
+    for block in circuit.records(run, track, window, signal):
+        if gathered is None:
+            bins = bins or block.links.shape[1]
+            gathered = Bins(bins, 3)
+        value = block.values[0] if block.values[0].ndim == 2 else np.linalg.norm(block.values[0], axis=2)
+        where = block.joints if signal.startswith("joint") else block.links
+        gathered.add(where / block.length[:, None], np.concatenate([value[..., None], block.centres], axis=2))
+        lengths.append(block.length)
+    if gathered is None:
+        raise Missing(f"{run.log.path} holds no links of '{track}'")
+    length = float(np.concatenate(lengths).mean())
+    place = (np.arange(bins) + 0.5) * length / bins
+    forward, up = gathered.of(1)[1], gathered.of(2)[1]
+    return Envelope(f"{track}.{signal}", unit, place, *gathered.of(0), gathered.count, forward, up)

@@ -1,0 +1,147 @@
+"""What happened in a run, in order of time, from what was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull, wheel_loads
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
+
+STOPPED = 0.01  # rad/s: a sprocket that turns more slowly stands still
+GOING = 0.1  # rad/s: one that turns faster goes again
+TOUCHES = 2.0  # times the load of a lifted wheel: with more it touches again
+
+
+class Event(NamedTuple):
+    """Something that happened."""
+
+    t: float  # s
+    component: str  # "left_track.road_wheel[1]"
+    kind: str  # "lifted", "touches", "tooth", "locked", "released", "step", "warning"
+    text: str
+
+
+class Events(NamedTuple):
+    """In order of time."""
+
+    events: tuple[Event, ...]
+    teeth: dict[str, int]  # by drive, how many teeth passed
+
+    def of(self, *kinds: str) -> tuple[Event, ...]:
+        """Those of some kinds."""
+        return tuple(event for event in self.events if event.kind in kinds)
+
+    def table(self) -> Table:
+        """A row for each event."""
+        columns = (("time", "s"), ("component", ""), ("kind", ""), ("what", ""))
+        notes = [f"{count} teeth of {drive} passed" for drive, count in self.teeth.items()]
+        return Table(f"{len(self.events)} events", columns, [tuple(event) for event in self.events], tuple(notes))
+
+
+def of(run: RunData, window: Window = EVER, teeth: bool = False) -> Events:
+    """Wheels that lift off and touch again, sprockets that lock, steps that solvers took back, warnings of the run.
+
+    ``teeth`` lists also each tooth that passes. Raises LogUnreadable.
+    """
+    passed = [*_teeth(run, window)]
+    found = [*_wheels(run, window), *_locks(run, window), *_steps(run, window), *_warnings(run, window)]
+    if teeth:
+        found += [event for _, events in passed for event in events]
+    counts = {drive: len(events) for drive, events in passed}
+    return Events(tuple(sorted(found, key=lambda event: (event.t, event.component))), counts)
+
+
+def switches(low: NDArray[np.bool_], high: NDArray[np.bool_]) -> Iterator[tuple[int, bool]]:
+    """Where a state begins, at ``low``, and ends, at ``high``, of samples (m,); what lies between keeps the state.
+
+    A state at the first sample has no beginning.
+    """
+    state = bool(len(low)) and bool(low[0])
+    for at in np.flatnonzero(low | high):
+        if bool(low[at]) != state:
+            state = not state
+            yield int(at), state
+
+
+def _wheels(run: RunData, window: Window) -> Iterator[Event]:
+    try:
+        names, t, load = wheel_loads.loads(run, window)
+    except Missing:
+        return
+    least = wheel_loads.LIFTED * load.mean()
+    for name, values in zip(names, load.T, strict=True):
+        for at, off in switches(values < least, values > TOUCHES * least):
+            text = "lifts off" if off else f"touches again, {values[at] / 1e3:.3g} kN"
+            yield Event(float(t[at]), name, "lifted" if off else "touches", text)
+
+
+def _drives(run: RunData) -> dict[str, str]:
+    """By what the variables of a sprocket begin with, what they are called: "left_drive." -> "left_drive"."""
+    return {
+        f"{port.taker}.{port.taken.removesuffix('sprocket')}": f"{port.taker}.{port.taken}".removesuffix(".sprocket")
+        for port in hull.ports(run)
+        if run.has(f"{port.taker}.{port.taken.removesuffix('sprocket')}angle") and port.taken.endswith("sprocket")
+    }
+
+
+def _teeth(run: RunData, window: Window) -> Iterator[tuple[str, list[Event]]]:
+    number = run.scene["vehicle"]["sprocket"]["teeth"] if "vehicle" in run.scene else 0
+    for prefix, name in _drives(run).items():
+        t, angle = run.signal(f"{prefix}angle", window)
+        passed = angle * number / (2.0 * np.pi)
+        events = []
+        for at in np.flatnonzero(np.diff(np.floor(passed))):
+            for tooth in _between(float(passed[at]), float(passed[at + 1])):
+                share = (tooth - passed[at]) / (passed[at + 1] - passed[at])
+                when = float(t[at] + share * (t[at + 1] - t[at]))
+                events.append(Event(when, name, "tooth", f"tooth {int(tooth) % number + 1} passes where it began"))
+        yield name, events
+
+
+def _between(a: float, b: float) -> Floats:
+    """Whole numbers that are passed from a to b."""
+    low, high = sorted((a, b))
+    found = np.arange(np.floor(low) + 1.0, np.floor(high) + 1.0)
+    return found if b > a else found[::-1]
+
+
+def _locks(run: RunData, window: Window) -> Iterator[Event]:
+    for prefix, name in _drives(run).items():
+        lost = f"{prefix}energy.dissipated"
+        if not run.has(lost):
+            continue
+        (t, speed), (_, braked) = run.signal(f"{prefix}speed", window), run.signal(lost, window)
+        size = np.abs(speed)
+        gone = 0.0  # lost in the brake until the event before
+        for at, stands in switches(size < STOPPED, size > GOING):
+            if stands and braked[at] - gone > 0.0:
+                yield Event(float(t[at]), name, "locked", "the brake holds the sprocket against the hull")
+            elif not stands and gone:
+                yield Event(float(t[at]), name, "released", "the sprocket turns again")
+            gone = float(braked[at])
+
+
+def _steps(run: RunData, window: Window) -> Iterator[Event]:
+    for name in run.instances:
+        topic = f"/stats/{name}"
+        if topic not in run.log.topics or "solver.rejected" not in run.log.topics[topic].names:
+            continue
+        column = run.log.topics[topic].names.index("solver.rejected")
+        series = run.log.select({topic: [column]}, window)[topic]
+        for at in np.flatnonzero(np.diff(series.values[:, 0]) > 0.0):
+            more = int(series.values[at + 1, 0] - series.values[at, 0])
+            text = f"halved its step {more} times since {series.t[at]:.6g} s"
+            yield Event(float(series.t[at + 1]), name, "step", text)
+
+
+def _warnings(run: RunData, window: Window) -> Iterator[Event]:
+    for told in (run.log.closing or {}).get("warnings", ()):
+        if within(np.array(told["time"]), window):
+            times = f", {told['count']} times" if told["count"] > 1 else ""
+            yield Event(float(told["time"]), told["component"], "warning", f"{told['text']}{times}")

@@ -1,0 +1,104 @@
+"""Fatigue of links: rainflow cycles of the stress at their outer and inner fibres, summed by Palmgren and Miner.
+
+Stress is the mean along a link at the two faces of the section, axial and in bending; notches are in the S-N line that
+is asked for. Ranges are taken as they are: nothing is done about mean stress.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.log.extra import library
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.run_data import EVER, RunData, Window
+
+FIBRES = ("outer", "inner")
+
+
+class Line(NamedTuple):
+    """An S-N line: N cycles of the range S break a part, N = cycles (stress / S) ** slope."""
+
+    stress: float = 100e6  # Pa: reference range, peak to peak
+    cycles: float = 2e6  # that the reference range allows
+    slope: float = 3.0
+
+
+class Fatigue(NamedTuple):
+    """By link and fibre (outer, inner)."""
+
+    track: str
+    window: Window  # what was recorded of it, s
+    line: Line
+    damage: Floats  # (links, 2) share of life used in the window
+    cycles: Floats  # (links, 2) counted, half cycles as 0.5
+    largest: Floats  # (links, 2) Pa, largest range
+
+    @property
+    def life(self) -> float:
+        """Hours until the first link breaks, the window being repeated; infinite without damage."""
+        most = float(self.damage.max())
+        return (self.window.end - self.window.start) / 3600.0 / most if most else float("inf")
+
+    def table(self) -> Table:
+        """A row for each link: its worse fibre."""
+        worse = self.damage.argmax(axis=1)
+        rows = [
+            (i + 1, FIBRES[k], float(self.damage[i, k]), float(self.cycles[i, k]), float(self.largest[i, k]) / 1e6)
+            for i, k in enumerate(worse)
+        ]
+        columns = (("link", ""), ("fibre", ""), ("damage", ""), ("cycles", ""), ("largest range", "MPa"))
+        line = self.line
+        notes = (
+            f"S-N line: {line.cycles:g} cycles at a range of {line.stress / 1e6:g} MPa, slope {line.slope:g}",
+            f"the first link breaks after {self.life:.4g} h of this",
+        )
+        title = f"Fatigue of {self.track}, {self.window.start:.6g} to {self.window.end:.6g} s"
+        return Table(title, columns, rows, notes)
+
+
+def of(run: RunData, track: str = "", window: Window = EVER, line: Line | None = None) -> Fatigue:
+    """Of each link of a track, by default the first; raises Missing, BadInput, NotInstalled."""
+    line = line or Line()
+    for name, value in line._asdict().items():
+        if not 0.0 < value < np.inf:
+            raise BadInput(f"the S-N line's {name} = {value:g}: must be greater than 0 and finite")
+    track = hull.tracks(run, track)[0]
+    columns: list[list[Floats]] = []
+    times: list[float] = []
+    for block in of_links.records(run, track, window, *(f"link[*].fibre.{fibre}" for fibre in FIBRES)):
+        stress = np.concatenate(block.values, axis=1)
+        columns = columns or [[] for _ in range(stress.shape[1])]
+        for gathered, column in zip(columns, stress.T, strict=True):
+            gathered.append(turning(column))
+        times += [float(block.t[0]), float(block.t[-1])]
+    counted = [cycles(np.concatenate(column)) for column in columns]
+    found = np.array(
+        [(np.sum(n * (s / line.stress) ** line.slope) / line.cycles, n.sum(), s.max(initial=0.0)) for s, n in counted]
+    )
+    damage, number, largest = (each.reshape(2, -1).T for each in found.T)
+    return Fatigue(track, Window(times[0], times[-1]), line, damage, number, largest)
+
+
+def turning(values: Floats) -> Floats:
+    """Ends and turning points of a record (m,): cycles do not depend on what lies between."""
+    if len(values) < 3:
+        return values
+    steps = np.diff(values)
+    kept = np.flatnonzero(np.append(True, steps != 0.0))  # of equal neighbours the first
+    values = values[kept]
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
+    return values[np.unique(np.concatenate([[0], turns, [len(values) - 1]]))]
+
+
+def cycles(values: Floats) -> tuple[Floats, Floats]:
+    """Ranges (k,) of a record (m,) and how often each was counted, 1 or 0.5, by ASTM E1049-85; raises NotInstalled."""
+    if not np.ptp(values):
+        return np.empty(0), np.empty(0)
+    found = [(size, count) for size, _, count, _, _ in library("rainflow").extract_cycles(values.tolist())]
+    sizes, counts = np.array(found).reshape(-1, 2).T
+    return sizes, counts

@@ -1,0 +1,86 @@
+"""The motion of the hull and of what is mounted on it, and which sprocket a track runs on."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.energy import Port, ports
+from orchestrator.results.run_data import BEFORE, EVER, Missing, RunData, Window
+
+
+class Pose(NamedTuple):
+    """Where something is."""
+
+    origin: Floats  # (m, 3) m, world
+    axes: Floats  # (m, 3, 3) columns ahead, left and up of the hull, world
+
+
+def matrices(q: Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4) (w, x, y, z), body to world."""
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def sprocket(run: RunData, track: str) -> Port | None:
+    """The port between a track and its sprocket; None for one that has none."""
+    return next((port for port in ports(run) if port.giver == track and port.connector == "sprocket"), None)
+
+
+def sprocket_speed(run: RunData, instance: str) -> str:
+    """Name of the signal of the sprocket's speed against the hull, rad/s, for a track or a drive; else of the first.
+
+    Raises Missing where nothing has a sprocket.
+    """
+    found = [port for port in ports(run) if port.connector == "sprocket"]
+    if not found:
+        raise Missing(f"{run.log.path} holds no sprocket that turns")
+    port = next((port for port in found if instance in (port.giver, port.taker)), found[0])
+    return f"{port.taker}.{port.taken.removesuffix('sprocket')}speed"
+
+
+def poses(run: RunData, track: str, t: Floats) -> Pose:
+    """The sprocket axle of a track, with the axes of the hull, at the times (m,).
+
+    Without a hull the axes are those of the start, without a sprocket the origin is the start.
+    """
+    port = sprocket(run, track)
+    around = Window(float(t[0]) - BEFORE, float(t[-1]) + BEFORE)
+    if port is None:
+        origin = np.tile(np.array(run.scene["start"]["position"], float), (len(t), 1))
+    else:
+        origin = _at(t, *run.vectors(port.taker, "out", f"{port.taken}.position", window=around))
+    if run.has("chassis.chassis.orientation.w"):
+        q = _at(t, *run.vectors("chassis", "out", "chassis.orientation", "wxyz", around))
+        return Pose(origin, matrices(q / np.linalg.norm(q, axis=1, keepdims=True)))
+    heading = run.scene["start"]["heading"] if "start" in run.scene else 0.0
+    c, s = np.cos(heading), np.sin(heading)
+    return Pose(origin, np.tile(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), (len(t), 1, 1)))
+
+
+def _at(t: Floats, times: Floats, values: Floats) -> Floats:
+    """Values at the times, by straight lines."""
+    if not len(times):
+        raise Missing(f"the log holds no pose of the hull near {t[0]:g} s")
+    return np.stack([np.interp(t, times, column) for column in values.T], axis=1)
+
+
+def tracks(run: RunData, of: str = "") -> tuple[str, ...]:
+    """Names of the tracks, or of the one that is asked for; raises Missing."""
+    if not run.tracks:
+        raise Missing(f"{run.log.path} holds no track")
+    if of and of not in run.tracks:
+        raise Missing(f"{run.log.path} has no track '{of}': there is {', '.join(run.tracks)}")
+    return (of,) if of else run.tracks
+
+
+def wide(window: Window | None) -> Window:
+    """The window, or all of the run."""
+    return EVER if window is None else window

@@ -1,0 +1,64 @@
+"""The largest forces in joints, in the axes of the link that begins at the pin: which one, and when."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull, links
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+
+class Joints(NamedTuple):
+    """Of each track, along, across, outwards and in size: least and largest force on the link that begins at a pin."""
+
+    tracks: tuple[str, ...]
+    least: Floats  # (tracks, 4) N: along, across, outwards, size
+    most: Floats  # (tracks, 4) N
+    least_joint: Floats  # (tracks, 4) numbers of the pins, from 1
+    most_joint: Floats  # (tracks, 4)
+    least_t: Floats  # (tracks, 4) s
+    most_t: Floats  # (tracks, 4) s
+
+    def table(self) -> Table:
+        """A row for each track and axis."""
+        rows = [
+            (
+                track, axis, float(self.least[i, k]) / 1e3, int(self.least_joint[i, k]), float(self.least_t[i, k]),
+                float(self.most[i, k]) / 1e3, int(self.most_joint[i, k]), float(self.most_t[i, k]),
+            )
+            for i, track in enumerate(self.tracks)
+            for k, axis in enumerate((*links.AXES, "size"))
+        ]  # fmt: skip
+        columns = (
+            ("track", ""), ("axis", ""), ("least", "kN"), ("at joint", ""), ("at", "s"), ("largest", "kN"),
+            ("at joint ", ""), ("at ", "s"),
+        )  # fmt: skip
+        return Table("Joint forces on the link that begins at the pin, in its axes", columns, rows)
+
+
+def of(run: RunData, track: str = "", window: Window = EVER) -> Joints:
+    """Of every track or one; raises Missing."""
+    names = hull.tracks(run, track)
+    found = np.array([_extremes(run, name, window) for name in names])
+    return Joints(names, *(found[:, k] for k in range(6)))
+
+
+def _extremes(run: RunData, track: str, window: Window) -> Floats:
+    """Least, largest, their joints and times (6, 4)."""
+    best = np.array([np.full(4, np.inf), np.full(4, -np.inf), *np.zeros((4, 4))])
+    for block in links.blocks(run, track, window):
+        if not block.joint.size:
+            raise Missing(f"{run.log.path} holds no '{track}.joint[*].force'")
+        force = np.concatenate([block.joint, np.linalg.norm(block.joint, axis=2, keepdims=True)], axis=2)
+        flat = force.reshape(-1, 4)
+        for row, at in ((0, flat.argmin(axis=0)), (1, flat.argmax(axis=0))):
+            value = flat[at, range(4)]
+            better = value < best[0] if row == 0 else value > best[1]
+            record, joint = np.divmod(at, force.shape[1])
+            for k, new in ((row, value), (row + 2, joint + 1), (row + 4, block.t[record])):
+                best[k] = np.where(better, new, best[k])
+    return best

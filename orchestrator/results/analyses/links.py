@@ -1,0 +1,94 @@
+"""What acts on links, in their own axes: along from pin to pin, across along the pins, outwards from the wheels.
+
+Axial force and bending moment come from the stress at both fibres and the section of the vehicle table: of flexible
+links, means along each. A moment is positive where it stretches the inner fibre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.link_axes import link_axes
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+KINDS = {"joint": "joint[*].force", "ground": "link[*].ground.force", "wheels": "link[*].wheels.force"}
+AXES = ("along", "across", "outwards")
+
+
+class LinkForces(NamedTuple):
+    """Forces on links, one array for each kind that was recorded; of joints on the link that begins there."""
+
+    t: Floats  # (m,) s
+    joint: Floats  # (m, links, 3) N, along, across, outwards; (m, 0, 3) where not recorded, as below
+    ground: Floats  # (m, links, 3) N
+    wheels: Floats  # (m, links, 3) N, of the wheels on the link and on the pin where it ends
+    axial: Floats  # (m, links) N; (m, 0) without fibres
+    moment: Floats  # (m, links) N m
+    axes: Floats  # (m, links, 3, 3) columns along, across, outwards, world
+    track: str
+
+    def table(self) -> Table:
+        """Least, mean, largest of each component over all links and the window."""
+        rows = []
+        for kind in KINDS:
+            values = getattr(self, kind)
+            for k, axis in enumerate(AXES):
+                if values.size:
+                    rows.append((f"{kind} force", axis, "kN", *_extremes(values[..., k] / 1e3)))
+        if self.axial.size:
+            rows += [("axial force", "along", "kN", *_extremes(self.axial / 1e3))]
+            rows += [("bending moment", "across", "N.m", *_extremes(self.moment))]
+        columns = (("of a link", ""), ("axis", ""), ("unit", ""), ("least", ""), ("mean", ""), ("largest", ""))
+        title = f"Forces on the links of {self.track} in their axes, {self.t[0]:.6g} to {self.t[-1]:.6g} s"
+        return Table(title, columns, rows)
+
+
+def of(run: RunData, track: str = "", window: Window = EVER) -> LinkForces:
+    """Of a track, by default the first: all records of the window at once, 100 bytes for each link and record.
+
+    Raises Missing.
+    """
+    track = hull.tracks(run, track)[0]
+    parts = [*blocks(run, track, window)]
+    columns = (np.concatenate(each) for each in zip(*(part[:-1] for part in parts), strict=True))
+    return LinkForces(*columns, track)  # type: ignore[misc, arg-type]
+
+
+def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForces]:
+    """The same some records at a time, so that long runs need no more memory; raises Missing."""
+    kinds = [kind for kind, signal in KINDS.items() if of_links.has(run, track, signal)]
+    fibres = of_links.has(run, track, "link[*].fibre.outer")
+    if not kinds and not fibres:
+        raise Missing(f"{run.log.path} holds no force and no fibre stress of the links of '{track}'")
+    wanted = ["joint[*].position", "link[*].tension", *(KINDS[kind] for kind in kinds)]
+    wanted += ["joint[*].axis"] * of_links.has(run, track, "joint[*].axis")
+    wanted += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
+    for block in of_links.records(run, track, window, *wanted):
+        found = dict(zip(wanted, block.values, strict=True))
+        pins, links = found["joint[*].position"], found["link[*].tension"].shape[1]
+        across = found.get("joint[*].axis")
+        if across is None:  # pins stay across the hull but for the play of the guides
+            across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], pins.shape[1], axis=1)
+        axes = link_axes(pins, across, links)
+        forces = {kind: np.einsum("mni,mnij->mnj", found[KINDS[kind]][:, :links], axes) for kind in kinds}
+        none, empty = np.empty((len(block.t), 0, 3)), np.empty((len(block.t), 0))
+        outer, inner = (found.get(f"link[*].fibre.{side}", empty) for side in ("outer", "inner"))
+        section = run.scene["vehicle"]["section"] if fibres else {"area": 1.0, "bending": 1.0, "outer_fibre": 1.0}
+        yield LinkForces(
+            block.t,
+            *(forces.get(kind, none) for kind in KINDS),
+            0.5 * section["area"] * (outer + inner),
+            0.5 * (inner - outer) * section["bending"] / section["outer_fibre"],
+            axes,
+            track,
+        )
+
+
+def _extremes(values: Floats) -> tuple[float, float, float]:
+    return float(values.min()), float(values.mean()), float(values.max())

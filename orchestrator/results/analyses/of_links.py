@@ -1,0 +1,84 @@
+"""What was recorded of the links and pins of a track, some records at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+SIZE = 200  # records that are in memory at once
+GROUPS = {  # signals by the groups of ``track.link_outputs`` that record them
+    "link[*].tension": "tension",
+    "link[*].stress": "stress",
+    "joint[*].position": "position",
+    "joint[*].force": "force",
+    "link[*].ground.force": "ground",
+    "link[*].wheels.force": "wheels",
+    "link[*].ground.sliding": "sliding",
+    "link[*].ground.depth": "depth",
+    "joint[*].axis": "axis",
+    "link[*].fibre.outer": "fibres",
+    "link[*].fibre.inner": "fibres",
+}
+
+
+class Records(NamedTuple):
+    """Some records one after the other."""
+
+    t: Floats  # (m,) s
+    values: tuple[Floats, ...]  # of each signal (m, links or pins), of a vector (m, links or pins, 3)
+
+
+def has(run: RunData, track: str, signal: str) -> bool:
+    """Whether a signal of links was recorded, as "link[*].tension"."""
+    names = run.log.topics[f"/{track}/links"].names if f"/{track}/links" in run.log.topics else ()
+    first = signal.replace("*", "1")
+    return first in names or f"{first}.x" in names
+
+
+def unit(run: RunData, track: str, signal: str) -> str:
+    """Unit of a signal of links; raises Missing."""
+    topic = run.log.topics[f"/{track}/links"]
+    return topic.units[int(_columns(run, track, signal).flat[0])]
+
+
+def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[Records]:
+    """Signals of all links or pins, as "link[*].tension" or, of a vector, "joint[*].position".
+
+    A block holds some SIZE records; nothing is kept. Raises Missing where one was not recorded, or not in the window.
+    """
+    topic = f"/{track}/links"
+    places = [_columns(run, track, signal) for signal in signals]
+    wanted = list(dict.fromkeys(int(column) for place in places for column in place.flat))
+    order = {column: k for k, column in enumerate(wanted)}
+    found = [np.vectorize(order.__getitem__)(place) for place in places]
+    empty = True
+    for block in run.log.blocks({topic: wanted}, SIZE, window=window):
+        series = block[topic]
+        if len(series.t):
+            empty = False
+            yield Records(series.t, tuple(series.values[:, place] for place in found))
+    if empty:
+        raise Missing(
+            f"{run.log.path}: no links of '{track}' were recorded between {window.start:g} and {window.end:g} s"
+        )
+
+
+def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
+    """Columns (n,) or, of a vector, (n, 3); raises Missing."""
+    topic = f"/{track}/links"
+    names = run.log.topics[topic].names if topic in run.log.topics else ()
+    of = {name: column for column, name in enumerate(names)}
+    parts = [""] if signal.replace("*", "1") in of else [".x", ".y", ".z"]
+    found: list[list[int]] = []
+    while all(signal.replace("*", str(len(found) + 1)) + part in of for part in parts):
+        found.append([of[signal.replace("*", str(len(found) + 1)) + part] for part in parts])
+    if not found:
+        group = GROUPS.get(signal)
+        how = f"; record it with the group '{group}' of track.link_outputs in the scene" if group else ""
+        raise Missing(f"{run.log.path} holds no '{track}.{signal}'{how}")
+    return np.array(found)[:, 0] if parts == [""] else np.array(found)

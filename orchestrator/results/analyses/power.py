@@ -1,0 +1,130 @@
+"""Power through the ports of the hull and of the drives, as the hull sees it.
+
+A wrench on a wheel that moves with the vehicle works on the vehicle's speed too: between ports these parts go round
+in circles, and they hide what passes. So the power of each port is split:
+    F.v + T.w = [F.(v - v_h) + T.(w - w_h)] + [F.v_h + T.w_h],
+with the motion v, w of the wheel and v_h, w_h of the hull where the wheel is. The first part is the power relative to
+the hull, the second is what the wrench does to the hull as a whole. Their sums over a run are the works of the ledger
+(``results/energy.py``). Without a hull all of it is relative: axles are fixed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.energy import Block, Port, ports
+from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, vectors
+
+WRENCH = ("force", "torque")
+MOTION = ("position", "velocity", "angular_velocity")
+
+
+class Power(NamedTuple):
+    """Means over each step; positive goes into the wheel, for motors into the sprocket."""
+
+    t: Floats  # (m,) s, ends of the steps
+    h: Floats  # (m,) s, their lengths
+    ports: tuple[str, ...]  # "left_track.sprocket": what gives the wrench, and the wheel
+    relative: Floats  # (m, ports) W, on the motion against the hull
+    carried: Floats  # (m, ports) W, on the motion of the hull
+    drives: tuple[str, ...]  # "left_drive"
+    drive: Floats  # (m, drives) W, of the motors
+    halves: int  # 2 where each of these stands for two: the other side of a symmetric vehicle mirrors this one
+
+    @property
+    def energy(self) -> Floats:
+        """Through each port relative to the hull (ports,), J."""
+        return self.h @ self.relative
+
+    @property
+    def energy_carried(self) -> Floats:
+        """Of each port on the motion of the hull (ports,), J."""
+        return self.h @ self.carried
+
+    @property
+    def energy_drive(self) -> Floats:
+        """Of each motor (drives,), J."""
+        return self.h @ self.drive
+
+    def table(self) -> Table:
+        """Mean power and energy of each port and motor."""
+        length = float(self.h.sum())
+        through = zip(self.ports, self.energy.tolist(), self.energy_carried.tolist(), strict=True)
+        rows = [(name, a / length / 1e3, b / length / 1e3, a / 1e3, b / 1e3) for name, a, b in through]
+        nan = float("nan")
+        rows += [
+            (f"{name} motor", e / length / 1e3, nan, e / 1e3, nan)
+            for name, e in zip(self.drives, self.energy_drive.tolist(), strict=True)
+        ]
+        columns = (
+            ("port", ""), ("power", "kW"), ("power on hull's motion", "kW"), ("energy", "kJ"),
+            ("energy on hull's motion", "kJ"),
+        )  # fmt: skip
+        begin, end = self.t[0] - self.h[0], self.t[-1]
+        title = f"Power into wheels relative to the hull, {begin:.6g} to {end:.6g} s"
+        note = ("the other side of the symmetric vehicle has the same again",) if self.halves > 1 else ()
+        return Table(title, columns, rows, note)
+
+
+def of(run: RunData, window: Window = EVER) -> Power:
+    """Power of every port and motor; raises Missing where not every step is recorded."""
+    found = [port for port in ports(run) if run.has(f"{port.taker}.{port.taken}.velocity.x")]
+    drives = [name for name in run.instances if run.has(f"{name}.power")]
+    if not found:
+        raise Missing(f"{run.log.path} holds no port of a wheel")
+    hull = run.has("chassis.chassis.velocity.x")
+    wanted = {f"/{port.giver}/out": set[int]() for port in found} | {f"/{port.taker}/out": set() for port in found}
+    names = [f"{port.giver}.{port.connector}.{part}.{axis}" for port in found for part in WRENCH for axis in "xyz"]
+    names += [f"{port.taker}.{port.taken}.{part}.{axis}" for port in found for part in MOTION for axis in "xyz"]
+    names += [f"{name}.power" for name in drives]
+    names += [f"chassis.chassis.{part}.{axis}" for part in MOTION for axis in "xyz"] if hull else []
+    for name in names:
+        topic, column = run.log.find(name)
+        wanted.setdefault(topic, set()).add(column)
+    lines: list[tuple[Floats, ...]] = []
+    columns = {topic: sorted(which) for topic, which in wanted.items()}
+    for block in run.log.blocks(columns, BLOCK, 1, window):
+        series = next(iter(block.values()))
+        if any(
+            len(each.t) != len(series.t) or np.abs(each.t - series.t).max(initial=0.0) > 1e-9 for each in block.values()
+        ):
+            raise Missing(f"{run.log.path} holds different steps of its components: power needs those of all")
+        if len(series.t) > 1:
+            lines.append(_in_block(block, found, drives, hull))
+    if not lines:
+        raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
+    t, h, relative, carried, drive = (np.concatenate(parts) for parts in zip(*lines, strict=True))
+    titles = tuple(f"{port.giver}.{port.connector}" for port in found)
+    return Power(t, h, titles, relative, carried, tuple(drives), drive, run.copies(found[0].giver))
+
+
+def _in_block(block: Block, found: list[Port], drives: list[str], hull: bool) -> tuple[Floats, ...]:
+    """Times, lengths, relative and carried power and that of motors, of the steps in a block."""
+    series = next(iter(block.values()))
+    t, h = series.t[1:], np.diff(series.t)
+    c, v_c, w_c = (
+        (_mid(vectors(block["/chassis/out"], "chassis", f"chassis.{part}")) for part in MOTION)
+        if hull
+        else np.zeros((3, len(t), 3))
+    )
+    relative, carried = np.empty((len(t), len(found))), np.empty((len(t), len(found)))
+    for k, port in enumerate(found):
+        force, torque = (
+            vectors(block[f"/{port.giver}/out"], port.giver, f"{port.connector}.{part}")[1:] for part in WRENCH
+        )
+        x, v, w = (_mid(vectors(block[f"/{port.taker}/out"], port.taker, f"{port.taken}.{part}")) for part in MOTION)
+        v_h = v_c + np.cross(w_c, x - c)
+        carried[:, k] = np.sum(force * v_h + torque * w_c, axis=1)
+        relative[:, k] = np.sum(force * (v - v_h) + torque * (w - w_c), axis=1)
+    motors = [block[f"/{name}/out"] for name in drives]
+    drive = [each.values[1:, each.names.index("power")] for each in motors]
+    return t, h, relative, carried, np.stack(drive, axis=1) if drive else np.empty((len(t), 0))
+
+
+def _mid(values: Floats) -> Floats:
+    """Means of the ends of each step: wrenches are means over it."""
+    return 0.5 * (values[1:] + values[:-1])

@@ -1,0 +1,63 @@
+"""Slip and thrust of tracks: how fast their links slide on the ground, and how it pushes them ahead."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
+
+SLOWEST = 0.05  # m/s of the chain: below, slip over its speed says nothing
+
+
+class Slip(NamedTuple):
+    """Of each track over time; vectors of the ground in the axes of the hull on the level."""
+
+    tracks: tuple[str, ...]
+    t: Floats  # (m,) s
+    slip: Floats  # (m, tracks) m/s, velocity of the links over the ground, rearwards is positive
+    ratio: Floats  # (m, tracks) slip over the speed of the chain; NaN where that is below SLOWEST
+    thrust: Floats  # (m, tracks) N, force of the ground ahead
+    lateral: Floats  # (m, tracks) N, to the left
+    load: Floats  # (m, tracks) N, up
+
+    def table(self) -> Table:
+        """Means over the window, and the largest thrust."""
+        rows = []
+        for k, track in enumerate(self.tracks):
+            whole = [mean(self.t, each[:, k]) for each in (self.slip, self.thrust, self.lateral, self.load)]
+            known = np.isfinite(self.ratio[:, k])
+            ratio = mean(self.t[known], self.ratio[known, k]) if known.any() else float("nan")
+            thrust = self.thrust[:, k]
+            rows.append(
+                (
+                    track, whole[0], 100.0 * ratio, whole[1] / 1e3, float(thrust.min()) / 1e3,
+                    float(thrust.max()) / 1e3, whole[2] / 1e3, whole[3] / 1e3, whole[1] / whole[3],
+                )
+            )  # fmt: skip
+        columns = (
+            ("track", ""), ("slip", "m/s"), ("slip ratio", "%"), ("thrust", "kN"), ("least thrust", "kN"),
+            ("largest thrust", "kN"), ("to the left", "kN"), ("load", "kN"), ("thrust over load", ""),
+        )  # fmt: skip
+        return Table(f"Slip and thrust, means over {self.t[0]:.6g} to {self.t[-1]:.6g} s", columns, rows)
+
+
+def of(run: RunData, window: Window = EVER) -> Slip:
+    """Of every track; raises Missing where there is no ground."""
+    if run.scene.get("assembly") != "vehicle" or not run.has("chassis.yaw"):
+        raise Missing(f"{run.log.path} holds no vehicle on the ground")
+    names = hull.tracks(run)
+    t, yaw = run.signal("chassis.yaw", window)
+
+    def of_all(signal: str) -> Floats:
+        return np.stack([run.signal(f"{name}.{signal}", window)[1] for name in names], axis=1)
+
+    x, y, load = (of_all(f"ground.force.{axis}") for axis in "xyz")
+    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    slip, speed = of_all("slip"), of_all("speed")
+    ratio = np.where(np.abs(speed) > SLOWEST, slip / np.where(speed, speed, 1.0), np.nan)
+    return Slip(names, t, slip, ratio, x * c + y * s, y * c - x * s, load)

@@ -1,0 +1,127 @@
+"""Amplitudes of signals by frequency, in Hz or in tooth orders: multiples of the rate at which teeth pass.
+
+Windows are scaled so that a sine shows its own amplitude (not a density): a Hann window tells near frequencies apart,
+a flat top reads the amplitude of a sine between two bins to 0.1 %, a Hann window to 15 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses.hull import sprocket_speed
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
+
+SHAPES = {"hann": "hann", "flat-top": "flattop"}  # names of windows, and what scipy calls them
+FEWEST = 16  # samples
+EVEN = 1e-6  # of a step: records that differ by less are evenly spaced
+PEAKS = 8  # in the table
+LOBE = 4  # bins: a sine shows in so many on either side
+
+
+class Spectrum(NamedTuple):
+    """Amplitudes; of a record at 0 Hz the size of its mean."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    frequency: Floats  # (k,) Hz
+    amplitude: Floats  # (k, signals) of a sine, in the unit of the signal
+    teeth: float  # Hz: teeth per second, mean over the window; NaN where no teeth were asked for
+    window: Window  # what the samples span, s
+    shape: str  # "hann" or "flat-top"
+    resampled: bool  # records were not evenly spaced
+
+    @property
+    def order(self) -> Floats:
+        """Tooth orders (k,): frequency over the rate of teeth."""
+        return self.frequency / self.teeth
+
+    def peak(self, above: float = 0.0, signal: int = 0) -> tuple[float, float]:
+        """Frequency, Hz, and amplitude of the largest one above a frequency; raises Missing above all of them."""
+        inside = np.flatnonzero(self.frequency > above)
+        if not len(inside):
+            raise Missing(f"the spectrum ends at {self.frequency[-1]:g} Hz: it has nothing above {above:g} Hz")
+        at = inside[self.amplitude[inside, signal].argmax()]
+        return float(self.frequency[at]), float(self.amplitude[at, signal])
+
+    def table(self) -> Table:
+        """The largest peaks of each signal."""
+        rows = []
+        for k, name in enumerate(self.names):
+            a = self.amplitude[:, k]
+            tops = [at for at in range(1, len(a)) if a[at] and a[at] == a[max(at - LOBE, 1) : at + LOBE + 1].max()]
+            for at in sorted(tops, key=lambda at: -a[at])[:PEAKS]:
+                f = float(self.frequency[at])
+                rows.append((name, f, *([f / self.teeth] if self.teeth == self.teeth else []), float(a[at])))
+        orders = (("tooth order", ""),) if self.teeth == self.teeth else ()
+        columns = (("signal", ""), ("frequency", "Hz"), *orders, ("amplitude", " or ".join(dict.fromkeys(self.units))))
+        notes = [f"bins are {self.frequency[1]:.4g} Hz wide, {self.shape} window"]
+        notes += [f"teeth pass at {self.teeth:.5g} Hz"] * bool(orders)
+        notes += ["steps vary: resampled evenly by straight lines"] * self.resampled
+        return Table(f"Largest peaks, {self.window.start:.6g} to {self.window.end:.6g} s", columns, rows, tuple(notes))
+
+
+def of(
+    run: RunData, signals: Sequence[str] | str, window: Window = EVER, shape: str = "hann", orders: bool = False
+) -> Spectrum:
+    """Spectra of signals ("*" stands for anything) of one topic over a window of time.
+
+    ``orders`` asks also for the rate of the teeth of the sprocket that belongs to the signals, or the log's first.
+    Raises Missing, NoSuchSignal.
+    """
+    chosen = run.log.choose([signals] if isinstance(signals, str) else signals)
+    if len(chosen) != 1:
+        raise Missing(f"the signals are on {len(chosen)} topics: a spectrum needs signals of one, with common times")
+    ((topic, columns),) = chosen.items()
+    series = run.log.select(chosen, window)[topic]
+    names = tuple(run.log.name(topic, column) for column in columns)
+    if len(series.t) < FEWEST:
+        raise Missing(f"'{names[0]}' has {len(series.t)} records in the window: a spectrum needs {FEWEST}")
+    finite = np.isfinite(series.values).all(axis=0)
+    if not finite.all():
+        raise Missing(f"'{names[int(np.argmin(finite))]}' is not finite: it has no spectrum")
+    t, values, resampled = evenly(series.t, series.values)
+    frequency, amplitude = amplitudes(t, values, shape)
+    span = Window(float(t[0]), float(t[-1]))
+    teeth = teeth_rate(run, names[0].partition(".")[0], span) if orders else float("nan")
+    units = tuple(run.log.topics[topic].units[column] for column in columns)
+    return Spectrum(names, units, frequency, amplitude, teeth, span, shape, resampled)
+
+
+def teeth_rate(run: RunData, instance: str, window: Window) -> float:
+    """Teeth per second of the sprocket of an instance (or the first), Hz, mean over the window; raises Missing."""
+    signal = sprocket_speed(run, instance)
+    t, speed = run.signal(signal, window)
+    rate = run.scene["vehicle"]["sprocket"]["teeth"] * abs(mean(t, speed)) / (2.0 * np.pi)
+    if not rate > 0.0:
+        raise Missing(f"'{signal}' is 0 over the window: there are no tooth orders")
+    return float(rate)
+
+
+def evenly(t: Floats, values: Floats) -> tuple[Floats, Floats, bool]:
+    """Samples (m, n) at evenly spaced times, and whether they had to be made, by straight lines."""
+    steps = np.diff(t)
+    if np.ptp(steps) <= EVEN * steps.mean():
+        return t, values, False
+    even = np.linspace(t[0], t[-1], 1 + round((t[-1] - t[0]) / float(np.median(steps))))
+    return even, np.stack([np.interp(even, t, column) for column in values.T], axis=1), True
+
+
+def amplitudes(t: Floats, values: Floats, shape: str = "hann") -> tuple[Floats, Floats]:
+    """Frequencies (k,), Hz, and amplitudes of sines (k, n) of evenly spaced samples (m, n); raises Missing."""
+    from scipy.signal import get_window
+
+    if shape not in SHAPES:
+        raise Missing(f"a window '{shape}' is not known: there is {', '.join(SHAPES)}")
+    m = len(t)
+    weights = get_window(SHAPES[shape], m)
+    middle = values.mean(axis=0)
+    found = 2.0 * np.abs(np.fft.rfft((values - middle) * weights[:, None], axis=0)) / weights.sum()
+    found[0] = np.abs(middle)
+    if m % 2 == 0:
+        found[-1] *= 0.5  # the last one has no twin at a negative frequency
+    return np.fft.rfftfreq(m, (t[-1] - t[0]) / (m - 1)), found
