@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from orchestrator.cli import log_commands
+from orchestrator.cli.analysis_commands import analyse, plot
 from orchestrator.cli.common import ended_by, narration, tell
 from orchestrator.cli.result_commands import compare, replay, view
 from orchestrator.cli.run_commands import resume, run, truth
@@ -29,7 +30,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(log_commands.app, name="log")
-for command in (scenes, show, build, run, resume, replay, compare, view, study, truth, bench, warm):
+for command in (scenes, show, build, run, resume, replay, compare, view, analyse, plot, study, truth, bench, warm):
     app.command()(command)
 
 

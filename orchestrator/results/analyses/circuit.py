@@ -1,8 +1,8 @@
 """Places on the circuit of a closed chain, in metres along it.
 
 The zero is fixed in the hull: where the chain crosses the line from the sprocket axle away from the middle of the
-circuit, in the middle of the wrap (without a sprocket: the line ahead of the middle). Places grow as links are numbered:
-from a sprocket in front down to the ground, rearwards along it, and ahead along the upper run.
+circuit, in the middle of the wrap (without a sprocket: the line ahead of the middle). Places grow as links are
+numbered: from a sprocket in front down to the ground, rearwards along it, and ahead along the upper run.
 """
 
 from __future__ import annotations

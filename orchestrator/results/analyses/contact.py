@@ -1,4 +1,4 @@
-"""Pressure of the ground under links: its force into a link over the area of the pad, pitch times width of the track."""
+"""Pressure of the ground under links: its force into a link over the area of a pad, pitch times width of the track."""
 
 from __future__ import annotations
 

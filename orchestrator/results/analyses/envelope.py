@@ -21,7 +21,7 @@ class Envelope(NamedTuple):
     least: Floats  # (bins,)
     mean: Floats  # (bins,)
     most: Floats  # (bins,)
-    count: Floats  # (bins,) records of links
+    records: Floats  # (bins,) how many of links there are
     forward: Floats  # (bins,) m, mean place ahead of the sprocket axle, in the axes of the hull
     up: Floats  # (bins,) m, over the axle
 
@@ -31,7 +31,7 @@ class Envelope(NamedTuple):
             ("place", "m"), ("least", self.unit), ("mean", self.unit), ("largest", self.unit), ("ahead", "m"),
             ("up", "m"), ("records", ""),
         )  # fmt: skip
-        values = (self.place, self.least, self.mean, self.most, self.forward, self.up, self.count.astype(int))
+        values = (self.place, self.least, self.mean, self.most, self.forward, self.up, self.records.astype(int))
         rows = list(zip(*(each.tolist() for each in values), strict=True))
         return Table(f"{self.signal} by place on the circuit", columns, rows)
 

@@ -24,6 +24,7 @@ AXES = ("along", "across", "outwards")
 class LinkForces(NamedTuple):
     """Forces on links, one array for each kind that was recorded; of joints on the link that begins there."""
 
+    track: str
     t: Floats  # (m,) s
     joint: Floats  # (m, links, 3) N, along, across, outwards; (m, 0, 3) where not recorded, as below
     ground: Floats  # (m, links, 3) N
@@ -31,7 +32,6 @@ class LinkForces(NamedTuple):
     axial: Floats  # (m, links) N; (m, 0) without fibres
     moment: Floats  # (m, links) N m
     axes: Floats  # (m, links, 3, 3) columns along, across, outwards, world
-    track: str
 
     def table(self) -> Table:
         """Least, mean, largest of each component over all links and the window."""
@@ -50,14 +50,14 @@ class LinkForces(NamedTuple):
 
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> LinkForces:
-    """Of a track, by default the first: all records of the window at once, 100 bytes for each link and record.
+    """Of a track, by default the first: all records of the window at once, 160 bytes for each link and record.
 
     Raises Missing.
     """
     track = hull.tracks(run, track)[0]
     parts = [*blocks(run, track, window)]
-    columns = (np.concatenate(each) for each in zip(*(part[:-1] for part in parts), strict=True))
-    return LinkForces(*columns, track)  # type: ignore[misc, arg-type]
+    columns = (np.concatenate(each) for each in zip(*(part[1:] for part in parts), strict=True))
+    return LinkForces(track, *columns)
 
 
 def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForces]:
@@ -81,12 +81,14 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
         outer, inner = (found.get(f"link[*].fibre.{side}", empty) for side in ("outer", "inner"))
         section = run.scene["vehicle"]["section"] if fibres else {"area": 1.0, "bending": 1.0, "outer_fibre": 1.0}
         yield LinkForces(
-            block.t,
-            *(forces.get(kind, none) for kind in KINDS),
-            0.5 * section["area"] * (outer + inner),
-            0.5 * (inner - outer) * section["bending"] / section["outer_fibre"],
-            axes,
-            track,
+            track=track,
+            t=block.t,
+            joint=forces.get("joint", none),
+            ground=forces.get("ground", none),
+            wheels=forces.get("wheels", none),
+            axial=0.5 * section["area"] * (outer + inner),
+            moment=0.5 * (inner - outer) * section["bending"] / section["outer_fibre"],
+            axes=axes,
         )
 
 

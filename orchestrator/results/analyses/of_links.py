@@ -63,9 +63,8 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
             empty = False
             yield Records(series.t, tuple(series.values[:, place] for place in found))
     if empty:
-        raise Missing(
-            f"{run.log.path}: no links of '{track}' were recorded between {window.start:g} and {window.end:g} s"
-        )
+        when = f"between {window.start:g} and {window.end:g} s"
+        raise Missing(f"{run.log.path}: no links of '{track}' were recorded {when}")
 
 
 def _columns(run: RunData, track: str, signal: str) -> np.ndarray:

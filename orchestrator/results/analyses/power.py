@@ -50,6 +50,13 @@ class Power(NamedTuple):
         """Of each motor (drives,), J."""
         return self.h @ self.drive
 
+    def series(self) -> Table:
+        """All of it over time."""
+        heads = [(f"{name} {part}", "W") for part in ("relative", "on hull's motion") for name in self.ports]
+        columns = (("t", "s"), ("h", "s"), *heads, *((f"{name} motor", "W") for name in self.drives))
+        rows = np.column_stack([self.t, self.h, self.relative, self.carried, self.drive]).tolist()
+        return Table("Power over time", columns, rows)
+
     def table(self) -> Table:
         """Mean power and energy of each port and motor."""
         length = float(self.h.sum())
@@ -89,9 +96,7 @@ def of(run: RunData, window: Window = EVER) -> Power:
     columns = {topic: sorted(which) for topic, which in wanted.items()}
     for block in run.log.blocks(columns, BLOCK, 1, window):
         series = next(iter(block.values()))
-        if any(
-            len(each.t) != len(series.t) or np.abs(each.t - series.t).max(initial=0.0) > 1e-9 for each in block.values()
-        ):
+        if not all(np.array_equal(each.t, series.t) for each in block.values()):
             raise Missing(f"{run.log.path} holds different steps of its components: power needs those of all")
         if len(series.t) > 1:
             lines.append(_in_block(block, found, drives, hull))

@@ -25,6 +25,13 @@ class Slip(NamedTuple):
     lateral: Floats  # (m, tracks) N, to the left
     load: Floats  # (m, tracks) N, up
 
+    def series(self) -> Table:
+        """All of it over time."""
+        kinds = (("slip", "m/s"), ("slip ratio", ""), ("thrust", "N"), ("to the left", "N"), ("load", "N"))
+        columns = (("t", "s"), *((f"{track} {kind}", unit) for kind, unit in kinds for track in self.tracks))
+        values = [self.t, self.slip, self.ratio, self.thrust, self.lateral, self.load]
+        return Table("Slip and thrust over time", columns, np.column_stack(values).tolist())
+
     def table(self) -> Table:
         """Means over the window, and the largest thrust."""
         rows = []

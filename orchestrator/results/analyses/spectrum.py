@@ -48,6 +48,13 @@ class Spectrum(NamedTuple):
         at = inside[self.amplitude[inside, signal].argmax()]
         return float(self.frequency[at]), float(self.amplitude[at, signal])
 
+    def series(self) -> Table:
+        """All of it."""
+        orders = (("tooth order", ""),) if self.teeth == self.teeth else ()
+        columns = (("frequency", "Hz"), *orders, *zip(self.names, self.units, strict=True))
+        rows = np.column_stack([self.frequency, *([self.order] if orders else []), self.amplitude]).tolist()
+        return Table("Amplitudes", columns, rows)
+
     def table(self) -> Table:
         """The largest peaks of each signal."""
         rows = []

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from orchestrator.log.extra import library
 
 DIGITS = 5
+LEAST = 1e-100  # what is smaller is shown as 0
 
 
 class Table(NamedTuple):
@@ -64,4 +65,4 @@ def _lacks(cell: Any) -> bool:
 def _shown(cell: Any) -> str:
     if not isinstance(cell, float):
         return str(cell)
-    return "-" if _lacks(cell) else f"{cell:.{DIGITS}g}"
+    return "-" if _lacks(cell) else f"{cell if abs(cell) > LEAST else 0.0:.{DIGITS}g}"

@@ -57,7 +57,7 @@ def loads(run: RunData, window: Window = EVER) -> tuple[tuple[str, ...], Floats,
     times, found = [], []
     for block in run.log.blocks(wanted, BLOCK, window=window):
         series = next(iter(block.values()))
-        if any(len(each.t) != len(series.t) for each in block.values()):
+        if not all(np.array_equal(each.t, series.t) for each in block.values()):
             raise Missing(f"{run.log.path} holds different steps of its components: wheel loads need those of all")
         force = np.concatenate([block[topic].values for topic in wanted if topic != "/chassis/out"], axis=1)
         up = np.tile([0.0, 0.0, 1.0], (len(series.t), 1))
@@ -68,7 +68,7 @@ def loads(run: RunData, window: Window = EVER) -> tuple[tuple[str, ...], Floats,
     t, values = np.concatenate(times), np.concatenate(found)
     if not len(t):
         raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
-    return tuple(names), t, -values if values.mean() < 0.0 else values
+    return tuple(names), t, values
 
 
 def of(run: RunData, window: Window = EVER) -> WheelLoads:

@@ -1,0 +1,311 @@
+"""Signals of logs as pictures: over time, by frequency or tooth order, or a family of them as a map.
+
+A picture has room for some thousand instants: of longer records it shows, for so many records at a time, the least and
+the largest value (curves) or the mean (maps). So a long log needs little memory.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import circuit, spectrum, written
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+KINDS = (".png", ".svg", ".pdf")
+CURVE, MAP = 4000, 1500  # instants that a picture shows
+LEGEND = 10  # curves of a pane that a legend names; more are told by their colours, or not
+DECADES = 1e-4  # of the largest amplitude: smaller ones are below the picture
+LARGE = {"N": ("kN", 1e3), "W": ("kW", 1e3), "J": ("kJ", 1e3), "Pa": ("MPa", 1e6)}
+MEMBER = re.compile(r"\[(\d+)\]")
+
+
+class Curve(NamedTuple):
+    """A signal of a log."""
+
+    label: str
+    unit: str
+    x: Floats  # (k,)
+    y: Floats  # (k,)
+    log: int  # number of its log
+    signal: str
+
+
+class Map(NamedTuple):
+    """A family of signals of a log."""
+
+    title: str
+    x: Floats  # (k,)
+    y: Floats  # (n,)
+    values: Floats  # (n, k)
+    unit: str
+
+
+def draw(
+    logs: Sequence[Path],
+    signals: Sequence[str],
+    output: Path,
+    window: Window = EVER,
+    *,
+    frequency: bool = False,
+    order: bool = False,
+    waterfall: bool = False,
+    place: bool = False,
+) -> None:
+    """Draw signals ("*" stands for anything) of one log or several.
+
+    :param frequency: amplitudes over frequency, Hz, instead of values over time.
+    :param order: over tooth orders.
+    :param waterfall: a map of a family as "left_track.link[*].tension", by its members and time (or frequency).
+    :param place: a map by place on the circuit (``circuit.py``) and time.
+    :raises BadInput: for what cannot be drawn or written. Raises Missing, NoSuchSignal, LogUnreadable.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    written.check(output, KINDS)
+    frequency = frequency or order
+    if place and frequency:
+        raise BadInput("places on the circuit are drawn over time, not over frequency or tooth order")
+    figure = Figure(layout="constrained")
+    FigureCanvasAgg(figure)
+    x_label = "tooth order" if order else "frequency, Hz" if frequency else "t, s"
+    if waterfall or place:
+        maps = []
+        for path in logs:
+            with Log(path) as log:
+                maps += [*_maps(RunData(log), signals, window, frequency, order, place, len(logs) > 1)]
+        _draw_maps(figure, maps, x_label, "place, m" if place else "number", frequency)
+    else:
+        curves = []
+        for number, path in enumerate(logs):
+            with Log(path) as log:
+                curves += [*_curves(RunData(log), signals, window, frequency, order, number, len(logs) > 1)]
+        _draw_curves(figure, curves, x_label, frequency)
+    with written.fresh(output) as beside:
+        figure.savefig(beside, dpi=120)
+
+
+def _chosen(run: RunData, signals: Sequence[str], window: Window) -> Iterator[tuple[str, list[int], Floats]]:
+    """Topic, columns and times (m,) of the signals; raises Missing where there are no records."""
+    for topic, columns in run.log.choose(signals).items():
+        t = run.log.select({topic: []}, window)[topic].t
+        if not len(t):
+            raise Missing(f"{run.log.path} holds no records on {topic} between {window.start:g} and {window.end:g} s")
+        yield topic, columns, t
+
+
+def _curves(
+    run: RunData, signals: Sequence[str], window: Window, frequency: bool, order: bool, number: int, several: bool
+) -> Iterator[Curve]:
+    """A log's signals over time or frequency."""
+    for topic, columns, t in _chosen(run, signals, window):
+        names = [run.log.name(topic, column) for column in columns]
+        labels = [f"{name}, {run.log.path.stem}" if several else name for name in names]
+        units = [run.log.topics[topic].units[column] for column in columns]
+        if frequency:
+            found = spectrum.of(run, names, window, orders=order)
+            x, y = (found.order if order else found.frequency)[1:], found.amplitude[1:]
+        else:
+            x, y = _thinned(run, topic, columns, window, -(-2 * len(t) // CURVE) if len(t) > CURVE else 1)
+        for k, name in enumerate(names):
+            yield Curve(labels[k], units[k], x, y[:, k], number, name)
+
+
+def _thinned(run: RunData, topic: str, columns: list[int], window: Window, stride: int) -> tuple[Floats, Floats]:
+    """Times and values, or least and largest values of so many records at a time."""
+    times, values = [], []
+    for block in run.log.blocks({topic: columns}, stride * 100, window=window):
+        series = block[topic]
+        if stride == 1 or not len(series.t):
+            times.append(series.t)
+            values.append(series.values)
+            continue
+        at = np.arange(0, len(series.t), stride)
+        pair = [each.reduceat(series.values, at, axis=0) for each in (np.minimum, np.maximum)]
+        times.append(np.repeat(series.t[at], 2))
+        values.append(np.stack(pair, axis=1).reshape(2 * len(at), -1))
+    return np.concatenate(times), np.concatenate(values)
+
+
+def _maps(
+    run: RunData, signals: Sequence[str], window: Window, frequency: bool, order: bool, place: bool, several: bool
+) -> Iterator[Map]:
+    """A log's families; raises BadInput for what is none."""
+    for wanted in signals:
+        for topic, columns, t in _chosen(run, [wanted], window):
+            names = [run.log.name(topic, column) for column in columns]
+            members = [MEMBER.findall(name) for name in names]
+            if {len(each) for each in members} != {1} or len({MEMBER.sub("[*]", name) for name in names}) != 1:
+                raise BadInput(f"'{wanted}' is no family of signals as left_track.link[*].tension: it makes no map")
+            if len(names) < 2:
+                raise BadInput(f"'{wanted}' is a single signal: it makes no map")
+            unit = run.log.topics[topic].units[columns[0]]
+            title = MEMBER.sub("[*]", names[0]) + (f", {run.log.path.stem}" if several else "")
+            y = np.array([float(each[0]) for each in members])
+            if place:
+                yield Map(title, *_by_place(run, names[0], window, -(-len(t) // MAP)), unit)
+            elif frequency:
+                found = spectrum.of(run, names, window, orders=order)
+                x = found.order if order else found.frequency
+                yield Map(title, x[1:], y, found.amplitude[1:].T, unit)
+            else:
+                x, values = _means(run, topic, columns, window, -(-len(t) // MAP))
+                yield Map(title, x, y, values.T, unit)
+
+
+def _means(run: RunData, topic: str, columns: list[int], window: Window, stride: int) -> tuple[Floats, Floats]:
+    """Times and means of so many records at a time."""
+    times, values = [], []
+    for block in run.log.blocks({topic: columns}, stride * 100, window=window):
+        if len(block[topic].t):
+            t, mean = _grouped(block[topic].t, block[topic].values, stride)
+            times.append(t)
+            values.append(mean)
+    return np.concatenate(times), np.concatenate(values)
+
+
+def _grouped(t: Floats, values: Floats, stride: int) -> tuple[Floats, Floats]:
+    at = np.arange(0, len(t), stride)
+    counts = np.diff(np.append(at, len(t)))
+    return np.add.reduceat(t, at) / counts, np.add.reduceat(values, at, axis=0) / counts[:, None]
+
+
+def _by_place(run: RunData, name: str, window: Window, stride: int) -> tuple[Floats, Floats, Floats]:
+    """Times (k,), places (n,), m, and values (n, k) of a family of links or pins, given by one of its signals."""
+    track, _, rest = name.partition(".")
+    signal = MEMBER.sub("[*]", rest)
+    if track not in run.tracks or not signal.startswith(("link[", "joint[")):
+        raise BadInput(f"'{name}' is of no link or pin of a track: it has no place on a circuit")
+    times, values, lengths = [], [], []
+    for block in circuit.records(run, track, window, signal):
+        where = block.joints if signal.startswith("joint") else block.links
+        n = where.shape[1]
+        share = where / block.length[:, None]
+        places = (np.arange(n) + 0.5) / n
+        rows = [np.interp(places, *_round(share[k], block.values[0][k])) for k in range(len(share))]
+        t, mean = _grouped(block.t, np.array(rows), stride)
+        times.append(t)
+        values.append(mean)
+        lengths.append(float(block.length.mean()))
+    return np.concatenate(times), places * float(np.mean(lengths)), np.concatenate(values).T
+
+
+def _round(share: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Places of a circuit in order, the first and the last on either side again."""
+    at = np.argsort(share)
+    x, y = share[at], values[at]
+    return np.concatenate([[x[-1] - 1.0], x, [x[0] + 1.0]]), np.concatenate([[y[-1]], y, [y[0]]])
+
+
+def _draw_curves(figure: Figure, curves: list[Curve], x_label: str, frequency: bool) -> None:
+    """A pane for each unit."""
+    units = list(dict.fromkeys(curve.unit for curve in curves))
+    figure.set_size_inches(9.0, 1.2 + 3.0 * len(units))
+    panes = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    for pane, unit in zip(panes, units, strict=True):
+        _pane(figure, pane, [curve for curve in curves if curve.unit == unit], unit, frequency)
+    panes[-1].set_xlabel(x_label)
+
+
+def _pane(figure: Figure, pane: Axes, curves: list[Curve], unit: str, frequency: bool) -> None:
+    """Curves of one unit."""
+    shown, size = _size(unit, max(_largest(curve.y) for curve in curves))
+    names = list(dict.fromkeys(curve.signal for curve in curves))
+    families = {MEMBER.sub("[*]", name) for name in names}
+    many = len(curves) > LEGEND
+    colours = _colours(len(names), many)
+    for curve in curves:
+        colour = colours[names.index(curve.signal)]
+        style = ("-", "--", ":", "-.")[curve.log % 4]
+        pane.plot(
+            curve.x, curve.y / size, style, color=colour, linewidth=0.5 if many else 1.0, alpha=0.7 if many else 1.0,
+            label=curve.label,
+        )  # fmt: skip
+    what = next(iter(families)) if len(families) == 1 else ""
+    amplitude = "amplitude" if frequency else ""
+    text = " ".join(filter(None, [what if len(what) < 40 else "", amplitude])) or "value"
+    pane.set_ylabel(f"{text}, {shown}" if shown else text, parse_math=False)
+    if frequency:
+        pane.set_yscale("log")
+        top = max(_largest(curve.y) for curve in curves) / size
+        if top > 0.0:
+            pane.set_ylim(DECADES * top, 2.0 * top)
+    pane.grid(alpha=0.3)
+    pane.margins(x=0.0)
+    if not many:
+        if len(curves) > 1 or not what:
+            _legend(pane)
+    elif len(families) == 1:
+        _bar(figure, pane, names)
+    else:
+        pane.set_title(f"{len(curves)} signals", fontsize=9, loc="left")
+
+
+def _legend(pane: Axes) -> None:
+    for text in pane.legend(fontsize=8).get_texts():
+        text.set_parse_math(False)
+
+
+def _colours(count: int, many: bool) -> list[Any]:
+    import matplotlib
+
+    return (
+        [*matplotlib.colormaps["viridis"](np.linspace(0.0, 0.95, count))] if many else [f"C{k}" for k in range(count)]
+    )
+
+
+def _bar(figure: Figure, pane: Axes, names: list[str]) -> None:
+    """Colours of a family by number."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    numbers = [float(found[0]) for name in names if (found := MEMBER.findall(name))]
+    if numbers:
+        figure.colorbar(ScalarMappable(Normalize(min(numbers), max(numbers)), "viridis"), ax=pane, label="number")
+
+
+def _draw_maps(figure: Figure, maps: list[Map], x_label: str, y_label: str, frequency: bool) -> None:
+    """A pane for each, with one scale for each unit."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    figure.set_size_inches(9.0, 0.8 + 3.4 * len(maps))
+    panes = figure.subplots(len(maps), 1, sharex=True, squeeze=False)[:, 0]
+    for pane, each in zip(panes, maps, strict=True):
+        alike = [other.values for other in maps if other.unit == each.unit]
+        most, least = (pick([pick(values) for values in alike]) for pick in (np.nanmax, np.nanmin))
+        shown, size = _size(each.unit, float(max(abs(most), abs(least))))
+        scale = (
+            LogNorm(DECADES * most / size, most / size)
+            if frequency and most > 0
+            else Normalize(least / size, most / size)
+        )
+        values = np.maximum(each.values / size, DECADES * most / size) if frequency else each.values / size
+        mesh = pane.pcolormesh(each.x, each.y, values, norm=scale, cmap="viridis", shading="nearest", rasterized=True)
+        amplitude = "amplitude, " if frequency else ""
+        figure.colorbar(mesh, ax=pane, label=f"{amplitude}{shown}")
+        pane.set_title(each.title, fontsize=9, loc="left", parse_math=False)
+        pane.set_ylabel(y_label)
+    panes[-1].set_xlabel(x_label)
+
+
+def _size(unit: str, largest: float) -> tuple[str, float]:
+    """The unit in which it is read well, and its size."""
+    shown, size = LARGE.get(unit, (unit, 1.0))
+    return (shown, size) if largest >= size else ("" if unit == "1" else unit, 1.0)
+
+
+def _largest(values: Floats) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.abs(finite).max()) if len(finite) else 0.0
