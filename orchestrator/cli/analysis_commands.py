@@ -66,14 +66,10 @@ def analyse(
             "of an envelope: link[*].tension or the like",
         ),
     ] = None,
-    track: Annotated[
-        str, typer.Option("--track", metavar="NAME", help="a track, by default the first; of joints, all")
-    ] = "",
+    track: Annotated[str, typer.Option("--track", metavar="NAME", help="by default the first, of joints all")] = "",
     shape: Annotated[Shape | None, typer.Option("--shape", help="window of a spectrum, default hann")] = None,
     order: Annotated[bool, typer.Option("--order", help="of a spectrum: tooth orders too")] = False,
-    bins: Annotated[
-        int, typer.Option("--bins", metavar="N", min=0, help="places of an envelope, default one a link")
-    ] = 0,
+    bins: Annotated[int, typer.Option("--bins", metavar="N", min=0, help="of an envelope, default one a link")] = 0,
     sn: Annotated[
         str, typer.Option("--sn", metavar="PA,CYCLES,SLOPE", help="S-N line of fatigue, default 100e6,2e6,3")
     ] = "",
@@ -180,9 +176,7 @@ def plot(
     end: To = inf,
     spectrum: Annotated[bool, typer.Option("--spectrum", help="amplitudes over frequency")] = False,
     order: Annotated[bool, typer.Option("--order", help="amplitudes over tooth orders")] = False,
-    waterfall: Annotated[
-        bool, typer.Option("--waterfall", help="a family as link[*].tension as a map by number")
-    ] = False,
+    waterfall: Annotated[bool, typer.Option("--waterfall", help="a map of a family as link[*].tension")] = False,
     place: Annotated[bool, typer.Option("--place", help="a map by place on the circuit of the chain")] = False,
 ) -> None:
     """Signals as a picture: over time, frequency or tooth order, or as a map.
@@ -197,9 +191,7 @@ def plot(
     if not logs:
         raise BadInput("plot needs a log: a file, or a name that ends in .mcap")
     if not signals:
-        raise BadInput(
-            "plot needs a signal, as left_track.tension.max: 'cotrack log info --signals LOG' says which there are"
-        )
+        raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' says which there are")
     _check(start, end)
     target = output or logs[0].with_suffix(".png")
     signal_picture.draw(

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 KINDS = (".png", ".svg", ".pdf")
 CURVE, MAP = 4000, 1500  # instants that a picture shows
+PLACE = "along the chain from the sprocket, m"
+STYLES = (("-", "solid"), ("--", "dashed"), (":", "dotted"), ("-.", "dash-dotted"))  # by log
 LEGEND = 10  # curves of a pane that a legend names; more are told by their colours, or not
 DECADES = 1e-4  # of the largest amplitude: smaller ones are below the picture
 LARGE = {"N": ("kN", 1e3), "W": ("kW", 1e3), "J": ("kJ", 1e3), "Pa": ("MPa", 1e6)}
@@ -46,6 +48,7 @@ class Map(NamedTuple):
     """A family of signals of a log."""
 
     title: str
+    label: str  # of y
     x: Floats  # (k,)
     y: Floats  # (n,)
     values: Floats  # (n, k)
@@ -86,7 +89,7 @@ def draw(
         for path in logs:
             with Log(path) as log:
                 maps += [*_maps(RunData(log), signals, window, frequency, order, place, len(logs) > 1)]
-        _draw_maps(figure, maps, x_label, "place, m" if place else "number", frequency)
+        _draw_maps(figure, maps, x_label, frequency)
     else:
         curves = []
         for number, path in enumerate(logs):
@@ -154,15 +157,16 @@ def _maps(
             unit = run.log.topics[topic].units[columns[0]]
             title = MEMBER.sub("[*]", names[0]) + (f", {run.log.path.stem}" if several else "")
             y = np.array([float(each[0]) for each in members])
+            number = _member(names[0])
             if place:
-                yield Map(title, *_by_place(run, names[0], window, -(-len(t) // MAP)), unit)
+                yield Map(title, PLACE, *_by_place(run, names[0], window, -(-len(t) // MAP)), unit)
             elif frequency:
                 found = spectrum.of(run, names, window, orders=order)
                 x = found.order if order else found.frequency
-                yield Map(title, x[1:], y, found.amplitude[1:].T, unit)
+                yield Map(title, number, x[1:], y, found.amplitude[1:].T, unit)
             else:
                 x, values = _means(run, topic, columns, window, -(-len(t) // MAP))
-                yield Map(title, x, y, values.T, unit)
+                yield Map(title, number, x, y, values.T, unit)
 
 
 def _means(run: RunData, topic: str, columns: list[int], window: Window, stride: int) -> tuple[Floats, Floats]:
@@ -221,62 +225,69 @@ def _draw_curves(figure: Figure, curves: list[Curve], x_label: str, frequency: b
 
 def _pane(figure: Figure, pane: Axes, curves: list[Curve], unit: str, frequency: bool) -> None:
     """Curves of one unit."""
-    shown, size = _size(unit, max(_largest(curve.y) for curve in curves))
+    top = max(_largest(curve.y) for curve in curves)
+    shown, size = _size(unit, top)
     names = list(dict.fromkeys(curve.signal for curve in curves))
-    families = {MEMBER.sub("[*]", name) for name in names}
     many = len(curves) > LEGEND
-    colours = _colours(len(names), many)
-    for curve in curves:
-        colour = colours[names.index(curve.signal)]
-        style = ("-", "--", ":", "-.")[curve.log % 4]
+    colours = _colours(len(names))
+    for number, curve in enumerate(curves):
+        style = STYLES[curve.log % 4][0] if len(names) > 1 else "-"
         pane.plot(
-            curve.x, curve.y / size, style, color=colour, linewidth=0.5 if many else 1.0, alpha=0.7 if many else 1.0,
-            label=curve.label,
+            curve.x, curve.y / size, style, color=colours[names.index(curve.signal)] if many else f"C{number}",
+            linewidth=0.5 if many else 1.0, alpha=0.7 if many else 1.0, label=curve.label,
         )  # fmt: skip
-    what = next(iter(families)) if len(families) == 1 else ""
-    amplitude = "amplitude" if frequency else ""
-    text = " ".join(filter(None, [what if len(what) < 40 else "", amplitude])) or "value"
-    pane.set_ylabel(f"{text}, {shown}" if shown else text, parse_math=False)
-    if frequency:
+    text = f"{_common(names)}{', amplitude' if frequency else ''}".removeprefix(", ")
+    pane.set_ylabel(", ".join(filter(None, [text, shown])), parse_math=False)
+    if frequency and top > 0.0:
         pane.set_yscale("log")
-        top = max(_largest(curve.y) for curve in curves) / size
-        if top > 0.0:
-            pane.set_ylim(DECADES * top, 2.0 * top)
+        pane.set_ylim(DECADES * top / size, 2.0 * top / size)
     pane.grid(alpha=0.3)
     pane.margins(x=0.0)
-    if not many:
-        if len(curves) > 1 or not what:
-            _legend(pane)
-    elif len(families) == 1:
+    if not many and len(curves) > 1:
+        for label in pane.legend(fontsize=8).get_texts():
+            label.set_parse_math(False)
+    elif many:
         _bar(figure, pane, names)
-    else:
-        pane.set_title(f"{len(curves)} signals", fontsize=9, loc="left")
+        styles = dict.fromkeys((curve.log % 4, curve.label.partition(", ")[2]) for curve in curves)
+        logs = ", ".join(
+            f"{name} {('solid', 'dashed', 'dotted', 'dash-dotted')[style]}" for style, name in styles if name
+        )
+        pane.set_title(f"{len(curves)} curves{': ' * bool(logs)}{logs}", fontsize=9, loc="left", parse_math=False)
 
 
-def _legend(pane: Axes) -> None:
-    for text in pane.legend(fontsize=8).get_texts():
-        text.set_parse_math(False)
+def _common(names: Sequence[str]) -> str:
+    """What the names of signals have in common: a family, or how they end; else nothing."""
+    families = {MEMBER.sub("[*]", name) for name in names}
+    if len(names) == 1 or len(families) == 1:
+        return names[0] if len(names) == 1 else families.pop()
+    ends = {name.partition(".")[2] for name in names}
+    ends = ends if len(ends) == 1 else {name.rpartition(".")[2] for name in names}
+    return ends.pop() if len(ends) == 1 else ""
 
 
-def _colours(count: int, many: bool) -> list[Any]:
+def _colours(count: int) -> list[Any]:
     import matplotlib
 
-    return (
-        [*matplotlib.colormaps["viridis"](np.linspace(0.0, 0.95, count))] if many else [f"C{k}" for k in range(count)]
-    )
+    return [*matplotlib.colormaps["viridis"](np.linspace(0.0, 0.95, count))]
 
 
 def _bar(figure: Figure, pane: Axes, names: list[str]) -> None:
-    """Colours of a family by number."""
+    """Colours of a family by number; of other signals there are none to tell."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     numbers = [float(found[0]) for name in names if (found := MEMBER.findall(name))]
-    if numbers:
-        figure.colorbar(ScalarMappable(Normalize(min(numbers), max(numbers)), "viridis"), ax=pane, label="number")
+    if len({MEMBER.sub("[*]", name) for name in names}) == 1 and numbers:
+        scale = ScalarMappable(Normalize(min(numbers), max(numbers)), "viridis")
+        figure.colorbar(scale, ax=pane, label=f"number of the {_member(names[0])}")
 
 
-def _draw_maps(figure: Figure, maps: list[Map], x_label: str, y_label: str, frequency: bool) -> None:
+def _member(name: str) -> str:
+    """What a family is of: "link"."""
+    return name.partition("[")[0].rpartition(".")[2].replace("_", " ")
+
+
+def _draw_maps(figure: Figure, maps: list[Map], x_label: str, frequency: bool) -> None:
     """A pane for each, with one scale for each unit."""
     from matplotlib.colors import LogNorm, Normalize
 
@@ -296,7 +307,7 @@ def _draw_maps(figure: Figure, maps: list[Map], x_label: str, y_label: str, freq
         amplitude = "amplitude, " if frequency else ""
         figure.colorbar(mesh, ax=pane, label=f"{amplitude}{shown}")
         pane.set_title(each.title, fontsize=9, loc="left", parse_math=False)
-        pane.set_ylabel(y_label)
+        pane.set_ylabel(each.label)
     panes[-1].set_xlabel(x_label)
 
 
