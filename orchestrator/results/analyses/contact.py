@@ -47,6 +47,8 @@ class Contact(NamedTuple):
 def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
     """Of a track, by default the first; raises Missing."""
     track = hull.tracks(run, track)[0]
+    if run.scene.get("assembly") != "vehicle":
+        raise Missing(f"{run.log.path} holds no vehicle on the ground")
     pad = run.scene["vehicle"]["track"]
     area = float(pad["pitch"] * pad["width"])
     bins: Bins | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,9 @@ from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 
-STOPPED = 0.01  # rad/s: a sprocket that turns more slowly stands still
-GOING = 0.1  # rad/s: one that turns faster goes again
-TOUCHES = 2.0  # times the load of a lifted wheel: with more it touches again
+STANDS = 0.1  # rad/s: a sprocket that turns more slowly stands: there brakes fade, by default, and creep
+TURNS = 0.2  # rad/s: one that turns faster is let go
+TOUCHES = 2.0  # times the load of a lifted wheel: with more it touches
 
 
 class Event(NamedTuple):
@@ -77,7 +78,7 @@ def _wheels(run: RunData, window: Window) -> Iterator[Event]:
     least = wheel_loads.LIFTED * load.mean()
     for name, values in zip(names, load.T, strict=True):
         for at, off in switches(values < least, values > TOUCHES * least):
-            text = "lifts off" if off else f"touches again, {values[at] / 1e3:.3g} kN"
+            text = "lifts off" if off else f"touches, {values[at] / 1e3:.3g} kN"
             yield Event(float(t[at]), name, "lifted" if off else "touches", text)
 
 
@@ -112,19 +113,26 @@ def _between(a: float, b: float) -> Floats:
 
 
 def _locks(run: RunData, window: Window) -> Iterator[Event]:
+    """Of a sprocket that stands while its brake takes energy, be it from the start."""
     for prefix, name in _drives(run).items():
-        lost = f"{prefix}energy.dissipated"
-        if not run.has(lost):
+        lost = next(
+            (each for each in (prefix, f"{name.partition('.')[0]}.") if run.has(f"{each}energy.dissipated")), ""
+        )
+        if not lost:
             continue
-        (t, speed), (_, braked) = run.signal(f"{prefix}speed", window), run.signal(lost, window)
+        (t, speed), (_, braked) = run.signal(f"{prefix}speed", window), run.signal(f"{lost}energy.dissipated", window)
         size = np.abs(speed)
-        gone = 0.0  # lost in the brake until the event before
-        for at, stands in switches(size < STOPPED, size > GOING):
-            if stands and braked[at] - gone > 0.0:
-                yield Event(float(t[at]), name, "locked", "the brake holds the sprocket against the hull")
-            elif not stands and gone:
-                yield Event(float(t[at]), name, "released", "the sprocket turns again")
-            gone = float(braked[at])
+        ends = [*switches(size < STANDS, size > TURNS)]
+        stood = [at for at, stands in ends if stands] if size[0] >= STANDS else [0, *(at for at, s in ends if s)]
+        went = [at for at, stands in ends if not stands]
+        before = 0
+        for begin, end in zip_longest(stood, went):
+            until = len(t) - 1 if end is None else end
+            if braked[until] > braked[before]:
+                yield Event(float(t[begin]), name, "locked", "the brake holds the sprocket against the hull")
+                if end is not None:
+                    yield Event(float(t[end]), name, "released", "the sprocket turns again")
+            before = until
 
 
 def _steps(run: RunData, window: Window) -> Iterator[Event]:

@@ -31,8 +31,8 @@ class Power(NamedTuple):
     ports: tuple[str, ...]  # "left_track.sprocket": what gives the wrench, and the wheel
     relative: Floats  # (m, ports) W, on the motion against the hull
     carried: Floats  # (m, ports) W, on the motion of the hull
-    drives: tuple[str, ...]  # "left_drive"
-    drive: Floats  # (m, drives) W, of the motors
+    drives: tuple[str, ...]  # "left_drive.power": of the motor; a differential has those of half shafts and motors
+    drive: Floats  # (m, drives) W, into the sprocket
     halves: int  # 2 where each of these stands for two: the other side of a symmetric vehicle mirrors this one
 
     @property
@@ -53,7 +53,7 @@ class Power(NamedTuple):
     def series(self) -> Table:
         """All of it over time."""
         heads = [(f"{name} {part}", "W") for part in ("relative", "on hull's motion") for name in self.ports]
-        columns = (("t", "s"), ("h", "s"), *heads, *((f"{name} motor", "W") for name in self.drives))
+        columns = (("t", "s"), ("h", "s"), *heads, *((name, "W") for name in self.drives))
         rows = np.column_stack([self.t, self.h, self.relative, self.carried, self.drive]).tolist()
         return Table("Power over time", columns, rows)
 
@@ -64,7 +64,7 @@ class Power(NamedTuple):
         rows = [(name, a / length / 1e3, b / length / 1e3, a / 1e3, b / 1e3) for name, a, b in through]
         nan = float("nan")
         rows += [
-            (f"{name} motor", e / length / 1e3, nan, e / 1e3, nan)
+            (name, e / length / 1e3, nan, e / 1e3, nan)
             for name, e in zip(self.drives, self.energy_drive.tolist(), strict=True)
         ]
         columns = (
@@ -80,14 +80,15 @@ class Power(NamedTuple):
 def of(run: RunData, window: Window = EVER) -> Power:
     """Power of every port and motor; raises Missing where not every step is recorded."""
     found = [port for port in ports(run) if run.has(f"{port.taker}.{port.taken}.velocity.x")]
-    drives = [name for name in run.instances if run.has(f"{name}.power")]
+    turning = {port.taker for port in found if port.connector == "sprocket"} - {"chassis"}
+    drives = [name for name in run.log.signals if name.endswith(".power") and name.partition(".")[0] in turning]
     if not found:
         raise Missing(f"{run.log.path} holds no port of a wheel")
     hull = run.has("chassis.chassis.velocity.x")
     wanted = {f"/{port.giver}/out": set[int]() for port in found} | {f"/{port.taker}/out": set() for port in found}
     names = [f"{port.giver}.{port.connector}.{part}.{axis}" for port in found for part in WRENCH for axis in "xyz"]
     names += [f"{port.taker}.{port.taken}.{part}.{axis}" for port in found for part in MOTION for axis in "xyz"]
-    names += [f"{name}.power" for name in drives]
+    names += drives
     names += [f"chassis.chassis.{part}.{axis}" for part in MOTION for axis in "xyz"] if hull else []
     for name in names:
         topic, column = run.log.find(name)
@@ -125,8 +126,8 @@ def _in_block(block: Block, found: list[Port], drives: list[str], hull: bool) ->
         v_h = v_c + np.cross(w_c, x - c)
         carried[:, k] = np.sum(force * v_h + torque * w_c, axis=1)
         relative[:, k] = np.sum(force * (v - v_h) + torque * (w - w_c), axis=1)
-    motors = [block[f"/{name}/out"] for name in drives]
-    drive = [each.values[1:, each.names.index("power")] for each in motors]
+    motors = [(block[f"/{owner}/out"], variable) for owner, _, variable in (name.partition(".") for name in drives)]
+    drive = [each.values[1:, each.names.index(variable)] for each, variable in motors]
     return t, h, relative, carried, np.stack(drive, axis=1) if drive else np.empty((len(t), 0))
 
 
