@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, wheel_loads
+from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.analyses.table import Table
+from orchestrator.results.energy import Port, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 
 STANDS = 0.1  # rad/s: a sprocket that turns more slowly stands: there brakes fade, by default, and creep
@@ -82,18 +83,19 @@ def _wheels(run: RunData, window: Window) -> Iterator[Event]:
             yield Event(float(t[at]), name, "lifted" if off else "touches", text)
 
 
-def _drives(run: RunData) -> dict[str, str]:
-    """By what the variables of a sprocket begin with, what they are called: "left_drive." -> "left_drive"."""
-    return {
-        f"{port.taker}.{port.taken.removesuffix('sprocket')}": f"{port.taker}.{port.taken}".removesuffix(".sprocket")
-        for port in hull.ports(run)
-        if run.has(f"{port.taker}.{port.taken.removesuffix('sprocket')}angle") and port.taken.endswith("sprocket")
-    }
+def _drives(run: RunData) -> Iterator[tuple[Port, str, str]]:
+    """Ports into what turns on a shaft, what its variables begin with, and its name: "left_drive.", "left_drive"."""
+    for port in ports(run):
+        prefix = f"{port.taker}.{port.taken.removesuffix('sprocket')}"
+        if port.taken.endswith("sprocket") and run.has(f"{prefix}angle"):
+            yield port, prefix, prefix.removesuffix(".")
 
 
 def _teeth(run: RunData, window: Window) -> Iterator[tuple[str, list[Event]]]:
     number = run.scene["vehicle"]["sprocket"]["teeth"] if "vehicle" in run.scene else 0
-    for prefix, name in _drives(run).items():
+    for port, prefix, name in _drives(run):
+        if port.connector != "sprocket":
+            continue
         t, angle = run.signal(f"{prefix}angle", window)
         passed = angle * number / (2.0 * np.pi)
         events = []
@@ -101,7 +103,7 @@ def _teeth(run: RunData, window: Window) -> Iterator[tuple[str, list[Event]]]:
             for tooth in _between(float(passed[at]), float(passed[at + 1])):
                 share = (tooth - passed[at]) / (passed[at + 1] - passed[at])
                 when = float(t[at] + share * (t[at + 1] - t[at]))
-                events.append(Event(when, name, "tooth", f"tooth {int(tooth) % number + 1} passes where it began"))
+                events.append(Event(when, name, "tooth", f"tooth {int(tooth) % number + 1} is where the first began"))
         yield name, events
 
 
@@ -114,13 +116,11 @@ def _between(a: float, b: float) -> Floats:
 
 def _locks(run: RunData, window: Window) -> Iterator[Event]:
     """Of a sprocket that stands while its brake takes energy, be it from the start."""
-    for prefix, name in _drives(run).items():
-        lost = next(
-            (each for each in (prefix, f"{name.partition('.')[0]}.") if run.has(f"{each}energy.dissipated")), ""
-        )
-        if not lost:
+    for _, prefix, name in _drives(run):
+        lost = f"{name.partition('.')[0]}.energy.dissipated"
+        if not run.has(lost):
             continue
-        (t, speed), (_, braked) = run.signal(f"{prefix}speed", window), run.signal(f"{lost}energy.dissipated", window)
+        (t, speed), (_, braked) = run.signal(f"{prefix}speed", window), run.signal(lost, window)
         size = np.abs(speed)
         ends = [*switches(size < STANDS, size > TURNS)]
         stood = [at for at, stands in ends if stands] if size[0] >= STANDS else [0, *(at for at, s in ends if s)]
