@@ -140,9 +140,10 @@ def _line(text: str) -> Any:
     if not text:
         return Line()
     try:
-        return Line(*map(float, text.split(",", 2)))
-    except (ValueError, TypeError):
+        stress, cycles, slope = map(float, text.split(","))
+    except ValueError:
         raise BadInput(f"--sn {text}: must be stress range in Pa, cycles and slope, as 100e6,2e6,3") from None
+    return Line(stress, cycles, slope)
 
 
 def _asked(what: What, run: Any, given: dict[str, Any]) -> dict[str, Any]:

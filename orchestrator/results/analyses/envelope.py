@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, of_links
+from orchestrator.results.analyses import circuit, hull, of_links
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
@@ -68,7 +68,7 @@ def of(
 
     Raises Missing.
     """
-    track = track or next(iter(run.tracks), "")
+    track = hull.tracks(run, track)[0]
     unit = of_links.unit(run, track, signal)
     gathered: Bins | None = None
     lengths: list[Floats] = []

@@ -1,0 +1,554 @@
+"""Analyses against known answers: exact sums of a run's own records, made-up signals, published examples."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fmus.vehicle import BadInput
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.results import energy
+from orchestrator.results.analyses import (
+    circuit,
+    contact,
+    envelope,
+    events,
+    fatigue,
+    joints,
+    links,
+    power,
+    slip,
+    spectrum,
+    wheel_loads,
+)
+from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.scene.scene import load
+
+STEP = 1e-3
+E1049 = np.array([-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0])
+GROUPS = "['tension', 'position', 'force', 'ground', 'fibres']"
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """The left half of a vehicle that drives off at once, to the left of ahead."""
+    settings = (
+        "run.stop=0.2 s", "drive.ramp_start=0 s", "drive.ramp_time=0.15 s", "drive.speed=4 rad/s", "symmetric=true",
+        "start.heading=0.6", f"track.link_outputs={GROUPS}",
+    )  # fmt: skip
+    path = tmp_path_factory.mktemp("analyses") / "driven.mcap"
+    assert simulate(load("straight", "flexible", settings), path)["message"] == ""
+    return path
+
+
+@pytest.fixture(scope="module")
+def spinning(tmp_path_factory):
+    """The free loop that spins."""
+    path = tmp_path_factory.mktemp("analyses") / "spinning.mcap"
+    assert simulate(load("spinning_loop", "flexible", ("run.stop=0.05 s",)), path)["message"] == ""
+    return path
+
+
+def made(path, topics, rows, scene=None, instances=("track",), connections=(), closing=()):
+    """A log of such topics: of each its variables and units, and its times with their values (m, variables)."""
+    system = {"instances": [{"name": name} for name in instances], "connections": list(connections)}
+    files = {"scene.json": json.dumps(scene or {}).encode(), "system.json": json.dumps(system).encode()}
+    with Recorder(path, topics, files, {}) as recorder:
+        for topic, (t, values) in rows.items():
+            for k, row in enumerate(np.asarray(values, float)):
+                recorder.write(topic, k, float(t[k]), STEP, np.ascontiguousarray(row))
+        recorder.close("ok", "", 1, warnings=closing)
+    return path
+
+
+def ends(run, name):
+    first, last = run.ends(name)
+    return last - first
+
+
+# power
+
+
+def test_power_through_ports_is_the_work_of_the_ledger(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        found = power.of(run)
+        works = energy._works(run)
+    through = dict(zip(found.ports, found.energy + found.energy_carried, strict=True))
+    scale = max(abs(given) for given, _ in works.values())
+    assert scale > 1e3
+    for port, (given, _) in works.items():
+        assert through[f"{port.giver}.{port.connector}"] == pytest.approx(given, abs=1e-3 * scale)
+
+
+def test_of_the_hull_relative_power_and_that_on_its_motion_are_what_the_chassis_received(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        found = power.of(run)
+        received = ends(run, "chassis.port.work")
+        motor = ends(run, "left_drive.energy.work")
+        spun = ends(run, "left_drive.energy.kinetic")
+    of_hull = [k for k, name in enumerate(found.ports) if name != "left_track.sprocket"]
+    assert 2 * (found.energy + found.energy_carried)[of_hull].sum() == pytest.approx(received, rel=2e-3)
+    sprocket, mount = (found.ports.index(name) for name in ("left_track.sprocket", "left_drive.mount"))
+    # a mount does not move against the hull, and a sprocket gives on what the motor gives it, less its own spin
+    assert abs(found.energy[mount]) < 1e-6 * abs(found.energy_carried[mount])
+    assert found.energy_drive[0] == pytest.approx(motor, rel=1e-4)
+    assert -found.energy[sprocket] == pytest.approx(motor - spun, rel=0.02)
+    assert abs(found.energy_carried[sprocket]) > 0.03 * abs(found.energy[sprocket]), "raw power is about the same"
+
+
+def test_power_sees_a_wrench_that_is_off_by_three_per_cent(driven, scaled):
+    with Log(driven) as log:
+        right = power.of(RunData(log)).energy
+    with Log(driven) as log:
+        scaled(log, "/left_track/out", "sprocket.torque.y", 1.03)
+        wrong = power.of(RunData(log)).energy
+        largest = max(abs(given) for given, _ in energy._works(RunData(log)).values())
+    # heading 0.6 rad: of the torque about the axle as much is about y
+    assert wrong[0] / right[0] == pytest.approx(1.0 + 0.03 * np.cos(0.6) ** 2, rel=1e-4)
+    assert abs(wrong[0] - right[0]) > 5e-3 * largest, "the ledger would not see it"
+    np.testing.assert_array_equal(wrong[1:], right[1:])
+
+
+def test_a_window_of_power_is_a_part_of_it(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        whole, *parts = (power.of(run, Window(*each)) for each in ((0.0, 0.2), (0.0, 0.1), (0.1, 0.2)))
+    np.testing.assert_allclose(parts[0].energy + parts[1].energy, whole.energy, rtol=1e-9, atol=1e-9)
+    assert len(whole.t) == len(parts[0].t) + len(parts[1].t)
+
+
+# spectra
+
+TWO = ((12.5, 50.0), (40.0, 20.0))  # Hz, N
+
+
+def sines(t):
+    return 7.0 + sum(a * np.sin(2 * np.pi * f * t + 0.3) for f, a in TWO)
+
+
+@pytest.mark.parametrize("shape", ["hann", "flat-top"])
+@pytest.mark.parametrize("even", [True, False])
+def test_a_sine_shows_its_amplitude_at_its_frequency(tmp_path, shape, even):
+    t = np.arange(4000) * STEP
+    if not even:
+        t = t + 2e-4 * np.sin(17.0 * np.arange(4000))
+    rows = {"/track/out": (t - t[0], np.stack([sines(t - t[0]), 0 * t], axis=1))}
+    path = made(tmp_path / "s.mcap", {"/track/out": [("travel", "m"), ("force", "N")]}, rows)
+    with Log(path) as log:
+        found = spectrum.of(RunData(log), "track.travel", shape=shape)
+    assert found.resampled is not even
+    allowed = 1e-3 if even else 1e-2  # straight lines between samples take a little of a sine
+    assert found.amplitude[0, 0] == pytest.approx(7.0, rel=1e-2)
+    assert found.peak() == (pytest.approx(12.5, abs=0.01), pytest.approx(50.0, rel=allowed))
+    assert found.peak(above=30.0) == (pytest.approx(40.0, abs=0.01), pytest.approx(20.0, rel=allowed))
+    rows = found.table().records()
+    assert [round(row["frequency"], 2) for row in rows[:2]] == [12.5, 40.0]
+
+
+def test_between_bins_a_flat_top_reads_a_sine_and_a_hann_window_does_not():
+    t = np.arange(2000) * STEP
+    values = 3.0 * np.sin(2 * np.pi * 12.25 * t)[:, None]  # bins are 0.5 Hz wide
+    found = {shape: spectrum.amplitudes(t, values, shape)[1].max() for shape in spectrum.SHAPES}
+    assert found["flat-top"] == pytest.approx(3.0, rel=2e-3)
+    assert found["hann"] == pytest.approx(3.0 * 0.8488, rel=5e-3)
+
+
+def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path):
+    t = np.arange(2000) * STEP
+    speed = np.full(2000, 2 * np.pi * 1.25)  # 12.5 teeth a second
+    connection = {
+        "source": "track", "outputs": ["sprocket.force.x"], "target": "drive", "inputs": ["sprocket.force.x"]
+    }  # fmt: skip
+    path = made(
+        tmp_path / "s.mcap",
+        {"/track/out": [("travel", "m")], "/drive/out": [("speed", "rad/s")]},
+        {"/track/out": (t, sines(t)[:, None]), "/drive/out": (t, speed[:, None])},
+        {"vehicle": {"sprocket": {"teeth": 10}}},
+        ("track", "drive"),
+        [connection],
+    )
+    with Log(path) as log:
+        found = spectrum.of(RunData(log), "track.travel", orders=True)
+    assert found.teeth == pytest.approx(12.5, rel=1e-12)
+    assert found.order[found.amplitude[1:, 0].argmax() + 1] == pytest.approx(1.0, abs=1e-6)
+
+
+# places on the circuit
+
+
+def test_places_are_arc_lengths_from_the_crossing():
+    """A square of 8 links of 1 m, turned step by step: its pins go round the same places."""
+    corner = np.array([[1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1], [0, 1], [1, 1]], float)
+    after = np.roll(corner, -1, axis=0)
+    moved = np.array([corner + share * (after - corner) for share in (0.0, 0.25, 0.75)])
+    middles, pins, length = circuit.places(moved, np.array([1.0, 0.0]))
+    np.testing.assert_allclose(length, [8.0, moved_length(moved[1]), moved_length(moved[2])])
+    np.testing.assert_allclose(pins[0], np.arange(8.0))
+    np.testing.assert_allclose(middles[0], np.arange(8.0) + 0.5)
+    assert pins[1, 0] == pytest.approx(0.25)
+    with pytest.raises(ValueError, match="round its sprocket"):
+        circuit.places(moved + 5.0, np.array([1.0, 0.0]))
+
+
+def moved_length(polygon):
+    return np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum()
+
+
+def test_the_envelope_of_a_spinning_loop_is_its_uniform_tension(spinning):
+    with Log(spinning) as log:
+        found = envelope.of(RunData(log))
+    side = 0.1524
+    radius = side / (2 * np.tan(np.pi / 64))  # of the middles of links
+    expected = 18.0 * 5.0**2 * radius / (2 * np.sin(np.pi / 64))  # m omega^2 Rc / (2 sin(pi/N))
+    assert found.unit == "N"
+    assert len(found.place) == 64
+    for values in (found.least, found.mean, found.most):
+        np.testing.assert_allclose(values, expected, rtol=1e-3)
+    assert np.diff(found.place).max() == pytest.approx(side, rel=1e-4)
+    assert found.records.sum() == 64 * 6
+
+
+def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):
+    """A polygon turns; tension depends on the place alone, so that every place has one value."""
+    n, t = 40, np.arange(50) * STEP
+    angle = -2 * np.pi * (np.arange(n)[None] / n + 3.1 * t[:, None])  # as links are numbered
+    pins = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=2)
+    middle = np.angle(np.exp(1j * (angle - np.pi / n))) % (2 * np.pi)
+    tension = 1e4 + 1e3 * np.cos(middle)
+    topics = {
+        "/track/links": [(f"link[{i + 1}].tension", "N") for i in range(n)]
+        + [(f"joint[{i + 1}].position.{axis}", "m") for i in range(n) for axis in "xyz"],
+        "/track/out": [("travel", "m")],
+    }
+    rows = {"/track/links": (t, np.hstack([tension, pins.reshape(50, -1)])), "/track/out": (t, t[:, None])}
+    scene = {"start": {"position": [0.0, 0.0, 0.0], "heading": 0.0}}
+    with Log(made(tmp_path / "e.mcap", topics, rows, scene)) as log:
+        found = envelope.of(RunData(log), bins=20)
+    expected = 1e4 + 1e3 * np.cos(2 * np.pi * (np.arange(20) + 0.5) / 20)
+    half = 1e3 * np.pi / 20  # of a bin
+    assert np.abs(found.least - expected).max() < 1.05 * half
+    assert np.abs(found.most - expected).max() < 1.05 * half
+    np.testing.assert_allclose(found.mean, expected, atol=0.3 * half)
+    np.testing.assert_allclose(np.hypot(found.forward, found.up), 1.0, atol=0.03)
+    assert np.argmax(found.mean) in (0, 19)
+
+
+def test_open_chains_have_no_circuit(tmp_path):
+    topics = {
+        "/track/links": [("link[1].tension", "N")]
+        + [(f"joint[{i}].position.{axis}", "m") for i in (1, 2) for axis in "xyz"],
+        "/track/out": [("travel", "m")],
+    }
+    rows = {"/track/links": (np.zeros(1), np.zeros((1, 7))), "/track/out": (np.zeros(1), np.zeros((1, 1)))}
+    with Log(made(tmp_path / "o.mcap", topics, rows)) as log, pytest.raises(Missing, match="open chain"):
+        envelope.of(RunData(log))
+
+
+# fatigue
+
+
+def test_rainflow_counts_the_example_of_the_standard():
+    counted = {}
+    for size, number in zip(*fatigue.cycles(fatigue.turning(E1049)), strict=True):
+        counted[size] = counted.get(size, 0.0) + number
+    assert counted == {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
+
+
+def test_what_lies_between_turning_points_does_not_count():
+    fine = np.interp(np.linspace(0, 8, 161), np.arange(9), E1049)
+    fine = np.repeat(fine, 2)
+    np.testing.assert_array_equal(fatigue.turning(fine), E1049)
+    values = np.round(np.random.default_rng(5).normal(size=500), 1)  # with equal neighbours
+    for whole, part in zip(fatigue.cycles(values), fatigue.cycles(fatigue.turning(values)), strict=True):
+        np.testing.assert_array_equal(whole, part)
+    assert fatigue.cycles(fatigue.turning(np.full(9, 3.0)))[0].size == 0
+
+
+def stressed(path, stress):
+    topics = {
+        "/track/links": [(f"link[{i}].fibre.{side}", "Pa") for side in ("outer", "inner") for i in (1, 2)],
+        "/track/out": [("travel", "m")],
+    }
+    t = np.arange(len(stress)) * STEP
+    return made(path, topics, {"/track/links": (t, stress), "/track/out": (t, t[:, None])})
+
+
+def test_damage_is_that_of_miner(tmp_path):
+    """Ranges S of E1049 in units of 20 MPa: damage is the sum of counts (S / 100 MPa)^m / 2e6, by hand."""
+    stress = 20e6 * E1049[:, None] * np.array([1.0, 0.5, 2.0, 0.0])
+    by_hand = sum(n * (s * 20e6 / 100e6) ** 3 for s, n in ((3, 0.5), (4, 1.5), (6, 0.5), (8, 1.0), (9, 0.5))) / 2e6
+    with Log(stressed(tmp_path / "f.mcap", stress)) as log:
+        run = RunData(log)
+        found = fatigue.of(run)
+        steeper = fatigue.of(run, line=fatigue.Line(slope=5.0))
+        with pytest.raises(BadInput, match=r"slope = 0: must be greater than 0"):
+            fatigue.of(run, line=fatigue.Line(slope=0.0))
+    np.testing.assert_allclose(found.damage, by_hand * np.array([[1.0, 8.0], [0.125, 0.0]]), rtol=1e-12)
+    np.testing.assert_allclose(found.largest[:, 0], [180e6, 90e6])
+    np.testing.assert_allclose(found.cycles, [[4.0, 4.0], [4.0, 0.0]])
+    assert steeper.damage[0, 1] / steeper.damage[0, 0] == pytest.approx(32.0)
+    assert found.life == pytest.approx(8 * STEP / 3600 / (8 * by_hand))
+
+
+def test_blocks_of_records_do_not_change_cycles(tmp_path, monkeypatch):
+    from orchestrator.results.analyses import of_links
+
+    stress = 1e7 * np.random.default_rng(2).normal(size=(60, 4))
+    path = stressed(tmp_path / "f.mcap", stress)
+    with Log(path) as log:
+        whole = fatigue.of(RunData(log))
+        monkeypatch.setattr(of_links, "SIZE", 7)
+        np.testing.assert_array_equal(fatigue.of(RunData(log)).damage, whole.damage)
+
+
+def test_without_fibres_one_sentence_says_what_to_record(spinning):
+    with Log(spinning) as log, pytest.raises(Missing, match=r"group 'fibres' of track\.link_outputs"):
+        fatigue.of(RunData(log))
+
+
+# links
+
+
+def test_forces_of_links_are_those_of_the_track(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        found = links.of(run)
+        t, whole = run.vectors("left_track", "out", "ground.force")
+        tension = log.select(log.choose(["left_track.link[*].tension"]))["/left_track/links"].values
+        world = log.select(log.choose(["left_track.joint[*].force.*"]))["/left_track/links"].values
+    at = np.searchsorted(t, found.t - 1e-9)
+    summed = np.einsum("mnij,mnj->mi", found.axes, found.ground)
+    np.testing.assert_allclose(summed, whole[at], atol=1e-9 * np.abs(whole).max())
+    assert np.abs(whole[-1, 2]) > 4e4
+    np.testing.assert_allclose(found.axial, tension, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(found.joint, axis=2), np.linalg.norm(world.reshape(*found.t.shape, -1, 3), axis=2), rtol=1e-12
+    )
+    # a taut link is pulled against its way by the pin where it begins, and the ground pushes inwards
+    assert np.median(-found.joint[-1, :, 0] / tension[-1]) == pytest.approx(1.0, abs=0.05)
+    assert found.ground[-1, :, 2].sum() == pytest.approx(-whole[-1, 2], rel=0.02)
+    assert np.abs(found.joint[..., 1]).max() < 1e-6 * np.abs(found.joint).max(), "a straight run has none across"
+
+
+def test_the_moment_of_a_link_is_that_of_its_fibres(driven):
+    """M = (inner - outer) / 2 times I over the distance of the fibre, of the recorded stress."""
+    with Log(driven) as log:
+        run = RunData(log)
+        moment = links.of(run).moment
+        pair = [run.signal(f"left_track.link[5].fibre.{side}")[1] for side in ("outer", "inner")]
+    np.testing.assert_allclose(moment[:, 4], 0.5 * (pair[1] - pair[0]) * 2.03e-6 / 0.02, rtol=1e-12)
+
+
+def test_joints_are_the_extremes_of_links(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        found, every = joints.of(run), links.of(run)
+    for k in range(3):
+        values = every.joint[..., k]
+        record, joint = np.unravel_index(values.argmax(), values.shape)
+        assert found.most[0, k] == values[record, joint] == values.max()
+        assert (found.most_joint[0, k], found.most_t[0, k]) == (joint + 1, every.t[record])
+        assert found.least[0, k] == values.min()
+
+
+# wheels and ground
+
+
+def test_pressure_is_the_force_on_the_ground_over_the_pads(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        found, every = contact.of(run), links.of(run)
+        assert found.force == pytest.approx(-every.ground[..., 2].sum(axis=1).mean(), rel=1e-9)
+        assert found.area == pytest.approx(0.1524 * 0.378)
+        assert found.peak == pytest.approx(-every.ground[..., 2].min() / found.area, rel=1e-9)
+    assert np.nansum(found.mean) * found.area == pytest.approx(found.force, rel=0.15)
+    touching = found.forward[found.most > 0.01 * found.peak]
+    assert touching.max() < -0.3
+    assert touching.min() > -3.8
+
+
+def test_slip_and_thrust_are_along_the_heading(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        found = slip.of(run)
+        _, force = run.vectors("left_track", "out", "ground.force")
+    ahead = np.array([np.cos(0.6), np.sin(0.6), 0.0])
+    np.testing.assert_allclose(found.thrust[:, 0], force @ ahead, atol=1e-6 * np.abs(force).max())
+    assert np.abs(found.lateral).max() < 1e-6 * np.abs(force).max()
+    assert np.abs(found.thrust[-50:]).mean() > 100.0
+    np.testing.assert_array_equal(found.load[:, 0], force[:, 2])
+
+
+def rolling(path, load, **more):
+    """A log of two road wheels with such loads (m, 2)."""
+    t = np.arange(len(load)) * STEP
+    names = [(f"road_wheel[{i}].force.{axis}", "N") for i in (1, 2) for axis in "xyz"]
+    force = np.zeros((len(load), 2, 3))
+    force[..., 2] = load
+    topics = {"/track/out": [("travel", "m"), *names]}
+    return made(path, topics, {"/track/out": (t, np.hstack([t[:, None], force.reshape(len(load), 6)]))}, **more)
+
+
+def test_loads_of_wheels_are_counted_by_time(tmp_path):
+    t = np.arange(1000) * STEP
+    load = np.stack([1e4 + 3e3 * np.sin(2 * np.pi * 5 * t), np.where(t < 0.25 - 1e-9, 0.0, 8e3)], axis=1)
+    with Log(rolling(tmp_path / "w.mcap", load)) as log:
+        found = wheel_loads.of(RunData(log))
+    np.testing.assert_allclose(found.mean, [1e4, 6e3], rtol=1e-9)
+    np.testing.assert_allclose(found.rms, [3e3 / np.sqrt(2), 8e3 * np.sqrt(0.25 * 0.75)], rtol=1e-9)
+    np.testing.assert_allclose(found.lifted, [0.0, 0.25], atol=1e-12)
+    np.testing.assert_allclose([found.least, found.most], [[7e3, 0.0], [13e3, 8e3]], rtol=1e-9)
+
+
+# events
+
+
+def test_events_come_in_order_with_what_they_are_of(tmp_path):
+    t = np.arange(1000) * STEP
+    load = np.full((1000, 2), 1e4)
+    load[300:400, 1] = 0.0
+    load[340, 1] = 300.0  # neither lifted nor down
+    speed = np.where(t < 0.6, 2 * np.pi, np.where(t < 0.8, 0.05, 3.0))
+    angle = np.cumsum(speed) * STEP
+    brake = np.cumsum((t > 0.55) * (t < 0.7)) * 1.0
+    force = np.zeros((1000, 2, 3))
+    force[..., 2] = load
+    topics = {
+        "/track/out": [("travel", "m"), *((f"road_wheel[{i}].force.{axis}", "N") for i in (1, 2) for axis in "xyz")],
+        "/drive/out": [("speed", "rad/s"), ("angle", "rad"), ("energy.dissipated", "J")],
+        "/stats/track": [("solver.rejected", "1")],
+    }
+    rows = {
+        "/track/out": (t, np.hstack([t[:, None], force.reshape(1000, 6)])),
+        "/drive/out": (t, np.stack([speed, angle, brake], axis=1)),
+        "/stats/track": (t[::100], np.array([0, 0, 0, 0, 0, 0, 0, 0, 0, 2.0])[:, None]),
+    }
+    connection = {
+        "source": "track", "outputs": ["sprocket.force.x"], "target": "drive", "inputs": ["sprocket.force.x"]
+    }  # fmt: skip
+    told = {"component": "track", "text": "it slips", "time": 0.5, "count": 3}
+    scene = {"vehicle": {"sprocket": {"teeth": 10}}}
+    path = made(tmp_path / "e.mcap", topics, rows, scene, ("track", "drive"), [connection], [told])
+    with Log(path) as log:
+        found = events.of(RunData(log))
+        every = events.of(RunData(log), teeth=True)
+        late = events.of(RunData(log), Window(0.65, 1.0))
+    assert [(event.kind, event.component, round(event.t, 6)) for event in found.events] == [
+        ("lifted", "track.road_wheel[2]", 0.3),
+        ("touches", "track.road_wheel[2]", 0.4),
+        ("warning", "track", 0.5),
+        ("locked", "drive", 0.6),
+        ("released", "drive", 0.8),
+        ("step", "track", 0.9),
+    ]
+    assert found.events[2].text == "it slips, 3 times"
+    assert "2 times" in found.events[-1].text
+    teeth = [event.t for event in every.of("tooth")]
+    assert len(teeth) == found.teeth["drive"] == int(angle[-1] * 10 / (2 * np.pi))
+    np.testing.assert_allclose(np.diff(teeth[:5]), 0.1, rtol=1e-6)
+    assert [(event.kind, round(event.t, 6)) for event in late.events] == [
+        ("locked", 0.65),  # it stood already
+        ("released", 0.8),
+        ("step", 0.9),
+    ]
+
+
+# the commands
+
+
+def test_analyse_prints_tables_and_json_and_files(cotrack, driven, tmp_path):
+    for what in ("power", "envelope", "fatigue", "wheel-loads", "contact", "slip", "joints", "links", "events"):
+        status, out, err = cotrack("analyse", driven, what)
+        assert (status, err) == (0, ""), what
+        assert out.count("\n") >= 3
+    status, out, _ = cotrack("analyse", driven, "power", "--json", "--from", "0.1", "-o", tmp_path / "p.csv")
+    told = json.loads(out)
+    assert status == 0
+    assert told["units"]["power"] == "kW"
+    with Log(driven) as log:
+        found = power.of(RunData(log), Window(0.1, 1.0))
+    assert told["rows"][0]["energy"] == pytest.approx(found.energy[0] / 1e3, rel=1e-12)
+    rows = np.genfromtxt(tmp_path / "p.csv", delimiter=",", skip_header=1)
+    np.testing.assert_allclose(rows[:, 2], found.relative[:, 0])
+    status, out, _ = cotrack("analyse", driven, "spectrum", "--signal", "left_track.link[3].tension", "--order")
+    assert status == 0
+    assert "tooth order" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("power", "--order"), "--order is an option of spectrum, not of power"),
+        (("spectrum",), "a spectrum needs --signal NAME"),
+        (("power", "--from", "2", "--to", "1"), "the first instant must not be after the last"),
+        (("power", "--from", "90"), "holds no step between 90 and inf s"),
+        (("envelope", "--from", "90"), "no links of 'left_track' were recorded between 90 and inf s"),
+        (("envelope", "--track", "middle"), "has no track 'middle'"),
+        (("fatigue", "--sn", "100e6"), "--sn 100e6: must be"),
+        (("fatigue", "--sn", "100e6,-1,3"), "cycles = -1: must be greater than 0"),
+        (("envelope", "--signal", "link[*].wheels.force"), "group 'wheels' of track.link_outputs"),
+        (("power", "-o", "p.txt"), "its name must end in .csv"),
+        (("power", "-o", "nowhere/p.csv"), "there is no folder"),
+    ],
+)
+def test_analyse_refuses_in_one_sentence(cotrack, driven, tmp_path, arguments, sentence):
+    status, out, err = cotrack("analyse", driven, *arguments)
+    assert (status, out) == (2, "")
+    assert sentence in err
+    assert err.count("\n") == 1
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("left_track.link[*].tension",),
+        ("left_track.tension.max", "left_track.speed", "chassis.speed"),
+        ("left_track.link[*].tension", "--waterfall"),
+        ("left_track.link[*].tension", "--place"),
+        ("left_track.link[*].tension", "--spectrum", "--waterfall"),
+        ("left_track.tension.max", "--order"),
+    ],
+)
+def test_plot_draws_every_kind(cotrack, driven, tmp_path, options):
+    status, out, err = cotrack("plot", driven, *options, "-o", "a.png")
+    assert (status, out, err) == (0, "a.png\n", "")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_plot_of_several_logs_names_them(cotrack, driven, spinning, tmp_path):
+    status, _, err = cotrack("plot", driven, spinning, "*.tension.max", "-o", "a.svg")
+    assert (status, err) == (0, "")
+    text = (tmp_path / "a.svg").read_text()
+    assert "left_track.tension.max, driven" in text
+    assert "tension.max, spinning" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("-o", "a.png"), "plot needs a signal"),
+        (("left_track.nothing", "-o", "a.png"), "has no signal 'left_track.nothing'"),
+        (("left_track.speed", "-o", "a.bmp"), "its name must end in .png or .svg or .pdf"),
+        (("left_track.speed", "--waterfall", "-o", "a.png"), "is no family of signals"),
+        (("chassis.left.suspension[*].force", "--place", "-o", "a.png"), "of no link or pin of a track"),
+        (("left_track.link[*].tension", "--place", "--order", "-o", "a.png"), "drawn over time"),
+        (("left_track.speed", "--from", "9", "-o", "a.png"), "no records on /left_track/out"),
+    ],
+)
+def test_plot_refuses_in_one_sentence(cotrack, driven, tmp_path, arguments, sentence):
+    status, out, err = cotrack("plot", driven, *arguments)
+    assert (status, out) == (2, "")
+    assert sentence in err
+    assert not [*tmp_path.iterdir()]
+
+
+def test_what_is_no_log_is_told(cotrack):
+    status, _, err = cotrack("plot", "left_track.speed")
+    assert status == 2
+    assert "plot needs a log" in err
