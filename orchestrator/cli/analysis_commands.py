@@ -171,7 +171,7 @@ def plot(
         typer.Argument(metavar="LOG... SIGNAL...", help="logs, then signals: instance.variable, * for anything"),
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help=".png, .svg or .pdf; default LOG.png")
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help=".png, .svg or .pdf; default LOG-plot.png")
     ] = None,
     start: From = -inf,
     end: To = inf,
@@ -194,7 +194,7 @@ def plot(
     if not signals:
         raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' says which there are")
     _check(start, end)
-    target = output or logs[0].with_suffix(".png")
+    target = output or logs[0].with_name(f"{logs[0].stem}-plot.png")
     signal_picture.draw(
         logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place
     )

@@ -147,6 +147,10 @@ def test_a_sine_shows_its_amplitude_at_its_frequency(tmp_path, shape, even):
     assert found.peak(above=30.0) == (pytest.approx(40.0, abs=0.01), pytest.approx(20.0, rel=allowed))
     rows = found.table().records()
     assert [round(row["frequency"], 2) for row in rows[:2]] == [12.5, 40.0]
+    frame = found.table().frame()
+    assert list(frame["amplitude"]) == [row["amplitude"] for row in rows]
+    assert frame.attrs["units"] == {"signal": "", "frequency": "Hz", "amplitude": "m"}
+    assert len(found.series().rows) == len(found.frequency)
 
 
 def test_between_bins_a_flat_top_reads_a_sine_and_a_hann_window_does_not():
@@ -244,7 +248,10 @@ def test_open_chains_have_no_circuit(tmp_path):
         "/track/out": [("travel", "m")],
     }
     rows = {"/track/links": (np.zeros(1), np.zeros((1, 7))), "/track/out": (np.zeros(1), np.zeros((1, 1)))}
-    with Log(made(tmp_path / "o.mcap", topics, rows)) as log, pytest.raises(Missing, match="open chain"):
+    with (
+        Log(made(tmp_path / "o.mcap", topics, rows)) as log,
+        pytest.raises(Missing, match="1 links between 2 pins make no circuit"),
+    ):
         envelope.of(RunData(log))
 
 
@@ -332,6 +339,19 @@ def test_forces_of_links_are_those_of_the_track(driven):
     assert np.median(-found.joint[-1, :, 0] / tension[-1]) == pytest.approx(1.0, abs=0.05)
     assert found.ground[-1, :, 2].sum() == pytest.approx(-whole[-1, 2], rel=0.02)
     assert np.abs(found.joint[..., 1]).max() < 1e-6 * np.abs(found.joint).max(), "a straight run has none across"
+
+
+def test_a_force_of_the_ground_that_is_off_by_three_per_cent_is_seen(driven, scaled):
+    with Log(driven) as log:
+        run = RunData(log)
+        right = links.of(run).ground
+        link = int(np.abs(right[-1]).max(axis=1).argmax())
+        scaled(log, "/left_track/links", f"link[{link + 1}].ground.force.z", 1.03)
+    with Log(driven) as log:
+        wrong, force = links.of(RunData(log)).ground, contact.of(RunData(log)).force
+    lost = np.einsum("mnk,mnk->m", wrong - right, wrong - right) ** 0.5
+    assert lost[-1] > 1e-3 * np.abs(right).max()
+    assert force != pytest.approx(-right[..., 2].sum(axis=1).mean(), rel=1e-4)
 
 
 def test_the_moment_of_a_link_is_that_of_its_fibres(driven):

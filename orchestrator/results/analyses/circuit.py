@@ -34,11 +34,11 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
     """Signals of links with the places of the links; raises Missing, also for chains that are open."""
     away: Floats | None = None
     middle = np.zeros(2)
-    port = hull.sprocket(run, track)
-    for block in of_links.records(run, track, window, "joint[*].position", "link[*].tension", *signals):
-        pins, tension = block.values[:2]
-        if pins.shape[1] != tension.shape[1]:
-            raise Missing(f"'{track}' is an open chain: it has no circuit")
+    port, count = hull.sprocket(run, track), of_links.count(run, track)
+    for block in of_links.records(run, track, window, "joint[*].position", *signals):
+        pins = block.values[0]
+        if pins.shape[1] != count:
+            raise Missing(f"{run.log.path}: of '{track}' {count} links between {pins.shape[1]} pins make no circuit")
         origin, axes = hull.poses(run, track, block.t)
         flat = np.einsum("mni,mij->mnj", pins - origin[:, None], axes[..., [0, 2]])
         if away is None:
@@ -49,7 +49,7 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
         except ValueError as problem:
             raise Missing(f"{run.log.path}: '{track}' {problem} between {block.t[0]:g} and {block.t[-1]:g} s") from None
         centres = 0.5 * (flat + np.roll(flat, -1, axis=1))
-        yield Placed(block.t, length, links, joints, centres, pins, axes, block.values[2:])
+        yield Placed(block.t, length, links, joints, centres, pins, axes, block.values[1:])
 
 
 def places(pins: Floats, away: Floats) -> tuple[Floats, Floats, Floats]:

@@ -49,7 +49,7 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
     track = hull.tracks(run, track)[0]
     if run.scene.get("assembly") != "vehicle":
         raise Missing(f"{run.log.path} holds no vehicle on the ground")
-    pad = run.scene["vehicle"]["track"]
+    pad = hull.vehicle(run)["track"]
     area = float(pad["pitch"] * pad["width"])
     bins: Bins | None = None
     lengths: list[Floats] = []

@@ -15,7 +15,7 @@ from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, of_links
 from orchestrator.results.analyses.table import Table
-from orchestrator.results.run_data import EVER, RunData, Window
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 FIBRES = ("outer", "inner")
 
@@ -72,6 +72,8 @@ def of(run: RunData, track: str = "", window: Window = EVER, line: Line | None =
     times: list[float] = []
     for block in of_links.records(run, track, window, *(f"link[*].fibre.{fibre}" for fibre in FIBRES)):
         stress = np.concatenate(block.values, axis=1)
+        if not np.isfinite(stress).all():
+            raise Missing(f"{run.log.path}: stress of '{track}' is no finite number from {block.t[0]:g} s on")
         columns = columns or [[] for _ in range(stress.shape[1])]
         for gathered, column in zip(columns, stress.T, strict=True):
             gathered.append(turning(column))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.energy import Port, ports
-from orchestrator.results.run_data import BEFORE, EVER, Missing, RunData, Window
+from orchestrator.results.run_data import BEFORE, Missing, RunData, Window
+
+RECOVER = "'cotrack log recover' leaves those of all"
 
 
 class Pose(NamedTuple):
@@ -54,7 +56,7 @@ def poses(run: RunData, track: str, t: Floats) -> Pose:
     port = sprocket(run, track)
     around = Window(float(t[0]) - BEFORE, float(t[-1]) + BEFORE)
     if port is None:
-        origin = np.tile(np.array(run.scene["start"]["position"], float), (len(t), 1))
+        origin = np.tile(np.array(run.scene.get("start", {}).get("position", (0.0, 0.0, 0.0)), float), (len(t), 1))
     else:
         origin = _at(t, *run.vectors(port.taker, "out", f"{port.taken}.position", window=around))
     if run.has("chassis.chassis.orientation.w"):
@@ -81,6 +83,9 @@ def tracks(run: RunData, of: str = "") -> tuple[str, ...]:
     return (of,) if of else run.tracks
 
 
-def wide(window: Window | None) -> Window:
-    """The window, or all of the run."""
-    return EVER if window is None else window
+def vehicle(run: RunData) -> dict[str, Any]:
+    """The vehicle table of the run's scene, SI units; raises Missing."""
+    if "vehicle" not in run.scene:
+        raise Missing(f"{run.log.path} does not say of which vehicle it is")
+    found: dict[str, Any] = run.scene["vehicle"]
+    return found

@@ -66,12 +66,13 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
     fibres = of_links.has(run, track, "link[*].fibre.outer")
     if not kinds and not fibres:
         raise Missing(f"{run.log.path} holds no force and no fibre stress of the links of '{track}'")
-    wanted = ["joint[*].position", "link[*].tension", *(KINDS[kind] for kind in kinds)]
+    wanted = ["joint[*].position", *(KINDS[kind] for kind in kinds)]
     wanted += ["joint[*].axis"] * of_links.has(run, track, "joint[*].axis")
     wanted += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
+    links = of_links.count(run, track)
     for block in of_links.records(run, track, window, *wanted):
         found = dict(zip(wanted, block.values, strict=True))
-        pins, links = found["joint[*].position"], found["link[*].tension"].shape[1]
+        pins = found["joint[*].position"]
         across = found.get("joint[*].axis")
         if across is None:  # pins stay across the hull but for the play of the guides
             across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], pins.shape[1], axis=1)
@@ -79,7 +80,7 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
         forces = {kind: np.einsum("mni,mnij->mnj", found[KINDS[kind]][:, :links], axes) for kind in kinds}
         none, empty = np.empty((len(block.t), 0, 3)), np.empty((len(block.t), 0))
         outer, inner = (found.get(f"link[*].fibre.{side}", empty) for side in ("outer", "inner"))
-        section = run.scene["vehicle"]["section"] if fibres else {"area": 1.0, "bending": 1.0, "outer_fibre": 1.0}
+        section = hull.vehicle(run)["section"] if fibres else {"area": 1.0, "bending": 1.0, "outer_fibre": 1.0}
         yield LinkForces(
             track=track,
             t=block.t,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
+NUMBER = re.compile(r"link\[(\d{1,9})\]")
 SIZE = 200  # records that are in memory at once
 GROUPS = {  # signals by the groups of ``track.link_outputs`` that record them
     "link[*].tension": "tension",
@@ -38,6 +40,13 @@ def has(run: RunData, track: str, signal: str) -> bool:
     names = run.log.topics[f"/{track}/links"].names if f"/{track}/links" in run.log.topics else ()
     first = signal.replace("*", "1")
     return first in names or f"{first}.x" in names
+
+
+def count(run: RunData, track: str) -> int:
+    """How many links of a track were recorded, by their signals; 0 without any."""
+    topic = run.log.topics.get(f"/{track}/links")
+    found = [NUMBER.match(name) for name in topic.names] if topic else []
+    return max((int(each[1]) for each in found if each), default=0)
 
 
 def unit(run: RunData, track: str, signal: str) -> str:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses.hull import RECOVER
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.energy import Block, Port, ports
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, vectors
@@ -98,7 +99,7 @@ def of(run: RunData, window: Window = EVER) -> Power:
     for block in run.log.blocks(columns, BLOCK, 1, window):
         series = next(iter(block.values()))
         if not all(np.array_equal(each.t, series.t) for each in block.values()):
-            raise Missing(f"{run.log.path} holds different steps of its components: power needs those of all")
+            raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
         if len(series.t) > 1:
             lines.append(_in_block(block, found, drives, hull))
     if not lines:

@@ -96,6 +96,8 @@ def draw(
             with Log(path) as log:
                 curves += [*_curves(RunData(log), signals, window, frequency, order, number, len(logs) > 1)]
         _draw_curves(figure, curves, x_label, frequency)
+    if len(logs) == 1:
+        figure.suptitle(logs[0].stem, fontsize=10, parse_math=False)
     with written.fresh(output) as beside:
         figure.savefig(beside, dpi=120)
 

@@ -61,7 +61,10 @@ def of(run: RunData, window: Window = EVER) -> Slip:
     t, yaw = run.signal("chassis.yaw", window)
 
     def of_all(signal: str) -> Floats:
-        return np.stack([run.signal(f"{name}.{signal}", window)[1] for name in names], axis=1)
+        found = [run.signal(f"{name}.{signal}", window) for name in names]
+        if not all(np.array_equal(times, t) for times, _ in found):
+            raise Missing(f"{run.log.path} holds different steps of its components: {hull.RECOVER}")
+        return np.stack([values for _, values in found], axis=1)
 
     x, y, load = (of_all(f"ground.force.{axis}") for axis in "xyz")
     c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]

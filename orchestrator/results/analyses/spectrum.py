@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.hull import sprocket_speed
+from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 
@@ -101,9 +101,9 @@ def of(
 
 def teeth_rate(run: RunData, instance: str, window: Window) -> float:
     """Teeth per second of the sprocket of an instance (or the first), Hz, mean over the window; raises Missing."""
-    signal = sprocket_speed(run, instance)
+    signal = hull.sprocket_speed(run, instance)
     t, speed = run.signal(signal, window)
-    rate = run.scene["vehicle"]["sprocket"]["teeth"] * abs(mean(t, speed)) / (2.0 * np.pi)
+    rate = hull.vehicle(run)["sprocket"]["teeth"] * abs(mean(t, speed)) / (2.0 * np.pi)
     if not rate > 0.0:
         raise Missing(f"'{signal}' is 0 over the window: there are no tooth orders")
     return float(rate)

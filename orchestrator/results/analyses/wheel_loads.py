@@ -8,6 +8,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
+from orchestrator.results.analyses.hull import RECOVER
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, since
 
@@ -58,7 +59,7 @@ def loads(run: RunData, window: Window = EVER) -> tuple[tuple[str, ...], Floats,
     for block in run.log.blocks(wanted, BLOCK, window=window):
         series = next(iter(block.values()))
         if not all(np.array_equal(each.t, series.t) for each in block.values()):
-            raise Missing(f"{run.log.path} holds different steps of its components: wheel loads need those of all")
+            raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
         force = np.concatenate([block[topic].values for topic in wanted if topic != "/chassis/out"], axis=1)
         up = np.tile([0.0, 0.0, 1.0], (len(series.t), 1))
         if turned and len(series.t):
