@@ -366,13 +366,15 @@ def test_the_moment_of_a_link_is_that_of_its_fibres(driven):
 def test_joints_are_the_extremes_of_links(driven):
     with Log(driven) as log:
         run = RunData(log)
-        found, every = joints.of(run), links.of(run)
+        found, every, summed = joints.of(run), links.of(run), links.summary(run)
     for k in range(3):
         values = every.joint[..., k]
         record, joint = np.unravel_index(values.argmax(), values.shape)
         assert found.most[0, k] == values[record, joint] == values.max()
         assert (found.most_joint[0, k], found.most_t[0, k]) == (joint + 1, every.t[record])
         assert found.least[0, k] == values.min()
+        told = [row[3:] for row in summed.rows if row[:2] == ("joint force", links.AXES[k])]
+        np.testing.assert_allclose(told, [[values.min() / 1e3, values.mean() / 1e3, values.max() / 1e3]], rtol=1e-9)
 
 
 # wheels and ground

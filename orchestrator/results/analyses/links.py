@@ -33,20 +33,39 @@ class LinkForces(NamedTuple):
     moment: Floats  # (m, links) N m
     axes: Floats  # (m, links, 3, 3) columns along, across, outwards, world
 
+
+class Summary(NamedTuple):
+    """Least, mean and largest over all links and records."""
+
+    track: str
+    rows: list[tuple[str, str, str, float, float, float]]  # force, axis, unit, least, mean, largest
+
     def table(self) -> Table:
-        """Least, mean, largest of each component over all links and the window."""
-        rows = []
-        for kind in KINDS:
-            values = getattr(self, kind)
-            for k, axis in enumerate(AXES):
-                if values.size:
-                    rows.append((f"{kind} force", axis, "kN", *_extremes(values[..., k] / 1e3)))
-        if self.axial.size:
-            rows += [("axial force", "along", "kN", *_extremes(self.axial / 1e3))]
-            rows += [("bending moment", "across", "N.m", *_extremes(self.moment))]
+        """A row for each component."""
         columns = (("of a link", ""), ("axis", ""), ("unit", ""), ("least", ""), ("mean", ""), ("largest", ""))
-        title = f"Forces on the links of {self.track} in their axes, {self.t[0]:.6g} to {self.t[-1]:.6g} s"
-        return Table(title, columns, rows)
+        return Table(f"Forces on the links of {self.track} in their axes", columns, self.rows)
+
+
+def summary(run: RunData, track: str = "", window: Window = EVER) -> Summary:
+    """Of a track, by default the first, a few records at a time; raises Missing."""
+    track = hull.tracks(run, track)[0]
+    gathered: dict[tuple[str, str, str], list[Floats]] = {}
+    for block in blocks(run, track, window):
+        parts = {
+            (f"{kind} force", axis, "kN"): getattr(block, kind)[..., k] / 1e3
+            for kind in KINDS
+            for k, axis in enumerate(AXES)
+        }
+        parts |= {("axial force", AXES[0], "kN"): block.axial / 1e3, ("bending moment", AXES[1], "N.m"): block.moment}
+        for key, values in parts.items():
+            if values.size:
+                extremes = np.array([values.min(), values.sum(), values.max(), values.size])
+                gathered.setdefault(key, []).append(extremes)
+    rows = []
+    for key, found in gathered.items():
+        least, total, most, size = np.array(found).T
+        rows.append((*key, float(least.min()), float(total.sum() / size.sum()), float(most.max())))
+    return Summary(track, rows)
 
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> LinkForces:
@@ -91,7 +110,3 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
             moment=0.5 * (inner - outer) * section["bending"] / section["outer_fibre"],
             axes=axes,
         )
-
-
-def _extremes(values: Floats) -> tuple[float, float, float]:
-    return float(values.min()), float(values.mean()), float(values.max())

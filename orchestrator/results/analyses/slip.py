@@ -58,16 +58,10 @@ def of(run: RunData, window: Window = EVER) -> Slip:
     if run.scene.get("assembly") != "vehicle" or not run.has("chassis.yaw"):
         raise Missing(f"{run.log.path} holds no vehicle on the ground")
     names = hull.tracks(run)
-    t, yaw = run.signal("chassis.yaw", window)
-
-    def of_all(signal: str) -> Floats:
-        found = [run.signal(f"{name}.{signal}", window) for name in names]
-        if not all(np.array_equal(times, t) for times, _ in found):
-            raise Missing(f"{run.log.path} holds different steps of its components: {hull.RECOVER}")
-        return np.stack([values for _, values in found], axis=1)
-
-    x, y, load = (of_all(f"ground.force.{axis}") for axis in "xyz")
-    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    slip, speed = of_all("slip"), of_all("speed")
+    parts = ("ground.force.x", "ground.force.y", "ground.force.z", "slip", "speed")
+    signals = ["chassis.yaw", *(f"{name}.{part}" for part in parts for name in names)]
+    t, values = hull.together(run, signals, window)
+    c, s = np.cos(values[:, :1]), np.sin(values[:, :1])
+    x, y, load, slip, speed = np.split(values[:, 1:], len(parts), axis=1)
     ratio = np.where(np.abs(speed) > SLOWEST, slip / np.where(speed, speed, 1.0), np.nan)
     return Slip(names, t, slip, ratio, x * c + y * s, y * c - x * s, load)
