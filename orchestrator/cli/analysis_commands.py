@@ -54,7 +54,7 @@ OPTIONS = {  # by option the analyses that have it
 
 def analyse(
     log: LogPath,
-    what: Annotated[What, typer.Argument(metavar="WHAT", help=", ".join(What))],
+    what: Annotated[What, typer.Argument(metavar="WHAT", help="one of these analyses")],
     start: From = -inf,
     end: To = inf,
     signals: Annotated[
@@ -79,10 +79,22 @@ def analyse(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
 ) -> None:
-    """What a run says of power, vibration, tension, fatigue, loads, contact, slip, joints; or its events.
+    """What happened in a run, as a table with units.
 
-    A table with units. With -o a CSV file: the table, or all of power, spectrum and slip over time or frequency.
-    """
+    \b
+    power        through wheels, sprockets and motors, relative to the hull
+    spectrum     largest peaks of signals, by frequency and tooth order
+    envelope     least, mean, largest tension by place on the circuit
+    fatigue      rainflow cycles and damage of links
+    wheel-loads  of road wheels, and how long they are lifted off
+    contact      pressure under links
+    slip         and thrust of tracks
+    joints       extremes of joint forces, where and when
+    links        forces on links in their own axes
+    events       wheels that lift off, brakes that hold, steps taken back, warnings
+
+    With -o a CSV file: the table, or all of power, spectrum and slip over time or frequency.
+    """  # noqa: D301
     from orchestrator.log.reader import Log
     from orchestrator.results.analyses import written
     from orchestrator.results.run_data import RunData, Window

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,7 +28,7 @@ KINDS = (".png", ".svg", ".pdf")
 CURVE, MAP = 4000, 1500  # instants that a picture shows
 PLACE = "along the chain from the sprocket, m"
 STYLES = (("-", "solid"), ("--", "dashed"), (":", "dotted"), ("-.", "dash-dotted"))  # by log
-LEGEND = 10  # curves of a pane that a legend names; more are told by their colours, or not
+INSIDE, LEGEND, BESIDE = 4, 10, 24  # curves: a legend in the pane, thick lines, a legend beside it; of more, none
 DECADES = 1e-4  # of the largest amplitude: smaller ones are below the picture
 LARGE = {"N": ("kN", 1e3), "W": ("kW", 1e3), "J": ("kJ", 1e3), "Pa": ("MPa", 1e6)}
 MEMBER = re.compile(r"\[(\d+)\]")
@@ -245,11 +246,12 @@ def _pane(figure: Figure, pane: Axes, curves: list[Curve], unit: str, frequency:
         pane.set_ylim(DECADES * top / size, 2.0 * top / size)
     pane.grid(alpha=0.3)
     pane.margins(x=0.0)
-    if not many and len(curves) > 1:
-        for label in pane.legend(fontsize=8).get_texts():
+    barred = many and _bar(figure, pane, names)
+    if 1 < len(curves) <= BESIDE and not barred:
+        beside: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)} if len(curves) > INSIDE else {}
+        for label in pane.legend(fontsize=6 if many else 8, **beside).get_texts():
             label.set_parse_math(False)
-    elif many:
-        _bar(figure, pane, names)
+    if many:
         styles = dict.fromkeys((curve.log % 4, curve.label.partition(", ")[2]) for curve in curves)
         logs = ", ".join(
             f"{name} {('solid', 'dashed', 'dotted', 'dash-dotted')[style]}" for style, name in styles if name
@@ -262,9 +264,9 @@ def _common(names: Sequence[str]) -> str:
     families = {MEMBER.sub("[*]", name) for name in names}
     if len(names) == 1 or len(families) == 1:
         return names[0] if len(names) == 1 else families.pop()
-    ends = {name.partition(".")[2] for name in names}
-    ends = ends if len(ends) == 1 else {name.rpartition(".")[2] for name in names}
-    return ends.pop() if len(ends) == 1 else ""
+    words = [name.split(".")[::-1] for name in names]
+    alike = list(takewhile(lambda each: len(set(each)) == 1, zip(*words, strict=False)))
+    return ".".join(each[0] for each in alike[::-1])
 
 
 def _colours(count: int) -> list[Any]:
@@ -273,15 +275,17 @@ def _colours(count: int) -> list[Any]:
     return [*matplotlib.colormaps["viridis"](np.linspace(0.0, 0.95, count))]
 
 
-def _bar(figure: Figure, pane: Axes, names: list[str]) -> None:
-    """Colours of a family by number; of other signals there are none to tell."""
+def _bar(figure: Figure, pane: Axes, names: list[str]) -> bool:
+    """Colours of a family by number; False where the signals are none."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     numbers = [float(found[0]) for name in names if (found := MEMBER.findall(name))]
-    if len({MEMBER.sub("[*]", name) for name in names}) == 1 and numbers:
-        scale = ScalarMappable(Normalize(min(numbers), max(numbers)), "viridis")
-        figure.colorbar(scale, ax=pane, label=f"number of the {_member(names[0])}")
+    if len({MEMBER.sub("[*]", name) for name in names}) != 1 or not numbers:
+        return False
+    scale = ScalarMappable(Normalize(min(numbers), max(numbers)), "viridis")
+    figure.colorbar(scale, ax=pane, label=f"number of the {_member(names[0])}")
+    return True
 
 
 def _member(name: str) -> str:
