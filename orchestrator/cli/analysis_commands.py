@@ -50,6 +50,7 @@ OPTIONS = {  # by option the analyses that have it
     "--sn": (What.fatigue,),
     "--teeth": (What.events,),
 }
+IN_FULL = (What.power, What.spectrum, What.slip)  # go into a file over time or frequency
 
 
 def analyse(
@@ -112,8 +113,10 @@ def analyse(
     with Log(log) as opened:
         run = RunData(opened)
         analysis = import_module(f"orchestrator.results.analyses.{what.name}")
-        of = getattr(analysis, "summary", analysis.of)  # where all of it would be more than a table says
-        found = of(run, window=Window(start, end), **_asked(what, run, given))
+        summed = not (output and what in IN_FULL) and hasattr(analysis, "summary")  # a table needs no more
+        found = (analysis.summary if summed else analysis.of)(
+            run, window=Window(start, end), **_asked(what, run, given)
+        )
     table = found.table()
     if output:
         with written.fresh(output) as beside:

@@ -121,6 +121,17 @@ def test_a_window_of_power_is_a_part_of_it(driven):
     assert len(whole.t) == len(parts[0].t) + len(parts[1].t)
 
 
+def test_energies_alone_are_those_of_the_powers_over_time(driven, monkeypatch):
+    monkeypatch.setattr(power, "BLOCK", 30)
+    with Log(driven) as log:
+        run = RunData(log)
+        whole, summed = power.of(run), power.summary(run)
+    np.testing.assert_allclose(summed.relative, whole.energy, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(summed.carried, whole.energy_carried, rtol=1e-9)
+    np.testing.assert_allclose(whole.table().rows[0][1:], summed.table().rows[0][1:], rtol=1e-9)
+    assert whole.table().title == summed.table().title == "Power into wheels relative to the hull, 0 to 0.2 s"
+
+
 # spectra
 
 TWO = ((12.5, 50.0), (40.0, 20.0))  # Hz, N

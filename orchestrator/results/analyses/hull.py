@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +9,6 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.energy import Port, ports
 from orchestrator.results.run_data import BEFORE, Missing, RunData, Window
-
-RECOVER = "'cotrack log recover' leaves those of all"
 
 
 class Pose(NamedTuple):
@@ -82,22 +79,6 @@ def tracks(run: RunData, of: str = "") -> tuple[str, ...]:
     if of and of not in run.tracks:
         raise Missing(f"{run.log.path} has no track '{of}': there is {', '.join(run.tracks)}")
     return (of,) if of else run.tracks
-
-
-def together(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats, Floats]:
-    """Times (m,) and values (m, names) of signals that are recorded at the same steps; raises Missing, NoSuchSignal."""
-    places = [run.log.find(name) for name in names]
-    wanted: dict[str, list[int]] = {}
-    for topic, column in places:
-        wanted.setdefault(topic, []).append(column)
-    found = run.log.select(wanted, window)
-    t = found[places[0][0]].t
-    if not all(np.array_equal(series.t, t) for series in found.values()):
-        raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
-    if not len(t):
-        raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
-    values = [found[topic].values[:, wanted[topic].index(column)] for topic, column in places]
-    return t, np.stack(values, axis=1)
 
 
 def vehicle(run: RunData) -> dict[str, Any]:

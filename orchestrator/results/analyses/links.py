@@ -6,7 +6,7 @@ links, means along each. A moment is positive where it stretches the inner fibre
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +33,10 @@ class LinkForces(NamedTuple):
     moment: Floats  # (m, links) N m
     axes: Floats  # (m, links, 3, 3) columns along, across, outwards, world
 
+    def table(self) -> Table:
+        """Least, mean and largest of each component over all links and records."""
+        return _gathered([self]).table()
+
 
 class Summary(NamedTuple):
     """Least, mean and largest over all links and records."""
@@ -48,16 +52,19 @@ class Summary(NamedTuple):
 
 def summary(run: RunData, track: str = "", window: Window = EVER) -> Summary:
     """Of a track, by default the first, a few records at a time; raises Missing."""
-    track = hull.tracks(run, track)[0]
+    return _gathered(blocks(run, hull.tracks(run, track)[0], window))
+
+
+def _gathered(parts: Iterable[LinkForces]) -> Summary:
     gathered: dict[tuple[str, str, str], list[Floats]] = {}
-    for block in blocks(run, track, window):
-        parts = {
-            (f"{kind} force", axis, "kN"): getattr(block, kind)[..., k] / 1e3
-            for kind in KINDS
-            for k, axis in enumerate(AXES)
-        }
-        parts |= {("axial force", AXES[0], "kN"): block.axial / 1e3, ("bending moment", AXES[1], "N.m"): block.moment}
-        for key, values in parts.items():
+    track = ""
+    for part in parts:
+        track = part.track
+        every = [(kind, k, axis) for kind in KINDS for k, axis in enumerate(AXES)]
+        components = {(f"{kind} force", axis, "kN"): getattr(part, kind)[..., k] / 1e3 for kind, k, axis in every}
+        components[("axial force", AXES[0], "kN")] = part.axial / 1e3
+        components[("bending moment", AXES[1], "N.m")] = part.moment
+        for key, values in components.items():
             if values.size:
                 extremes = np.array([values.min(), values.sum(), values.max(), values.size])
                 gathered.setdefault(key, []).append(extremes)

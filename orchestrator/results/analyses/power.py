@@ -10,12 +10,13 @@ the hull, the second is what the wrench does to the hull as a whole. Their sums 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.hull import RECOVER
+from orchestrator.results.analyses.at_steps import RECOVER, columns
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.energy import Block, Port, ports
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, vectors
@@ -60,53 +61,97 @@ class Power(NamedTuple):
 
     def table(self) -> Table:
         """Mean power and energy of each port and motor."""
-        length = float(self.h.sum())
-        through = zip(self.ports, self.energy.tolist(), self.energy_carried.tolist(), strict=True)
-        rows = [(name, a / length / 1e3, b / length / 1e3, a / 1e3, b / 1e3) for name, a, b in through]
-        nan = float("nan")
-        rows += [
-            (name, e / length / 1e3, nan, e / 1e3, nan)
-            for name, e in zip(self.drives, self.energy_drive.tolist(), strict=True)
+        return _summed([self]).table()
+
+
+class Energies(NamedTuple):
+    """Energies over a window; positive goes into the wheel, for motors into the sprocket."""
+
+    window: Window  # s, of the steps
+    ports: tuple[str, ...]
+    relative: Floats  # (ports,) J, on the motion against the hull
+    carried: Floats  # (ports,) J, on the motion of the hull
+    drives: tuple[str, ...]
+    drive: Floats  # (drives,) J
+    halves: int
+
+    def table(self) -> Table:
+        """Mean power and energy of each port and motor."""
+        begin, end = self.window
+        every = [*zip(self.ports, self.relative.tolist(), self.carried.tolist(), strict=True)]
+        every += [(name, energy, float("nan")) for name, energy in zip(self.drives, self.drive.tolist(), strict=True)]
+        rows = [
+            (name, *(energy / (end - begin) / 1e3 for energy in both), *(e / 1e3 for e in both))
+            for name, *both in every
         ]
         columns = (
             ("port", ""), ("power", "kW"), ("power on hull's motion", "kW"), ("energy", "kJ"),
             ("energy on hull's motion", "kJ"),
         )  # fmt: skip
-        begin, end = self.t[0] - self.h[0], self.t[-1]
         title = f"Power into wheels relative to the hull, {begin:.6g} to {end:.6g} s"
         note = ("the other side of the symmetric vehicle has the same again",) if self.halves > 1 else ()
         return Table(title, columns, rows, note)
 
 
 def of(run: RunData, window: Window = EVER) -> Power:
-    """Power of every port and motor; raises Missing where not every step is recorded."""
+    """Power of every port and motor over time; raises Missing where not every step is recorded."""
+    parts = [*blocks(run, window)]
+    t, h, relative, carried, drive = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "h", "relative", "carried", "drive")
+    )
+    return parts[0]._replace(t=t, h=h, relative=relative, carried=carried, drive=drive)
+
+
+def summary(run: RunData, window: Window = EVER) -> Energies:
+    """The energies alone, so that long runs need no more memory; raises as ``of``."""
+    return _summed(blocks(run, window))
+
+
+def _summed(parts: Iterable[Power]) -> Energies:
+    found = [
+        Energies(
+            Window(float(part.t[0] - part.h[0]), float(part.t[-1])), part.ports, part.energy, part.energy_carried,
+            part.drives, part.energy_drive, part.halves,
+        )
+        for part in parts
+    ]  # fmt: skip
+    relative, carried, drive = (
+        np.sum([getattr(each, name) for each in found], axis=0) for name in ("relative", "carried", "drive")
+    )
+    window = Window(found[0].window.start, found[-1].window.end)
+    return found[0]._replace(window=window, relative=relative, carried=carried, drive=drive)
+
+
+def blocks(run: RunData, window: Window = EVER) -> Iterator[Power]:
+    """The same some steps at a time; raises as ``of``."""
     found = [port for port in ports(run) if run.has(f"{port.taker}.{port.taken}.velocity.x")]
     turning = {port.taker for port in found if port.connector == "sprocket"} - {"chassis"}
     drives = [name for name in run.log.signals if name.endswith(".power") and name.partition(".")[0] in turning]
     if not found:
         raise Missing(f"{run.log.path} holds no port of a wheel")
     hull = run.has("chassis.chassis.velocity.x")
-    wanted = {f"/{port.giver}/out": set[int]() for port in found} | {f"/{port.taker}/out": set() for port in found}
     names = [f"{port.giver}.{port.connector}.{part}.{axis}" for port in found for part in WRENCH for axis in "xyz"]
     names += [f"{port.taker}.{port.taken}.{part}.{axis}" for port in found for part in MOTION for axis in "xyz"]
     names += drives
     names += [f"chassis.chassis.{part}.{axis}" for part in MOTION for axis in "xyz"] if hull else []
-    for name in names:
-        topic, column = run.log.find(name)
-        wanted.setdefault(topic, set()).add(column)
-    lines: list[tuple[Floats, ...]] = []
-    columns = {topic: sorted(which) for topic, which in wanted.items()}
-    for block in run.log.blocks(columns, BLOCK, 1, window):
+    wanted = columns(run, names)
+    seldom = [topic for topic in wanted if run.log.topics[topic].every > 1]
+    if seldom:
+        raise Missing(
+            f"{run.log.path} holds one step in {run.log.topics[seldom[0]].every} of {seldom[0]}: power needs all"
+        )
+    empty = True
+    for block in run.log.blocks(wanted, BLOCK, 1, window):
         series = next(iter(block.values()))
         if not all(np.array_equal(each.t, series.t) for each in block.values()):
             raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
         if len(series.t) > 1:
-            lines.append(_in_block(block, found, drives, hull))
-    if not lines:
+            empty = False
+            t, h, relative, carried, drive = _in_block(block, found, drives, hull)
+            titles = tuple(f"{port.giver}.{port.connector}" for port in found)
+            yield Power(t, h, titles, relative, carried, tuple(drives), drive, run.copies(found[0].giver))
+    if empty:
         raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
-    t, h, relative, carried, drive = (np.concatenate(parts) for parts in zip(*lines, strict=True))
-    titles = tuple(f"{port.giver}.{port.connector}" for port in found)
-    return Power(t, h, titles, relative, carried, tuple(drives), drive, run.copies(found[0].giver))
 
 
 def _in_block(block: Block, found: list[Port], drives: list[str], hull: bool) -> tuple[Floats, ...]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull
+from orchestrator.results.analyses import at_steps, hull
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 
@@ -80,7 +80,7 @@ def of(
     ``orders`` asks also for the rate of the teeth of the sprocket that belongs to the signals, or the log's first.
     Raises Missing, NoSuchSignal.
     """
-    chosen = run.log.choose([signals] if isinstance(signals, str) else signals)
+    chosen = at_steps.columns(run, [signals] if isinstance(signals, str) else signals)
     if len(chosen) != 1:
         raise Missing(f"the signals are on {len(chosen)} topics: a spectrum needs signals of one, with common times")
     ((topic, columns),) = chosen.items()

@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
-from orchestrator.results.analyses.hull import RECOVER
+from orchestrator.results.analyses.at_steps import RECOVER
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, since
 

@@ -1,0 +1,35 @@
+"""Signals that are recorded at the same steps, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.run_data import Missing, RunData, Window
+
+RECOVER = "'cotrack log recover' leaves those of all"
+
+
+def columns(run: RunData, names: Sequence[str]) -> dict[str, list[int]]:
+    """Topics and columns of signals by their names, "*" standing for anything; raises NoSuchSignal."""
+    chosen = run.log.choose(patterns) if (patterns := [name for name in names if "*" in name]) else {}
+    for name in names:
+        if "*" not in name:  # a name alone need not be held against all others
+            topic, column = run.log.find(name)
+            chosen.setdefault(topic, []).append(column)
+    return {topic: sorted(set(chosen[topic])) for topic in run.log.topics if topic in chosen}
+
+
+def together(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats, Floats]:
+    """Times (m,) and values (m, names) of signals that are recorded at the same steps; raises Missing, NoSuchSignal."""
+    wanted = columns(run, names)
+    found = run.log.select(wanted, window)
+    t = next(iter(found.values())).t
+    if not all(np.array_equal(series.t, t) for series in found.values()):
+        raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
+    if not len(t):
+        raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
+    places = [run.log.find(name) for name in names]
+    return t, np.stack([found[topic].values[:, wanted[topic].index(column)] for topic, column in places], axis=1)
