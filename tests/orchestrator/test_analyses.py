@@ -192,6 +192,23 @@ def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path):
     assert found.order[found.amplitude[1:, 0].argmax() + 1] == pytest.approx(1.0, abs=1e-6)
 
 
+def test_a_scene_without_teeth_is_told(tmp_path):
+    t = np.arange(100) * STEP
+    connection = {
+        "source": "track", "outputs": ["sprocket.force.x"], "target": "drive", "inputs": ["sprocket.force.x"]
+    }  # fmt: skip
+    path = made(
+        tmp_path / "s.mcap",
+        {"/track/out": [("travel", "m")], "/drive/out": [("speed", "rad/s")]},
+        {"/track/out": (t, sines(t)[:, None]), "/drive/out": (t, 1.0 + t[:, None])},
+        {"vehicle": {"sprocket": "round"}},
+        ("track", "drive"),
+        [connection],
+    )
+    with Log(path) as log, pytest.raises(Missing, match=r"no number above 0 at vehicle\.sprocket\.teeth"):
+        spectrum.of(RunData(log), "track.travel", orders=True)
+
+
 # places on the circuit
 
 
@@ -483,6 +500,7 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
     teeth = [event.t for event in every.of("tooth")]
     assert len(teeth) == found.teeth["drive"] == int(angle[-1] * 10 / (2 * np.pi))
     np.testing.assert_allclose(np.diff(teeth[:5]), 0.1, rtol=1e-6)
+    assert {event.text for event in every.of("tooth")} == {"a tooth ahead"}
     assert [(event.kind, round(event.t, 6)) for event in late.events] == [
         ("locked", 0.65),  # it stood already
         ("released", 0.8),

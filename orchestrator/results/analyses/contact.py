@@ -49,8 +49,7 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
     track = hull.tracks(run, track)[0]
     if run.scene.get("assembly") != "vehicle":
         raise Missing(f"{run.log.path} holds no vehicle on the ground")
-    pad = hull.vehicle(run)["track"]
-    area = float(pad["pitch"] * pad["width"])
+    area = hull.number(run, "track", "pitch") * hull.number(run, "track", "width")
     bins: Bins | None = None
     lengths: list[Floats] = []
     sums: list[Floats] = []

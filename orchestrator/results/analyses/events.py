@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import wheel_loads
+from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.energy import Port, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
@@ -51,11 +51,13 @@ def of(run: RunData, window: Window = EVER, teeth: bool = False) -> Events:
 
     ``teeth`` lists also each tooth that passes. Raises LogUnreadable.
     """
-    passed = [*_teeth(run, window)]
     found = [*_wheels(run, window), *_locks(run, window), *_steps(run, window), *_warnings(run, window)]
-    if teeth:
-        found += [event for _, events in passed for event in events]
-    counts = {drive: len(events) for drive, events in passed}
+    counts = {}
+    for name, t, passed in _turned(run, window):
+        moves = np.diff(np.floor(passed))
+        counts[name] = int(np.abs(moves).sum())
+        if teeth:
+            found += _teeth(name, t, passed, moves)
     return Events(tuple(sorted(found, key=lambda event: (event.t, event.component))), counts)
 
 
@@ -91,27 +93,23 @@ def _drives(run: RunData) -> Iterator[tuple[Port, str, str]]:
             yield port, prefix, prefix.removesuffix(".")
 
 
-def _teeth(run: RunData, window: Window) -> Iterator[tuple[str, list[Event]]]:
-    number = run.scene["vehicle"]["sprocket"]["teeth"] if "vehicle" in run.scene else 0
+def _turned(run: RunData, window: Window) -> Iterator[tuple[str, Floats, Floats]]:
+    """Of each sprocket its drive, times (m,), s, and how many teeth have passed (m,)."""
     for port, prefix, name in _drives(run):
-        if port.connector != "sprocket":
-            continue
-        t, angle = run.signal(f"{prefix}angle", window)
-        passed = angle * number / (2.0 * np.pi)
-        events = []
-        for at in np.flatnonzero(np.diff(np.floor(passed))):
-            for tooth in _between(float(passed[at]), float(passed[at + 1])):
-                share = (tooth - passed[at]) / (passed[at + 1] - passed[at])
-                when = float(t[at] + share * (t[at + 1] - t[at]))
-                events.append(Event(when, name, "tooth", f"tooth {int(tooth) % number + 1} is where the first began"))
-        yield name, events
+        if port.connector == "sprocket" and "vehicle" in run.scene:
+            t, angle = run.signal(f"{prefix}angle", window)
+            known = np.isfinite(angle)
+            yield name, t[known], angle[known] * hull.number(run, "sprocket", "teeth") / (2.0 * np.pi)
 
 
-def _between(a: float, b: float) -> Floats:
-    """Whole numbers that are passed from a to b."""
-    low, high = sorted((a, b))
-    found = np.arange(np.floor(low) + 1.0, np.floor(high) + 1.0)
-    return found if b > a else found[::-1]
+def _teeth(name: str, t: Floats, passed: Floats, moves: Floats) -> Iterator[Event]:
+    """An event for each step in which one tooth or more take the place of another."""
+    for at in np.flatnonzero(moves):
+        edge = np.floor(passed[at + 1]) + (moves[at] < 0.0)  # the last that is passed
+        share = (edge - passed[at]) / (passed[at + 1] - passed[at])
+        size, way = int(abs(moves[at])), "ahead" if moves[at] > 0.0 else "back"
+        text = f"{'a tooth' if size == 1 else f'{size} teeth'} {way}"
+        yield Event(float(t[at] + share * (t[at + 1] - t[at])), name, "tooth", text)
 
 
 def _locks(run: RunData, window: Window) -> Iterator[Event]:

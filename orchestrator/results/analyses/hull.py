@@ -81,9 +81,11 @@ def tracks(run: RunData, of: str = "") -> tuple[str, ...]:
     return (of,) if of else run.tracks
 
 
-def vehicle(run: RunData) -> dict[str, Any]:
-    """The vehicle table of the run's scene, SI units; raises Missing."""
-    if "vehicle" not in run.scene:
-        raise Missing(f"{run.log.path} does not say of which vehicle it is")
-    found: dict[str, Any] = run.scene["vehicle"]
-    return found
+def number(run: RunData, *keys: str) -> float:
+    """A number of the vehicle table of the run's scene, SI units; raises Missing where there is none above 0."""
+    found: Any = run.scene.get("vehicle")
+    for key in keys:
+        found = found.get(key) if isinstance(found, dict) else None
+    if not isinstance(found, int | float) or not 0.0 < found < np.inf:
+        raise Missing(f"{run.log.path}: scene.json has no number above 0 at vehicle.{'.'.join(keys)}")
+    return float(found)

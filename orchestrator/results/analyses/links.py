@@ -96,6 +96,10 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
     wanted += ["joint[*].axis"] * of_links.has(run, track, "joint[*].axis")
     wanted += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
     links = of_links.count(run, track)
+    area, bending, fibre = (
+        hull.number(run, "section", key) if fibres else 1.0 for key in ("area", "bending", "outer_fibre")
+    )
+    modulus = bending / fibre
     for block in of_links.records(run, track, window, *wanted):
         found = dict(zip(wanted, block.values, strict=True))
         pins = found["joint[*].position"]
@@ -106,14 +110,13 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
         forces = {kind: np.einsum("mni,mnij->mnj", found[KINDS[kind]][:, :links], axes) for kind in kinds}
         none, empty = np.empty((len(block.t), 0, 3)), np.empty((len(block.t), 0))
         outer, inner = (found.get(f"link[*].fibre.{side}", empty) for side in ("outer", "inner"))
-        section = hull.vehicle(run)["section"] if fibres else {"area": 1.0, "bending": 1.0, "outer_fibre": 1.0}
         yield LinkForces(
             track=track,
             t=block.t,
             joint=forces.get("joint", none),
             ground=forces.get("ground", none),
             wheels=forces.get("wheels", none),
-            axial=0.5 * section["area"] * (outer + inner),
-            moment=0.5 * (inner - outer) * section["bending"] / section["outer_fibre"],
+            axial=0.5 * area * (outer + inner),
+            moment=0.5 * (inner - outer) * modulus,
             axes=axes,
         )

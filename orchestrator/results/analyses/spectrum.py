@@ -106,7 +106,7 @@ def teeth_rate(run: RunData, instance: str, window: Window) -> float:
     """Teeth per second of the sprocket of an instance (or the first), Hz, mean over the window; raises Missing."""
     signal = hull.sprocket_speed(run, instance)
     t, speed = run.signal(signal, window)
-    rate = hull.vehicle(run)["sprocket"]["teeth"] * abs(mean(t, speed)) / (2.0 * np.pi)
+    rate = hull.number(run, "sprocket", "teeth") * abs(mean(t, speed)) / (2.0 * np.pi)
     if not rate > 0.0:
         raise Missing(f"'{signal}' is 0 over the window: there are no tooth orders")
     return float(rate)
