@@ -16,10 +16,11 @@ import typer
 from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
 from orchestrator.cli.common import ended_by, narration, tell
-from orchestrator.cli.result_commands import compare, replay, view
+from orchestrator.cli.result_commands import compare, replay
 from orchestrator.cli.run_commands import resume, run, truth
 from orchestrator.cli.scene_commands import build, scenes, show, warm
 from orchestrator.cli.study_commands import bench, study
+from orchestrator.cli.view_commands import view
 
 app = typer.Typer(
     name="cotrack",

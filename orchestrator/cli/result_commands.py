@@ -1,4 +1,4 @@
-"""Commands about recorded runs: replayed, compared, seen from the side."""
+"""Commands about recorded runs: replayed, compared."""
 
 from __future__ import annotations
 
@@ -147,20 +147,3 @@ def compare(
         for line in lines(result):
             print(printed.plain(line))
     sys.exit(0 if result["ok"] else 1)
-
-
-def view(
-    log: LogPath,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="a picture, .png or .svg")],
-    times: Annotated[list[float] | None, typer.Option("--at", metavar="T", help="an instant, s; repeatable")] = None,
-    above: Annotated[bool, typer.Option("--above", help="the way of a vehicle and forces of the ground")] = False,
-) -> None:
-    """Side view, links coloured by their tension, or a view from above.
-
-    At a few instants or those given.
-    """
-    from orchestrator.results import above as from_above
-    from orchestrator.results import picture
-
-    (from_above if above else picture).draw(log, output, times or None)
-    print(output)

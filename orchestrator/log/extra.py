@@ -1,4 +1,4 @@
-"""Libraries of the extra ``analysis``, imported when they are asked for."""
+"""Libraries of an extra, imported when they are asked for."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ class NotInstalled(RuntimeError):
     """A library of an extra is missing; the message is one sentence."""
 
 
-def library(name: str) -> ModuleType:
-    """A library by the name of its module; raises NotInstalled."""
+def library(name: str, extra: str = "analysis") -> ModuleType:
+    """A library of an extra by the name of its module; raises NotInstalled."""
     try:
         return import_module(name)
     except ImportError:
         package = name.partition(".")[0]
-        raise NotInstalled(f"{package} is not installed: pip install 'cotrack[analysis]'") from None
+        raise NotInstalled(f"{package} is not installed: pip install 'cotrack[{extra}]'") from None

@@ -1,0 +1,81 @@
+"""The command ``view``: recorded runs as pictures, films and scenes in space."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fmus.vehicle import BadInput
+from orchestrator.cli.common import LogPath, leave
+
+
+def view(
+    log: LogPath,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help=".png, .svg, .pdf, .gif, .mp4, .rrd or .mcap"),
+    ] = None,
+    times: Annotated[
+        list[float] | None, typer.Option("--at", metavar="T", help="an instant of a picture, s; repeatable")
+    ] = None,
+    above: Annotated[
+        bool, typer.Option("--above", help="picture: the way of a vehicle and forces of the ground")
+    ] = False,
+    in_rerun: Annotated[
+        bool, typer.Option("--rerun", help="in space, in the viewer Rerun; with -o its file, .rrd")
+    ] = False,
+    in_foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="in space, for Foxglove: a file .mcap and its layout")
+    ] = False,
+    side: Annotated[
+        str | None, typer.Option("--seen-from", metavar="right|top|corner", help="film: where one looks from; right")
+    ] = None,
+    colour: Annotated[
+        str | None,
+        typer.Option(
+            "--colour", metavar="SIGNAL", help="of links, but in pictures: tension, stress, ground, wheels, sliding"
+        ),
+    ] = None,
+) -> None:
+    """A run to look at: a picture, a film, or a scene in space (--rerun, --foxglove).
+
+    A picture shows the links of a track from the side, coloured by their tension, at a few instants or those given, or
+    the way from above. What the log does not hold is left out.
+    """
+    suffix = output.suffix.lower() if output else ""
+    film = suffix in (".gif", ".mp4") and not in_rerun and not in_foxglove
+    picture = not (film or in_rerun or in_foxglove)
+    _refuse("--at", bool(times) and not picture, "pictures")
+    _refuse("--above", above and not picture, "pictures")
+    _refuse("--seen-from", side is not None and not film, "films")
+    _refuse("--colour", colour is not None and picture, "films, --rerun and --foxglove")
+    if in_rerun and in_foxglove:
+        raise BadInput("--rerun and --foxglove: one of them at a time")
+    if in_rerun:
+        from orchestrator.results.views import rerun_scene
+
+        rerun_scene.show(log, output, colour)
+    elif output is None:
+        leave("-o FILE says what is written; without it there is the viewer: --rerun", 2)
+    elif in_foxglove:
+        from orchestrator.results.views import foxglove_scene
+
+        print(foxglove_scene.write(log, output, colour))
+    elif film:
+        from orchestrator.results.views import film as films
+
+        films.write(log, output, side or "right", colour)
+    else:
+        from orchestrator.results import above as from_above
+        from orchestrator.results import picture as pictures
+
+        (from_above if above else pictures).draw(log, output, times or None)
+    if output:
+        print(output)
+
+
+def _refuse(option: str, given: bool, of: str) -> None:
+    if given:
+        raise BadInput(f"{option} is for {of}")

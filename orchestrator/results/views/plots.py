@@ -1,0 +1,59 @@
+"""Curves that stand beside a view of bodies: speed, torque, power and tension, as far as a log has them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import EVER, Floats
+
+
+class Plot(NamedTuple):
+    """Curves of one unit."""
+
+    name: str  # a word
+    title: str  # with the unit
+    scale: float
+    signals: tuple[str, ...]  # "instance.variable"
+
+
+ABOUT = (
+    ("speed", "speed, m/s", 1.0, ("speed",), "m/s"),
+    ("torque", "torque of the drives, kN m", 1e-3, ("torque", "left.torque", "right.torque"), "N.m"),
+    ("power", "power of the drives, kW", 1e-3, ("power", "left.power", "right.power"), "W"),
+    ("tension", "tension of a track, largest and mean link, kN", 1e-3, ("tension.max", "tension.mean"), "N"),
+)
+
+
+def plots(log: Log) -> list[Plot]:
+    """Those whose signals a log holds."""
+    found = []
+    for name, title, scale, variables, unit in ABOUT:
+        signals = [
+            log.name(topic, column)
+            for topic, about in log.topics.items()
+            if topic.endswith("/out")
+            for column, variable in enumerate(about.names)
+            if variable in variables and about.units[column] == unit
+        ]
+        if "chassis.speed" in signals:
+            signals = ["chassis.speed"]
+        if signals:
+            found.append(Plot(name, title, scale, tuple(signals)))
+    return found
+
+
+def curves(
+    log: Log, wanted: list[Plot], window: tuple[float, float] = EVER
+) -> Iterator[tuple[Plot, str, Floats, Floats]]:
+    """Plot, signal, times and values in the unit of its title, every record, piece by piece."""
+    places = {signal: (plot, log.find(signal)) for plot in wanted for signal in plot.signals}
+    columns: dict[str, list[int]] = {}
+    for _, (topic, column) in places.values():
+        columns.setdefault(topic, []).append(column)
+    for piece in log.stream(columns, window):
+        for signal, (plot, (topic, column)) in places.items():
+            if topic in piece:
+                values = piece[topic].values[:, columns[topic].index(column)]
+                yield plot, signal, piece[topic].t, values * plot.scale

@@ -1,0 +1,185 @@
+"""A run in the viewer Rerun, or as its file: bodies in space, forces of the ground, curves beside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from orchestrator.log.extra import library
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results.run_data import RunData
+from orchestrator.results.views import colours
+from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
+from orchestrator.results.views.files import checked_name, written
+from orchestrator.results.views.plots import Plot, curves, plots
+from orchestrator.results.views.solids import ROOM, prism, spokes, strip, strip_triangles, travelled
+
+RATE = 50.0  # instants a second
+TIMELINE = "time"
+METRES = 5e-5  # of an arrow for a newton
+SEEN = 0.01  # m: shorter arrows are left out
+UPRIGHT = (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # x, y, z, w: turns a cylinder's z to a wheel's y
+
+
+def show(path: Path, output: Path | None = None, colour: str | None = None) -> None:
+    """Write a log as a file of Rerun, or open the viewer on it without an output.
+
+    Raises BadInput for what cannot be shown or written, and NotInstalled.
+    """
+    if output:
+        checked_name(output, (".rrd",))
+    rerun, blueprints = library("rerun", "view"), library("rerun.blueprint", "view")
+    with Log(path) as log:
+        bodies = Bodies(RunData(log), RATE, colour)
+        beside = plots(log)
+        arranged = _arranged(rerun, blueprints, bodies, beside)
+        recording = rerun.RecordingStream("cotrack", make_default=False, make_thread_default=False)
+        recording.send_recording_name(f"{path.stem}: {bodies.title}")
+        if output is None:
+            recording.spawn(default_blueprint=arranged)
+            _send(rerun, recording, bodies, beside)
+            recording.flush()
+            return
+        with written(output) as beside_output:
+            recording.save(beside_output, default_blueprint=arranged)
+            try:
+                _send(rerun, recording, bodies, beside)
+            finally:
+                recording.disconnect()  # the file is whole and closed
+
+
+def path_of(*names: str) -> str:
+    """The path of an entity; names of a log may hold anything."""
+    return str(library("rerun", "view").new_entity_path(list(names)))
+
+
+def _send(rerun: ModuleType, recording: Any, bodies: Bodies, beside: list[Plot]) -> None:
+    scale = bodies.range()
+    _send_shapes(rerun, recording, bodies)
+    for poses in bodies.blocks():
+        _send_poses(rerun, recording, bodies, poses, scale)
+    for plot in beside:
+        for signal in plot.signals:
+            recording.log(path_of("plots", plot.name, signal), rerun.SeriesLines(names=signal), static=True)
+    for plot, signal, t, values in curves(bodies.run.log, beside):
+        times = [rerun.TimeColumn(TIMELINE, duration=t)]
+        recording.send_columns(path_of("plots", plot.name, signal), times, rerun.Scalars.columns(scalars=values))
+
+
+def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
+    """What does not change, each in its own frame."""
+    recording.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for track in bodies.tracks:
+        solid = rerun.Boxes3D.from_fields(fill_mode="solid")
+        recording.log(path_of("world", "links", track.name), solid, static=True)
+    for wheel in bodies.wheels:
+        _send_wheel(rerun, recording, wheel)
+    if bodies.hull:
+        lines = bodies.hull.corners[bodies.hull.edges]
+        shape = rerun.LineStrips3D(lines, colors=[colours.HULL], radii=0.012)
+        recording.log(path_of("world", "hull", "shape"), shape, static=True)
+    if bodies.ground:
+        low, high, far = travelled(bodies)
+        corners = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM)
+        triangles = strip_triangles(len(corners))
+        flat = corners.reshape(-1, 3)
+        mesh = rerun.Mesh3D(vertex_positions=flat, triangle_indices=triangles, albedo_factor=[*colours.EARTH, 255])
+        recording.log("world/ground", mesh, static=True)
+        aside = np.array([0.0, 0.0, 0.002])
+        marks = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM) + aside
+        recording.log("world/ground/edges", rerun.LineStrips3D(marks, colors=[(120, 105, 85)], radii=0.004), static=True)
+
+
+def _send_wheel(rerun: ModuleType, recording: Any, wheel: Wheel) -> None:
+    place = path_of("world", "wheels", wheel.name)
+    if len(wheel.outline):
+        corners, triangles = prism(wheel)
+        flat = corners[triangles]  # corners of their own: edges are sharp
+        normal = np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
+        normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        shape = rerun.Mesh3D(
+            vertex_positions=flat.reshape(-1, 3),
+            vertex_normals=np.repeat(normal, 3, axis=0),
+            albedo_factor=[*colours.WHEEL[wheel.kind], 255],
+        )
+    else:
+        shape = rerun.Cylinders3D(
+            lengths=[wheel.width], radii=[wheel.radius], quaternions=[UPRIGHT], colors=[colours.WHEEL[wheel.kind]],
+            fill_mode="solid",
+        )  # fmt: skip
+    recording.log(f"{place}/shape", shape, static=True)
+    lines = rerun.LineStrips3D(spokes(wheel), colors=[(225, 225, 225)], radii=0.008)
+    recording.log(f"{place}/spokes", lines, static=True)
+
+
+def _send_poses(
+    rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses, scale: tuple[float, float]
+) -> None:
+    count = len(poses.t)
+    times = [rerun.TimeColumn(TIMELINE, duration=poses.t)]
+    for track in bodies.tracks:
+        links = poses.links[track.name]
+        every = count * track.links
+        boxes = rerun.Boxes3D.columns(
+            half_sizes=np.broadcast_to(track.half, (every, 3)),
+            centers=links.centres.reshape(-1, 3),
+            quaternions=quaternions(links.axes).reshape(-1, 4),
+            colors=colours.coloured(links.colour, (count, track.links), scale).reshape(-1, 3),
+        )
+        each = [track.links] * count
+        recording.send_columns(path_of("world", "links", track.name), times, boxes.partition(each))
+        if links.ground is not None:
+            feet = links.centres + track.half[2] * links.axes[..., 2]
+            shown = METRES * np.linalg.norm(links.ground, axis=-1) > SEEN
+            arrows = rerun.Arrows3D.columns(
+                vectors=METRES * links.ground[shown], origins=feet[shown],
+                colors=np.broadcast_to(np.array(colours.FORCE, np.uint8), (int(shown.sum()), 3)),
+            )  # fmt: skip
+            place = path_of("world", "forces of the ground", track.name)
+            recording.send_columns(place, times, arrows.partition(shown.sum(axis=1)))
+    for name, pose in poses.wheels.items():
+        _move(rerun, recording, path_of("world", "wheels", name), times, pose.position, pose.orientation)
+    if bodies.hull and poses.hull:
+        _move(rerun, recording, "world/hull", times, poses.hull.position, poses.hull.orientation)
+
+
+def _move(
+    rerun: ModuleType, recording: Any, place: str, times: list[Any], position: Floats, orientation: Floats
+) -> None:
+    turned = np.roll(orientation, -1, axis=1)  # w, x, y, z to x, y, z, w
+    recording.send_columns(place, times, rerun.Transform3D.columns(translation=position, quaternion=turned))
+
+
+def _arranged(rerun: ModuleType, blueprints: ModuleType, bodies: Bodies, beside: list[Plot]) -> Any:
+    """Space to the left, curves to the right; the eye goes with the hull where there is one."""
+    eye, target = _eye(bodies)
+    controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
+    if bodies.hull:
+        controls["tracking_entity"] = "world/hull"
+    name = f"links by {bodies.label}" if bodies.colour else "links"
+    space = blueprints.Spatial3DView(origin="world", name=name, eye_controls=blueprints.EyeControls3D(**controls))
+    views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in beside]
+    panes = [space, blueprints.Vertical(*views)] if views else [space]
+    shares = [3, 2][: len(panes)]
+    return blueprints.Blueprint(
+        blueprints.Horizontal(*panes, column_shares=shares),
+        blueprints.TimePanel(timeline=TIMELINE, state="collapsed"),
+        blueprints.SelectionPanel(state="collapsed"),
+        blueprints.BlueprintPanel(state="collapsed"),
+    )
+
+
+def _eye(bodies: Bodies) -> tuple[Floats, Floats]:
+    """Where one looks from and at, at first: from ahead, from the right, from above."""
+    from orchestrator.results.views.solids import places
+
+    here = places(next(bodies.blocks(1)))
+    middle = 0.5 * (here.min(axis=0) + here.max(axis=0))
+    size = float(np.ptp(here, axis=0).max())
+    heading = bodies.scene["start"]["heading"]
+    ahead, left = np.array([np.cos(heading), np.sin(heading), 0]), np.array([-np.sin(heading), np.cos(heading), 0])
+    return middle + size * (0.7 * ahead - 1.1 * left + np.array([0.0, 0.0, 0.6])), middle

@@ -1,0 +1,76 @@
+"""Surfaces of bodies that viewers have no shape for: sprockets with their teeth, and the ground, as triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.ground_profile import Ground
+from orchestrator.results.views.bodies import Bodies, Poses, Wheel
+
+ROOM = 5.0  # m of ground beyond what was driven on
+SPOKES = 6
+
+
+def prism(wheel: Wheel) -> tuple[Floats, NDArray[np.int64]]:
+    """Corners (k, 3) and triangles (n, 3), outwards, of a toothed wheel in its body frame."""
+    count, half = len(wheel.outline), 0.5 * wheel.width
+    ahead, up = wheel.outline.T
+    right = np.stack([ahead, np.full(count, -half), up], axis=1)
+    left = right * [1.0, -1.0, 1.0]
+    corners = np.concatenate([right, left, [[0.0, -half, 0.0], [0.0, half, 0.0]]])
+    one = np.arange(count)
+    other = np.roll(one, -1)
+    triangles = np.concatenate([
+        np.stack([np.full(count, 2 * count), one, other], axis=1),
+        np.stack([np.full(count, 2 * count + 1), other + count, one + count], axis=1),
+        np.stack([one, one + count, other], axis=1),
+        np.stack([other, one + count, other + count], axis=1),
+    ])  # fmt: skip
+    return corners, triangles
+
+
+def spokes(wheel: Wheel) -> Floats:
+    """Lines (SPOKES, 2, 3) on both faces of a wheel, in its body frame: they show that it turns."""
+    angle = np.arange(SPOKES // 2) * 4.0 * np.pi / SPOKES
+    rim = 0.95 * wheel.radius * np.stack([np.cos(angle), np.zeros(SPOKES // 2), np.sin(angle)], axis=1)
+    lines = np.stack([0.15 * rim, rim], axis=1)
+    aside = np.array([0.0, 0.5 * wheel.width + 0.004, 0.0])
+    return np.concatenate([lines - aside, lines + aside])
+
+
+def travelled(bodies: Bodies) -> tuple[float, float, float]:
+    """Least and largest place along the way that the bodies come to, and how far from it aside, m."""
+    profile = bodies.ground
+    assert profile is not None
+    aside = np.cross([0.0, 0.0, 1.0], profile.ahead)
+    low, high, far = np.inf, -np.inf, 0.0
+    for poses in bodies.blocks():
+        offset = places(poses) - profile.start
+        low, high = min(low, float((offset @ profile.ahead).min())), max(high, float((offset @ profile.ahead).max()))
+        far = max(far, float(np.abs(offset @ aside).max()))
+    return low, high, far
+
+
+def places(poses: Poses) -> Floats:
+    """All places (n, 3) of links, or of wheels and hull without links."""
+    found = [links.centres.reshape(-1, 3) for links in poses.links.values()]
+    found = found or [pose.position for pose in poses.wheels.values()]
+    return np.concatenate(found or [poses.hull.position if poses.hull else np.zeros((1, 3))])
+
+
+def strip(profile: Ground, low: float, high: float, far: float) -> Floats:
+    """Right and left corners (k, 2, 3) of the ground from a place along the way to another, in world."""
+    along = np.unique(np.concatenate([[low], profile.along, [high]]))
+    along = along[(along >= low) & (along <= high)]
+    aside = np.cross([0.0, 0.0, 1.0], profile.ahead)
+    line = profile.start * [1.0, 1.0, 0.0] + along[:, None] * profile.ahead
+    line[:, 2] = profile.at(along)
+    return np.stack([line - far * aside, line + far * aside], axis=1)
+
+
+def strip_triangles(count: int) -> NDArray[np.int64]:
+    """Triangles, upwards, of a strip of so many pairs of corners."""
+    one = 2 * np.arange(count - 1)
+    return np.concatenate([np.stack([one, one + 2, one + 1], axis=1), np.stack([one + 1, one + 2, one + 3], axis=1)])
