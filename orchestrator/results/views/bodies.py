@@ -24,7 +24,8 @@ from orchestrator.results.views.scene_table import SolidScene, checked
 WHEELS = ("sprocket", "road_wheel", "idler")
 BLOCK = 100  # instants in memory at once
 SAME = 1e-9  # s: between times that are equal
-SIDE_VIEWS = ("left", "right")
+SIDES = ("left", "right")
+DRAWN = 0.94  # of the pitch: gaps show where a link ends
 HIGH = 0.98  # the scale of colours ends where the largest value of so many of the instants does
 
 
@@ -241,7 +242,7 @@ class Bodies:
         if nodes < 2 or nodes not in (links, links + 1):
             return None
         chain = self.scene["vehicle"]["track"]
-        half = np.array([0.5 * chain["pitch"], 0.5 * chain["width"], max(chain["face"], 0.005)])
+        half = np.array([0.5 * DRAWN * chain["pitch"], 0.5 * chain["width"], max(chain["face"], 0.005)])
         track = Track(name, links, nodes == links, half)
         pins = self._columns.add(topic, _names("joint", nodes, "position"))
         axis, force = _names("joint", nodes, "axis"), _names("link", links, "ground.force")
@@ -280,7 +281,7 @@ class Bodies:
                 for wheel in _wheels(log.topics[f"/{name}/in"].names, ""):
                     yield self._wheel(name, f"/{name}/in", wheel, wheel)
         if "/chassis/out" in log.topics:
-            for side in SIDE_VIEWS:
+            for side in SIDES:
                 if f"{side}_track" not in self.run.instances:
                     for wheel in _wheels(log.topics["/chassis/out"].names, f"{side}."):
                         yield self._wheel("chassis", "/chassis/out", f"{side}.{wheel}", wheel)

@@ -13,16 +13,14 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
+from orchestrator.results.views.arrows import ground_arrows
 from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
 from orchestrator.results.views.files import checked_name, written
 from orchestrator.results.views.plots import Plot, curves, plots
-from orchestrator.results.views.solids import ROOM, prism, spokes, strip, strip_triangles, travelled
+from orchestrator.results.views.solids import ROOM, UPRIGHT, places, prism, spokes, strip, strip_triangles, travelled
 
 RATE = 50.0  # instants a second
 TIMELINE = "time"
-METRES = 5e-5  # of an arrow for a newton
-SEEN = 0.01  # m: shorter arrows are left out
-UPRIGHT = (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # x, y, z, w: turns a cylinder's z to a wheel's y
 
 
 def show(path: Path, output: Path | None = None, colour: str | None = None) -> None:
@@ -133,14 +131,13 @@ def _send_poses(
         each = [track.links] * count
         recording.send_columns(path_of("world", "links", track.name), times, boxes.partition(each))
         if links.ground is not None:
-            feet = links.centres + track.half[2] * links.axes[..., 2]
-            shown = METRES * np.linalg.norm(links.ground, axis=-1) > SEEN
+            origins, vectors, counts = ground_arrows(track, links)
             arrows = rerun.Arrows3D.columns(
-                vectors=METRES * links.ground[shown], origins=feet[shown],
-                colors=np.broadcast_to(np.array(colours.FORCE, np.uint8), (int(shown.sum()), 3)),
+                vectors=vectors, origins=origins,
+                colors=np.broadcast_to(np.array(colours.FORCE, np.uint8), (len(vectors), 3)),
             )  # fmt: skip
             place = path_of("world", "forces of the ground", track.name)
-            recording.send_columns(place, times, arrows.partition(shown.sum(axis=1)))
+            recording.send_columns(place, times, arrows.partition(counts))
     for name, pose in poses.wheels.items():
         _move(rerun, recording, path_of("world", "wheels", name), times, pose.position, pose.orientation)
     if bodies.hull and poses.hull:
@@ -175,8 +172,6 @@ def _arranged(rerun: ModuleType, blueprints: ModuleType, bodies: Bodies, beside:
 
 def _eye(bodies: Bodies) -> tuple[Floats, Floats]:
     """Where one looks from and at, at first: from ahead, from the right, from above."""
-    from orchestrator.results.views.solids import places
-
     here = places(next(bodies.blocks(1)))
     middle = 0.5 * (here.min(axis=0) + here.max(axis=0))
     size = float(np.ptp(here, axis=0).max())

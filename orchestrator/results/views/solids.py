@@ -11,6 +11,7 @@ from orchestrator.results.views.bodies import Bodies, Poses, Wheel
 
 ROOM = 5.0  # m of ground beyond what was driven on
 SPOKES = 6
+UPRIGHT = (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # x, y, z, w: turns a cylinder's z to a wheel's y
 
 
 def prism(wheel: Wheel) -> tuple[Floats, NDArray[np.int64]]:

@@ -1,0 +1,26 @@
+"""Forces of the ground as arrows, one scale for all vehicles: lengths of two views can be compared."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.views.bodies import LinkPoses, Track
+
+METRES = 5e-5  # of an arrow for a newton: 20 kN are a metre
+SEEN = 0.01  # m: shorter arrows are left out
+ASIDE = 0.03  # m beyond the outer edge of a link: wheels and links would hide them
+
+
+def ground_arrows(track: Track, links: LinkPoses, rows: Any = slice(None)) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Origins (n, 3), at the pads, and vectors (n, 3), m, of some instants, and how many each of them has."""
+    assert links.ground is not None
+    outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)
+    axes = links.axes[rows]
+    feet = links.centres[rows] + track.half[2] * axes[..., 2] + outer * axes[..., 1]
+    vectors = METRES * links.ground[rows]
+    shown = np.linalg.norm(vectors, axis=-1) > SEEN
+    return feet[shown], vectors[shown], shown.sum(axis=1)

@@ -1,0 +1,245 @@
+"""A run as a file for Foxglove: bodies in space, forces of the ground, curves, and a layout that shows them.
+
+Shapes that do not change are one message on a topic of their own, in frames that move: a viewer that jumps in time asks
+for the last message of each topic.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from orchestrator.log.extra import library
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results.run_data import RunData
+from orchestrator.results.views import colours
+from orchestrator.results.views.arrows import ground_arrows
+from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
+from orchestrator.results.views.files import checked_name, written
+from orchestrator.results.views.plots import Plot, curves, plots
+from orchestrator.results.views.solids import ROOM, UPRIGHT, prism, spokes, strip, strip_triangles, travelled
+
+RATE = 50.0  # instants a second
+WORLD = "world"
+NUMBER = {"type": "object", "properties": {"value": {"type": "number"}}}
+DAMAGING = re.compile(r"\W")
+
+
+def write(path: Path, output: Path, colour: str | None = None) -> Path:
+    """Write a log as an MCAP file of Foxglove's messages; the path of its layout, which lies beside.
+
+    Raises BadInput for what cannot be shown or written, and NotInstalled.
+    """
+    checked_name(output, (".mcap",))
+    if output.exists() and output.samefile(path):
+        from fmus.vehicle import BadInput
+
+        raise BadInput(f"{output} is the log itself: give the view another name")
+    library("foxglove", "view")
+    layout = output.with_name(f"{output.stem}.layout.json")
+    with Log(path) as log:
+        bodies = Bodies(RunData(log), RATE, colour)
+        beside = plots(log)
+        with written(layout) as arranged, written(output) as scenes:
+            arranged.write_text(json.dumps(_layout(bodies, beside), indent=1), encoding="utf-8")
+            _write(bodies, beside, scenes)
+    return layout
+
+
+def _write(bodies: Bodies, beside: list[Plot], output: Path) -> None:
+    foxglove, channels, kinds = (library(f"foxglove{part}", "view") for part in ("", ".channels", ".messages"))
+    scale = bodies.range()
+    context = foxglove.Context()  # nobody else's topics
+    with foxglove.open_mcap(output, context=context):
+        shapes = channels.SceneUpdateChannel("/shapes", context=context)
+        scene = channels.SceneUpdateChannel("/scene", context=context)
+        frames = channels.FrameTransformsChannel("/frames", context=context)
+        numbers = {
+            signal: foxglove.Channel(_topic(plot, signal), schema=NUMBER, context=context)
+            for plot in beside
+            for signal in plot.signals
+        }
+        begin = float(bodies.t[0])
+        shapes.log(kinds.SceneUpdate(entities=[*_shapes(kinds, bodies, begin)]), log_time=_nanoseconds(begin))
+        after = -np.inf
+        for poses in bodies.blocks():
+            for k, t in enumerate(poses.t):
+                entities = [*_entities(kinds, bodies, poses, k, scale)]
+                scene.log(kinds.SceneUpdate(entities=entities), log_time=_nanoseconds(t))
+                moved = [*_frames(kinds, poses, k)]
+                frames.log(kinds.FrameTransforms(transforms=moved), log_time=_nanoseconds(t))
+            last = float(poses.t[-1])
+            for _, signal, times, values in curves(bodies.run.log, beside, (after, last)):
+                for t, value in zip(times, values, strict=True):
+                    if np.isfinite(value):  # JSON has no other numbers
+                        numbers[signal].log({"value": float(value)}, log_time=_nanoseconds(t))
+            after = last + 1e-6
+
+
+def _nanoseconds(t: float) -> int:
+    return max(round(float(t) * 1e9), 0)
+
+
+def _stamp(kinds: ModuleType, t: float) -> Any:
+    return kinds.Timestamp(*divmod(_nanoseconds(t), 1_000_000_000))
+
+
+def _topic(plot: Plot, signal: str) -> str:
+    """Names of a log may hold anything; paths of Foxglove may not."""
+    return f"/plots/{plot.name}/{DAMAGING.sub('_', signal)}"
+
+
+def _vector(kinds: ModuleType, values: Any) -> Any:
+    x, y, z = map(float, values)
+    return kinds.Vector3(x=x, y=y, z=z)
+
+
+def _quaternion(kinds: ModuleType, xyzw: Any) -> Any:
+    x, y, z, w = map(float, xyzw)
+    return kinds.Quaternion(x=x, y=y, z=z, w=w)
+
+
+def _colour(kinds: ModuleType, red_green_blue: Any) -> Any:
+    r, g, b = (float(part) / 255.0 for part in red_green_blue)
+    return kinds.Color(r=r, g=g, b=b, a=1.0)
+
+
+def _points(kinds: ModuleType, places: Floats) -> list[Any]:
+    return [kinds.Point3(x=x, y=y, z=z) for x, y, z in places.reshape(-1, 3).tolist()]
+
+
+def _lines(kinds: ModuleType, pairs: Floats, width: float, colour: Any) -> Any:
+    """Of pairs (n, 2, 3) of points."""
+    return kinds.LinePrimitive(
+        type=kinds.LinePrimitiveLineType.LineList, thickness=width, points=_points(kinds, pairs),
+        color=_colour(kinds, colour),
+    )  # fmt: skip
+
+
+def _triangles(kinds: ModuleType, corners: Floats, triangles: Any, colour: Any) -> Any:
+    return kinds.TriangleListPrimitive(
+        points=_points(kinds, corners), indices=triangles.ravel().tolist(), color=_colour(kinds, colour)
+    )
+
+
+def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
+    """What does not change, each in its own frame."""
+    stamp = _stamp(kinds, t)
+    for wheel in bodies.wheels:
+        yield kinds.SceneEntity(
+            timestamp=stamp, frame_id=wheel.name, id=wheel.name, frame_locked=True,
+            lines=[_lines(kinds, spokes(wheel), 0.016, (225, 225, 225))], **_wheel(kinds, wheel),
+        )  # fmt: skip
+    if bodies.hull:
+        edges = bodies.hull.corners[bodies.hull.edges]
+        lines = [_lines(kinds, edges, 0.024, colours.HULL)]
+        yield kinds.SceneEntity(timestamp=stamp, frame_id="hull", id="hull", frame_locked=True, lines=lines)
+    if bodies.ground:
+        low, high, far = travelled(bodies)
+        corners = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM)
+        mesh = _triangles(kinds, corners, strip_triangles(len(corners)), colours.EARTH)
+        yield kinds.SceneEntity(timestamp=stamp, frame_id=WORLD, id="ground", frame_locked=True, triangles=[mesh])
+
+
+def _wheel(kinds: ModuleType, wheel: Wheel) -> dict[str, Any]:
+    if len(wheel.outline):
+        return {"triangles": [_triangles(kinds, *prism(wheel), colours.WHEEL[wheel.kind])]}
+    pose = kinds.Pose(position=_vector(kinds, (0.0, 0.0, 0.0)), orientation=_quaternion(kinds, UPRIGHT))
+    cylinder = kinds.CylinderPrimitive(
+        pose=pose, size=_vector(kinds, (2 * wheel.radius, 2 * wheel.radius, wheel.width)), bottom_scale=1.0,
+        top_scale=1.0, color=_colour(kinds, colours.WHEEL[wheel.kind]),
+    )  # fmt: skip
+    return {"cylinders": [cylinder]}
+
+
+def _entities(
+    kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: tuple[float, float]
+) -> Iterator[Any]:
+    """Links and forces at the k-th instant."""
+    stamp = _stamp(kinds, poses.t[k])
+    for track in bodies.tracks:
+        links = poses.links[track.name]
+        shown = None if links.colour is None else links.colour[k]
+        size = _vector(kinds, 2.0 * track.half)
+        cubes = [
+            kinds.CubePrimitive(
+                pose=kinds.Pose(position=_vector(kinds, centre), orientation=_quaternion(kinds, turned)),
+                size=size,
+                color=_colour(kinds, colour),
+            )
+            for centre, turned, colour in zip(
+                links.centres[k].tolist(),
+                quaternions(links.axes[k]).tolist(),
+                colours.coloured(shown, (track.links,), scale).tolist(),
+                strict=True,
+            )
+        ]
+        yield kinds.SceneEntity(timestamp=stamp, frame_id=WORLD, id=f"links of {track.name}", cubes=cubes)
+        if links.ground is not None:
+            origins, vectors, _ = ground_arrows(track, links, slice(k, k + 1))
+            pairs = np.stack([origins, origins + vectors], axis=1)
+            lines = [_lines(kinds, pairs, 0.02, colours.FORCE)] if len(pairs) else []
+            name = f"forces of the ground on {track.name}"
+            yield kinds.SceneEntity(timestamp=stamp, frame_id=WORLD, id=name, lines=lines)
+
+
+def _frames(kinds: ModuleType, poses: Poses, k: int) -> Iterator[Any]:
+    """Poses of wheels and hull at the k-th instant."""
+    stamp = _stamp(kinds, poses.t[k])
+    every = {**poses.wheels, **({"hull": poses.hull} if poses.hull else {})}
+    for name, pose in every.items():
+        yield kinds.FrameTransform(
+            timestamp=stamp, parent_frame_id=WORLD, child_frame_id=name,
+            translation=_vector(kinds, pose.position[k]), rotation=_quaternion(kinds, np.roll(pose.orientation[k], -1)),
+        )  # fmt: skip
+
+
+def _layout(bodies: Bodies, beside: list[Plot]) -> dict[str, Any]:
+    """A layout as the application imports it from a file: space to the left, curves to the right."""
+    space = "3D!space"
+    panels: dict[str, Any] = {
+        space: {
+            "foxglovePanelTitle": f"links by {bodies.label}" if bodies.colour else "links",
+            "cameraState": {
+                "perspective": True, "distance": 9.0, "phi": 60.0, "thetaOffset": -60.0, "fovy": 45.0, "near": 0.1,
+                "far": 5000.0, "target": [0, 0, 0], "targetOffset": [0, 0, 0], "targetOrientation": [0, 0, 0, 1],
+            },
+            "followMode": "follow-position",
+            "followTf": "hull" if bodies.hull else WORLD,
+            "fixedFrame": WORLD,
+            "scene": {"transforms": {"visible": False, "showLabel": False, "axisSize": 0.0}},
+            "transforms": {}, "publish": {}, "imageMode": {},
+            "topics": {"/scene": {"visible": True}, "/shapes": {"visible": True, "computeVertexNormals": True}},
+            "layers": {},
+        }
+    }  # fmt: skip
+    for plot in beside:
+        panels[f"Plot!{plot.name}"] = {
+            "foxglovePanelTitle": plot.title,
+            "paths": [
+                {"value": f"{_topic(plot, signal)}.value", "label": signal, "enabled": True,
+                 "timestampMethod": "receiveTime"}
+                for signal in plot.signals
+            ],
+            "isSynced": True, "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False,
+            "showXAxisLabels": True, "showYAxisLabels": True, "xAxisVal": "timestamp", "sidebarDimension": 240,
+        }  # fmt: skip
+    rows = list(panels)[1:]
+    stack: Any = rows[-1] if rows else None
+    for number, row in enumerate(reversed(rows[:-1]), 2):
+        stack = {"direction": "column", "first": row, "second": stack, "splitPercentage": 100.0 / number}
+    whole: Any = {"direction": "row", "first": space, "second": stack, "splitPercentage": 60.0} if rows else space
+    return {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1.0},
+        "layout": whole,
+    }
