@@ -1,0 +1,281 @@
+"""A film of a run, .mp4 or .gif: from the right, from the top or from a corner; the camera goes with the hull."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.vehicle import BadInput
+from orchestrator.log.extra import library
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results.run_data import RunData
+from orchestrator.results.views import colours
+from orchestrator.results.views.arrows import ground_arrows
+from orchestrator.results.views.bodies import Bodies, Poses
+from orchestrator.results.views.files import checked_name, written
+from orchestrator.results.views.projected import EYES, Camera, camera, heading, hull_lines, polygons, section
+from orchestrator.results.views.solids import places
+
+RATES = {".mp4": 25, ".gif": 12.5}  # pictures a second; a GIF has whole hundredths of a second
+WIDTHS = {".mp4": 1280, ".gif": 800}  # of a picture, pixels
+DPI = 100
+TOP, BESIDE, EDGE = 64, 130, 12  # pixels round what is seen: title, scale of colours, border
+MARGIN = 0.3  # m round the bodies
+BELOW = 0.35  # m of ground
+SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
+
+
+def write(path: Path, output: Path, eye: str = "right", colour: str | None = None) -> int:
+    """Write a film of a log in real time; how many pictures it has.
+
+    Raises BadInput for what cannot be shown or written, and NotInstalled.
+    """
+    suffix = output.suffix.lower()
+    checked_name(output, tuple(RATES))
+    if eye not in EYES:
+        raise BadInput(f"--seen-from {eye}: one looks from one of {', '.join(EYES)}")
+    ffmpeg = library("imageio_ffmpeg", "video") if suffix == ".mp4" else None
+    with Log(path) as log:
+        bodies = Bodies(RunData(log), RATES[suffix], colour)
+        picture = _Picture(bodies, eye, WIDTHS[suffix])
+        with written(output) as beside:
+            if ffmpeg:
+                return _mp4(ffmpeg, beside, picture)
+            return _gif(beside, picture)
+
+
+def _mp4(ffmpeg: Any, output: Path, picture: _Picture) -> int:
+    writer = ffmpeg.write_frames(
+        str(output), picture.size, fps=RATES[".mp4"], pix_fmt_in="rgba", macro_block_size=2, codec="libx264",
+        output_params=["-crf", "20", "-movflags", "+faststart"], ffmpeg_log_level="error",
+    )  # fmt: skip
+    count = 0
+    try:
+        writer.send(None)
+        for drawn in picture.shown(RATES[".mp4"]):
+            writer.send(drawn)
+            count += 1
+    finally:
+        writer.close()
+    return count
+
+
+def _gif(output: Path, picture: _Picture) -> int:
+    from PIL import Image
+
+    images: list[Any] = []
+    for drawn in picture.shown(RATES[".gif"]):
+        image = Image.fromarray(drawn).convert("RGB")
+        palette = images[0] if images else None  # one for all: a palette of each would flicker
+        images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
+    images[0].save(
+        output, format="GIF", save_all=True, append_images=images[1:], duration=round(1e3 / RATES[".gif"]), loop=0
+    )
+    return len(images)
+
+
+class _Picture:
+    """Pictures of one size; what does not change is drawn once."""
+
+    def __init__(self, bodies: Bodies, eye: str, width: int) -> None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.collections import LineCollection, PolyCollection
+        from matplotlib.figure import Figure
+
+        self._bodies, self._eye = bodies, eye
+        self._scale = bodies.range()
+        self._speed = self._recorded_speed()
+        low, high = self._extent()
+        beside = BESIDE if bodies.colour else EDGE
+        across = width - EDGE - beside
+        metre = across / (high[0] - low[0])  # pixels
+        upright = int(np.ceil(metre * (high[1] - low[1])))
+        height = upright + TOP + EDGE
+        height += height % 2
+        self.size = (width, height)
+        figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+        self._canvas = FigureCanvasAgg(figure)
+        self._pane = pane = figure.add_axes(
+            (EDGE / width, EDGE / height, across / width, (height - TOP - EDGE) / height)
+        )
+        pane.set_xlim(low[0], high[0])
+        pane.set_ylim(low[1], low[1] + (height - TOP - EDGE) / metre)
+        pane.set_xticks([])
+        pane.set_yticks([])
+        self._half = 0.5 * float(np.hypot(*(high - low))) + MARGIN
+        figure.text(EDGE / width, 1 - 8 / height, bodies.title, va="top", fontsize=10, parse_math=False, wrap=True)
+        if bodies.colour:
+            self._scale_of_colours(figure)
+        self._clock = figure.text(EDGE / width, 1 - 36 / height, "", va="top", fontsize=10, parse_math=False)
+        self._earth = PolyCollection([], facecolors=[], edgecolors="0.5", linewidths=0.4)
+        self._solid = PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3)
+        self._lines = [
+            LineCollection([], colors=colour, linewidths=width)
+            for colour, width in (
+                ("0.45", 0.7),
+                ("0.95", 1.0),
+                ([part / 255.0 for part in colours.HULL], 1.2),
+                ([part / 255.0 for part in colours.FORCE], 1.2),
+            )
+        ]
+        self._numbers = [pane.text(0, 0, "", fontsize=7, ha="center", va="top", color="0.3") for _ in range(24)]
+        self._artists = [self._earth, self._lines[0], self._solid, *self._lines[1:]]
+        for artist in self._artists:
+            pane.add_collection(artist, autolim=False)
+        for artist in (*self._artists, *self._numbers, self._clock):
+            artist.set_animated(True)
+        self._canvas.draw()
+        self._empty = self._canvas.copy_from_bbox(figure.bbox)
+
+    def shown(self, rate: float) -> Iterator[NDArray[np.uint8]]:
+        """Pictures (height, width, 4), the last instant included, in real time: one stands until the next instant."""
+        begin, count = float(self._bodies.t[0]), 0
+        waiting: NDArray[np.uint8] | None = None
+        for poses in self._bodies.blocks():
+            for k, t in enumerate(poses.t):
+                number = round((float(t) - begin) * rate)
+                while waiting is not None and count < number:
+                    yield waiting
+                    count += 1
+                waiting = self._drawn(poses, k)
+        if waiting is not None:
+            yield waiting
+
+    def _drawn(self, poses: Poses, k: int) -> NDArray[np.uint8]:
+        bodies, seen = self._bodies, self._camera(poses, k)
+        self._ground(seen)
+        found = polygons(seen, bodies, poses, k, self._scale)
+        self._solid.set_verts(found.outlines)
+        self._solid.set_facecolor(found.colours)
+        self._lines[1].set_segments(list(found.lines))
+        self._lines[2].set_segments(list(hull_lines(seen, bodies, poses, k)))
+        self._lines[3].set_segments(list(self._forces(seen, poses, k)))
+        t = float(poses.t[k])
+        self._clock.set_text(f"{SEEN_FROM[self._eye]},  t = {t:.2f} s{self._motion(t)}")
+        self._canvas.restore_region(self._empty)
+        renderer = self._canvas.get_renderer()
+        for artist in (*self._artists, *(text for text in self._numbers if text.get_text())):
+            artist.draw(renderer)
+        self._clock.draw(renderer)
+        return np.array(self._canvas.buffer_rgba())
+
+    def _camera(self, poses: Poses, k: int) -> Camera:
+        """At the height of the first instant, over the hull; from the right, it turns with the hull."""
+        start = self._bodies.scene["start"]["heading"]
+        ahead = heading(poses, k, start) if self._eye == "right" else start
+        centre = self._middle.copy()
+        if poses.hull:
+            centre[:2] = poses.hull.position[k, :2]
+        return camera(self._eye, ahead, centre)
+
+    def _extent(self) -> tuple[Floats, Floats]:
+        """Lower left and upper right corner of what is seen, m from its middle."""
+        first = places(next(self._bodies.blocks(1)))
+        self._middle = 0.5 * (first.min(axis=0) + first.max(axis=0))
+        low, high = np.full(2, np.inf), np.full(2, -np.inf)
+        for poses in self._bodies.blocks():
+            for k in range(len(poses.t)):
+                seen = self._camera(poses, k)
+                found = [hull_lines(seen, self._bodies, poses, k).reshape(-1, 2)]
+                found += [seen.flat(links.centres[k]) for links in poses.links.values()]
+                for wheel in self._bodies.wheels:
+                    middle = seen.flat(poses.wheels[wheel.name].position[k])
+                    found.append(np.stack([middle - wheel.radius, middle + wheel.radius]))
+                everything = np.concatenate(found)
+                low, high = np.minimum(low, everything.min(axis=0)), np.maximum(high, everything.max(axis=0))
+        aside = max([0.0, *(float(track.half.max()) for track in self._bodies.tracks)])
+        low, high = low - MARGIN - aside, high + MARGIN + aside
+        if self._bodies.ground:
+            low[1] -= BELOW
+        size = high - low  # a film is neither a stripe nor a tower
+        more = np.maximum(np.array([size[1], 0.25 * size[0]]) - size, 0.0)
+        return low - 0.5 * more, high + 0.5 * more
+
+    def _ground(self, seen: Camera) -> None:
+        if not self._bodies.ground:
+            return
+        earth = [part / 255.0 for part in colours.EARTH]
+        if self._eye == "right":
+            line, metres = section(seen, self._bodies, self._half)
+            bottom = [[self._half, -2 * self._half], [-self._half, -2 * self._half]]
+            self._earth.set_verts([np.concatenate([line, bottom])])
+            self._earth.set_facecolor([earth])
+            ticks = np.stack([metres[:, :2], metres[:, :2] - [0.0, 0.08]], axis=1)
+            self._lines[0].set_segments(list(ticks))
+            left, right = self._pane.get_xlim()
+            inside = metres[(metres[:, 0] > left + 0.2) & (metres[:, 0] < right - 0.2)]
+            every = 1 if len(inside) < 12 else 5
+            labelled = inside[np.round(inside[:, 2]) % every == 0][: len(self._numbers)]
+            for text in self._numbers:
+                text.set_text("")
+            for text, (x, y, metre) in zip(self._numbers, labelled, strict=False):
+                text.set_position((x, y - 0.1))
+                text.set_text(f"{metre:.0f} m")
+            return
+        quads, brightness, lines = _plane(seen, self._bodies, 2.0 * self._half)
+        self._earth.set_verts(list(quads))
+        self._earth.set_facecolor(np.clip(brightness[:, None] * np.array(earth), 0.0, 1.0))
+        self._lines[0].set_segments(list(lines))
+
+    def _forces(self, seen: Camera, poses: Poses, k: int) -> Floats:
+        found = [np.empty((0, 2, 2))]
+        for track in self._bodies.tracks:
+            links = poses.links[track.name]
+            if links.ground is not None:
+                origins, vectors, _ = ground_arrows(track, links, slice(k, k + 1))
+                found.append(seen.flat(np.stack([origins, origins + vectors], axis=1)))
+        return np.concatenate(found)
+
+    def _recorded_speed(self) -> tuple[Floats, Floats] | None:
+        run = self._bodies.run
+        if not run.has("chassis.speed"):
+            return None
+        return self._bodies.t, run.log.sample(["chassis.speed"], self._bodies.t)[:, 0]
+
+    def _motion(self, t: float) -> str:
+        if self._speed is None:
+            return ""
+        return f",  {np.interp(t, *self._speed):.2f} m/s"
+
+    def _scale_of_colours(self, figure: Any) -> None:
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+
+        width, height = self.size
+        scale = ScalarMappable(Normalize(*self._scale), colours.MAP)
+        pane = figure.add_axes(((width - BESIDE + 20) / width, 0.12, 18 / width, 0.68))
+        bar = figure.colorbar(scale, cax=pane, extend="max")
+        bar.set_label(self._bodies.label, fontsize=8)
+        bar.ax.tick_params(labelsize=8)
+
+
+def _plane(seen: Camera, bodies: Bodies, half: float) -> tuple[Floats, Floats, Floats]:
+    """The ground round the middle as quadrangles (n, 4, 2) with their brightness, and lines each metre (m, 2, 2)."""
+    profile = bodies.ground
+    assert profile is not None
+    aside = np.cross([0.0, 0.0, 1.0], profile.ahead)
+    offset = seen.centre - profile.start
+    middle, beside = float(offset @ profile.ahead), float(offset @ aside)
+    low, high = middle - half, middle + half
+    metres = np.arange(np.ceil(low), np.floor(high) + 1.0)
+    along = np.unique(np.concatenate([[low, high], profile.along[(profile.along > low) & (profile.along < high)]]))
+
+    def at(places: Floats, across: Any) -> Floats:
+        found = profile.start * [1.0, 1.0, 0.0] + np.multiply.outer(places, profile.ahead)
+        found = found + np.multiply.outer(across, aside)
+        found[..., 2] += profile.at(places)
+        return np.asarray(found)
+
+    right, left = at(along, np.full(len(along), beside - half)), at(along, np.full(len(along), beside + half))
+    quads = seen.flat(np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1))
+    slope = np.diff(profile.at(along)) / np.diff(along)
+    lines = [seen.flat(np.stack([at(metres, np.full(len(metres), beside + side)) for side in (-half, half)], axis=1))]
+    for metre in np.arange(np.ceil(beside - half), np.floor(beside + half) + 1.0):
+        row = seen.flat(at(along, np.full(len(along), metre)))
+        lines.append(np.stack([row[:-1], row[1:]], axis=1))
+    return quads, 1.0 + 0.6 * slope, np.concatenate(lines)
