@@ -15,6 +15,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.picture import saved
 from orchestrator.results.run_data import EVER, Floats, RunData, Window, within
+from orchestrator.results.views.files import PICTURES, checked_name
 
 INSTANTS = 5
 ROOM = 5.0  # m: of the vehicle beside its way
@@ -27,6 +28,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    checked_name(output, PICTURES)
     with Log(path) as log:
         run = RunData(log)
         linked = run.tracks and all(f"/{name}/links" in log.topics for name in run.tracks)

@@ -4,71 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import BaseModel, Field, ValidationError
 
-from fmus.vehicle import BadInput, sentence
+from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
+from orchestrator.results.ground_profile import ground
 from orchestrator.results.run_data import EVER, Floats, Links, RunData, Window, pitch_radius, within
+from orchestrator.results.views.files import PICTURES, checked_name, written
+from orchestrator.results.views.scene_table import Scene, checked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INSTANTS = 3
+INSTANTS = 3  # of the part of a run in which something moves; its start is shown besides
+MOVES = 0.05  # of the largest speed
 WHEELS = ("sprocket", "road_wheel", "idler")
 MARGIN = 0.25  # m round what is drawn
-
-Number = Annotated[float, Field(ge=-1e6, le=1e6)]
-Size = Annotated[float, Field(gt=0, le=1e6)]
-
-
-class _Start(BaseModel):
-    position: tuple[Number, Number, Number]
-    heading: Number
-
-
-class _Model(BaseModel):
-    model: str
-
-
-class _Chain(BaseModel):
-    pitch: Size
-    face: Annotated[float, Field(ge=0, le=1e6)]
-
-
-class _Sprocket(BaseModel):
-    teeth: Annotated[int, Field(ge=1, le=1000)]
-    outer_radius: Size
-    pin_radius: Size
-
-
-class _RoadWheel(BaseModel):
-    radius: Size
-    z: Number
-
-
-class _Idler(BaseModel):
-    radius: Size
-
-
-class _Vehicle(BaseModel):
-    track: _Chain
-    sprocket: _Sprocket
-    road_wheel: _RoadWheel
-    idler: _Idler
-
-
-class _Scene(BaseModel):
-    """What is drawn of a scene: a log of another version may hold more, or other things."""
-
-    title: str
-    assembly: str
-    track: _Model
-    start: _Start
-    vehicle: _Vehicle
 
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
@@ -78,13 +32,14 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
+    checked_name(output, PICTURES)
     with Log(path) as log:
         run = RunData(log)
         if not run.tracks:
             raise BadInput(f"{path} holds no links to draw")
-        run.scene = _scene(run)
+        run.scene = checked(run, Scene)
         track = run.tracks[0]
-        instants = _instants(_recorded(run, track), times)
+        instants = _instants(_recorded(run, track), times, None if times else _moving(run, track))
         found = [run.links(track, Window(t, t)) for t in instants]
         if not all(_drawable(links) for links in found):
             raise BadInput(f"{path} holds no links to draw")
@@ -95,12 +50,16 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         figure = Figure(figsize=(9.0, 2.1 * len(found) + 0.4), layout="constrained")
         FigureCanvasAgg(figure)
         panes = figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
+        corners = tuple(
+            (min(float(part.min()) for part in parts) - MARGIN, max(float(part.max()) for part in parts) + MARGIN)
+            for parts in ([links.forward for links in found], [links.up for links in found])
+        )  # what all panes show
         for pane, links in zip(panes, found, strict=True):
-            _pane(pane, run, track, links, scale)
+            _pane(pane, run, track, links, scale, corners)
         panes[-1].set_xlabel("ahead of the sprocket axle, m")
         figure.colorbar(scale, ax=list(panes), label="link tension, kN", shrink=0.8)
         title = f"{run.scene['title']} ({run.scene['track']['model']} links)"
-        figure.suptitle(title, fontsize=10, parse_math=False)
+        figure.suptitle(f"{title}\n{track}, seen from the right", fontsize=10, parse_math=False)
         saved(figure, output)
 
 
@@ -109,19 +68,12 @@ def saved(figure: Figure, output: Path) -> None:
     if output.is_dir():
         raise BadInput(f"the picture {output} cannot be written: it is a directory")
     try:
-        figure.savefig(output, dpi=120, format=output.suffix[1:] or "png")
-    except (OSError, ValueError) as error:
+        with written(output) as beside:
+            figure.savefig(beside, dpi=120, format=output.suffix[1:] or "png")
+    except BadInput:
+        raise
+    except ValueError as error:
         raise BadInput(f"the picture {output} cannot be written: {error}") from None
-
-
-def _scene(run: RunData) -> dict[str, Any]:
-    """What is drawn of the scene, checked; raises BadInput."""
-    if not run.scene:
-        raise BadInput(f"{run.log.path} does not say of which scene it is: there is nothing to draw it by")
-    try:
-        return _Scene.model_validate(run.scene).model_dump()
-    except ValidationError as error:
-        raise BadInput(sentence(error, f"{run.log.path}: scene.json")) from None
 
 
 def _drawable(links: Links) -> bool:
@@ -139,19 +91,37 @@ def _recorded(run: RunData, track: str) -> Floats:
     return recorded
 
 
-def _instants(recorded: Floats, times: Sequence[float] | None) -> list[float]:
-    """Of the records those nearest to the times, s, by default at thirds of the run; raises BadInput outside of it."""
+def _moving(run: RunData, track: str) -> Window | None:
+    """From when to when the vehicle, or else the track, moves; None where it rests, or its speed was not recorded."""
+    names = [name for name in ("chassis.speed", f"{track}.speed") if run.has(name)]
+    if not names:
+        return None
+    t, speed = run.signal(names[0], EVER)
+    moves = t[np.abs(speed) > max(MOVES * float(np.max(np.abs(speed), initial=0.0)), 1e-3)]
+    return Window(float(moves[0]), float(moves[-1])) if len(moves) else None
+
+
+def _instants(recorded: Floats, times: Sequence[float] | None, moving: Window | None = None) -> list[float]:
+    """Of the records those nearest to the times, s; raises BadInput outside of the run.
+
+    By default the start and thirds of the part in which something moves, or of the run where nothing does.
+    """
     if times is None:
-        end = recorded[-1]
-        times = [end * (i + 1) / INSTANTS for i in range(INSTANTS)] if end else [0.0]
+        begin, end = moving or Window(0.0, float(recorded[-1]))
+        thirds = [begin + (end - begin) * (i + 1) / INSTANTS for i in range(INSTANTS)] if end > begin else [end]
+        asked = [float(recorded[0]), *thirds] if moving else thirds
+        times = [float(np.clip(t, recorded[0], recorded[-1])) for t in asked]
+        return list(dict.fromkeys(float(recorded[np.abs(recorded - t).argmin()]) for t in times))
     for t in times:
         if not within(np.array(t), Window(float(recorded[0]), float(recorded[-1]))):
             raise BadInput(f"--at {t:.9g}: links were recorded from {recorded[0]:.9g} to {recorded[-1]:.9g} s")
     return [float(recorded[np.abs(recorded - t).argmin()]) for t in times]
 
 
-def _pane(pane: Axes, run: RunData, track: str, links: Links, scale: Any) -> None:
-    """The one record of links, and what they touch at that instant."""
+def _pane(
+    pane: Axes, run: RunData, track: str, links: Links, scale: Any, corners: tuple[tuple[float, float], ...]
+) -> None:
+    """The one record of links, and what they touch at that instant; what is shown ahead and up, from and to, m."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Circle, Polygon
 
@@ -168,11 +138,12 @@ def _pane(pane: Axes, run: RunData, track: str, links: Links, scale: Any) -> Non
     boxes = _boxes(pins[:count], pins[(np.arange(count) + 1) % len(pins)], run.scene["vehicle"]["track"]["face"])
     colours = scale.to_rgba(links.tension[0] / 1e3)
     pane.add_collection(PolyCollection(list(boxes), facecolors=colours, edgecolors="0.25", linewidths=0.3))
-    if run.scene["assembly"] == "vehicle":
-        pane.axhspan(pins[:, 1].min() - MARGIN, _ground(run, track, t), color="0.8", zorder=0)
+    line = ground_line(run, track, t, *corners[0])
+    if len(line):
+        pane.fill_between(*line.T, corners[1][0], color="0.8", zorder=0)
     pane.set_aspect("equal")
-    pane.set_xlim(pins[:, 0].min() - MARGIN, pins[:, 0].max() + MARGIN)
-    pane.set_ylim(pins[:, 1].min() - MARGIN, pins[:, 1].max() + MARGIN)
+    pane.set_xlim(corners[0])
+    pane.set_ylim(corners[1])
     pane.set_ylabel("m")
     pane.set_title(f"t = {t:.2f} s{_motion(run, t)}", fontsize=9, loc="left")
 
@@ -201,12 +172,21 @@ def _teeth(run: RunData, track: str, t: float) -> Floats:
     return np.tile(radii, number)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def _ground(run: RunData, track: str, t: float) -> float:
-    """Height of the ground over the sprocket axle: it lies under the pads of the drawn position."""
-    vehicle = run.scene["vehicle"]
-    wheel = vehicle["road_wheel"]
-    height = wheel["z"] - wheel["radius"] - 2 * vehicle["track"]["face"] + run.scene["start"]["position"][2]
-    return float(height - run.near(track, "in", "sprocket.position", t)[2])
+def ground_line(run: RunData, track: str, t: float, low: float, high: float) -> Floats:
+    """The ground (n, 2) from a place to another ahead of the sprocket axle at time t, and up from it, m.
+
+    It is cut by the plane of the track; without ground (0, 2).
+    """
+    profile = ground(run.scene)
+    if profile is None:
+        return np.empty((0, 2))
+    origin, ahead = run.axle(track, np.array([t]), Window(t, t))
+    place, slant = float((origin[0] - profile.start) @ profile.ahead), float(ahead[0] @ profile.ahead)
+    forward = np.linspace(low, high, 200)
+    if abs(slant) > 1e-6:
+        corners = (profile.along - place) / slant
+        forward = np.sort(np.concatenate([forward, corners[(corners > low) & (corners < high)]]))
+    return np.stack([forward, profile.at(place + slant * forward) - origin[0, 2]], axis=1)
 
 
 def _wheels(run: RunData, track: str, t: float) -> list[tuple[str, tuple[float, float], float]]:

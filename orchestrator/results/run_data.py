@@ -173,7 +173,7 @@ class RunData:
             tension = series.values[:, [names[f"link[{i}].tension"] for i in range(1, links + 1)]]
         except KeyError as absent:
             raise Missing(f"the log has no '{track}.{absent.args[0]}'") from None
-        origin, ahead = self._axle(track, series.t, window)
+        origin, ahead = self.axle(track, series.t, window)
         offset = position - origin[:, None, :]
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
 
@@ -187,17 +187,17 @@ class RunData:
 
     def in_plane(self, track: str, wheel: str, t: float) -> tuple[float, float]:
         """Centre of a wheel (forward, up) from the sprocket axle at time t, m."""
-        origin, ahead = self._axle(track, np.array([t]), Window(t, t))
+        origin, ahead = self.axle(track, np.array([t]), Window(t, t))
         offset = self.near(track, "in", f"{wheel}.position", t) - origin[0]
         return float(offset @ ahead[0]), float(offset[2])
 
-    def _axle(self, track: str, t: Floats, window: Window | None = None) -> tuple[Floats, Floats]:
+    def axle(self, track: str, t: Floats, window: Window | None = None) -> tuple[Floats, Floats]:
         """Position of the sprocket axle and the horizontal unit vector ahead of it, (m, 3) each."""
         before = window and window._replace(start=window.start - BEFORE)
         try:
             times, position = self.vectors(track, "in", "sprocket.position", window=before)
             if before and window != EVER and len(t) and not (len(times) and times[0] <= t[0] + 1e-9):
-                return self._axle(track, t, EVER)
+                return self.axle(track, t, EVER)
             _, q = self.vectors(track, "in", "sprocket.orientation", "wxyz", before)
         except LookupError:
             start = self.scene["start"]

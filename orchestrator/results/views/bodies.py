@@ -235,8 +235,11 @@ class Bodies:
         while {f"joint[{nodes + 1}].position.{axis}" for axis in "xyz"} <= names:
             nodes += 1
         of_links = 0
-        while any(f"link[{of_links + 1}].{about.signal}{part}" in names for about in COLOURS.values()
-                  for part in ([f".{about.parts[0]}"] if about.parts else [""])):
+        while any(
+            f"link[{of_links + 1}].{about.signal}{part}" in names
+            for about in COLOURS.values()
+            for part in ([f".{about.parts[0]}"] if about.parts else [""])
+        ):
             of_links += 1
         links = of_links or nodes  # where nothing but pins was recorded the chain is taken as closed
         if nodes < 2 or nodes not in (links, links + 1):
@@ -296,8 +299,10 @@ class Bodies:
         else:
             size = vehicle[kind]
             about = Wheel(f"{owner}/{prefix}", kind, owner, size["radius"], size["width"], np.empty((0, 2)))
-        return about, self._motion(topic, f"{prefix}.position", "xyz"), self._motion(
-            topic, f"{prefix}.orientation", "wxyz"
+        return (
+            about,
+            self._motion(topic, f"{prefix}.position", "xyz"),
+            self._motion(topic, f"{prefix}.orientation", "wxyz"),
         )
 
     def _motion(self, topic: str, prefix: str, parts: str) -> tuple[str, slice]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fmus.vehicle import BadInput
 
+PICTURES = (".png", ".svg", ".pdf")
 WRITTEN = ".png, .svg or .pdf (pictures), .gif or .mp4 (films), .rrd (with --rerun), .mcap (with --foxglove)"
 
 

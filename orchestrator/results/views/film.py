@@ -15,7 +15,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import ground_arrows
+from orchestrator.results.views.arrows import METRES, ground_arrows
 from orchestrator.results.views.bodies import Bodies, Poses
 from orchestrator.results.views.files import checked_name, written
 from orchestrator.results.views.projected import EYES, Camera, camera, heading, hull_lines, polygons, section
@@ -26,7 +26,6 @@ WIDTHS = {".mp4": 1280, ".gif": 800}  # of a picture, pixels
 DPI = 100
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels round what is seen: title, scale of colours, border
 MARGIN = 0.3  # m round the bodies
-BELOW = 0.35  # m of ground
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
 
 
@@ -71,12 +70,24 @@ def _gif(output: Path, picture: _Picture) -> int:
     images: list[Any] = []
     for drawn in picture.shown(RATES[".gif"]):
         image = Image.fromarray(drawn).convert("RGB")
-        palette = images[0] if images else None  # one for all: a palette of each would flicker
+        if not images:  # one palette for all: one of each would flicker
+            palette = _palette(np.asarray(image))
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
     images[0].save(
         output, format="GIF", save_all=True, append_images=images[1:], duration=round(1e3 / RATES[".gif"]), loop=0
     )
     return len(images)
+
+
+def _palette(first: NDArray[np.uint8]) -> Any:
+    """256 colours of the first picture, of all that links can show, lit or not, and of forces."""
+    from PIL import Image
+
+    links = colours.coloured(np.linspace(0.0, 1.0, 40), (40,), (0.0, 1.0))
+    swatches = np.concatenate([*(links * light for light in (0.65, 0.82, 1.0)), np.tile(colours.FORCE, (8, 1))])
+    beside = np.resize(swatches.astype(np.uint8), (len(first), len(swatches), 3))
+    wide = np.concatenate([first, np.repeat(beside, 3, axis=1)], axis=1)
+    return Image.fromarray(np.ascontiguousarray(wide)).quantize(256)
 
 
 class _Picture:
@@ -89,6 +100,7 @@ class _Picture:
 
         self._bodies, self._eye = bodies, eye
         self._scale = bodies.range()
+        self._lower = eye == "top" and bodies.colour in ("ground", "sliding")  # the upper run would hide what it shows
         self._speed = self._recorded_speed()
         low, high = self._extent()
         beside = BESIDE if bodies.colour else EDGE
@@ -114,6 +126,9 @@ class _Picture:
         self._clock = figure.text(EDGE / width, 1 - 36 / height, "", va="top", fontsize=10, parse_math=False)
         self._earth = PolyCollection([], facecolors=[], edgecolors="0.5", linewidths=0.4)
         self._solid = PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3)
+        has_forces = any(links.ground is not None for links in next(bodies.blocks(1)).links.values())
+        self._arrows = f",  red: forces of the ground, {1e-3 / METRES:.3g} kN a metre" if has_forces else ""
+        self._without = ",  without the upper run of links" if self._lower else ""
         self._lines = [
             LineCollection([], colors=colour, linewidths=width)
             for colour, width in (
@@ -149,14 +164,14 @@ class _Picture:
     def _drawn(self, poses: Poses, k: int) -> NDArray[np.uint8]:
         bodies, seen = self._bodies, self._camera(poses, k)
         self._ground(seen)
-        found = polygons(seen, bodies, poses, k, self._scale)
+        found = polygons(seen, bodies, poses, k, self._scale, self._lower)
         self._solid.set_verts(found.outlines)
         self._solid.set_facecolor(found.colours)
         self._lines[1].set_segments(list(found.lines))
         self._lines[2].set_segments(list(hull_lines(seen, bodies, poses, k)))
         self._lines[3].set_segments(list(self._forces(seen, poses, k)))
         t = float(poses.t[k])
-        self._clock.set_text(f"{SEEN_FROM[self._eye]},  t = {t:.2f} s{self._motion(t)}")
+        self._clock.set_text(f"{SEEN_FROM[self._eye]},  t = {t:.2f} s{self._motion(t)}{self._arrows}{self._without}")
         self._canvas.restore_region(self._empty)
         renderer = self._canvas.get_renderer()
         for artist in (*self._artists, *(text for text in self._numbers if text.get_text())):
@@ -190,8 +205,6 @@ class _Picture:
                 low, high = np.minimum(low, everything.min(axis=0)), np.maximum(high, everything.max(axis=0))
         aside = max([0.0, *(float(track.half.max()) for track in self._bodies.tracks)])
         low, high = low - MARGIN - aside, high + MARGIN + aside
-        if self._bodies.ground:
-            low[1] -= BELOW
         size = high - low  # a film is neither a stripe nor a tower
         more = np.maximum(np.array([size[1], 0.25 * size[0]]) - size, 0.0)
         return low - 0.5 * more, high + 0.5 * more

@@ -159,9 +159,7 @@ def _wheel(kinds: ModuleType, wheel: Wheel) -> dict[str, Any]:
     return {"cylinders": [cylinder]}
 
 
-def _entities(
-    kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: tuple[float, float]
-) -> Iterator[Any]:
+def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: tuple[float, float]) -> Iterator[Any]:
     """Links and forces at the k-th instant."""
     stamp = _stamp(kinds, poses.t[k])
     for track in bodies.tracks:

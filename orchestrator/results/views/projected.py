@@ -62,8 +62,13 @@ def camera(eye: str, heading: float, centre: Floats) -> Camera:
     return Camera(np.cross(up, toward), up, toward, centre)
 
 
-def polygons(seen: Camera, bodies: Bodies, poses: Poses, k: int, scale: tuple[float, float]) -> Polygons:
-    """Links and wheels at the k-th instant: faces that are turned to who looks, the nearest last."""
+def polygons(
+    seen: Camera, bodies: Bodies, poses: Poses, k: int, scale: tuple[float, float], lower: bool = False
+) -> Polygons:
+    """Links and wheels at the k-th instant: faces that are turned to who looks, the nearest last.
+
+    ``lower``: without wheels and links whose outer face does not look down.
+    """
     outlines: list[Floats] = []
     depths: list[Floats] = []
     tints: list[Floats] = []
@@ -75,12 +80,12 @@ def polygons(seen: Camera, bodies: Bodies, poses: Poses, k: int, scale: tuple[fl
         axes, centres = links.axes[k], links.centres[k]
         facing = axes @ NORMALS.T  # (links, 3, faces)
         turned = np.einsum("nkf,k->nf", facing, seen.toward)
-        which, face = np.nonzero(turned > 1e-6)
+        which, face = np.nonzero((turned > 1e-6) & ((axes[:, 2, 2] < 0.0) | (not lower))[:, None])
         corners = np.einsum("pcj,pij->pci", FACES[face] * track.half, axes[which]) + centres[which, None]
         outlines += list(seen.flat(corners))
         depths.append(corners.mean(axis=1) @ seen.toward + IN_FRONT)
         tints.append(paint[which] * _bright(np.moveaxis(facing, 1, 2)[which, face], seen)[:, None])
-    for wheel in bodies.wheels:
+    for wheel in () if lower else bodies.wheels:
         pose = poses.wheels[wheel.name]
         corners, bands, near = _wheel(wheel, pose.position[k], rotation(pose.orientation[k]), seen)
         grey = np.array(colours.WHEEL[wheel.kind]) / 255.0

@@ -89,7 +89,9 @@ def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
         recording.log("world/ground", mesh, static=True)
         aside = np.array([0.0, 0.0, 0.002])
         marks = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM) + aside
-        recording.log("world/ground/edges", rerun.LineStrips3D(marks, colors=[(120, 105, 85)], radii=0.004), static=True)
+        recording.log(
+            "world/ground/edges", rerun.LineStrips3D(marks, colors=[(120, 105, 85)], radii=0.004), static=True
+        )
 
 
 def _send_wheel(rerun: ModuleType, recording: Any, wheel: Wheel) -> None:
@@ -114,9 +116,7 @@ def _send_wheel(rerun: ModuleType, recording: Any, wheel: Wheel) -> None:
     recording.log(f"{place}/spokes", lines, static=True)
 
 
-def _send_poses(
-    rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses, scale: tuple[float, float]
-) -> None:
+def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses, scale: tuple[float, float]) -> None:
     count = len(poses.t)
     times = [rerun.TimeColumn(TIMELINE, duration=poses.t)]
     for track in bodies.tracks:
