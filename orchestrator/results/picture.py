@@ -140,7 +140,7 @@ def _pane(
     pane.add_collection(PolyCollection(list(boxes), facecolors=colours, edgecolors="0.25", linewidths=0.3))
     line = ground_line(run, track, t, *corners[0])
     if len(line):
-        pane.fill_between(*line.T, corners[1][0], color="0.8", zorder=0)
+        pane.fill_between(line[:, 0], line[:, 1], corners[1][0], color="0.8", zorder=0)
     pane.set_aspect("equal")
     pane.set_xlim(corners[0])
     pane.set_ylim(corners[1])

@@ -100,6 +100,9 @@ class Poses(NamedTuple):
     hull: Pose | None
 
 
+_Where = tuple[str, slice]  # topic, and columns of what is read of it
+
+
 class _Columns:
     """What is read, topic by topic."""
 
@@ -107,7 +110,7 @@ class _Columns:
         self._log = log
         self.wanted: dict[str, list[int]] = {}
 
-    def add(self, topic: str, names: Sequence[str]) -> tuple[str, slice]:
+    def add(self, topic: str, names: Sequence[str]) -> _Where:
         """Where these variables will be found in what is read of their topic."""
         every = {name: column for column, name in enumerate(self._log.topics[topic].names)}
         columns = self.wanted.setdefault(topic, [])
@@ -129,11 +132,12 @@ class Bodies:
         self.scene: dict[str, Any] = checked(run, SolidScene)
         self.ground: Ground | None = ground(self.scene)
         self._columns = _Columns(log)
-        self._tracks = {name: self._links(name) for name in run.instances if f"/{name}/links" in log.topics}
-        self.tracks: tuple[Track, ...] = tuple(each[0] for each in self._tracks.values() if each)
+        linked = [self._links(name) for name in run.instances if f"/{name}/links" in log.topics]
+        self._links_places = {found[0].name: found for found in linked if found}
+        self.tracks: tuple[Track, ...] = tuple(found[0] for found in self._links_places.values())
         self.colour = self._shown(colour)
         self._signals = {track.name: self._signal(track) for track in self.tracks}
-        self._wheels = {wheel.name: (wheel, *place) for wheel, *place in self._every_wheel()}
+        self._wheels = {found[0].name: found for found in self._every_wheel()}
         self.wheels: tuple[Wheel, ...] = tuple(each[0] for each in self._wheels.values())
         self.hull: Hull | None = None
         self._hull = self._hull_place()
@@ -198,7 +202,7 @@ class Bodies:
         return found
 
     def _link_poses(self, track: Track, found: dict[str, Floats], wheels: dict[str, Pose]) -> LinkPoses:
-        _, (topic, pin_columns), axis_place, force_place = self._tracks[track.name]
+        _, (topic, pin_columns), axis_place, force_place = self._links_places[track.name]
         count = len(found[topic])
         pins = found[topic][:, pin_columns].reshape(count, -1, 3)
         if axis_place:
@@ -227,7 +231,7 @@ class Bodies:
             return np.einsum("mnk,mnk->mn", vectors, normals(self.ground, centres))
         return np.linalg.norm(vectors, axis=-1)
 
-    def _links(self, name: str) -> tuple[Track, tuple[str, slice], Any, Any] | None:
+    def _links(self, name: str) -> tuple[Track, _Where, _Where | None, _Where | None] | None:
         """A track, and where pins, axes of pins and forces of the ground are; None where pins were not recorded."""
         topic = f"/{name}/links"
         names = set(self._log.topics[topic].names)
@@ -273,10 +277,10 @@ class Bodies:
             raise BadInput(f"--colour {colour}: {self._log.path} does not hold that; {has}")
         return colour
 
-    def _signal(self, track: Track) -> tuple[str, slice] | None:
+    def _signal(self, track: Track) -> _Where | None:
         return self._columns.add(f"/{track.name}/links", self._holds(track, self.colour)) if self.colour else None
 
-    def _every_wheel(self) -> Iterator[tuple[Wheel, tuple[str, slice], tuple[str, slice]]]:
+    def _every_wheel(self) -> Iterator[tuple[Wheel, _Where, _Where]]:
         """Wheels under the tracks; those of the chassis on sides that have no track."""
         log = self._log
         for name in self.run.instances:
@@ -289,9 +293,7 @@ class Bodies:
                     for wheel in _wheels(log.topics["/chassis/out"].names, f"{side}."):
                         yield self._wheel("chassis", "/chassis/out", f"{side}.{wheel}", wheel)
 
-    def _wheel(
-        self, owner: str, topic: str, prefix: str, wheel: str
-    ) -> tuple[Wheel, tuple[str, slice], tuple[str, slice]]:
+    def _wheel(self, owner: str, topic: str, prefix: str, wheel: str) -> tuple[Wheel, _Where, _Where]:
         vehicle, kind = self.scene["vehicle"], wheel.partition("[")[0]
         if kind == "sprocket":
             radius = pitch_radius(vehicle) - vehicle["sprocket"]["pin_radius"]
@@ -305,7 +307,7 @@ class Bodies:
             self._motion(topic, f"{prefix}.orientation", "wxyz"),
         )
 
-    def _motion(self, topic: str, prefix: str, parts: str) -> tuple[str, slice]:
+    def _motion(self, topic: str, prefix: str, parts: str) -> _Where:
         """Where a motion is: an input that is handed over as it is is read where it comes from, to the last instant."""
         names = [f"{prefix}.{part}" for part in parts]
         for wire in self._log.topics[topic].wires:
@@ -314,7 +316,7 @@ class Bodies:
                 return self._columns.add(wire.source, [outputs[name] for name in names])
         return self._columns.add(topic, names)
 
-    def _hull_place(self) -> tuple[tuple[str, slice], tuple[str, slice]] | None:
+    def _hull_place(self) -> tuple[_Where, _Where] | None:
         topic = "/chassis/out"
         needed = {*_vector("chassis.position", "xyz"), *_vector("chassis.orientation", "wxyz")}
         if topic not in self._log.topics or not needed <= set(self._log.topics[topic].names):

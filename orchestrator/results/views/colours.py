@@ -15,6 +15,12 @@ EARTH = (176, 160, 136)
 FORCE = (200, 40, 40)
 
 
+def of_one(colour: tuple[int, int, int]) -> tuple[float, float, float]:
+    """The same colour in parts of one."""
+    red, green, blue = colour
+    return red / 255.0, green / 255.0, blue / 255.0
+
+
 def coloured(values: Floats | None, shape: tuple[int, ...], scale: tuple[float, float]) -> NDArray[np.uint8]:
     """Red, green and blue (*shape, 3) of values (*shape); steel without them."""
     from matplotlib import colormaps

@@ -134,14 +134,14 @@ class _Picture:
             for colour, width in (
                 ("0.45", 0.7),
                 ("0.95", 1.0),
-                ([part / 255.0 for part in colours.HULL], 1.2),
-                ([part / 255.0 for part in colours.FORCE], 1.2),
+                (colours.of_one(colours.HULL), 1.2),
+                (colours.of_one(colours.FORCE), 1.2),
             )
         ]
         self._numbers = [pane.text(0, 0, "", fontsize=7, ha="center", va="top", color="0.3") for _ in range(24)]
         self._artists = [self._earth, self._lines[0], self._solid, *self._lines[1:]]
-        for artist in self._artists:
-            pane.add_collection(artist, autolim=False)
+        for collection in self._artists:
+            pane.add_collection(collection, autolim=False)
         for artist in (*self._artists, *self._numbers, self._clock):
             artist.set_animated(True)
         self._canvas.draw()
@@ -166,7 +166,7 @@ class _Picture:
         self._ground(seen)
         found = polygons(seen, bodies, poses, k, self._scale, self._lower)
         self._solid.set_verts(found.outlines)
-        self._solid.set_facecolor(found.colours)
+        self._solid.set_facecolor(list(map(tuple, found.colours)))
         self._lines[1].set_segments(list(found.lines))
         self._lines[2].set_segments(list(hull_lines(seen, bodies, poses, k)))
         self._lines[3].set_segments(list(self._forces(seen, poses, k)))
@@ -212,7 +212,7 @@ class _Picture:
     def _ground(self, seen: Camera) -> None:
         if not self._bodies.ground:
             return
-        earth = [part / 255.0 for part in colours.EARTH]
+        earth = colours.of_one(colours.EARTH)
         if self._eye == "right":
             line, metres = section(seen, self._bodies, self._half)
             bottom = [[self._half, -2 * self._half], [-self._half, -2 * self._half]]
@@ -232,7 +232,7 @@ class _Picture:
             return
         quads, brightness, lines = _plane(seen, self._bodies, 2.0 * self._half)
         self._earth.set_verts(list(quads))
-        self._earth.set_facecolor(np.clip(brightness[:, None] * np.array(earth), 0.0, 1.0))
+        self._earth.set_facecolor(list(map(tuple, np.clip(brightness[:, None] * np.array(earth), 0.0, 1.0))))
         self._lines[0].set_segments(list(lines))
 
     def _forces(self, seen: Camera, poses: Poses, k: int) -> Floats:
@@ -259,7 +259,7 @@ class _Picture:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
-        width, height = self.size
+        width = self.size[0]
         scale = ScalarMappable(Normalize(*self._scale), colours.MAP)
         pane = figure.add_axes(((width - BESIDE + 20) / width, 0.12, 18 / width, 0.68))
         bar = figure.colorbar(scale, cax=pane, extend="max")

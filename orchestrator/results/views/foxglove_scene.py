@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
@@ -38,24 +39,22 @@ def write(path: Path, output: Path, colour: str | None = None) -> Path:
     Raises BadInput for what cannot be shown or written, and NotInstalled.
     """
     checked_name(output, (".mcap",))
-    if output.exists() and output.samefile(path):
-        from fmus.vehicle import BadInput
-
+    if output.exists() and path.exists() and output.samefile(path):
         raise BadInput(f"{output} is the log itself: give the view another name")
     library("foxglove", "view")
     layout = output.with_name(f"{output.stem}.layout.json")
     with Log(path) as log:
         bodies = Bodies(RunData(log), RATE, colour)
         beside = plots(log)
+        scale = bodies.range()
         with written(layout) as arranged, written(output) as scenes:
-            arranged.write_text(json.dumps(_layout(bodies, beside), indent=1), encoding="utf-8")
-            _write(bodies, beside, scenes)
+            arranged.write_text(json.dumps(_layout(bodies, beside, scale), indent=1), encoding="utf-8")
+            _write(bodies, beside, scale, scenes)
     return layout
 
 
-def _write(bodies: Bodies, beside: list[Plot], output: Path) -> None:
+def _write(bodies: Bodies, beside: list[Plot], scale: tuple[float, float], output: Path) -> None:
     foxglove, channels, kinds = (library(f"foxglove{part}", "view") for part in ("", ".channels", ".messages"))
-    scale = bodies.range()
     context = foxglove.Context()  # nobody else's topics
     with foxglove.open_mcap(output, context=context):
         shapes = channels.SceneUpdateChannel("/shapes", context=context)
@@ -199,12 +198,13 @@ def _frames(kinds: ModuleType, poses: Poses, k: int) -> Iterator[Any]:
         )  # fmt: skip
 
 
-def _layout(bodies: Bodies, beside: list[Plot]) -> dict[str, Any]:
+def _layout(bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> dict[str, Any]:
     """A layout as the application imports it from a file: space to the left, curves to the right."""
     space = "3D!space"
+    name = f"links by {bodies.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if bodies.colour else "links"
     panels: dict[str, Any] = {
         space: {
-            "foxglovePanelTitle": f"links by {bodies.label}" if bodies.colour else "links",
+            "foxglovePanelTitle": name,
             "cameraState": {
                 "perspective": True, "distance": 9.0, "phi": 60.0, "thetaOffset": -60.0, "fovy": 45.0, "near": 0.1,
                 "far": 5000.0, "target": [0, 0, 0], "targetOffset": [0, 0, 0], "targetOrientation": [0, 0, 0, 1],

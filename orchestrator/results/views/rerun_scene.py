@@ -34,18 +34,19 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
     with Log(path) as log:
         bodies = Bodies(RunData(log), RATE, colour)
         beside = plots(log)
-        arranged = _arranged(rerun, blueprints, bodies, beside)
+        scale = bodies.range()
+        arranged = _arranged(blueprints, bodies, beside, scale)
         recording = rerun.RecordingStream("cotrack", make_default=False, make_thread_default=False)
         recording.send_recording_name(f"{path.stem}: {bodies.title}")
         if output is None:
             recording.spawn(default_blueprint=arranged)
-            _send(rerun, recording, bodies, beside)
+            _send(rerun, recording, bodies, beside, scale)
             recording.flush()
             return
         with written(output) as beside_output:
             recording.save(beside_output, default_blueprint=arranged)
             try:
-                _send(rerun, recording, bodies, beside)
+                _send(rerun, recording, bodies, beside, scale)
             finally:
                 recording.disconnect()  # the file is whole and closed
 
@@ -55,8 +56,7 @@ def path_of(*names: str) -> str:
     return str(library("rerun", "view").new_entity_path(list(names)))
 
 
-def _send(rerun: ModuleType, recording: Any, bodies: Bodies, beside: list[Plot]) -> None:
-    scale = bodies.range()
+def _send(rerun: ModuleType, recording: Any, bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> None:
     _send_shapes(rerun, recording, bodies)
     for poses in bodies.blocks():
         _send_poses(rerun, recording, bodies, poses, scale)
@@ -151,13 +151,13 @@ def _move(
     recording.send_columns(place, times, rerun.Transform3D.columns(translation=position, quaternion=turned))
 
 
-def _arranged(rerun: ModuleType, blueprints: ModuleType, bodies: Bodies, beside: list[Plot]) -> Any:
+def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> Any:
     """Space to the left, curves to the right; the eye goes with the hull where there is one."""
     eye, target = _eye(bodies)
     controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
     if bodies.hull:
         controls["tracking_entity"] = "world/hull"
-    name = f"links by {bodies.label}" if bodies.colour else "links"
+    name = f"links by {bodies.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if bodies.colour else "links"
     space = blueprints.Spatial3DView(origin="world", name=name, eye_controls=blueprints.EyeControls3D(**controls))
     views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in beside]
     panes = [space, blueprints.Vertical(*views)] if views else [space]
