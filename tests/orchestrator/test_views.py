@@ -1,0 +1,401 @@
+"""Views in space: where bodies stand, by what the log holds and the contact laws; files by other libraries' readers."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from fmus.vehicle import BadInput
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.results import picture
+from orchestrator.results.run_data import RunData, Window, within
+from orchestrator.results.views import film, foxglove_scene, projected, rerun_scene
+from orchestrator.results.views.bodies import Bodies, quaternions, rotation
+from orchestrator.results.views.plots import curves, plots
+from orchestrator.results.views.solids import prism, strip, strip_triangles
+from orchestrator.scene.scene import load
+
+STOP, STEP = 0.04, 1e-3
+GAUSS = 0.5 / np.sqrt(3.0)  # of a pitch: where flexible links touch the ground, from their middle
+SHOWN = '["tension", "position", "ground", "sliding", "depth", "axis"]'
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A vehicle that settles on a low bump, turned by 0.4 rad; its links are recorded each step."""
+    path = tmp_path_factory.mktemp("views") / "run.mcap"
+    settings = (
+        f"run.stop={STOP}", f"run.step={STEP}", "run.links=1", "expect={}", f"track.link_outputs={SHOWN}",
+        "start.heading=0.4", "start.position=[1.0, -2.0, 0.3]",
+        "ground.bump={start=-2.4, rise=0.01, slope=0.1, length=0.5, radius=0.02}",
+    )  # fmt: skip
+    simulate(load("straight", "flexible", settings), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def hanging(tmp_path_factory):
+    """An open chain, without wheels, hull and ground."""
+    path = tmp_path_factory.mktemp("views") / "chain.mcap"
+    simulate(load("hanging_chain", "rigid", ("run.stop=0.02", "chain.links=8", "run.links=5", "expect={}")), path)
+    return path
+
+
+@pytest.fixture
+def shown(driven):
+    with Log(driven) as log:
+        bodies = Bodies(RunData(log), 1e4)
+        yield log, bodies, next(bodies.blocks())
+
+
+def test_links_stand_between_their_pins(shown):
+    log, bodies, poses = shown
+    assert [(track.name, track.links, track.closed) for track in bodies.tracks] == [
+        ("left_track", 64, True), ("right_track", 64, True),
+    ]  # fmt: skip
+    np.testing.assert_allclose(poses.t, np.arange(41) * STEP, atol=1e-12)
+    for name, links in poses.links.items():
+        series = log.read(f"/{name}/links")
+        pins = np.stack(
+            [[series.values[:, series.names.index(f"joint[{i + 1}].position.{x}")] for x in "xyz"] for i in range(64)]
+        ).transpose(2, 0, 1)
+        np.testing.assert_array_equal(links.centres, 0.5 * (pins + np.roll(pins, -1, axis=1)))
+        along = np.roll(pins, -1, axis=1) - pins
+        np.testing.assert_allclose(
+            np.einsum("mnk,mnk->mn", links.axes[..., 0], along), np.linalg.norm(along, axis=2), rtol=1e-12
+        )
+        shifted = np.linalg.norm(links.centres - 0.5 * (pins + np.roll(pins, 1, axis=1)), axis=2)
+        assert shifted.min() > 0.1  # the link before is a pitch away: the numbering matters
+        np.testing.assert_array_equal(
+            links.colour, 1e-3 * series.values[:, [series.names.index(f"link[{i + 1}].tension") for i in range(64)]]
+        )
+
+
+def test_wheels_and_hull_stand_where_they_were_recorded(shown):
+    log, bodies, poses = shown
+    assert len(bodies.wheels) == 14
+    for name, pose in poses.wheels.items():
+        track, wheel = name.split("/")
+        series = log.read(f"/{track}/in")
+        for part, found in (("position", pose.position), ("orientation", pose.orientation)):
+            parts = "xyz" if part == "position" else "wxyz"
+            recorded = series.values[:, [series.names.index(f"{wheel}.{part}.{x}") for x in parts]]
+            assert len(found) == len(recorded) + 1  # the end of the last step too, from where inputs come
+            np.testing.assert_array_equal(found[:-1], recorded)
+    vehicle = bodies.scene["vehicle"]
+    assert {wheel.radius for wheel in bodies.wheels if wheel.kind == "idler"} == {vehicle["idler"]["radius"]}
+    recorded = [log.signal(f"chassis.chassis.position.{x}")[1] for x in "xyz"]
+    np.testing.assert_array_equal(poses.hull.position.T, recorded)
+    corners = bodies.hull.corners @ rotation(poses.hull.orientation[0]).T + poses.hull.position[0]
+    c, s = np.cos(0.4), np.sin(0.4)
+    drawn = np.array(vehicle["chassis"]["hull"]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    np.testing.assert_allclose(corners, drawn + [1.0, -2.0, 0.3], atol=1e-12)
+    assert len(bodies.hull.edges) == 17  # of the ten corners' convex body; a triangulation has 24
+
+
+def test_pads_lie_as_deep_in_the_ground_as_was_recorded(shown):
+    """Depths are means over a step, of the deepest point of a link; on the bump and beside it."""
+    log, bodies, poses = shown
+    touching, over = depths_apart(log, bodies, poses)
+    assert touching["level"] > 100
+    assert touching["bump"] > 20
+    assert max(over.values()) < 2e-5
+    right = bodies.ground
+    bodies.ground = right._replace(height=right.level + 1.03 * (right.height - right.level))
+    assert depths_apart(log, bodies, poses)[1]["bump"] > 2e-4
+    off = 0.03 * bodies.scene["vehicle"]["track"]["face"]
+    bodies.ground = right._replace(level=right.level - off, height=right.height - off)
+    assert depths_apart(log, bodies, poses)[1]["level"] > 2e-4
+
+
+def depths_apart(log, bodies, poses):
+    """How many links touched level and bump, and how far recorded and drawn depths are apart, by 'level' and 'bump'."""
+    count, apart = {"level": 0, "bump": 0}, {"level": 0.0, "bump": 0.0}
+    profile, pitch = bodies.ground, bodies.scene["vehicle"]["track"]["pitch"]
+    for track in bodies.tracks:
+        links = poses.links[track.name]
+        names = [f"{track.name}.link[{i + 1}].ground.depth" for i in range(track.links)]
+        recorded = log.sample(names, poses.t)
+        points = np.stack([
+            links.centres + side * GAUSS * pitch * links.axes[..., 0] + track.half[2] * links.axes[..., 2]
+            for side in (-1, 1)
+        ])  # fmt: skip
+        along = (points - profile.start) @ profile.ahead
+        height = profile.at(along)
+        slope = (profile.at(along + 1e-4) - profile.at(along - 1e-4)) / 2e-4
+        deep = ((height - points[..., 2]) / np.sqrt(1 + slope**2)).max(axis=0)
+        mean = 0.5 * (deep[1:] + deep[:-1])
+        bent = (np.abs(height - profile.level) > 2e-3).all(axis=0)[1:] & (np.abs(np.diff(slope, axis=0)) < 1e-9)[0][1:]
+        level = (np.abs(height - profile.level) < 1e-12).all(axis=0)[1:]
+        steady = (deep[1:] > 1e-4) & (deep[:-1] > 1e-4) & (recorded[1:] > 1e-4)
+        for where, mask in (("bump", bent & steady), ("level", level & steady)):
+            count[where] += int(mask.sum())
+            apart[where] = max(apart[where], float(np.abs(mean - recorded[1:])[mask].max(initial=0.0)))
+    return count, apart
+
+
+def stretched(log, path, times):
+    """A log of links at these times, each as it was first in another log, moved to the right by a metre a second."""
+    with Log(log) as whole:
+        links = whole.read("/chain/links")
+        about = whole.topics["/chain/links"]
+        attachments = {name: whole.attachment(name) for name in ("scene.json", "system.json")}
+        topics = {"/chain/links": list(zip(about.names, about.units, strict=True))}
+        with Recorder(path, topics, attachments, whole.metadata) as recorder:
+            x = np.array([name.endswith("position.x") for name in about.names])
+            for k, t in enumerate(times):
+                recorder.write("/chain/links", k, float(t), 0.1, links.values[0] + float(t) * x)
+            recorder.close("ok", "", len(times))
+    return path
+
+
+def test_instants_keep_a_steady_pace_at_most(hanging, tmp_path):
+    times = np.arange(0, 200) * 0.007
+    with Log(stretched(hanging, tmp_path / "fast.mcap", times)) as log:
+        bodies = Bodies(RunData(log), 25.0)
+        assert len(bodies.t) == int(times[-1] * 25) + 1
+        assert set(np.round(bodies.t, 9)) <= set(np.round(times, 9))
+        assert np.abs(bodies.t - np.arange(len(bodies.t)) / 25).max() <= 0.0035 + 1e-9
+        pieces = [poses.links["chain"].centres for poses in bodies.blocks(10)]
+        assert [len(piece) for piece in pieces] == [10, 10, 10, 5]
+        first = next(Bodies(RunData(log), 1e4).blocks(1)).links["chain"].centres
+        np.testing.assert_allclose(
+            np.concatenate(pieces)[:, 0] - first[:, 0], bodies.t[:, None] * [1.0, 0.0, 0.0], atol=1e-12
+        )
+
+
+def test_an_open_chain_has_neither_wheels_nor_hull_nor_ground(hanging):
+    with Log(hanging) as log:
+        bodies = Bodies(RunData(log), 50.0)
+        assert (bodies.wheels, bodies.hull, bodies.ground) == ((), None, None)
+        assert [(track.links, track.closed) for track in bodies.tracks] == [(8, False)]
+        poses = next(bodies.blocks())
+        assert poses.links["chain"].centres.shape[1:] == (8, 3)
+        assert poses.links["chain"].ground is None
+        with pytest.raises(BadInput, match="--colour sliding: .* does not hold that; of its links it holds tension"):
+            Bodies(RunData(log), 50.0, "sliding")
+        with pytest.raises(BadInput, match="--colour red: links are coloured by one of tension, stress, ground"):
+            Bodies(RunData(log), 50.0, "red")
+
+
+def test_quaternions_and_rotations_are_inverse():
+    turned = np.random.default_rng(3).normal(size=(50, 4))
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    again = np.roll(quaternions(rotation(turned)), 1, axis=-1)
+    assert np.abs(np.abs(np.einsum("ni,ni->n", again, turned)) - 1).max() < 1e-12
+    w, x, y, z = 0.5**0.5, 0.0, 0.0, 0.5**0.5  # a quarter turn to the left: ahead becomes left
+    np.testing.assert_allclose(rotation(np.array([w, x, y, z])) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+
+
+def test_triangles_of_sprocket_and_ground_look_outwards(shown):
+    _, bodies, _ = shown
+    sprocket = next(wheel for wheel in bodies.wheels if wheel.kind == "sprocket")
+    corners, triangles = prism(sprocket)
+    a, b, c = np.moveaxis(corners[triangles], 1, 0)
+    x, y = sprocket.outline.T
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    volume = float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0
+    assert volume == pytest.approx(area * sprocket.width, rel=1e-12)  # positive: triangles look outwards
+    tips = np.hypot(x, y)
+    assert tips.max() == bodies.scene["vehicle"]["sprocket"]["outer_radius"]
+    pitch_radius = 0.0762 / np.sin(np.pi / 10)
+    assert tips.min() == pytest.approx(pitch_radius - 0.015, rel=1e-12)
+    ground = strip(bodies.ground, -6.0, 4.0, 5.0)
+    flat = ground.reshape(-1, 3)
+    a, b, c = np.moveaxis(flat[strip_triangles(len(ground))], 1, 0)
+    normal = np.cross(b - a, c - a)
+    assert (normal[:, 2] > 0).all()
+    assert 0.5 * normal[:, 2].sum() == pytest.approx(10.0 * 10.0, rel=1e-12)  # the area under it
+
+
+@pytest.mark.parametrize("eye", projected.EYES)
+def test_cameras_keep_lengths_and_show_ahead_to_the_right(eye):
+    seen = projected.camera(eye, 0.4, np.array([1.0, 2.0, 3.0]))
+    frame = np.stack([seen.right, seen.up, seen.toward])
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(frame) == pytest.approx(1.0)
+    ahead = np.array([np.cos(0.4), np.sin(0.4), 0.0])
+    assert seen.flat(seen.centre + ahead)[0] > 0.5
+    if eye == "right":
+        np.testing.assert_allclose(seen.flat(seen.centre + 2 * ahead + [0, 0, 3]), [2, 3], atol=1e-15)
+
+
+def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
+    chunk = pytest.importorskip("rerun.chunk")
+    rerun_scene.show(driven, tmp_path / "run.rrd", "ground")
+    assert [file.name for file in tmp_path.iterdir()] == ["run.rrd"]
+    found, static = {}, {}
+    for piece in chunk.RrdReader(tmp_path / "run.rrd").stream():
+        batch = piece.to_record_batch()
+        (static if piece.is_static else found).setdefault(piece.entity_path, []).append(batch)
+    with Log(driven) as log:
+        bodies = Bodies(RunData(log), rerun_scene.RATE, "ground")
+        poses = next(bodies.blocks())
+    assert len(poses.t) == 3  # 0, 20 and 40 ms
+    (batch,) = found["/world/links/left_track"]
+    np.testing.assert_allclose(np.array(batch["time"].cast("int64").to_pylist()) * 1e-9, poses.t, atol=1e-9)
+    links = poses.links["left_track"]
+    np.testing.assert_allclose(batch["Boxes3D:centers"].to_pylist(), links.centres, atol=1e-6)
+    turned = np.array(batch["Boxes3D:quaternions"].to_pylist())
+    np.testing.assert_allclose(rotation(np.roll(turned, 1, axis=-1)), links.axes, atol=1e-6)
+    np.testing.assert_allclose(
+        batch["Boxes3D:half_sizes"].to_pylist(), np.broadcast_to(bodies.tracks[0].half, (3, 64, 3)), atol=1e-7
+    )
+    wheel = bodies.wheels[3].name
+    (batch,) = found["/world/wheels/" + wheel.replace("/", "\\/").replace("[", "\\[").replace("]", "\\]")]
+    np.testing.assert_allclose(
+        np.array(batch["Transform3D:translation"].to_pylist())[:, 0], poses.wheels[wheel].position, atol=1e-6
+    )
+    assert "/world/ground" in static
+    (speed,) = found["/plots/speed/chassis\\.speed"]
+    assert speed.num_rows == 41  # every record
+
+
+def test_foxglove_holds_scenes_frames_and_curves(driven, tmp_path):
+    pytest.importorskip("foxglove")
+    from mcap.reader import make_reader
+
+    layout = foxglove_scene.write(driven, tmp_path / "x.mcap")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["x.layout.json", "x.mcap"]
+    with (tmp_path / "x.mcap").open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        count = {each.topic: summary.statistics.channel_message_counts[k] for k, each in summary.channels.items()}
+        kinds = {each.topic: summary.schemas[each.schema_id].name for each in summary.channels.values()}
+        speed = [
+            (message.log_time, json.loads(message.data)["value"])
+            for _, _, message in reader.iter_messages("/plots/speed/chassis_speed")
+        ]
+    assert (count["/shapes"], count["/scene"], count["/frames"], count["/plots/speed/chassis_speed"]) == (1, 3, 3, 41)
+    assert (kinds["/scene"], kinds["/frames"]) == ("foxglove.SceneUpdate", "foxglove.FrameTransforms")
+    with Log(driven) as log:
+        t, values = log.signal("chassis.speed")
+    np.testing.assert_allclose(np.array(speed), np.stack([t * 1e9, values], axis=1), atol=1e-6)
+    asked = re.findall(r"/plots/[^.]*(?=\.value)", layout.read_text())
+    assert sorted(asked) == sorted(topic for topic in count if topic.startswith("/plots/"))
+    panels = json.loads(layout.read_text())
+    named = re.findall(r'"((?:3D|Plot)!\w+)"', json.dumps(panels["layout"]))
+    assert sorted(named) == sorted(panels["configById"])
+    with pytest.raises(BadInput, match=r"run\.mcap is the log itself"):
+        foxglove_scene.write(driven, driven)
+
+
+def test_a_film_has_the_pictures_of_its_time(hanging, tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    log = stretched(hanging, tmp_path / "slow.mcap", np.arange(11) * 0.1)
+    count = film.write(log, tmp_path / "x.mp4")
+    assert count == 26  # of one second, both ends
+    assert ffmpeg.count_frames_and_secs(str(tmp_path / "x.mp4"))[0] == 26
+    reader = ffmpeg.read_frames(str(tmp_path / "x.mp4"))
+    about = next(reader)
+    assert about["source_size"][0] == film.WIDTHS[".mp4"]
+    width, height = about["source_size"]
+    pictures = [np.frombuffer(each, np.uint8).reshape(height, width, 3).astype(int) for each in reader]
+    changed = np.array([np.abs(b - a).mean() for a, b in zip(pictures, pictures[1:], strict=False)]) > 0.1
+    assert changed.sum() == 10  # ten records after the first: each stands until the next one
+    assert changed[1] or changed[2]  # at 0.1 s, 2.5 pictures
+    assert film.write(log, tmp_path / "x.gif") == 13  # 12.5 a second
+    assert (tmp_path / "x.gif").read_bytes()[:6] == b"GIF89a"
+    assert {file.name for file in tmp_path.iterdir()} == {"slow.mcap", "x.mp4", "x.gif"}
+
+
+def test_a_film_of_a_vehicle_from_every_side(driven, tmp_path):
+    from PIL import Image
+
+    for eye in projected.EYES:
+        film.write(driven, tmp_path / f"{eye}.gif", eye, "sliding")
+        with Image.open(tmp_path / f"{eye}.gif") as image:
+            seen = np.asarray(image.convert("RGB")).reshape(-1, 3).astype(int)
+        earth = np.abs(seen - [176, 160, 136]).max(axis=1) < 12
+        assert 0.05 < earth.mean() < 0.9, eye
+
+
+def test_the_section_of_the_ground_runs_under_a_vehicle_that_turned(shown):
+    _, bodies, _ = shown
+    profile = bodies.ground
+    for turned in (0.0, 0.7):
+        seen = projected.camera("right", 0.4 + turned, profile.start + [0.0, 0.0, 1.0])
+        line, metres = projected.section(seen, bodies, 4.0)
+        places = seen.centre + line[:, :1] * seen.right + line[:, 1:] * seen.up
+        np.testing.assert_allclose(profile.at((places - profile.start) @ profile.ahead), places[:, 2], atol=1e-12)
+        assert line[:, 1].max() - line[:, 1].min() == pytest.approx(0.01, abs=1e-9)
+        assert np.diff(metres[:, 0]) == pytest.approx(1.0 / np.cos(turned))
+
+
+def test_a_picture_shows_the_ground_as_it_is(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        links = run.links("left_track", Window(0.02, 0.02))
+        line = picture.ground_line(run, "left_track", 0.02, -4.5, 0.5)
+    deep = np.interp(links.forward[0], *line.T) - (links.up[0] - 0.029)
+    low = links.up[0] < -0.45
+    assert low.sum() > 10
+    assert -0.012 < deep[low].min() < deep[low].max() < 0.012
+    assert np.ptp(line[:, 1]) == pytest.approx(0.01, abs=1e-6)
+    top = line[line[:, 1] > line[:, 1].max() - 1e-9, 0]
+    # start of the bump, its foot, and half of its top from the middle; the sprocket axle has hardly moved
+    assert 0.5 * (top[0] + top[-1]) == pytest.approx(-2.4 + 0.5 * (0.5) + foot(), abs=0.02)
+
+
+def foot():
+    """Length of a side of the bump, along the way, m."""
+    straight = 0.01 - 2 * 0.02 * (1 - np.cos(0.1))
+    return 2 * 0.02 * np.sin(0.1) + straight / np.tan(0.1)
+
+
+def test_pictures_are_of_instants_in_which_something_moves():
+    recorded = np.arange(0, 10.01, 0.1)
+    assert picture._instants(recorded, None, Window(1.0, 4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
+    assert picture._instants(recorded, None) == pytest.approx([3.3, 6.7, 10.0])
+    assert picture._instants(np.zeros(1), None) == [0.0]
+
+
+def test_what_cannot_be_written_is_refused_first(cotrack, hanging, tmp_path):
+    for arguments, said in (
+        (("-o", "x.tif"), "'.tif' cannot be written here; what can be: .png, .svg or .pdf (pictures), .gif or .mp4"),
+        (("-o", "x.rrd"), "'.rrd' cannot be written here"),
+        (("--rerun", "-o", "x.png"), "'.png' cannot be written here"),
+        (("--foxglove", "-o", "nowhere/x.mcap"), "nowhere is no directory"),
+        (("--foxglove",), "-o FILE says what is written"),
+        (("--rerun", "--foxglove", "-o", "x.mcap"), "one of them at a time"),
+        (("-o", "x.mp4", "--seen-from", "below"), "one looks from one of right, top, corner"),
+        (("-o", "x.mp4", "--at", "0"), "--at is for pictures"),
+        (("-o", "x.png", "--colour", "stress"), "--colour is for films, --rerun and --foxglove"),
+    ):
+        status, out, err = cotrack("view", hanging, *arguments)
+        assert (status, out, len(err.splitlines())) == (2, "", 1), arguments
+        assert said in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "said"),
+    [
+        ("rerun", ("--rerun", "-o", "x.rrd"), "rerun is not installed: pip install 'cotrack[view]'"),
+        ("foxglove", ("--foxglove", "-o", "x.mcap"), "foxglove is not installed: pip install 'cotrack[view]'"),
+        ("imageio_ffmpeg", ("-o", "x.mp4"), "imageio_ffmpeg is not installed: pip install 'cotrack[video]'"),
+    ],
+)
+def test_without_an_extra_there_is_a_sentence(cotrack, hanging, monkeypatch, tmp_path, name, arguments, said):
+    monkeypatch.setitem(__import__("sys").modules, name, None)
+    status, _, err = cotrack("view", hanging, *arguments)
+    assert (status, said in err) == (2, True), err
+    assert not list(tmp_path.iterdir())
+
+
+def test_curves_are_every_record(driven):
+    with Log(driven) as log:
+        wanted = plots(log)
+        assert [plot.name for plot in wanted] == ["speed", "torque", "power", "tension"]
+        found = {}
+        for plot, signal, t, values in curves(log, wanted, (0.01, 0.02)):
+            found.setdefault((plot.name, signal), []).append((t, values))
+        t, values = (np.concatenate(each) for each in zip(*found["tension", "left_track.tension.max"], strict=True))
+        times, recorded = log.signal("left_track.tension.max")
+        kept = within(times, Window(0.01, 0.02))
+        np.testing.assert_array_equal(t, times[kept])
+        np.testing.assert_allclose(values, recorded[kept] / 1e3, rtol=1e-15)
+        assert len(found) == 1 + 2 + 2 + 4
