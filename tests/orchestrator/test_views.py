@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -92,7 +93,7 @@ def test_wheels_and_hull_stand_where_they_were_recorded(shown):
     corners = bodies.hull.corners @ rotation(poses.hull.orientation[0]).T + poses.hull.position[0]
     c, s = np.cos(0.4), np.sin(0.4)
     drawn = np.array(vehicle["chassis"]["hull"]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-    np.testing.assert_allclose(corners, drawn + [1.0, -2.0, 0.3], atol=1e-12)
+    np.testing.assert_allclose(corners, drawn + np.array([1.0, -2.0, 0.3]), atol=1e-12)
     assert len(bodies.hull.edges) == 17  # of the ten corners' convex body; a triangulation has 24
 
 
@@ -175,7 +176,7 @@ def test_an_open_chain_has_neither_wheels_nor_hull_nor_ground(hanging):
         poses = next(bodies.blocks())
         assert poses.links["chain"].centres.shape[1:] == (8, 3)
         assert poses.links["chain"].ground is None
-        with pytest.raises(BadInput, match="--colour sliding: .* does not hold that; of its links it holds tension"):
+        with pytest.raises(BadInput, match=r"--colour sliding: .* does not hold that; of its links it holds tension"):
             Bodies(RunData(log), 50.0, "sliding")
         with pytest.raises(BadInput, match="--colour red: links are coloured by one of tension, stress, ground"):
             Bodies(RunData(log), 50.0, "red")
@@ -200,7 +201,7 @@ def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     volume = float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0
     assert volume == pytest.approx(area * sprocket.width, rel=1e-12)  # positive: triangles look outwards
     tips = np.hypot(x, y)
-    assert tips.max() == bodies.scene["vehicle"]["sprocket"]["outer_radius"]
+    assert tips.max() == pytest.approx(bodies.scene["vehicle"]["sprocket"]["outer_radius"], rel=1e-12)
     pitch_radius = 0.0762 / np.sin(np.pi / 10)
     assert tips.min() == pytest.approx(pitch_radius - 0.015, rel=1e-12)
     ground = strip(bodies.ground, -6.0, 4.0, 5.0)
@@ -250,7 +251,7 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
         np.array(batch["Transform3D:translation"].to_pylist())[:, 0], poses.wheels[wheel].position, atol=1e-6
     )
     assert "/world/ground" in static
-    (speed,) = found["/plots/speed/chassis\\.speed"]
+    (speed,) = found["/plots/speed/chassis.speed"]
     assert speed.num_rows == 41  # every record
 
 
@@ -288,13 +289,13 @@ def test_a_film_has_the_pictures_of_its_time(hanging, tmp_path):
     log = stretched(hanging, tmp_path / "slow.mcap", np.arange(11) * 0.1)
     count = film.write(log, tmp_path / "x.mp4")
     assert count == 26  # of one second, both ends
-    assert ffmpeg.count_frames_and_secs(str(tmp_path / "x.mp4"))[0] == 26
     reader = ffmpeg.read_frames(str(tmp_path / "x.mp4"))
     about = next(reader)
     assert about["source_size"][0] == film.WIDTHS[".mp4"]
     width, height = about["source_size"]
     pictures = [np.frombuffer(each, np.uint8).reshape(height, width, 3).astype(int) for each in reader]
-    changed = np.array([np.abs(b - a).mean() for a, b in zip(pictures, pictures[1:], strict=False)]) > 0.1
+    assert len(pictures) == 26
+    changed = np.array([np.abs(b - a).mean() for a, b in pairwise(pictures)]) > 0.1
     assert changed.sum() == 10  # ten records after the first: each stands until the next one
     assert changed[1] or changed[2]  # at 0.1 s, 2.5 pictures
     assert film.write(log, tmp_path / "x.gif") == 13  # 12.5 a second
@@ -317,7 +318,7 @@ def test_the_section_of_the_ground_runs_under_a_vehicle_that_turned(shown):
     _, bodies, _ = shown
     profile = bodies.ground
     for turned in (0.0, 0.7):
-        seen = projected.camera("right", 0.4 + turned, profile.start + [0.0, 0.0, 1.0])
+        seen = projected.camera("right", 0.4 + turned, profile.start + np.array([0.0, 0.0, 1.0]))
         line, metres = projected.section(seen, bodies, 4.0)
         places = seen.centre + line[:, :1] * seen.right + line[:, 1:] * seen.up
         np.testing.assert_allclose(profile.at((places - profile.start) @ profile.ahead), places[:, 2], atol=1e-12)
@@ -331,11 +332,14 @@ def test_a_picture_shows_the_ground_as_it_is(driven):
         links = run.links("left_track", Window(0.02, 0.02))
         line = picture.ground_line(run, "left_track", 0.02, -4.5, 0.5)
     deep = np.interp(links.forward[0], *line.T) - (links.up[0] - 0.029)
-    low = links.up[0] < -0.45
-    assert low.sum() > 10
-    assert -0.012 < deep[low].min() < deep[low].max() < 0.012
     assert np.ptp(line[:, 1]) == pytest.approx(0.01, abs=1e-6)
     top = line[line[:, 1] > line[:, 1].max() - 1e-9, 0]
+    low = links.up[0] < -0.4
+    over = low & (links.forward[0] > top[0]) & (links.forward[0] < top[-1])
+    beside = low & (links.forward[0] > -3.3) & (links.forward[0] < top[0] - 0.3)
+    for part in (over, beside):
+        assert part.sum() >= 3
+        assert np.abs(deep[part]).max() < 5e-3  # pads give way; without the bump, 1 cm
     # start of the bump, its foot, and half of its top from the middle; the sprocket axle has hardly moved
     assert 0.5 * (top[0] + top[-1]) == pytest.approx(-2.4 + 0.5 * (0.5) + foot(), abs=0.02)
 
