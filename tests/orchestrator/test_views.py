@@ -357,12 +357,16 @@ def test_pictures_are_of_instants_in_which_something_moves():
     assert picture._instants(np.zeros(1), None) == [0.0]
 
 
-def test_what_cannot_be_written_is_refused_first(cotrack, hanging, tmp_path):
+def test_what_cannot_be_written_is_refused_first(cotrack, hanging, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
     for arguments, said in (
         (("-o", "x.tif"), "'.tif' cannot be written here; what can be: .png, .svg or .pdf (pictures), .gif or .mp4"),
         (("-o", "x.rrd"), "'.rrd' cannot be written here"),
         (("--rerun", "-o", "x.png"), "'.png' cannot be written here"),
         (("--foxglove", "-o", "nowhere/x.mcap"), "nowhere is no directory"),
+        (("--rerun",), "there is no display for the viewer"),
         (("--foxglove",), "-o FILE says what is written"),
         (("--rerun", "--foxglove", "-o", "x.mcap"), "one of them at a time"),
         (("-o", "x.mp4", "--seen-from", "below"), "one looks from one of right, top, corner"),

@@ -19,6 +19,7 @@ from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.ground_profile import Ground, ground
 from orchestrator.results.link_axes import link_axes
 from orchestrator.results.run_data import RunData, pitch_radius
+from orchestrator.results.views.plots import LONGEST
 from orchestrator.results.views.scene_table import SolidScene, checked
 
 WHEELS = ("sprocket", "road_wheel", "idler")
@@ -329,7 +330,7 @@ class Bodies:
         common, *others = sorted((series.t for series in times.values()), key=len)
         for other in others:
             common = common[_matched(common, other)[1]] if len(other) else other
-        common = common[np.isfinite(common)]
+        common = common[(common >= 0.0) & (common < LONGEST)]
         if not len(common):
             raise BadInput(f"{self._log.path} holds no instant at which links, wheels and hull were recorded")
         steps = int(np.floor((common[-1] - common[0]) * rate + 1e-6))

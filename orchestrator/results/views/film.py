@@ -24,6 +24,7 @@ from orchestrator.results.views.solids import places
 RATES = {".mp4": 25, ".gif": 12.5}  # pictures a second; a GIF has whole hundredths of a second
 WIDTHS = {".mp4": 1280, ".gif": 800}  # of a picture, pixels
 DPI = 100
+LONGEST = 3600.0  # s
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels round what is seen: title, scale of colours, border
 MARGIN = 0.3  # m round the bodies
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
@@ -41,6 +42,8 @@ def write(path: Path, output: Path, eye: str = "right", colour: str | None = Non
     ffmpeg = library("imageio_ffmpeg", "video") if suffix == ".mp4" else None
     with Log(path) as log:
         bodies = Bodies(RunData(log), RATES[suffix], colour)
+        if bodies.t[-1] - bodies.t[0] > LONGEST:
+            raise BadInput(f"{path} is {bodies.t[-1] - bodies.t[0]:.9g} s long: a film is of {LONGEST:g} s at most")
         picture = _Picture(bodies, eye, WIDTHS[suffix])
         with written(output) as beside:
             if ffmpeg:

@@ -8,6 +8,8 @@ from typing import NamedTuple
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
 
+LONGEST = 1e9  # s: later times are damage
+
 
 class Plot(NamedTuple):
     """Curves of one unit."""
@@ -55,5 +57,5 @@ def curves(
     for piece in log.stream(columns, window):
         for signal, (plot, (topic, column)) in places.items():
             if topic in piece:
-                values = piece[topic].values[:, columns[topic].index(column)]
-                yield plot, signal, piece[topic].t, values * plot.scale
+                series = piece[topic].rows((piece[topic].t >= 0.0) & (piece[topic].t < LONGEST))
+                yield plot, signal, series.t, series.values[:, columns[topic].index(column)] * plot.scale

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
@@ -30,6 +33,8 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
     """
     if output:
         checked_name(output, (".rrd",))
+    elif sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+        raise BadInput("there is no display for the viewer Rerun: -o FILE.rrd writes its file")
     rerun, blueprints = library("rerun", "view"), library("rerun.blueprint", "view")
     with Log(path) as log:
         bodies = Bodies(RunData(log), RATE, colour)
@@ -39,9 +44,12 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
         recording = rerun.RecordingStream("cotrack", make_default=False, make_thread_default=False)
         recording.send_recording_name(f"{path.stem}: {bodies.title}")
         if output is None:
-            recording.spawn(default_blueprint=arranged)
-            _send(rerun, recording, bodies, beside, scale)
-            recording.flush()
+            try:
+                recording.spawn(default_blueprint=arranged)
+                _send(rerun, recording, bodies, beside, scale)
+                recording.flush()
+            except RuntimeError as error:  # the viewer does not start, or was closed
+                raise BadInput(f"the viewer Rerun takes nothing: {error}; -o FILE.rrd writes its file") from None
             return
         with written(output) as beside_output:
             recording.save(beside_output, default_blueprint=arranged)
