@@ -25,7 +25,7 @@ from orchestrator.results.views.arrows import ground_arrows
 from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
 from orchestrator.results.views.files import checked_name, written
 from orchestrator.results.views.plots import Plot, curves, plots
-from orchestrator.results.views.solids import ROOM, UPRIGHT, prism, spokes, strip, strip_triangles, travelled
+from orchestrator.results.views.solids import ROOM, UPRIGHT, metres, prism, spokes, strip, strip_triangles, travelled
 
 RATE = 50.0  # instants a second
 WORLD = "world"
@@ -144,7 +144,10 @@ def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
         low, high, far = travelled(bodies)
         corners = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM)
         mesh = _triangles(kinds, corners, strip_triangles(len(corners)), colours.EARTH)
-        yield kinds.SceneEntity(timestamp=stamp, frame_id=WORLD, id="ground", frame_locked=True, triangles=[mesh])
+        marks = _lines(kinds, metres(bodies.ground, low - ROOM, high + ROOM, far + ROOM), 0.01, (120, 105, 85))
+        yield kinds.SceneEntity(
+            timestamp=stamp, frame_id=WORLD, id="ground", frame_locked=True, triangles=[mesh], lines=[marks]
+        )
 
 
 def _wheel(kinds: ModuleType, wheel: Wheel) -> dict[str, Any]:

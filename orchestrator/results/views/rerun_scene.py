@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
@@ -20,7 +21,18 @@ from orchestrator.results.views.arrows import ground_arrows
 from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
 from orchestrator.results.views.files import checked_name, written
 from orchestrator.results.views.plots import Plot, curves, plots
-from orchestrator.results.views.solids import ROOM, UPRIGHT, places, prism, spokes, strip, strip_triangles, travelled
+from orchestrator.results.views.solids import (
+    ROOM,
+    UPRIGHT,
+    faceted,
+    metres,
+    places,
+    prism,
+    spokes,
+    strip,
+    strip_triangles,
+    travelled,
+)
 
 RATE = 50.0  # instants a second
 TIMELINE = "time"
@@ -91,29 +103,25 @@ def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
     if bodies.ground:
         low, high, far = travelled(bodies)
         corners = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM)
-        triangles = strip_triangles(len(corners))
-        flat = corners.reshape(-1, 3)
-        mesh = rerun.Mesh3D(vertex_positions=flat, triangle_indices=triangles, albedo_factor=[*colours.EARTH, 255])
-        recording.log("world/ground", mesh, static=True)
-        aside = np.array([0.0, 0.0, 0.002])
-        marks = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM) + aside
         recording.log(
-            "world/ground/edges", rerun.LineStrips3D(marks, colors=[(120, 105, 85)], radii=0.004), static=True
+            "world/ground",
+            _mesh(rerun, corners.reshape(-1, 3), strip_triangles(len(corners)), colours.EARTH),
+            static=True,
         )
+        marks = metres(bodies.ground, low - ROOM, high + ROOM, far + ROOM)
+        lines = rerun.LineStrips3D(marks, colors=[(120, 105, 85)], radii=0.004)
+        recording.log("world/ground/metres", lines, static=True)
+
+
+def _mesh(rerun: ModuleType, corners: Floats, triangles: NDArray[np.int64], colour: tuple[int, int, int]) -> Any:
+    places, normals = faceted(corners, triangles)
+    return rerun.Mesh3D(vertex_positions=places, vertex_normals=normals, albedo_factor=[*colour, 255])
 
 
 def _send_wheel(rerun: ModuleType, recording: Any, wheel: Wheel) -> None:
     place = path_of("world", "wheels", wheel.name)
     if len(wheel.outline):
-        corners, triangles = prism(wheel)
-        flat = corners[triangles]  # corners of their own: edges are sharp
-        normal = np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
-        normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-        shape = rerun.Mesh3D(
-            vertex_positions=flat.reshape(-1, 3),
-            vertex_normals=np.repeat(normal, 3, axis=0),
-            albedo_factor=[*colours.WHEEL[wheel.kind], 255],
-        )
+        shape = _mesh(rerun, *prism(wheel), colours.WHEEL[wheel.kind])
     else:
         shape = rerun.Cylinders3D(
             lengths=[wheel.width], radii=[wheel.radius], quaternions=[UPRIGHT], colors=[colours.WHEEL[wheel.kind]],

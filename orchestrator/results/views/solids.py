@@ -32,6 +32,14 @@ def prism(wheel: Wheel) -> tuple[Floats, NDArray[np.int64]]:
     return corners, triangles
 
 
+def faceted(corners: Floats, triangles: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """Corners (3 n, 3) of triangles one by one, and their normals: edges are seen as edges."""
+    apart = corners[triangles]
+    normal = np.cross(apart[:, 1] - apart[:, 0], apart[:, 2] - apart[:, 0])
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    return apart.reshape(-1, 3), np.repeat(normal, 3, axis=0)
+
+
 def spokes(wheel: Wheel) -> Floats:
     """Lines (SPOKES, 2, 3) on both faces of a wheel, in its body frame: they show that it turns."""
     angle = np.arange(SPOKES // 2) * 4.0 * np.pi / SPOKES
@@ -68,6 +76,15 @@ def strip(profile: Ground, low: float, high: float, far: float) -> Floats:
     aside = np.cross([0.0, 0.0, 1.0], profile.ahead)
     line = profile.start * [1.0, 1.0, 0.0] + along[:, None] * profile.ahead
     line[:, 2] = profile.at(along)
+    return np.stack([line - far * aside, line + far * aside], axis=1)
+
+
+def metres(profile: Ground, low: float, high: float, far: float) -> Floats:
+    """Lines (n, 2, 3) across the way at whole metres of it, a little over the ground: they show that one moves."""
+    along = np.arange(np.ceil(low), np.floor(high) + 1.0)
+    aside = np.cross([0.0, 0.0, 1.0], profile.ahead)
+    line = profile.start * [1.0, 1.0, 0.0] + along[:, None] * profile.ahead
+    line[:, 2] = profile.at(along) + 0.003
     return np.stack([line - far * aside, line + far * aside], axis=1)
 
 
