@@ -150,8 +150,9 @@ class Bodies:
 
     @property
     def title(self) -> str:
-        """Of the scene, with its track model."""
-        return f"{self.scene['title']} ({self.scene['track']['model']} links)"
+        """Of the scene, with its track model; of a symmetric vehicle one half was computed, and is shown."""
+        half = "; one half of a symmetric vehicle" if self.run.scene.get("symmetric") else ""
+        return f"{self.scene['title']} ({self.scene['track']['model']} links{half})"
 
     @property
     def label(self) -> str:

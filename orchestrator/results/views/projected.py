@@ -96,7 +96,7 @@ def polygons(
         if len(corners):
             outlines.append(seen.flat(corners))
             depths.append(np.array([corners.mean(axis=0) @ seen.toward]))
-            tints.append(np.minimum(grey * 1.6, 1.0)[None])
+            tints.append(np.minimum(grey * 1.35, 1.0)[None])
             lines.append(seen.flat(near))
     if not outlines:
         return Polygons([], np.empty((0, 3)), np.empty((0, 2, 2)))
