@@ -26,6 +26,7 @@ def view(
     in_rerun: Annotated[
         bool, typer.Option("--rerun", help="in space, in the viewer Rerun; with -o its file, .rrd")
     ] = False,
+    live: Annotated[bool, typer.Option("--live", help="with --rerun: a run that goes on, until it ends")] = False,
     in_foxglove: Annotated[
         bool, typer.Option("--foxglove", help="in space, for Foxglove: a file .mcap and its layout")
     ] = False,
@@ -53,10 +54,12 @@ def view(
     _refuse("--colour", colour is not None and picture, "films, --rerun and --foxglove")
     if in_rerun and in_foxglove:
         raise BadInput("--rerun and --foxglove: one of them at a time")
+    _refuse("--live", live and not in_rerun, "--rerun")
     if in_rerun:
+        from orchestrator.results.views import live as going
         from orchestrator.results.views import rerun_scene
 
-        rerun_scene.show(log, output, colour)
+        (going.follow if live else rerun_scene.show)(log, output, colour)
     elif output is None:
         leave("-o FILE says what is written; without it there is the viewer: --rerun", 2)
     elif in_foxglove:

@@ -335,10 +335,10 @@ class Bodies:
         if not len(common):
             raise BadInput(f"{self._log.path} holds no instant at which links, wheels and hull were recorded")
         steps = int(np.floor((common[-1] - common[0]) * rate + 1e-6))
-        pace = common[0] + np.arange(min(steps, 10 * len(common)) + 1) / rate
-        after = np.clip(np.searchsorted(common, pace), 1, max(len(common) - 1, 1)) if len(common) > 1 else [0]
-        if len(common) == 1:
+        if steps > 10 * len(common) or len(common) == 1:  # what was recorded is more seldom than the pace by far
             return common
+        pace = common[0] + np.arange(steps + 1) / rate
+        after = np.clip(np.searchsorted(common, pace), 1, len(common) - 1)
         nearest = np.where(pace - common[np.subtract(after, 1)] < common[after] - pace, np.subtract(after, 1), after)
         return common[np.unique(nearest)]
 

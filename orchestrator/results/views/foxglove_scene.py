@@ -25,7 +25,7 @@ from orchestrator.results.views.arrows import ground_arrows
 from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
 from orchestrator.results.views.files import checked_name, written
 from orchestrator.results.views.plots import Plot, curves, plots
-from orchestrator.results.views.solids import ROOM, UPRIGHT, metres, prism, spokes, strip, strip_triangles, travelled
+from orchestrator.results.views.solids import ROOM, UPRIGHT, Reach, metres, prism, spokes, strip, strip_triangles
 
 RATE = 50.0  # instants a second
 WORLD = "world"
@@ -141,7 +141,7 @@ def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
         lines = [_lines(kinds, edges, 0.024, colours.HULL)]
         yield kinds.SceneEntity(timestamp=stamp, frame_id="hull", id="hull", frame_locked=True, lines=lines)
     if bodies.ground:
-        low, high, far = travelled(bodies)
+        low, high, far = Reach().with_bodies(bodies)
         corners = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM)
         mesh = _triangles(kinds, corners, strip_triangles(len(corners)), colours.EARTH)
         marks = _lines(kinds, metres(bodies.ground, low - ROOM, high + ROOM, far + ROOM), 0.01, (120, 105, 85))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,7 +16,8 @@ from numpy.typing import NDArray
 from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import Floats
+from orchestrator.log.time_series import EVER, Floats
+from orchestrator.results.ground_profile import Ground
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import ground_arrows
@@ -24,6 +27,7 @@ from orchestrator.results.views.plots import Plot, curves, plots
 from orchestrator.results.views.solids import (
     ROOM,
     UPRIGHT,
+    Reach,
     faceted,
     metres,
     places,
@@ -31,7 +35,6 @@ from orchestrator.results.views.solids import (
     spokes,
     strip,
     strip_triangles,
-    travelled,
 )
 
 RATE = 50.0  # instants a second
@@ -43,49 +46,82 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
 
     Raises BadInput for what cannot be shown or written, and NotInstalled.
     """
+    with opened(path, output) as scene, Log(path) as log:
+        bodies, beside = Bodies(RunData(log), RATE, colour), plots(log)
+        scale = bodies.range()
+        scene.begin(bodies, beside, scale)
+        scene.shapes(bodies, Reach().with_bodies(bodies))
+        scene.poses(bodies, scale)
+        scene.curves(bodies, beside)
+
+
+@contextmanager
+def opened(path: Path, output: Path | None) -> Iterator[Scene]:
+    """A scene that goes to the viewer, or to a file, which is there when all of it is; raises as ``show`` does."""
     if output:
         checked_name(output, (".rrd",))
     elif sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         raise BadInput("there is no display for the viewer Rerun: -o FILE.rrd writes its file")
     rerun, blueprints = library("rerun", "view"), library("rerun.blueprint", "view")
-    with Log(path) as log:
-        bodies = Bodies(RunData(log), RATE, colour)
-        beside = plots(log)
-        scale = bodies.range()
-        arranged = _arranged(blueprints, bodies, beside, scale)
-        recording = rerun.RecordingStream("cotrack", make_default=False, make_thread_default=False)
-        recording.send_recording_name(f"{path.stem}: {bodies.title}")
-        if output is None:
-            try:
-                recording.spawn(default_blueprint=arranged)
-                _send(rerun, recording, bodies, beside, scale)
-                recording.flush()
-            except RuntimeError as error:  # the viewer does not start, or was closed
-                raise BadInput(f"the viewer Rerun takes nothing: {error}; -o FILE.rrd writes its file") from None
-            return
-        with written(output) as beside_output:
-            recording.save(beside_output, default_blueprint=arranged)
-            try:
-                _send(rerun, recording, bodies, beside, scale)
-            finally:
-                recording.disconnect()  # the file is whole and closed
+    recording = rerun.RecordingStream("cotrack", make_default=False, make_thread_default=False)
+    if output is None:
+        try:
+            yield Scene(rerun, blueprints, recording, path.stem, None)
+            recording.flush()
+        except RuntimeError as error:  # the viewer does not start, or was closed
+            raise BadInput(f"the viewer Rerun takes nothing: {error}; -o FILE.rrd writes its file") from None
+        return
+    with written(output) as beside:
+        try:
+            yield Scene(rerun, blueprints, recording, path.stem, beside)
+        finally:
+            recording.disconnect()  # the file is whole and closed
+
+
+class Scene:
+    """A recording of Rerun that is made part by part: ``begin``, then all else, as often as there is more."""
+
+    def __init__(self, rerun: ModuleType, blueprints: ModuleType, recording: Any, name: str, file: Path | None) -> None:
+        self._rerun, self._blueprints, self._recording = rerun, blueprints, recording
+        self._name, self._file = name, file
+
+    def begin(self, bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> None:
+        """Where views stand; from here on there is a viewer, or a file."""
+        arranged = _arranged(self._blueprints, bodies, beside, scale)
+        self._recording.send_recording_name(f"{self._name}: {bodies.title}")
+        if self._file is None:
+            self._recording.spawn(default_blueprint=arranged)
+        else:
+            self._recording.save(self._file, default_blueprint=arranged)
+        for plot in beside:
+            for signal in plot.signals:
+                line = self._rerun.SeriesLines(names=signal)
+                self._recording.log(path_of("plots", plot.name, signal), line, static=True)
+
+    def shapes(self, bodies: Bodies, reach: Reach, before: Reach | None = None) -> None:
+        """What does not change, each in its own frame; after ``before`` nothing but a ground that has grown."""
+        if before is None:
+            _send_shapes(self._rerun, self._recording, bodies)
+        if bodies.ground and reach != before:
+            _send_ground(self._rerun, self._recording, bodies.ground, reach)
+
+    def poses(self, bodies: Bodies, scale: tuple[float, float]) -> None:
+        """Where everything is at the instants of ``bodies``."""
+        for poses in bodies.blocks():
+            _send_poses(self._rerun, self._recording, bodies, poses, scale)
+
+    def curves(self, bodies: Bodies, beside: list[Plot], window: tuple[float, float] = EVER) -> None:
+        """Every record of their signals in a window, s."""
+        rerun = self._rerun
+        for plot, signal, t, values in curves(bodies.run.log, beside, window):
+            times = [rerun.TimeColumn(TIMELINE, duration=t)]
+            place = path_of("plots", plot.name, signal)
+            self._recording.send_columns(place, times, rerun.Scalars.columns(scalars=values))
 
 
 def path_of(*names: str) -> str:
     """The path of an entity; names of a log may hold anything."""
     return str(library("rerun", "view").new_entity_path(list(names)))
-
-
-def _send(rerun: ModuleType, recording: Any, bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> None:
-    _send_shapes(rerun, recording, bodies)
-    for poses in bodies.blocks():
-        _send_poses(rerun, recording, bodies, poses, scale)
-    for plot in beside:
-        for signal in plot.signals:
-            recording.log(path_of("plots", plot.name, signal), rerun.SeriesLines(names=signal), static=True)
-    for plot, signal, t, values in curves(bodies.run.log, beside):
-        times = [rerun.TimeColumn(TIMELINE, duration=t)]
-        recording.send_columns(path_of("plots", plot.name, signal), times, rerun.Scalars.columns(scalars=values))
 
 
 def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
@@ -100,17 +136,15 @@ def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
         lines = bodies.hull.corners[bodies.hull.edges]
         shape = rerun.LineStrips3D(lines, colors=[colours.HULL], radii=0.012)
         recording.log(path_of("world", "hull", "shape"), shape, static=True)
-    if bodies.ground:
-        low, high, far = travelled(bodies)
-        corners = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM)
-        recording.log(
-            "world/ground",
-            _mesh(rerun, corners.reshape(-1, 3), strip_triangles(len(corners)), colours.EARTH),
-            static=True,
-        )
-        marks = metres(bodies.ground, low - ROOM, high + ROOM, far + ROOM)
-        lines = rerun.LineStrips3D(marks, colors=[(120, 105, 85)], radii=0.004)
-        recording.log("world/ground/metres", lines, static=True)
+
+
+def _send_ground(rerun: ModuleType, recording: Any, ground: Ground, reach: Reach) -> None:
+    low, high, far = reach.low - ROOM, reach.high + ROOM, reach.far + ROOM
+    corners = strip(ground, low, high, far)
+    mesh = _mesh(rerun, corners.reshape(-1, 3), strip_triangles(len(corners)), colours.EARTH)
+    recording.log("world/ground", mesh, static=True)
+    lines = rerun.LineStrips3D(metres(ground, low, high, far), colors=[(120, 105, 85)], radii=0.004)
+    recording.log("world/ground/metres", lines, static=True)
 
 
 def _mesh(rerun: ModuleType, corners: Floats, triangles: NDArray[np.int64], colour: tuple[int, int, int]) -> Any:

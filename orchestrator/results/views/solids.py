@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,17 +51,26 @@ def spokes(wheel: Wheel) -> Floats:
     return np.concatenate([lines - aside, lines + aside])
 
 
-def travelled(bodies: Bodies) -> tuple[float, float, float]:
-    """Least and largest place along the way that the bodies come to, and how far from it aside, m."""
-    profile = bodies.ground
-    assert profile is not None
-    aside = np.cross([0.0, 0.0, 1.0], profile.ahead)
-    low, high, far = np.inf, -np.inf, 0.0
-    for poses in bodies.blocks():
-        offset = places(poses) - profile.start
-        low, high = min(low, float((offset @ profile.ahead).min())), max(high, float((offset @ profile.ahead).max()))
-        far = max(far, float(np.abs(offset @ aside).max()))
-    return low, high, far
+class Reach(NamedTuple):
+    """How far bodies come: least and largest place along the way, and how far from it aside, m."""
+
+    low: float = np.inf
+    high: float = -np.inf
+    far: float = 0.0
+
+    def with_bodies(self, bodies: Bodies) -> Reach:
+        """Also as far as these."""
+        profile = bodies.ground
+        if profile is None:
+            return self
+        low, high, far = self
+        aside = np.cross([0.0, 0.0, 1.0], profile.ahead)
+        for poses in bodies.blocks():
+            offset = places(poses) - profile.start
+            along = offset @ profile.ahead
+            low, high = min(low, float(along.min())), max(high, float(along.max()))
+            far = max(far, float(np.abs(offset @ aside).max()))
+        return Reach(low, high, far)
 
 
 def places(poses: Poses) -> Floats:

@@ -1,0 +1,74 @@
+"""A run in Rerun while it goes on: what has come into its log is sent, again and again, until the run has ended."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.results.run_data import RunData
+from orchestrator.results.views import rerun_scene
+from orchestrator.results.views.bodies import Bodies
+from orchestrator.results.views.plots import plots
+from orchestrator.results.views.solids import Reach
+
+PERIOD = 0.25  # s: how often a recorder writes at least
+PATIENCE = 60.0  # s, for the first records: a run may have to compile before it starts
+AFTER = 1e-6  # s: what comes so much later is new
+MARGIN = 1.5  # by which the scale of colours reaches beyond what the first records show
+
+
+def follow(path: Path, output: Path | None = None, colour: str | None = None) -> None:
+    """Show a log that is being written, in the viewer or as a file of Rerun, from its start on.
+
+    Of a log that is whole it shows all, once. Raises BadInput where nothing comes, or for what cannot be shown or
+    written, and NotInstalled.
+    """
+    with rerun_scene.opened(path, output) as scene:
+        sent, reach, scale, begun = float("-inf"), Reach(), (0.0, 1.0), False
+        for log, end in _grown(path):
+            if end <= sent:
+                continue
+            bodies = Bodies(RunData(log), rerun_scene.RATE, colour, (sent + AFTER, end))
+            if not len(bodies.t):
+                continue
+            beside = plots(log)
+            if not begun:
+                low, high = bodies.range()
+                scale, begun = (low, MARGIN * high), True
+                scene.begin(bodies, beside, scale)
+            grown = reach.with_bodies(bodies)
+            scene.shapes(bodies, grown, before=reach if sent >= 0.0 else None)
+            scene.poses(bodies, scale)
+            scene.curves(bodies, beside, (sent + AFTER, end))
+            sent, reach = end, grown
+
+
+def _grown(path: Path) -> Iterator[tuple[Log, float]]:
+    """The log, opened anew whenever it may have grown, and the time up to which all topics are there, s."""
+    began, some = time.monotonic(), False
+    while True:
+        looked, going = time.monotonic(), True
+        try:
+            with Log(path) as log:
+                going = log.being_written
+                end = _common(log) if going else float("inf")
+                some |= end > 0.0
+                yield log, end
+        except LogUnreadable:  # not there yet, or nothing but its beginning
+            if some:
+                raise
+        if not going:
+            return
+        if not some and looked - began > PATIENCE:
+            raise BadInput(f"{path}: no run has written a record there for {PATIENCE:g} s")
+        time.sleep(max(PERIOD - (time.monotonic() - looked), 0.0))
+
+
+def _common(log: Log) -> float:
+    """The last time that every topic has come to, s; -inf where one has nothing."""
+    topics = [topic for topic in log.topics if topic.endswith(("/in", "/out", "/links"))]
+    ends = [log.ends(topic).t for topic in topics]
+    return min((float(t[-1]) if len(t) else float("-inf") for t in ends), default=float("-inf"))
