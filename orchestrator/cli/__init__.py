@@ -16,6 +16,7 @@ import typer
 from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
 from orchestrator.cli.common import ended_by, narration, tell
+from orchestrator.cli.report_commands import report
 from orchestrator.cli.result_commands import compare, replay
 from orchestrator.cli.run_commands import resume, run, truth
 from orchestrator.cli.scene_commands import build, scenes, show, warm
@@ -31,7 +32,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(log_commands.app, name="log")
-for command in (scenes, show, build, run, resume, replay, compare, view, analyse, plot, study, truth, bench, warm):
+for command in (scenes, show, build, run, resume, replay, compare, view, analyse, plot, report, study, truth, bench, warm):
     app.command()(command)
 
 

@@ -1,4 +1,4 @@
-"""Libraries of an extra, imported when they are asked for."""
+"""Libraries of extras, imported when they are asked for."""
 
 from __future__ import annotations
 

@@ -1,0 +1,70 @@
+"""Where the work of the drives went: the ledger's sums, by what holds it and who lost it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from orchestrator.results.energy import STORED, Ledger
+from orchestrator.results.page.words import and_list, instance, percent, quantity
+from orchestrator.results.run_data import RunData
+
+KINDS = {
+    "kinetic": "motion",
+    "gravity": "height",
+    "strain": "strain of links",
+    "spring": "springs",
+    "contact": "contacts",
+}
+
+
+class Balance(NamedTuple):
+    """Energies over the run, J."""
+
+    stored: dict[str, float]  # by kind, as in STORED: change
+    lost: dict[str, float]  # by component, both sides of a half vehicle
+    ledger: Ledger
+
+
+def balance(run: RunData, found: Ledger) -> Balance:
+    """The parts of a ledger's sums; raises Missing, LogUnreadable."""
+    stored = dict.fromkeys(STORED, 0.0)
+    lost = {}
+    for name in run.instances:
+        copies = run.copies(name)
+        for kind in STORED:
+            if run.has(f"{name}.energy.{kind}"):
+                first, last = run.ends(f"{name}.energy.{kind}")
+                stored[kind] += copies * (last - first)
+        if run.has(f"{name}.energy.dissipated"):
+            first, last = run.ends(f"{name}.energy.dissipated")
+            lost[name] = copies * (last - first)
+    return Balance({kind: energy for kind, energy in stored.items() if energy}, lost, found)
+
+
+def sentence(found: Balance) -> str:
+    """The balance in words, HTML."""
+    work, change = found.ledger.work, found.ledger.change
+    lost, left = found.ledger.dissipated, found.ledger.residual
+    scale = max(abs(work), abs(change), abs(lost))
+    if scale < 1e-3:
+        return "Next to no energy moved in this run."
+    told = []
+    if abs(work) > 1e-6 * scale:
+        told.append(f"The drives put in <b>{quantity(work, 'J')}</b>.")
+    kinds = sorted(found.stored.items(), key=lambda each: -abs(each[1]))
+    kinds = [(kind, energy) for kind, energy in kinds if abs(energy) > 0.01 * scale][:3]
+    of_work = f" ({percent(change / work)} of the work)" if work > 1e-3 * scale else ""
+    named = [f"{KINDS[kind]} {quantity(energy, 'J')}" for kind, energy in kinds]
+    parts = f": {and_list(named)}" if named else ""
+    verb = "more" if change >= 0.0 else "less"
+    told.append(f"At the end {quantity(abs(change), 'J')}{of_work} {verb} is stored than at the start{parts}.")
+    losers = sorted(found.lost.items(), key=lambda each: -abs(each[1]))[:3]
+    named = [f"{instance(name)} {quantity(energy, 'J')}" for name, energy in losers if abs(energy) > 0.01 * abs(lost)]
+    most = f", most of it in {and_list(named)}" if named else ""
+    of_work = f" ({percent(lost / work)})" if work > 1e-3 * scale else ""
+    told.append(f"{quantity(lost, 'J')}{of_work} was dissipated{most}.")
+    told.append(
+        f"The books leave {quantity(left, 'J')} open, {percent(found.ledger.residual_relative, 2)} of the largest sum:"
+        " that is the error of the steps, not a physical loss."
+    )
+    return " ".join(told)

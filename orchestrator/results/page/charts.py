@@ -1,0 +1,92 @@
+"""Charts as tables for the script of the page: what is drawn, in which unit, in whose colour."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.page.circuit import Section
+from orchestrator.results.page.embedded import floats
+from orchestrator.results.page.envelope import Curve, Peak
+from orchestrator.results.page.words import scaled, text
+
+Chart = dict[str, Any]
+
+
+class Line(NamedTuple):
+    """A curve of a chart."""
+
+    name: str
+    curve: Curve
+    colour: int  # place in the page's row of colours
+    reference: bool = False  # drawn dashed
+    behind: bool = False  # drawn broad, so that one that covers it leaves it visible
+    points: bool = False  # its samples are marked
+
+
+def lines(
+    quantity: str,
+    unit: str,
+    drawn: Iterable[Line],
+    *,
+    x: str = "time, s",
+    timed: bool = True,
+    sections: Sequence[Section] = (),
+    mark: Peak | None = None,
+    factor: float | None = None,
+) -> Chart:
+    """Curves over time, or over something else; ``factor``: what the unit is multiplied by, by default a handy one."""
+    curves = list(drawn)
+    size = max((float(np.nanmax(np.abs(line.curve.y), initial=0.0)) for line in curves), default=0.0)
+    best, name = scaled(size, unit)
+    by = best if factor is None else factor
+    return {
+        "kind": "lines",
+        "x": x,
+        "y": f"{quantity}, {name}" if name else quantity,
+        "timed": timed,
+        "traces": [
+            {
+                "name": text(line.name),
+                "t": floats(line.curve.t),
+                "y": floats(line.curve.y / by),
+                "colour": line.colour,
+                "reference": line.reference,
+                "behind": line.behind,
+                "points": line.points,
+            }
+            for line in curves
+        ],
+        "sections": [[section.start, section.end, text(section.name)] for section in sections],
+        "mark": [mark.t, mark.value / by] if mark else None,
+    }
+
+
+def waterfall(rows: Sequence[tuple[str, float, str]]) -> Chart:
+    """Energies, J, one after the other; of each its name, what is added, and "absolute", "relative" or "total"."""
+    factor, unit = scaled(max((abs(energy) for _, energy, _ in rows), default=1.0), "J")
+    return {
+        "kind": "waterfall",
+        "x": f"energy, {unit}",
+        "labels": [text(name) for name, *_ in rows],
+        "values": [energy / factor for _, energy, _ in rows],
+        "measures": [measure for *_, measure in rows],
+    }
+
+
+def heat(quantity: str, unit: str, t: Floats, values: Floats, mark: tuple[float, int, str] | None = None) -> Chart:
+    """Values (m, links) over time and link; ``mark``: time, link and a word."""
+    factor, name = scaled(float(np.nanmax(np.abs(values), initial=0.0)), unit)
+    return {
+        "kind": "heat",
+        "x": "time, s",
+        "y": "link",
+        "z": f"{quantity}, {name}",
+        "t": floats(t),
+        "links": values.shape[1],
+        "values": floats(values.T / factor),
+        "mark": [mark[0], mark[1], text(mark[2])] if mark else None,
+    }

@@ -1,0 +1,109 @@
+"""The page as one text: head, sections, data, style, script and the plotting library."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+from orchestrator.log.extra import library
+from orchestrator.results.page import facts, sections
+from orchestrator.results.page.embedded import script
+from orchestrator.results.page.provenance import compared, made
+from orchestrator.results.page.sections import Pair, Section
+from orchestrator.results.page.side_view import side_view
+from orchestrator.results.page.study import Study, attempt
+from orchestrator.results.page.words import number, text
+
+# nothing may be asked of anywhere, whatever the page or its library come to hold
+POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+
+
+def plotting() -> str:
+    """The script of the plotting library; raises NotInstalled."""
+    return str(library("plotly.offline", "report").get_plotlyjs())
+
+
+def document(run: Study, reference: Study | None, plots: str) -> str:
+    """The page of a run; raises LogUnreadable."""
+    pair = Pair(run, reference)
+    found = facts.figures(run)
+    player = _player(run)
+    drawn = re.search(r"plotly\.js v([\d.]+)", plots[:400])
+    parts = [
+        sections.checks(pair),
+        *filter(None, [player, compared(pair)]),
+        *(one for make in (sections.motion, sections.drive, sections.energy, sections.tension, sections.loads)
+          if (one := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
+        sections.happened(pair),
+        made(pair, f"plotly.js {drawn[1]}" if drawn else "plotly.js"),
+    ]  # fmt: skip
+    charts = {name: chart for part in parts for name, chart in part.charts.items() if name != "player"}
+    data = {
+        "figures": found,
+        "charts": charts,
+        "player": player.charts["player"] if player else None,
+        "span": list(run.span),
+    }
+    return "".join(_pieces(run, reference, found, parts, data, plots))
+
+
+def _player(run: Study) -> Section | None:
+    for chain in run.chains.values():
+        if view := attempt(lambda chain=chain: side_view(run.run, chain), run.missing):  # type: ignore[misc]
+            return Section("view", "Side view", "What does it look like?", _VIEW, {"player": view})
+    return None
+
+
+_VIEW = """<figure class="player"><canvas id="view" role="img" aria-label="side view of one track"></canvas>
+<div class="controls"><button type="button" id="play" aria-label="play or pause">Play</button>
+<input type="range" id="time" min="0" value="0" step="1" aria-label="time">
+<output id="clock"></output>
+<select id="pace" aria-label="pace"><option value="0.1">0.1 &times;</option><option value="0.25">&frac14; &times;</option>
+<option value="0.5">&frac12; &times;</option><option value="1" selected>real time</option>
+<option value="2">2 &times;</option></select></div>
+<div class="legend"><span>link tension, kN</span><span id="least"></span><i id="scale"></i><span id="most"></span></div>
+<figcaption><p id="viewed"></p><p class="muted">Space plays and pauses, the arrow keys go picture by picture. A click on
+a curve over time brings that instant here. Marks on the ground are 1 m apart; the ring is round the link that bears the
+most.</p></figcaption></figure>"""
+
+
+def _pieces(
+    run: Study,
+    reference: Study | None,
+    found: dict[str, Any],
+    parts: Sequence[Section],
+    data: dict[str, Any],
+    plots: str,
+) -> list[str]:
+    """HTML, in order."""
+    verdict = facts.verdict(run)
+    title = facts.title(run)
+    against = f" against {text(reference.run.log.path.name)}" if reference else ""
+    tiles = "".join(
+        f'<div class="tile"><div class="label">{tile.label}</div><div class="value">{tile.value}</div>'
+        f'<div class="note">{tile.note}</div></div>'
+        for tile in facts.tiles(run, found)
+    )
+    setting = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in facts.setting(run))
+    contents = "".join(f'<a href="#{part.key}">{part.name}</a>' for part in parts)
+    body = "".join(f'<section id="{part.key}"><h2>{part.title}</h2>{part.html}</section>' for part in parts)
+    return [
+        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">',
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        '<meta name="color-scheme" content="light dark">',
+        f'<title>{title}</title><link rel="icon" href="data:,"><style>{_asset("page.css")}</style></head><body>',
+        f'<header><p class="kicker">Report of a run{against} &middot; {text(run.run.log.path.name)} &middot;'
+        f" {number(run.span[1] - run.span[0])} s</p><h1>{title}</h1>",
+        f'<p class="verdict {verdict.mood}"><b>{verdict.word}.</b> {verdict.sentence}</p>',
+        f'<div class="tiles">{tiles}</div><dl class="setting">{setting}</dl></header>',
+        f'<nav aria-label="contents">{contents}</nav><main>{body}</main>',
+        f'<script type="application/json" id="data">{script(data)}</script>',
+        f"<script>{plots}</script><script>{_asset('page.js')}</script></body></html>\n",
+    ]
+
+
+def _asset(name: str) -> str:
+    return files("orchestrator.results.page").joinpath(name).read_text(encoding="utf-8")

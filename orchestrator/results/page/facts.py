@@ -1,0 +1,236 @@
+"""The head of a page: what ran, how it ended, and its key figures."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, NamedTuple
+
+from orchestrator.results.page import chain as links
+from orchestrator.results.page.signals import Recorded
+from orchestrator.results.page.study import NOTHING, Study
+from orchestrator.results.page.words import instance, number, percent, quantity, text
+
+OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
+KMH = 3.6
+
+
+class Tile(NamedTuple):
+    """A key figure, HTML."""
+
+    label: str
+    value: str
+    note: str
+
+
+class Verdict(NamedTuple):
+    """How a run stands, HTML."""
+
+    mood: str  # good, fair, bad
+    word: str
+    sentence: str
+
+
+def title(study: Study) -> str:
+    """Of the scene, or the log's name; HTML."""
+    about = study.run.log.metadata.get("run", {})
+    return text(about.get("title") or study.run.scene.get("title") or about.get("scene") or study.run.log.path.name)
+
+
+def setting(study: Study) -> list[tuple[str, str]]:
+    """What ran, in pairs of a name and a value, HTML."""
+    log = study.run.log
+    about, versions, origin = (log.metadata.get(name, {}) for name in ("run", "versions", "provenance"))
+    start, end = study.span
+    pairs = [
+        ("scene", text(about["scene"]) if "scene" in about else ""),
+        ("links", f"{text(about['track'])} links" if about.get("track") else ""),
+        ("coupling", text(about.get("coupling", ""))),
+        ("step", _step(about)),
+        ("duration", f"{number(end - start)} s"),
+        ("components", "FMUs of machine code (native)" if about.get("fmus") == "native" else "Python FMUs"),
+        ("recorded", text(origin.get("created", ""))),
+        ("machine", text(", ".join(filter(None, (origin.get("processor"), origin.get("system")))))),
+        ("cotrack", text(" ".join(filter(None, (versions.get("cotrack"), _commit(origin)))))),
+    ]
+    if study.run.scene.get("symmetric"):
+        pairs.append(("symmetry", "the left half ran for both; energies and weights are those of the whole"))
+    return [(name, value) for name, value in pairs if value]
+
+
+def _commit(origin: dict[str, str]) -> str:
+    return f"(commit {origin['commit'][:10]})" if origin.get("commit") else ""
+
+
+def _step(about: dict[str, str]) -> str:
+    try:
+        step = f"{number(1e3 * float(about['step']))} ms"
+    except (LookupError, ValueError):
+        return ""
+    return step if about.get("step_control", "fixed") == "fixed" else f"variable, {step} at first"
+
+
+def result(study: Study, name: str) -> Any:
+    """A result of the closing record; None where there is none."""
+    try:
+        return json.loads((study.run.log.closing or {})["results"][name])
+    except (LookupError, ValueError, TypeError):
+        return None
+
+
+def verdict(study: Study) -> Verdict:
+    """How it ended and whether it is as expected."""
+    log, checks = study.run.log, study.judged.checks
+    missed = [name for name, check in checks.items() if not check["ok"]]
+    judged = f"{len(checks) - len(missed)} of {len(checks)} checks met" if checks else "the log names no checks to make"
+    open_share = abs(study.balance.ledger.residual_relative) if study.balance else 0.0
+    if log.closing is None:
+        return Verdict(
+            "bad", "Cut off", f"The record ends at {number(study.span[1])} s without a closing record; {judged}."
+        )
+    if log.closing["status"] != "ok":
+        message = text(log.closing["message"] or "no reason was recorded")
+        return Verdict("bad", "Failed", f"The run ended at {number(study.span[1])} s: {message}")
+    if missed:
+        names = text(", ".join(name.replace("_", " ") for name in missed))
+        return Verdict("bad", "Checks not met", f"The run finished; {judged}. Not met: {names}.")
+    if open_share > OPEN:
+        return Verdict("bad", "Energy open", f"The energy books leave {percent(open_share)} open: steps are too long.")
+    if not log.complete:
+        return Verdict("fair", "Finished, record damaged", f"{text(' '.join(log.faults))} {judged.capitalize()}.")
+    sentence = f"The run finished; {'all ' if checks else ''}{judged}."
+    return Verdict("good" if checks else "fair", "Finished" if not checks else "As expected", sentence)
+
+
+def figures(study: Study) -> dict[str, Any]:
+    """Key figures as numbers, SI, for the page and for programs; without those that the log does not hold."""
+    found: dict[str, Any] = {}
+    speeds = [name for name in ("chassis.speed",) if name in study.signals] or [
+        f"{track}.speed" for track in study.run.tracks if f"{track}.speed" in study.signals
+    ]
+    if speeds:
+        found["top_speed"] = _largest(study, speeds)
+    if "chassis.distance" in study.signals:
+        found["distance"] = {"value": study.run.ends("chassis.distance")[1], "unit": "m"}
+    tracks = study.run.tracks
+    for key, signal in (("tension", "tension.max"), ("stress", "stress.max"), ("ground_force", "ground.force.z")):
+        names = [f"{track}.{signal}" for track in tracks if f"{track}.{signal}" in study.signals]
+        if names:
+            found[key] = _most(study, names)
+    if "tension" in found:
+        found["tension"] |= _bearer(study, found["tension"], "tension")
+    if found.get("stress", {}).get("value"):
+        found["stress"] |= _bearer(study, found["stress"], "stress")
+    else:
+        found.pop("stress", None)  # rigid links
+    loads = [name for name in study.signals if ".road_wheel[" in name and name.endswith(".force.z")]
+    if loads:
+        found["wheel_load"] = _most(study, loads)
+    if study.balance:
+        found["energy"] = study.balance.ledger._asdict() | {"unit": "J"}
+    wall, duration = result(study, "wall_time"), study.span[1] - study.span[0]
+    if isinstance(wall, (int, float)) and wall > 0.0:
+        found["real_time_factor"] = {"value": duration / wall, "wall_time": wall}
+    error = result(study, "error")
+    if isinstance(error, dict):
+        found["error"] = {"value": error.get("total"), "message": error.get("message", "")}
+    for key in ("weight", "ground_force"):
+        if (value := study.judged.observables.get(key)) is not None and value == value:
+            found.setdefault("carried", {})[key] = value
+    return found
+
+
+def _largest(study: Study, names: list[str]) -> dict[str, Any]:
+    name = max(names, key=lambda each: abs(study.signals[each].largest.value))
+    return _told(name, study.signals[name], study.signals[name].largest.value, study.signals[name].largest.t)
+
+
+def _most(study: Study, names: list[str]) -> dict[str, Any]:
+    name = max(names, key=lambda each: study.signals[each].most.value)
+    return _told(name, study.signals[name], *study.signals[name].most)
+
+
+def _told(name: str, signal: Recorded, value: float, t: float) -> dict[str, Any]:
+    return {"value": value, "t": t, "signal": name, "unit": signal.unit}
+
+
+def _bearer(study: Study, largest: dict[str, Any], what: str) -> dict[str, Any]:
+    """The link that bore it, in the record of links nearest in time; nothing where links were not recorded."""
+    track = largest["signal"].partition(".")[0]
+    found = study.chains.get(track)
+    columns = getattr(found.columns, what) if found else []
+    if not found or not columns:
+        return {}
+    series = links.at(study.run, found, largest["t"], columns)
+    best = int(series.values[0].argmax())
+    return {"link": best + 1, "link_t": float(series.t[0]), "link_value": float(series.values[0, best])}
+
+
+def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
+    """The key figures that there are."""
+    made = []
+    if speed := found.get("top_speed"):
+        hull = speed["signal"].startswith("chassis")
+        fast = f"{number(abs(speed['value']) * KMH, 3)} km/h, " if hull else ""
+        back = ", backwards" if hull and speed["value"] < 0.0 else ""
+        made.append(
+            Tile("Top speed" if hull else "Top chain speed", quantity(abs(speed["value"]), "m/s"),
+                 f"{fast}at {number(speed['t'])} s{back}")
+        )  # fmt: skip
+    if distance := found.get("distance"):
+        made.append(Tile("Distance", quantity(distance["value"], "m"), "along the heading at the start"))
+    if tension := found.get("tension"):
+        made.append(Tile("Largest link tension", quantity(tension["value"], "N"), _borne(tension)))
+    if stress := found.get("stress"):
+        made.append(Tile("Largest link stress", quantity(stress["value"], "Pa"), f"axial, {_borne(stress)}"))
+    if load := found.get("wheel_load"):
+        track, _, wheel = load["signal"].removesuffix(".force.z").partition(".")
+        place = f"{text(wheel.replace('road_wheel', 'road wheel '))}, {instance(track)}, at {number(load['t'])} s"
+        made.append(Tile("Largest wheel load", quantity(load["value"], "N"), place))
+    if carried := found.get("carried"):
+        shown = [name for name in ("weight", "ground_force") if name in carried]
+        ground = (
+            f"ground carries {quantity(carried['ground_force'], 'N')}, mean of the last second"
+            if len(shown) > 1
+            else ""
+        )
+        name = "Weight" if shown[0] == "weight" else "Ground carries"
+        made.append(Tile(name, quantity(carried[shown[0]], "N"), ground))
+    if energy := found.get("energy"):
+        share = f" of {quantity(energy['work'], 'J')} put in" if abs(energy["work"]) > 1e-3 else ""
+        made.append(Tile("Energy dissipated", quantity(energy["dissipated"], "J"), share.strip()))
+        made.append(
+            Tile(
+                "Energy books open", percent(energy["residual_relative"], 2), f"{quantity(energy['residual'], 'J', 3)}"
+            )
+        )
+    made.append(_error(study, found))
+    if pace := found.get("real_time_factor"):
+        factor = pace["value"]
+        shown = f"{number(factor, 3)} \N{MULTIPLICATION SIGN}"
+        made.append(Tile("Faster than real time" if factor >= 1.0 else "Share of real time", shown,
+                         f"{number(pace['wall_time'], 3)} s of computing"))  # fmt: skip
+    return made
+
+
+def _borne(largest: dict[str, Any]) -> str:
+    """Which link, where and when."""
+    when = f"{instance(largest['signal'].partition('.')[0])}, at {number(largest['t'])} s"
+    if "link" not in largest:
+        return when
+    return f"link {largest['link']}, {when}"
+
+
+def _error(study: Study, found: dict[str, Any]) -> Tile:
+    error = found.get("error")
+    if error is None:
+        return Tile("Estimated error", "not estimated", "this run was recorded without coarser companions")
+    if not isinstance(error["value"], (int, float)):
+        return Tile("Estimated error", "not known", text(error["message"]))
+    try:
+        parts = {name: one["total"] for name, one in result(study, "error")["observables"].items() if one["decisive"]}
+        worst = max(parts, key=lambda name: parts[name])
+    except NOTHING:
+        return Tile("Estimated error", percent(error["value"], 2), "")
+    return Tile(
+        "Estimated error", percent(error["value"], 2), f"of {text(worst.replace('_', ' '))}, the worst observable"
+    )

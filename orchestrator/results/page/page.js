@@ -1,0 +1,315 @@
+"use strict";
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const bytes = (packed) => Uint8Array.from(atob(packed), (c) => c.charCodeAt(0)).buffer;
+  const floats = (packed) => new Float32Array(bytes(packed));
+  const shorts = (packed) => new Int16Array(bytes(packed));
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  const number = (x, digits) => Number(x).toPrecision(digits || 4).replace(/\.?0+$/, "").replace("-", "\u2212");
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const narrow = () => window.innerWidth < 560;
+  let seek = () => {};
+
+  // --- charts ---------------------------------------------------------------------------------------
+
+  const axis = (title, more) => ({
+    title: { text: title, font: { size: 12 }, standoff: 8 },
+    gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("line"), automargin: true,
+    tickfont: { size: 11 }, ...more,
+  });
+
+  const layout = (more) => ({
+    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+    font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: colour("muted") },
+    margin: { l: 52, r: 12, t: 26, b: 42 }, hovermode: "closest",
+    hoverlabel: { bgcolor: colour("surface"), bordercolor: colour("line"), font: { color: colour("ink") } },
+    legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 12, color: colour("ink") } },
+    ...more,
+  });
+
+  const sectioned = (chart) => {
+    const shapes = [], annotations = [];
+    const known = narrow() ? { "lower run": "lower", "upper run": "upper", sprocket: "", idler: "" } : {};
+    chart.sections.forEach(([start, end, name], k) => {
+      if (k % 2 === 0) {
+        shapes.push({ type: "rect", xref: "x", yref: "paper", x0: start, x1: end, y0: 0, y1: 1, line: { width: 0 },
+          fillcolor: colour("band"), layer: "below" });
+      }
+      annotations.push({ x: 0.5 * (start + end), y: 0, yref: "paper", yanchor: "bottom", text: known[name] ?? name,
+        showarrow: false, font: { size: 11, color: colour("muted") } });
+    });
+    return { shapes, annotations };
+  };
+
+  const lines = (chart) => {
+    const traces = chart.traces.map((trace) => ({
+      type: "scatter", mode: trace.points ? "lines+markers" : "lines", name: trace.name,
+      x: Array.from(floats(trace.t)), y: Array.from(floats(trace.y)),
+      line: { color: colour(`c${trace.colour % 6}`), width: trace.behind ? 4 : 1.5, dash: trace.reference ? "dash" : "solid" },
+      marker: { size: 4 }, opacity: trace.behind ? 0.45 : 1,
+      hovertemplate: `%{y:.4g}<br>${chart.x.split(",")[0]} %{x:.4g}<extra>${trace.name}</extra>`,
+    }));
+    if (chart.mark) {
+      traces.push({ type: "scatter", mode: "markers", x: [chart.mark[0]], y: [chart.mark[1]], hoverinfo: "skip",
+        showlegend: false, marker: { size: 10, color: "rgba(0,0,0,0)", line: { width: 2, color: colour("bad") } } });
+    }
+    const range = chart.timed ? { range: data.span } : {};
+    const y = chart.equal ? { scaleanchor: "x", scaleratio: 1 } : {};
+    return [traces, layout({ xaxis: axis(chart.x, range), yaxis: axis(chart.y, y), ...sectioned(chart),
+      showlegend: chart.traces.length > 1 })];
+  };
+
+  const waterfall = (chart) => {
+    const shown = chart.labels.map((label) => (narrow() ? label.replace(": ", ":<br>") : label));
+    const trace = {
+      type: "waterfall", orientation: "h", y: shown, x: chart.values, measure: chart.measures,
+      text: chart.values.map((x) => number(x, 3)), textposition: "outside", cliponaxis: false,
+      connector: { line: { color: colour("line"), width: 1 } },
+      increasing: { marker: { color: colour("c2") } }, decreasing: { marker: { color: colour("c1") } },
+      totals: { marker: { color: colour("c0") } }, hovertemplate: "%{y}: %{text}<extra></extra>",
+      textfont: { color: colour("ink") },
+    };
+    return [[trace], layout({ xaxis: axis(chart.x), yaxis: axis("", { autorange: "reversed", tickfont: { size: 12, color: colour("ink") } }),
+      showlegend: false, margin: { l: 20, r: 48, t: 8, b: 42 } })];
+  };
+
+  const heat = (chart) => {
+    const t = Array.from(floats(chart.t)), values = floats(chart.values), rows = [];
+    for (let link = 0; link < chart.links; link++) {
+      rows.push(Array.from(values.subarray(link * t.length, (link + 1) * t.length), (x) => (Number.isNaN(x) ? null : x)));
+    }
+    const trace = {
+      type: "heatmap", x: t, y: Array.from({ length: chart.links }, (_, k) => k + 1), z: rows, colorscale: "Viridis",
+      colorbar: { title: { text: chart.z, side: "right", font: { size: 12 } }, thickness: 12, outlinewidth: 0, tickfont: { size: 11 } },
+      hovertemplate: "link %{y}, %{x:.4g} s<br>%{z:.4g}<extra></extra>", zsmooth: false,
+    };
+    const traces = [trace], annotations = [];
+    if (chart.mark) {
+      const [when, link, name] = chart.mark;
+      traces.push({ type: "scatter", mode: "markers", x: [when], y: [link], hoverinfo: "skip", showlegend: false,
+        marker: { size: 14, color: "rgba(0,0,0,0)", line: { width: 2.5, color: "#ff5a4f" } } });
+      annotations.push({ x: when, y: link, text: name, showarrow: true, arrowhead: 0, arrowcolor: "#ff5a4f", ax: when > 0.5 * (data.span[0] + data.span[1]) ? -60 : 60,
+        ay: link > 0.5 * chart.links ? 34 : -34, font: { size: 12, color: "#ffffff" }, bgcolor: "rgba(20,24,28,0.78)", borderpad: 3 });
+    }
+    return [traces, layout({ xaxis: axis(chart.x, { showgrid: false, range: data.span }), yaxis: axis(chart.y, { showgrid: false }),
+      annotations, margin: { l: 46, r: 8, t: 8, b: 42 } })];
+  };
+
+  const kinds = { lines, waterfall, heat };
+  const config = { displaylogo: false, responsive: true, displayModeBar: false, showSendToCloud: false };
+
+  const draw = (name, chart) => {
+    const place = document.getElementById(`chart-${name}`);
+    if (!place) return;
+    const [traces, look] = kinds[chart.kind](chart);
+    Plotly.react(place, traces, look, config).then(() => {
+      if (place.dataset.told || !(chart.timed || chart.kind === "heat")) return;
+      place.dataset.told = "yes";
+      place.on("plotly_click", (event) => seek(event.points[0].x, true));
+    });
+  };
+  const drawAll = () => Object.entries(data.charts).forEach(([name, chart]) => draw(name, chart));
+
+  // --- side view ------------------------------------------------------------------------------------
+
+  const VIRIDIS = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
+  const mixed = VIRIDIS.map((c) => [1, 3, 5].map((k) => parseInt(c.slice(k, k + 2), 16)));
+  const viridis = (share) => {
+    const place = Math.max(0, Math.min(1, share || 0)) * (mixed.length - 1);
+    const k = Math.min(Math.floor(place), mixed.length - 2);
+    return `rgb(${mixed[k].map((low, i) => Math.round(low + (place - k) * (mixed[k + 1][i] - low))).join(",")})`;
+  };
+
+  const player = (view) => {
+    const canvas = document.getElementById("view"), pen = canvas.getContext("2d");
+    const slider = document.getElementById("time"), clock = document.getElementById("clock");
+    const button = document.getElementById("play"), pace = document.getElementById("pace");
+    const t = floats(view.t), pins = shorts(view.pins), tension = floats(view.tension);
+    const wheels = view.wheels.map((wheel) => ({ ...wheel, centre: shorts(wheel.centre), angle: floats(wheel.angle) }));
+    const hull = view.hull && shorts(view.hull), corners = hull ? hull.length / 2 / view.pictures : 0;
+    const along = view.ground && floats(view.ground.along), speed = view.speed && floats(view.speed);
+    const [left, bottom] = view.low, [right, top] = view.high;
+    let now = 0, playing = false, began = 0, from = 0, scale = 1, ox = 0, oy = 0, width = 0, height = 0;
+    slider.max = view.pictures - 1;
+    document.getElementById("least").textContent = number(view.least / 1e3, 3);
+    document.getElementById("most").textContent = number(view.most / 1e3, 3);
+    document.getElementById("scale").style.background = `linear-gradient(90deg, ${VIRIDIS.join(",")})`;
+    document.getElementById("viewed").textContent =
+      `${view.track.replaceAll("_", " ")} seen from its left; ahead is to the right. ${view.pictures} pictures` +
+      (view.pictures > 1 ? `, one every ${number((t[t.length - 1] - t[0]) / (view.pictures - 1), 2)} s.` : ".");
+
+    const size = () => {
+      const ratio = window.devicePixelRatio || 1;
+      width = canvas.clientWidth;
+      height = Math.round(Math.min(Math.max(width * (top - bottom) / (right - left), 0.25 * width), 0.6 * width, 520));
+      canvas.style.height = `${height}px`;
+      canvas.width = width * ratio;
+      canvas.height = height * ratio;
+      pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+      scale = Math.min(width / (right - left), height / (top - bottom));
+      ox = 0.5 * (width - scale * (left + right));
+      oy = 0.5 * (height + scale * (top + bottom));
+    };
+    const X = (x) => ox + scale * x, Y = (y) => oy - scale * y;
+
+    const soil = (k) => {
+      const shift = along[k], points = view.ground.corners.map(([a, z]) => [X(a - shift), Y(z)]);
+      pen.beginPath();
+      pen.moveTo(0, Y(0));
+      points.forEach(([x, y]) => pen.lineTo(x, y));
+      pen.lineTo(width, Y(0));
+      pen.lineTo(width, height);
+      pen.lineTo(0, height);
+      pen.closePath();
+      pen.fillStyle = colour("soil");
+      pen.fill();
+      pen.strokeStyle = colour("soil-edge");
+      pen.lineWidth = 1;
+      const first = Math.ceil((0 - ox) / scale + shift), last = Math.floor((width - ox) / scale + shift);
+      for (let mark = first; mark <= last; mark++) {
+        pen.beginPath();
+        pen.moveTo(X(mark - shift), Y(-0.02));
+        pen.lineTo(X(mark - shift), Y(-0.02) + 8);
+        pen.stroke();
+      }
+      pen.beginPath();
+      pen.moveTo(0, Y(0));
+      points.forEach(([x, y]) => pen.lineTo(x, y));
+      pen.lineTo(width, Y(0));
+      pen.stroke();
+    };
+
+    const outline = (wheel, k, x, y) => {
+      pen.beginPath();
+      if (!wheel.teeth) {
+        pen.arc(x, y, scale * wheel.radius, 0, 2 * Math.PI);
+        return;
+      }
+      const half = Math.PI / wheel.teeth;
+      for (let tooth = 0; tooth < wheel.teeth; tooth++) {
+        [[-0.8, wheel.outer], [-0.25, wheel.root], [0.25, wheel.root], [0.8, wheel.outer]].forEach(([share, radius]) => {
+          const angle = wheel.angle[k] + 2 * half * tooth + share * half;
+          pen.lineTo(x + scale * radius * Math.cos(angle), y - scale * radius * Math.sin(angle));
+        });
+      }
+      pen.closePath();
+    };
+
+    const paint = () => {
+      const k = now, pinAt = (i) => [X(pins[2 * (k * view.pinCount + i)] * view.unit), Y(pins[2 * (k * view.pinCount + i) + 1] * view.unit)];
+      pen.clearRect(0, 0, width, height);
+      if (view.ground) soil(k);
+      if (hull) {
+        pen.beginPath();
+        for (let i = 0; i < corners; i++) pen.lineTo(X(hull[2 * (k * corners + i)] * view.unit), Y(hull[2 * (k * corners + i) + 1] * view.unit));
+        pen.closePath();
+        pen.fillStyle = colour("hull");
+        pen.fill();
+      }
+      wheels.forEach((wheel) => {
+        const x = X(wheel.centre[2 * k] * view.unit), y = Y(wheel.centre[2 * k + 1] * view.unit);
+        outline(wheel, k, x, y);
+        pen.fillStyle = colour("wheel");
+        pen.fill();
+        pen.strokeStyle = colour("wheel-edge");
+        pen.lineWidth = 1.2;
+        pen.stroke();
+        const reach = 0.7 * scale * (wheel.root || wheel.radius);
+        for (let spoke = 0; spoke < 3; spoke++) {
+          const angle = wheel.angle[k] + 2 * Math.PI * spoke / 3;
+          pen.beginPath();
+          pen.moveTo(x, y);
+          pen.lineTo(x + reach * Math.cos(angle), y - reach * Math.sin(angle));
+          pen.stroke();
+        }
+      });
+      let most = -Infinity, worst = 0;
+      pen.lineCap = "butt";
+      for (let i = 0; i < view.links; i++) {
+        const [ax, ay] = pinAt(i), [bx, by] = pinAt((i + 1) % view.pinCount), pull = tension[k * view.links + i];
+        if (pull > most) [most, worst] = [pull, i];
+        const gap = 0.05;
+        pen.beginPath();
+        pen.moveTo(ax + gap * (bx - ax), ay + gap * (by - ay));
+        pen.lineTo(bx - gap * (bx - ax), by - gap * (by - ay));
+        pen.lineWidth = Math.max(2.5, 2 * view.face * scale);
+        pen.strokeStyle = viridis((pull - view.least) / (view.most - view.least));
+        pen.stroke();
+      }
+      const [ax, ay] = pinAt(worst), [bx, by] = pinAt((worst + 1) % view.pinCount);
+      pen.beginPath();
+      pen.arc(0.5 * (ax + bx), 0.5 * (ay + by), Math.max(9, 0.11 * scale), 0, 2 * Math.PI);
+      pen.strokeStyle = colour("bad");
+      pen.lineWidth = 2;
+      pen.stroke();
+      const words = [`link ${worst + 1} bears ${number(most / 1e3, 3)} kN`];
+      if (speed) words.unshift(`${number(Math.abs(speed[k]) < 5e-4 ? 0 : speed[k], 3)} m/s`);
+      pen.fillStyle = colour("ink");
+      pen.font = `600 14px ${getComputedStyle(document.body).fontFamily}`;
+      pen.fillText(words.join("   "), 2, 16);
+      clock.textContent = `${t[k].toFixed(2)} s`;
+      slider.value = k;
+      slider.setAttribute("aria-valuetext", clock.textContent);
+    };
+
+    const show = (k) => {
+      now = Math.max(0, Math.min(view.pictures - 1, k));
+      paint();
+    };
+    const stop = () => {
+      playing = false;
+      button.textContent = "Play";
+    };
+    const start = () => {
+      if (now === view.pictures - 1) now = 0;
+      playing = true;
+      button.textContent = "Pause";
+      [began, from] = [performance.now(), t[now]];
+      requestAnimationFrame(tick);
+    };
+    const nearest = (moment) => {
+      let k = 0;
+      while (k < view.pictures - 1 && Math.abs(t[k + 1] - moment) <= Math.abs(t[k] - moment)) k++;
+      return k;
+    };
+    const tick = (stamp) => {
+      if (!playing) return;
+      const moment = from + Math.max(0, stamp - began) / 1e3 * Number(pace.value);
+      let k = now;
+      while (k < view.pictures - 1 && t[k + 1] <= moment) k++;
+      if (k !== now) show(k);
+      if (k === view.pictures - 1) stop();
+      else requestAnimationFrame(tick);
+    };
+    const toggle = () => (playing ? stop() : start());
+    button.addEventListener("click", toggle);
+    pace.addEventListener("change", () => { [began, from] = [performance.now(), t[now]]; });
+    slider.addEventListener("input", () => { stop(); show(Number(slider.value)); });
+    document.addEventListener("keydown", (event) => {
+      if (event.code !== "Space" || event.target.closest("button, select, summary, a")) return;
+      event.preventDefault();
+      toggle();
+    });
+    seek = (moment, jump) => {
+      stop();
+      show(nearest(moment));
+      if (jump) document.getElementById("view").scrollIntoView({ block: "center" });
+    };
+    new ResizeObserver(() => { if (canvas.clientWidth !== width) { size(); paint(); } }).observe(canvas);
+    dark.addEventListener("change", paint);
+    size();
+    show(nearest(data.figures.tension ? data.figures.tension.t : 0));
+  };
+
+  // --- the page -------------------------------------------------------------------------------------
+
+  if (data.player) player(data.player);
+  drawAll();
+  dark.addEventListener("change", drawAll);
+  const links = new Map([...document.querySelectorAll("nav a")].map((link) => [link.hash.slice(1), link]));
+  const watcher = new IntersectionObserver((seen) => seen.forEach((entry) => {
+    const link = links.get(entry.target.id);
+    if (link) link.classList.toggle("here", entry.isIntersecting);
+  }), { rootMargin: "-20% 0px -70% 0px" });
+  document.querySelectorAll("section").forEach((section) => watcher.observe(section));
+})();

@@ -1,0 +1,136 @@
+"""How a page was made, how its record is verified, and what it cannot say; how far two runs are apart."""
+
+from __future__ import annotations
+
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.reader import Log
+from orchestrator.results.difference import differences, worst
+from orchestrator.results.divergence import divergence
+from orchestrator.results.page.sections import Pair, Section, table
+from orchestrator.results.page.study import attempt
+from orchestrator.results.page.words import number, percent, quantity, text
+from orchestrator.results.run_data import RunData
+
+CHEAP = 2e8  # bytes of both logs together: so much is compared bit by bit
+
+
+def compared(pair: Pair) -> Section | None:
+    """How far the run lies from its reference."""
+    if pair.reference is None:
+        return None
+    run, reference = pair.run.run, pair.reference.run
+    missing: list[str] = []
+    html = (
+        f"<p>The reference is <b>{text(reference.log.path.name)}</b>. In all charts over time its curves are dashed;"
+        " maps, the side view and profiles show the run alone.</p>"
+    )
+    html += table(("", "Run", "Reference"), _settings(run, reference))
+    if apart := attempt(lambda: differences(run, reference), missing):
+        decisive = {name: one for name, one in apart.items() if one.decisive}
+        if decisive:
+            largest = max(decisive, key=lambda name: decisive[name].relative)
+            html += (
+                f'<p class="lead">The runs are <b>{percent(worst(apart), 2)}</b> apart, by the observable that differs most,'
+                f" {text(largest.replace('_', ' '))}.</p>"
+            )
+        rows = [
+            (
+                text(name.replace("_", " ")),
+                quantity(one.absolute, one.unit.replace("N m", "N.m"), 3),
+                percent(one.relative, 2),
+                "" if one.decisive else "<span class='muted'>instant by instant, sensitive: does not count</span>",
+            )
+            for name, one in apart.items()
+        ]
+        html += table(("Observable", "RMS difference", "of the reference", ""), rows)
+    html += _parting(run.log, reference.log)
+    html += "".join(f"<p>{text(reason)}</p>" for reason in missing)
+    return Section("compared", "Against reference", "How far is it from the reference?", html, {})
+
+
+def _settings(run: RunData, reference: RunData) -> list[tuple[str, str, str]]:
+    one, other = (each.log.metadata.get("run", {}) for each in (run, reference))
+    rows = [("record", text(run.log.path.name), text(reference.log.path.name))]
+    for key in ("scene", "track", "coupling", "step", "stop", "fmus"):
+        if key in one or key in other:
+            rows.append((key, *(text(each.get(key, "python" if key == "fmus" else "")) for each in (one, other))))
+    return rows
+
+
+def _parting(one: Log, other: Log) -> str:
+    if one.size + other.size > CHEAP:
+        return "<p>Where they part bit by bit: <code>cotrack compare A B --bits</code>.</p>"
+    found = attempt(lambda: divergence(one, other), [])
+    if found is None:
+        return ""
+    if found.first is None:
+        return f"<p>Bit by bit they are equal in all {found.compared} numbers that both hold.</p>"
+    first = found.first
+    return (
+        f"<p>They part first in <code>{text(first.instance)}.{text(first.variable)}</code> at step {first.step},"
+        f" t = {number(first.t)} s.</p>"
+    )
+
+
+def record(log: Log) -> tuple[str, str]:
+    """Whether the record is whole, as a mood and a sentence (HTML)."""
+    if log.closing is None:
+        return "bad", "The record was cut off: it has no closing record, and what came after its last piece is lost."
+    try:
+        hashes = log.hashes()
+    except LogUnreadable as damage:
+        return "bad", f"The record is damaged: {text(damage)}"
+    known = log.closing["sha256"]
+    wrong = [topic for topic in known if hashes.get(topic) != known[topic]]
+    if wrong:
+        return "bad", f"These topics are not what was recorded: {text(', '.join(wrong))}"
+    if not log.complete:
+        return "fair", f"All topics are as recorded, but the file is not whole: {text(' '.join(log.faults))}"
+    return "good", f"The record is complete: all {len(known)} topics have the sha256 that the run wrote when it ended."
+
+
+def made(pair: Pair, plotting: str) -> Section:
+    """Provenance and limits."""
+    html = ""
+    for study, role in ((pair.run, "run"), (pair.reference, "reference")):
+        if study is None:
+            continue
+        log = study.run.log
+        mood, told = record(log)
+        name = text(log.path.name)
+        digest = text(attempt(log.digest, []) or "")
+        topics = sorted((log.closing or {}).get("sha256", {}).items())
+        html += (
+            f"<h3>{role.capitalize()}: {name}</h3><p><span class='pill {mood}'>{'complete' if mood == 'good' else 'look'}"
+            f"</span> {told}</p><dl class='facts'><dt>size</dt><dd>{number(log.size / 1e6, 3)} MB</dd>"
+            f"<dt>digest</dt><dd><code>{digest}</code><br><span class='muted'>equal runs have equal digests</span></dd>"
+            f"<dt>is it as written?</dt><dd><code>cotrack log verify {name}</code></dd>"
+            + "".join(
+                f"<dt>does a component answer so again?</dt><dd><code>cotrack replay {name} --component {text(one)}</code></dd>"
+                for one in study.run.instances[:1]
+            )
+            + "</dl>"
+        )
+        if topics:
+            rows = [(f"<code>{text(topic)}</code>", f"<code>{text(value)}</code>") for topic, value in topics]
+            html += f"<details><summary>sha256 of every topic</summary>{table(('Topic', 'sha256'), rows)}</details>"
+    html += (
+        "<h3>What this page cannot say</h3><ul>"
+        "<li>Curves are thinned for a screen: of every fiftieth of a centimetre or so the smallest and the largest value are"
+        " kept, so that no peak is lost; what lies between is in the record.</li>"
+        "<li>Outputs of links are recorded more seldom than steps are made. A link may have borne more between two records;"
+        " the largest tension of all links is known at every step.</li>"
+        "<li>Checks compare with what the scene expects. That the model is right for a real vehicle they do not show.</li>"
+        "<li>An estimated error is one of steps and coupling, not of the model's parameters. Where none is given, none was"
+        " estimated.</li>"
+        "<li>Pressure is the vertical force on a link over its whole area; how it is spread within a link is not recorded.</li>"
+        "</ul>"
+        f"<p class='muted'>Made by <code>cotrack report</code>; curves are drawn by {text(plotting)}, which is part of this"
+        " file. The page asks nothing of any other machine.</p>"
+    )
+    missing = list(dict.fromkeys(pair.run.missing))
+    if missing:
+        html += (
+            "<p>Left out, because the record does not hold it: " + "; ".join(text(each) for each in missing) + ".</p>"
+        )
+    return Section("made", "How it was made", "How was this page made, and what can it not say?", html, {})

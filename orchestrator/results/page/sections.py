@@ -1,0 +1,491 @@
+"""The sections of a page about one run, with or without a reference: HTML, and charts by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orchestrator.results import measures
+from orchestrator.results.page import chain as links
+from orchestrator.results.page.balance import KINDS, sentence
+from orchestrator.results.page.chain import Chain
+from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
+from orchestrator.results.page.circuit import Profile, profile
+from orchestrator.results.page.envelope import Curve, Peak
+from orchestrator.results.page.events import events, unloaded
+from orchestrator.results.page.signals import Recorded, wheels
+from orchestrator.results.page.study import Study, attempt
+from orchestrator.results.page.words import and_list, instance, number, quantity, text
+from orchestrator.results.run_data import EVER
+
+INSTANTS = 4  # at which the chain is shown round its way
+SHOWN_EVENTS = 40
+LEAST_WAY = 0.5  # m beside the straight line: below, a way from above shows nothing
+
+
+class Section(NamedTuple):
+    """A part of the page."""
+
+    key: str
+    name: str  # in the table of contents
+    title: str
+    html: str
+    charts: dict[str, Chart]
+
+
+class Pair(NamedTuple):
+    """The run and, if there is one, its reference."""
+
+    run: Study
+    reference: Study | None
+
+    def drawn(self, signal: str, name: str, colour: int, behind: bool = False) -> list[Line]:
+        """Curves of a signal of both, as far as they have it."""
+        found = []
+        if self.reference and signal in self.reference.signals:
+            found.append(Line(f"{name}, reference", self.reference.signals[signal].curve, colour, reference=True))
+        if signal in self.run.signals:
+            found.append(Line(name, self.run.signals[signal].curve, colour, behind=behind))
+        return found
+
+
+def figure(key: str, title: str, note: str = "", size: str = "", label: str = "") -> str:
+    """The place of a chart; ``size``: tall, wide; HTML."""
+    caption = f"<h3>{title}</h3>" + (f"<p>{note}</p>" if note else "")
+    return (
+        f'<figure class="{size}"><figcaption>{caption}</figcaption>'
+        f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{label or title}"></div></figure>'
+    )
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], classes: str = "") -> str:
+    """HTML cells as they are."""
+    top = "".join(f'<th scope="col">{cell}</th>' for cell in head)
+    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
+    return (
+        f'<div class="scroll"><table class="{classes}"><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+    )
+
+
+def checks(pair: Pair) -> Section:
+    """What the scene expects, and whether it came."""
+    study = pair.run
+    expected = study.run.scene.get("expect")
+    expected = expected if isinstance(expected, dict) else {}
+    rows = []
+    for name, check in study.judged.checks.items():
+        mark = '<span class="pill good">met</span>' if check["ok"] else '<span class="pill bad">not met</span>'
+        note = f'<br><span class="muted">{text(check["note"])}</span>' if check["note"] else ""
+        rows.append(
+            (
+                f"<b>{text(name.replace('_', ' '))}</b><br><span class='muted'>{_looks_at(expected.get(name))}</span>{note}",
+                number(check["value"], 6),
+                number(check["expected"], 6),
+                f"\N{PLUS-MINUS SIGN} {number(check['tolerance'], 3)}",
+                mark,
+            )
+        )
+    html = table(("Check", "Value", "Expected", "Tolerance", "Verdict"), rows, "checks") if rows else ""
+    undone = [text(name.replace("_", " ")) for name in expected if name not in study.judged.checks]
+    if study.judged.note:
+        html += f"<p>Checks were not made: {text(study.judged.note)}.</p>"
+    elif not rows:
+        html += "<p>This record names no check that could be made. The page shows what happened, not whether it is right.</p>"
+    if undone and not study.judged.note:
+        html += (
+            f"<p class='muted'>Not made, because the record ends before their time or they are for another kind of"
+            f" links: {and_list(undone)}.</p>"
+        )
+    if rows:
+        html = "<p>Made anew from this record when the page was written. Ratios and counts have no unit.</p>" + html
+    return Section("checks", "Checks", "Did the checks hold?", html, {})
+
+
+def _looks_at(check: Any) -> str:
+    """What a check of a scene looks at, HTML."""
+    if not isinstance(check, dict):
+        return ""
+    measure = measures.NAMES.get(str(check.get("measure")))
+    if measure is not None:
+        what = text((measure.__doc__ or "").split("\n")[0].strip().rstrip("."))
+    else:
+        what = f"{text(check.get('reduce', ''))} of {text(check.get('signal', ''))}"
+    of = f", {text(check['of'])}" if check.get("of") else ""
+    try:
+        start, end = float(check.get("from") or 0.0), check.get("to")
+        when = f"; {number(start)} to {number(float(end))} s" if end is not None else f"; from {number(start)} s on"
+    except (TypeError, ValueError):
+        when = ""
+    return f"{what}{of}{when}"
+
+
+def motion(pair: Pair) -> Section | None:
+    """How the hull, or else the chain, moved."""
+    study, charts, html = pair.run, {}, ""
+    for key, title, parts in (
+        ("speed", "Speed of the hull", (("chassis.speed", "speed"),)),
+        ("distance", "Way along the first heading", (("chassis.distance", "distance"),)),
+    ):
+        drawn = [line for signal, name in parts for line in pair.drawn(signal, name, 0)]
+        if drawn:
+            charts[key] = lines(parts[0][1], study.signals[parts[0][0]].unit, drawn)
+            html += figure(key, title, _range(study.signals[parts[0][0]]))
+    angles = [line for k, name in enumerate(("pitch", "roll")) for line in pair.drawn(f"chassis.{name}", name, k)]
+    if angles:
+        degrees = [line._replace(curve=Curve(line.curve.t, np.degrees(line.curve.y))) for line in angles]
+        charts["pitch"] = lines("angle", "degrees", degrees)
+        html += figure("pitch", "Pitch and roll", "Nose down and right side down are positive.")
+    settled = pair.drawn("chassis.settlement", "settlement", 0)
+    if settled:
+        charts["settlement"] = lines("down", "mm", _times(settled, 1e3))
+        html += figure("settlement", "Settlement", "Downward motion of the hull's centre of mass since the start.")
+    if way := _way(pair):
+        charts["way"] = way
+        html += figure("way", "Way from above", "World axes; the centre of mass of the hull.")
+    names = [track for track in study.run.tracks if f"{track}.speed" in study.signals]
+    if names:
+        drawn = [
+            line
+            for k, track in enumerate(names)
+            for line in pair.drawn(f"{track}.speed", instance(track), k, behind=k == 0 and len(names) > 1)
+        ]
+        charts["chain-speed"] = lines("speed", "m/s", drawn)
+        html += figure("chain-speed", "Speed of the chain", "Round its way, against the vehicle.")
+    return (
+        Section("motion", "Motion", "How did it move?", f'<div class="grid">{html}</div>', charts) if charts else None
+    )
+
+
+def _times(drawn: list[Line], factor: float) -> list[Line]:
+    return [line._replace(curve=Curve(line.curve.t, factor * line.curve.y)) for line in drawn]
+
+
+def _range(signal: Recorded) -> str:
+    unit = signal.unit
+    return (
+        f"From {quantity(signal.least.value, unit)} at {number(signal.least.t)} s"
+        f" to {quantity(signal.most.value, unit)} at {number(signal.most.t)} s."
+    )
+
+
+def _way(pair: Pair) -> Chart | None:
+    drawn = []
+    for study, name in ((pair.reference, "reference"), (pair.run, "run")):
+        if study is None or "chassis.chassis.position.x" not in study.signals:
+            continue
+        _, places = study.run.vectors("chassis", "out", "chassis.position", "xy", EVER)
+        thinned = places[:: max(1, len(places) // 1000)]
+        drawn.append(Line(name, Curve(thinned[:, 0], thinned[:, 1]), 0, reference=study is pair.reference))
+    if not drawn:
+        return None
+    last = drawn[-1].curve
+    heading = float(attempt(lambda: pair.run.run.scene["start"]["heading"], []) or 0.0)
+    beside = -np.sin(heading) * (last.t - last.t[0]) + np.cos(heading) * (last.y - last.y[0])
+    if np.nanmax(np.abs(beside)) < LEAST_WAY:
+        return None
+    return lines("y", "m", drawn, x="x, m", timed=False) | {"equal": True}
+
+
+def drive(pair: Pair) -> Section | None:
+    """What the motors did."""
+    study, charts, html = pair.run, {}, ""
+    for key, title, quantity_, note in (
+        ("torque", "Torque on the sprockets", "torque", "Mean over each step."),
+        ("sprocket-speed", "Speed of the sprockets", "speed", "Against their mounts."),
+        ("power", "Power of the motors", "power", "Negative where the chain turns the motor."),
+    ):
+        names = [each for each in study.drives if f"{each}{quantity_}" in study.signals]
+        drawn = [
+            line
+            for k, each in enumerate(names)
+            for line in pair.drawn(f"{each}{quantity_}", instance(each.rstrip(".")), k, k == 0 and len(names) > 1)
+        ]
+        if drawn:
+            signals = [study.signals[f"{each}{quantity_}"] for each in names]
+            charts[key] = lines(quantity_, signals[0].unit, drawn)
+            top = max(signals, key=lambda signal: abs(signal.largest.value)).largest
+            html += figure(key, title, f"{note} Largest: {quantity(top.value, signals[0].unit)} at {number(top.t)} s.")
+    slips = [
+        line
+        for k, track in enumerate(study.run.tracks)
+        for line in pair.drawn(f"{track}.slip", instance(track), k, k == 0 and len(study.run.tracks) > 1)
+    ]
+    if slips and any(np.any(line.curve.y) for line in slips):
+        charts["slip"] = lines("slip", "mm/s", _times(slips, 1e3))
+        html += figure(
+            "slip", "Slip on the ground", "Rearward speed of the pads over the ground, weighted by their load."
+        )
+    return (
+        Section("drive", "Drive", "What did the drives do?", f'<div class="grid">{html}</div>', charts)
+        if charts
+        else None
+    )
+
+
+def energy(pair: Pair) -> Section | None:
+    """Where the work went."""
+    found, study = pair.run.balance, pair.run
+    if found is None:
+        return None
+    books = found.ledger
+    rows = [("put in by drives", books.work, "absolute")]
+    rows += [(f"stored: {KINDS[kind]}", -change, "relative") for kind, change in found.stored.items()]
+    rows += [(f"dissipated: {name.replace('_', ' ')}", -lost, "relative") for name, lost in found.lost.items() if lost]
+    if books.covered:
+        rows.append(("lost as contacts move along links", -books.covered, "relative"))
+    rows.append(("left open", books.residual, "total"))
+    html = f'<p class="lead">{sentence(found)}</p>'
+    charts: dict[str, Chart] = {}
+    moved = max(abs(books.work), abs(books.change), abs(books.dissipated))
+    if moved > 1e-3:
+        charts["energy"] = waterfall(rows)
+        html += figure("energy", "From what was put in to what is left open",
+                       "Each bar begins where the one above ends: what is stored or lost is taken away from the work.",
+                       "tall")  # fmt: skip
+        names = {"work": "put in", "stored": "stored", "lost": "lost"}
+        drawn = [
+            Line(f"{names[part]}, reference", curve, k, reference=True)
+            for k, (part, curve) in enumerate(pair.reference.energies.items() if pair.reference else ())
+        ]
+        drawn += [Line(names[part], curve, k) for k, (part, curve) in enumerate(study.energies.items())]
+        if drawn:
+            charts["energy-time"] = lines("energy", "J", drawn)
+            html += figure("energy-time", "Since the start", "All components together.")
+    parts = [
+        (text(name.replace("_", " ")), quantity(found.lost.get(name, 0.0), "J"), quantity(open_, "J", 3))
+        for name, open_ in books.integration.items()
+    ]
+    parts.append(("ports between components", "", quantity(books.port, "J", 3)))
+    html += (
+        "<details><summary>Who leaves what open</summary><p class='muted'>The part of the open sum that each component's"
+        " integration makes (of one, where the vehicle has two alike), and the coupling.</p>"
+        + table(("Component", "Dissipated", "Leaves open"), parts)
+        + "</details>"
+    )
+    return Section("energy", "Energy", "Where does the work go?", html, charts)
+
+
+def tension(pair: Pair) -> Section | None:
+    """What the chain bears."""
+    study, charts, html = pair.run, {}, ""
+    tracks = [track for track in study.run.tracks if f"{track}.tension.max" in study.signals]
+    if tracks:
+        drawn = []
+        for k, track in enumerate(tracks[:2]):
+            both = len(tracks) > 1 and k == 0
+            drawn += pair.drawn(f"{track}.tension.max", f"largest, {instance(track)}", k, both)
+            drawn += pair.drawn(f"{track}.tension.mean", f"mean, {instance(track)}", k + 2, both)
+        charts["tension"] = lines("tension", "N", drawn)
+        html += figure("tension", "Largest and mean tension", "Over all links of a track, at every step.", "wide")
+    if study.chains:
+        found = max(study.chains.values(), key=lambda each: each.worst.value)
+        html += _worst(study, found)
+        html += _round(study, found, charts)
+        worst = found.worst
+        charts["tension-map"] = heat(
+            "tension",
+            "N",
+            found.middle,
+            found.tension,
+            (worst.t, worst.link, f"link {worst.link}, {number(worst.t)} s"),
+        )
+        html += figure("tension-map", f"Every link over time, {instance(found.track)}",
+                       "Largest tension in each slice of time. Stripes that slant are places on the way round, which the"
+                       " links pass one after the other; the ring marks the largest.", "tall")  # fmt: skip
+        html += _of_worst(study, found, charts)
+    elif tracks:
+        html += (
+            "<p class='muted'>The record holds no outputs of single links: which link bore the most is not known.</p>"
+        )
+    return Section("tension", "Tension", "What does the chain bear?", html, charts) if charts else None
+
+
+def _worst(study: Study, found: Chain) -> str:
+    worst = found.worst
+    told = f"The largest tension in the records of links is <b>{quantity(worst.value, 'N')}</b> in <b>link {worst.link}</b>"
+    told += f" of {instance(found.track)} at {number(worst.t)} s"
+    if found.stressed and found.stressed.value > 0.0:
+        stressed = found.stressed
+        told += f". The largest stress is {quantity(stressed.value, 'Pa')} in link {stressed.link} at {number(stressed.t)} s"
+    if found.loaded:
+        loaded = found.loaded
+        told += f". The largest force in a pin is {quantity(loaded.value, 'N')} where link {loaded.link} begins,"
+        told += f" at {number(loaded.t)} s"
+    alike = _alike(study)
+    return f'<p class="lead">{told}.{alike}</p>'
+
+
+def _alike(study: Study) -> str:
+    """A word about the other track where both bear the same."""
+    if len(study.chains) != 2:
+        return ""
+    one, other = study.chains.values()
+    same = (
+        abs(one.worst.value - other.worst.value) <= 1e-3 * abs(one.worst.value) and one.worst.link == other.worst.link
+    )
+    return (
+        " The other track bears the same, to a thousandth."
+        if same
+        else (
+            f" In {instance(other.track)} it is {quantity(other.worst.value, 'N')}, in {instance(one.track)}"
+            f" {quantity(one.worst.value, 'N')}."
+        )
+    )
+
+
+def instants(study: Study, found: Chain) -> list[float]:
+    """When the chain is shown round its way: evenly over the run, and when it bears the most."""
+    evenly = np.linspace(found.t[0], found.t[-1], INSTANTS + 1)[1:] if len(found.t) > 1 else found.t[:1]
+    return sorted({*map(float, evenly), found.worst.t})
+
+
+def _round(study: Study, found: Chain, charts: dict[str, Chart]) -> str:
+    made = [
+        one for t in instants(study, found) if (one := attempt(lambda t=t: profile(study.run, found, t), study.missing))
+    ]  # type: ignore[misc]
+    if not made:
+        return ""
+    drawn = [
+        Line(f"{number(one.t)} s{' (largest)' if one.t == found.worst.t else ''}", Curve(one.place, one.tension), k)
+        for k, one in enumerate(made)
+    ]
+    closed = found.columns.closed
+    x = (
+        "place along the chain from the front of the sprocket, m"
+        if closed
+        else "place along the chain from its first pin, m"
+    )
+    sections = made[-1].sections
+    charts["round"] = lines("tension", "N", drawn, x=x, timed=False, sections=sections)
+    where = "From the foremost point of the sprocket on, the way that the numbers of links go. " if closed else ""
+    return figure("round", "Tension along the chain", f"{where}At {len(made)} instants, link by link.", "wide")
+
+
+def _of_worst(study: Study, found: Chain, charts: dict[str, Chart]) -> str:
+    parts = links.of_link(study.run, found, found.worst.link)
+    html = ""
+    for key, title, unit in (
+        ("tension", "Tension", "N"),
+        ("stress", "Stress, axial, at its most stressed fibre", "Pa"),
+        ("force", "Force in the pin where it begins", "N"),
+    ):
+        if key in parts and parts[key][1].value > 0.0:
+            curve, peak = parts[key]
+            charts[f"worst-{key}"] = lines(key, unit, [Line(key, curve, 0)], mark=peak)
+            note = f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
+            html += figure(f"worst-{key}", title, note)
+    return f"<h3 class='group'>Link {found.worst.link} of {instance(found.track)}, the worst one</h3><div class='grid'>{html}</div>"
+
+
+def loads(pair: Pair) -> Section | None:
+    """Wheels and ground."""
+    study, charts, html = pair.run, {}, ""
+    for side, track in enumerate(study.run.tracks):
+        names = [name for name in wheels(study.run, track) if name.startswith("road_wheel")]
+        drawn = [
+            line
+            for k, name in enumerate(names)
+            for line in pair.drawn(f"{track}.{name}.force.z", name.replace("road_wheel", "wheel "), k)
+        ]
+        if drawn:
+            charts[f"wheels-{side}"] = lines("force", "N", drawn)
+            html += figure(f"wheels-{side}", f"Road wheels, {instance(track)}", _least_loaded(study, track))
+    grounded = [
+        track for track in study.run.tracks
+        if (signal := study.signals.get(f"{track}.ground.force.z")) and signal.most.value > signal.least.value
+    ]  # fmt: skip
+    if grounded:
+        drawn = [
+            line
+            for k, track in enumerate(grounded)
+            for line in pair.drawn(f"{track}.ground.force.z", instance(track), k, k == 0 and len(grounded) > 1)
+        ]
+        charts["ground"] = lines("force", "N", drawn)
+        html += figure("ground", "Vertical force of the ground", "On each track.")
+    html = f'<div class="grid">{html}</div>' if html else ""
+    html += _pressure(study, charts)
+    return Section("loads", "Loads", "What do wheels and ground carry?", html, charts) if charts else None
+
+
+def _least_loaded(study: Study, track: str) -> str:
+    told = "Vertical force of the chain on each wheel, mean over each step. Wheel 1 is next to the sprocket."
+    lifted = {wheel: spells for (of, wheel), spells in unloaded(study.run).items() if of == track and spells}
+    late = [wheel for wheel, spells in lifted.items() if any(spell.end > study.span[0] + 0.1 for spell in spells)]
+    if late:
+        return f"{told} <b>Unloaded for a time: {and_list([text(each.replace('road_wheel', 'wheel ')) for each in late])}.</b>"
+    return f"{told} {'After the first 0.1 s none' if lifted else 'None'} is ever unloaded."
+
+
+def _pressure(study: Study, charts: dict[str, Chart]) -> str:
+    area = links.pad_area(study.run.scene)
+    found = next((each for each in study.chains.values() if each.pressure is not None), None)
+    if found is None or area is None or not np.nanmax(found.pressure, initial=0.0) > 0.0:
+        return ""
+    assert found.pressure is not None
+    row, column = np.unravel_index(int(np.nanargmax(found.pressure)), found.pressure.shape)
+    most, when, link = float(found.pressure[row, column]), float(found.middle[row]), int(column) + 1
+    told = f"Vertical force of the ground on a link over its area, pitch times width, {number(1e4 * area, 3)} cm\N{SUPERSCRIPT TWO}."
+    made = [
+        one
+        for t in instants(study, found)
+        if (one := attempt(lambda t=t: profile(study.run, found, t), study.missing)) and one.pressure is not None  # type: ignore[misc]
+    ]
+    html = ""
+    if made:
+        charts["pressure"] = lines("pressure", "Pa", [_under(one, k) for k, one in enumerate(made)],
+                                   x="ahead of the sprocket's axle, m", timed=False)  # fmt: skip
+        html += figure("pressure", f"Pressure under the links, {instance(found.track)}",
+                       f"{told} The front is on the right; peaks stand under the road wheels.", "wide")  # fmt: skip
+    charts["pressure-map"] = heat(
+        "pressure",
+        "Pa",
+        found.middle,
+        np.maximum(found.pressure, 0.0),
+        (when, link, f"link {link}, {number(when, 3)} s"),
+    )
+    return html + figure("pressure-map", "Pressure under every link over time",
+                         f"Largest in each slice of time; {quantity(most, 'Pa')} at most, under link {link} at about"
+                         f" {number(when, 3)} s.", "tall")  # fmt: skip
+
+
+def _under(one: Profile, colour: int) -> Line:
+    """Pressures of links that touch the ground, and of their neighbours, along the vehicle."""
+    assert one.pressure is not None
+    order = np.argsort(one.ahead)
+    touched = one.pressure != 0.0
+    shown = [k for k in order if touched[max(k - 1, 0) : k + 2].any()]
+    return Line(f"{number(one.t)} s", Curve(one.ahead[shown], one.pressure[shown]), colour, points=True)
+
+
+def happened(pair: Pair) -> Section:
+    """Events, warnings, how the run ended."""
+    study = pair.run
+    found = events(study.run)
+    rows = [(f"{number(event.t)} s", event.what, event.where, event.detail) for event in found[:SHOWN_EVENTS]]
+    html = table(("First at", "What", "Where", "How often, when"), rows) if rows else ""
+    if len(found) > SHOWN_EVENTS:
+        html += f"<p class='muted'>and {len(found) - SHOWN_EVENTS} more.</p>"
+    quiet = []
+    if not any("wheel" in event.what for event in found) and any("road_wheel[" in name for name in study.signals):
+        quiet.append("no road wheel was ever unloaded")
+    if any("solver.rejected" in about.names for about in study.run.log.topics.values()) and not any(
+        "Solver" in event.what for event in found
+    ):
+        quiet.append("no solver took back a step")
+    if study.run.log.closing is not None and not study.run.log.closing["warnings"]:
+        quiet.append("no component warned")
+    if quiet:
+        html += f"<p>{and_list(quiet).capitalize()}.</p>"
+    if any("wheel" in event.what for event in found):
+        html += (
+            "<p class='muted'>A wheel carries nothing while the chain does not push it up. In the first hundredths of a"
+            " second that is the drawn vehicle coming to rest on its tracks.</p>"
+        )
+    return Section("events", "Events", "What happened on the way?", html, {})
+
+
+def peak_of(study: Study, signal: str) -> Peak | None:
+    """The largest value of a signal."""
+    return study.signals[signal].most if signal in study.signals else None

@@ -1,0 +1,162 @@
+"""One track from the side, picture after picture, for the player of the page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from orchestrator.log.reader import NoSuchSignal
+from orchestrator.log.time_series import Floats
+from orchestrator.results.ground_profile import Ground, ground
+from orchestrator.results.page.chain import Chain
+from orchestrator.results.page.embedded import floats, shorts
+from orchestrator.results.page.plane import Plane, plane, wheel
+from orchestrator.results.page.signals import wheels
+from orchestrator.results.page.words import text
+from orchestrator.results.run_data import RunData, pitch_radius
+
+RATE = 25.0  # pictures a second at most
+MOST = 500  # pictures
+UNIT = 5e-4  # m: of places, in whole numbers of two bytes up to 16 m
+MARGIN = 0.15  # m round what is drawn
+
+
+def side_view(run: RunData, found: Chain) -> dict[str, Any]:
+    """What the player draws; raises LogUnreadable, and LookupError for what is not recorded."""
+    at = found.columns
+    if len(at.position) < len(at.tension):
+        raise LookupError("places of pins were not recorded")
+    rows = _rows(found.t)
+    t = found.t[rows]
+    position, tension = _records(run, found, rows)
+    of = plane(run, found.track, t)
+    pins = of.seen(position)
+    bodies = [body for name in wheels(run, found.track) if (body := _wheel(run, found.track, name, of, t))]
+    below = _ground(run)
+    shift = (of.origin[:, 2] - (below.level if below else of.origin[0, 2]))[:, None]  # heights are over the ground
+    pins[..., 1] += shift
+    for body in bodies:
+        body["centre"][..., 1] += shift[:, 0]
+    finite = pins[np.isfinite(pins).all(axis=(1, 2))]
+    if not len(finite):
+        raise LookupError("places of pins are no finite numbers")
+    low, high = finite.min(axis=(0, 1)) - MARGIN, finite.max(axis=(0, 1)) + MARGIN
+    shown = tension[np.isfinite(tension)]
+    return {
+        "track": text(found.track),
+        "t": floats(t),
+        "pictures": len(t),
+        "links": len(at.tension),
+        "pins": shorts(pins, UNIT),
+        "pinCount": len(at.position),
+        "unit": UNIT,
+        "tension": floats(tension),
+        "least": min(0.0, float(np.min(shown, initial=0.0))),
+        "most": float(np.max(shown, initial=1.0)),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "face": _face(run.scene),
+        "wheels": [{**body, "centre": shorts(body["centre"], UNIT), "angle": floats(body["angle"])} for body in bodies],
+        "hull": _hull(run, of, t, shift[:, 0]),
+        "ground": _drawn(below, of) if below else None,
+        "speed": _speed(run, t),
+    }
+
+
+def _rows(t: Floats) -> Floats:
+    """Which records are shown."""
+    span = float(t[-1] - t[0])
+    count = int(np.clip(span * RATE, 1, MOST - 1)) if span > 0.0 else 0
+    grid = np.linspace(t[0], t[-1], count + 1)
+    after = np.clip(np.searchsorted(t, grid), 1, max(len(t) - 1, 1))
+    nearest = np.where(grid - t[after - 1] < t[np.minimum(after, len(t) - 1)] - grid, after - 1, after)
+    return np.unique(np.clip(nearest, 0, len(t) - 1))
+
+
+def _records(run: RunData, found: Chain, rows: Floats) -> tuple[Floats, Floats]:
+    """Places of pins (m, pins, 3) and tensions (m, links) in some records."""
+    at = found.columns
+    topic, done = f"/{found.track}/links", 0
+    kept = []
+    for piece in run.log.stream({topic: [*at.tension, *(k for pin in at.position for k in pin)]}):
+        values = piece[topic].values
+        inside = rows[(rows >= done) & (rows < done + len(values))]
+        kept.append(values[inside - done])
+        done += len(values)
+    whole = np.concatenate(kept)
+    return whole[:, len(at.tension) :].reshape(len(whole), -1, 3), whole[:, : len(at.tension)]
+
+
+def _wheel(run: RunData, track: str, name: str, of: Plane, t: Floats) -> dict[str, Any] | None:
+    """A wheel as drawn, None where the log or its scene does not have it."""
+    kind = name.partition("[")[0]
+    try:
+        vehicle = run.scene["vehicle"]
+        teeth = int(vehicle["sprocket"]["teeth"]) if kind == "sprocket" else 0
+        radius = pitch_radius(vehicle) if teeth else float(vehicle[kind]["radius"])
+        centre, angle = wheel(run, track, name, of, t)
+    except (NoSuchSignal, LookupError, TypeError, ValueError):
+        return None
+    body = {"name": text(name), "radius": radius, "centre": centre, "angle": angle}
+    if teeth:
+        sprocket = vehicle["sprocket"]
+        body |= {"teeth": min(teeth, 100), "outer": float(sprocket["outer_radius"])}
+        body["root"] = radius - float(sprocket["pin_radius"])
+    return body
+
+
+def _face(scene: dict[str, Any]) -> float:
+    try:
+        return float(np.clip(scene["vehicle"]["track"]["face"], 0.01, 1.0))
+    except (LookupError, TypeError, ValueError):
+        return 0.01
+
+
+def _hull(run: RunData, of: Plane, t: Floats, shift: Floats) -> str | None:
+    """Corners of the hull (m, corners, 2), in order."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        body = run.scene["vehicle"]["chassis"]
+        corners = np.array(body["hull"], float) - np.array(body["centre"], float)
+        outline = corners[ConvexHull(corners[:, [0, 2]]).vertices]
+        outline[:, 1] = 0.0
+        parts = [f"position.{axis}" for axis in "xyz"] + [f"orientation.{axis}" for axis in "wxyz"]
+        pose = run.log.sample([f"chassis.chassis.{part}" for part in parts], t)
+    except (LookupError, TypeError, ValueError, QhullError):
+        return None
+    w, x, y, z = pose[:, 3:].T
+    ahead = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
+    up = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    places = pose[:, None, :3] + outline[:, 0, None] * ahead[:, None] + outline[:, 2, None] * up[:, None]
+    seen = of.seen(places)
+    seen[..., 1] += shift[:, None]
+    return shorts(seen, UNIT)
+
+
+def _ground(run: RunData) -> Ground | None:
+    try:
+        return ground(run.scene)
+    except (LookupError, TypeError, ValueError):
+        return None
+
+
+def _drawn(below: Ground, of: Plane) -> dict[str, Any]:
+    """The corners of a bump over the level part, and how far along the plane's origin is, m."""
+    if len(below.along):
+        along = (of.origin - below.start) @ below.ahead
+    else:  # marks that pass by are all there is to see: along the way itself, whichever turns it takes
+        way = np.sum(np.diff(of.origin, axis=0) * of.ahead[1:], axis=1)
+        along = np.concatenate([[0.0], np.cumsum(way)])
+    return {
+        "corners": [[float(a), float(z - below.level)] for a, z in zip(below.along, below.height, strict=True)],
+        "along": floats(along),
+    }
+
+
+def _speed(run: RunData, t: Floats) -> str | None:
+    try:
+        return floats(run.log.sample(["chassis.speed"], t)[:, 0])
+    except NoSuchSignal:
+        return None

@@ -1,0 +1,157 @@
+"""Outputs of a run as thinned curves with their extremes, in one pass over the log."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.energy import STORED
+from orchestrator.results.page.envelope import Curve, Envelope, Peak
+from orchestrator.results.run_data import BLOCK, RunData
+
+_DRIVEN = re.compile(r"((?:\w+\.)?)torque")
+_WHEEL = re.compile(r"((?:road_wheel|idler|sprocket)(?:\[\d+\])?)\.force\.z")
+CLOSE = 0.05  # s: what comes back sooner is the same spell
+
+
+class Recorded(NamedTuple):
+    """A signal."""
+
+    curve: Curve
+    unit: str
+    least: Peak
+    most: Peak
+
+    @property
+    def largest(self) -> Peak:
+        """Of its values that of the largest size."""
+        return self.most if abs(self.most.value) >= abs(self.least.value) else self.least
+
+
+class Spell(NamedTuple):
+    """A time in which something holds, s."""
+
+    start: float
+    end: float
+
+
+def span(run: RunData) -> tuple[float, float]:
+    """First and last time of the outputs, s; (0, 0) where there are none."""
+    ends = [run.log.ends(topic).t for name in run.instances if (topic := f"/{name}/out") in run.log.topics]
+    known = [t for t in ends if len(t)]
+    return (float(min(t[0] for t in known)), float(max(t[-1] for t in known))) if known else (0.0, 0.0)
+
+
+def drives(run: RunData) -> list[str]:
+    """What the variables of a drive begin with, "instance." or "instance.side."."""
+    return [
+        f"{name}.{found[1]}"
+        for name in run.instances
+        if f"/{name}/out" in run.log.topics
+        for variable in run.log.topics[f"/{name}/out"].names
+        if (found := _DRIVEN.fullmatch(variable))
+    ]
+
+
+def wheels(run: RunData, track: str) -> list[str]:
+    """Names of the wheels that a track acts on."""
+    return [found[1] for name in run.log.topics[f"/{track}/out"].names if (found := _WHEEL.fullmatch(name))]
+
+
+def recorded(run: RunData, signals: Iterable[str]) -> dict[str, Recorded]:
+    """Those of the outputs, "instance.variable", that the log has and that are numbers; raises LogUnreadable."""
+    wanted: dict[str, list[int]] = {}
+    for signal in dict.fromkeys(signals):
+        if run.has(signal):
+            topic, column = _place(run, signal)
+            wanted.setdefault(topic, []).append(column)
+    envelopes = {topic: Envelope(*span(run), len(columns)) for topic, columns in wanted.items()}
+    for piece in run.log.stream(wanted):
+        for topic, series in piece.items():
+            envelopes[topic].add(series.t, series.values)
+    found = {}
+    for topic, columns in wanted.items():
+        for k, column in enumerate(columns):
+            least, most = envelopes[topic].smallest(k), envelopes[topic].largest(k)
+            if least and most:
+                unit = run.log.topics[topic].units[column]
+                found[_name(topic, run.log.topics[topic].names[column])] = Recorded(
+                    envelopes[topic].curve(k), unit, least, most
+                )
+    return found
+
+
+def spells(run: RunData, signals: Iterable[str], holds: Callable[[Floats], Floats]) -> dict[str, list[Spell]]:
+    """When outputs are such that ``holds`` is true of them; a NaN is not. Raises LogUnreadable."""
+    wanted: dict[str, list[int]] = {}
+    found: dict[str, list[Spell]] = {}
+    for signal in signals:
+        if run.has(signal):
+            topic, column = _place(run, signal)
+            wanted.setdefault(topic, []).append(column)
+            found[signal] = []
+    for piece in run.log.stream(wanted):
+        for topic, series in piece.items():
+            for k, name in enumerate(series.names):
+                inside = np.asarray(holds(series.values[:, k]), bool)
+                turns = np.flatnonzero(np.diff(inside, prepend=False, append=False))
+                for first, last in zip(turns[::2], turns[1::2], strict=True):
+                    _note(found[_name(topic, name)], float(series.t[first]), float(series.t[last - 1]))
+    return found
+
+
+def _note(known: list[Spell], start: float, end: float) -> None:
+    if known and start - known[-1].end <= CLOSE:
+        known[-1] = Spell(known[-1].start, end)
+    else:
+        known.append(Spell(start, end))
+
+
+def energies(run: RunData) -> dict[str, Curve]:
+    """Work, energy that is stored and energy that is lost, since the start, of all components, J; raises LogUnreadable.
+
+    Empty where components were not recorded at the same steps.
+    """
+    parts: Mapping[str, tuple[str, ...]] = {"work": ("work",), "stored": STORED, "lost": ("dissipated", "covered")}
+    columns: dict[str, dict[str, list[int]]] = {}
+    for name in run.instances:
+        names = run.log.topics[topic].names if (topic := f"/{name}/out") in run.log.topics else ()
+        own = {
+            what: [k for k, each in enumerate(names) if each.removeprefix("energy.") in which and "energy." in each]
+            for what, which in parts.items()
+        }
+        if any(own.values()):
+            columns[topic] = own
+    if not columns:
+        return {}
+    wanted = {topic: sorted({k for each in own.values() for k in each}) for topic, own in columns.items()}
+    envelope, first = Envelope(*span(run), len(parts)), None
+    for block in run.log.blocks(wanted, BLOCK):
+        count = min(len(series.t) for series in block.values())
+        times = [series.t[:count] for series in block.values()]
+        if not all(np.array_equal(times[0], each) for each in times):
+            return {}
+        total = np.zeros((count, len(parts)))
+        for topic, own in columns.items():
+            copies = run.copies(topic.split("/")[1])
+            for k, which in enumerate(own.values()):
+                at = [wanted[topic].index(column) for column in which]
+                total[:, k] += copies * block[topic].values[:count, at].sum(axis=1)
+        if first is None and count:
+            first = total[0]
+        envelope.add(times[0], total - first)
+    return {what: curve for k, what in enumerate(parts) if len((curve := envelope.curve(k)).t)}
+
+
+def _place(run: RunData, signal: str) -> tuple[str, int]:
+    instance, _, variable = signal.partition(".")
+    topic = f"/{instance}/out"
+    return topic, run.log.topics[topic].names.index(variable)
+
+
+def _name(topic: str, variable: str) -> str:
+    return f"{topic.split('/')[1]}.{variable}"

@@ -1,0 +1,76 @@
+"""All that a page needs to know of a run, worked out once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, TypeVar
+
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.results.energy import ledger
+from orchestrator.results.page import chain as links
+from orchestrator.results.page import signals
+from orchestrator.results.page.balance import Balance, balance
+from orchestrator.results.page.chain import Chain
+from orchestrator.results.page.envelope import Curve
+from orchestrator.results.page.signals import Recorded
+from orchestrator.results.run_data import RunData
+
+Made = TypeVar("Made")
+HULL = ("speed", "distance", "pitch", "roll", "yaw", "settlement")
+# what a log that lacks something, or says something odd, makes of an evaluation
+NOTHING = (LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
+
+
+class Judged(NamedTuple):
+    """What a run's summary says of it."""
+
+    checks: Mapping[str, Mapping[str, Any]]  # by name: value, expected, tolerance, ok, note
+    observables: Mapping[str, float]
+    note: str = ""  # why there are none
+
+
+class Study(NamedTuple):
+    """A run, evaluated."""
+
+    run: RunData
+    judged: Judged
+    span: tuple[float, float]  # s
+    signals: dict[str, Recorded]
+    drives: list[str]
+    chains: dict[str, Chain]  # by track
+    balance: Balance | None
+    energies: dict[str, Curve]
+    missing: list[str]  # sentences about what could not be had
+
+
+def study(run: RunData, judged: Judged) -> Study:
+    """Evaluate a run; raises LogUnreadable where the log is damaged."""
+    missing: list[str] = []
+    drives = signals.drives(run)
+    wanted = [f"chassis.{name}" for name in HULL]
+    wanted += [f"chassis.chassis.position.{axis}" for axis in "xyz"]
+    wanted += [f"{drive}{name}" for drive in drives for name in ("torque", "speed", "power")]
+    for track in run.tracks:
+        wanted += [f"{track}.{name}" for name in ("speed", "slip", "stress.max", "ground.force.z", "penetration.max")]
+        wanted += [f"{track}.tension.{which}" for which in ("max", "mean", "min")]
+        wanted += [f"{track}.{wheel}.force.z" for wheel in signals.wheels(run, track)]
+    chains = {}
+    for track in run.tracks:
+        if found := attempt(lambda track=track: links.chain(run, track), missing):  # type: ignore[misc]
+            chains[track] = found
+    return Study(
+        run, judged, signals.span(run), signals.recorded(run, wanted), drives, chains,
+        attempt(lambda: balance(run, ledger(run)), missing), attempt(lambda: signals.energies(run), missing) or {},
+        missing,
+    )  # fmt: skip
+
+
+def attempt(make: Callable[[], Made], missing: list[str]) -> Made | None:
+    """What is made, or None and a sentence about why; raises LogUnreadable."""
+    try:
+        return make()
+    except LogUnreadable:
+        raise
+    except NOTHING as reason:
+        missing.append(str(reason) or type(reason).__name__)
+        return None
