@@ -42,7 +42,7 @@ def balance(run: RunData, found: Ledger) -> Balance:
 
 
 def sentence(found: Balance) -> str:
-    """The balance in words, HTML."""
+    """In words, HTML."""
     work, change = found.ledger.work, found.ledger.change
     lost, left = found.ledger.dissipated, found.ledger.residual
     scale = max(abs(work), abs(change), abs(lost))
@@ -64,7 +64,7 @@ def sentence(found: Balance) -> str:
     of_work = f" ({percent(lost / work)})" if work > 1e-3 * scale else ""
     told.append(f"{quantity(lost, 'J')}{of_work} was dissipated{most}.")
     told.append(
-        f"The books leave {quantity(left, 'J')} open, {percent(found.ledger.residual_relative, 2)} of the largest sum:"
-        " that is the error of the steps, not a physical loss."
+        f"{quantity(left, 'J')} is unaccounted for, {percent(found.ledger.residual_relative, 2)} of the largest sum:"
+        " that is an error of the steps, not a physical loss."
     )
     return " ".join(told)

@@ -66,14 +66,14 @@ def lines(
 
 
 def waterfall(rows: Sequence[tuple[str, float, str]]) -> Chart:
-    """Energies, J, one after the other; of each its name, what is added, and "absolute", "relative" or "total"."""
+    """Energies, J, of work by what became of it: name, amount, and "work", "stored", "lost" or "open"."""
     factor, unit = scaled(max((abs(energy) for _, energy, _ in rows), default=1.0), "J")
     return {
         "kind": "waterfall",
         "x": f"energy, {unit}",
         "labels": [text(name) for name, *_ in rows],
         "values": [energy / factor for _, energy, _ in rows],
-        "measures": [measure for *_, measure in rows],
+        "roles": [role for *_, role in rows],
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,9 +61,8 @@ def profile(run: RunData, found: Chain, t: float) -> Profile:
 
 def _front(before: Floats, after: Floats, length: Floats) -> float:
     """Way along the chain to where it crosses the level of the axle ahead of all else, m."""
-    crossing = np.flatnonzero(
-        (np.minimum(before[:, 1], after[:, 1]) <= 0.0) & (np.maximum(before[:, 1], after[:, 1]) > 0.0)
-    )
+    low, high = np.minimum(before[:, 1], after[:, 1]), np.maximum(before[:, 1], after[:, 1])
+    crossing = np.flatnonzero((low <= 0.0) & (high > 0.0))
     if not len(crossing):
         return 0.0
     link = int(crossing[before[crossing, 0].argmax()])
@@ -90,6 +90,6 @@ def _sections(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Sect
     half = 0.5 * float(np.median(np.diff(place))) if len(place) > 1 else 0.0
     return [
         Section(float(place[first] - half), float(place[last - 1] + half), str(names[first]))
-        for first, last in zip(edges[:-1], edges[1:], strict=True)
+        for first, last in pairwise(edges)
         if last - first > 1
     ]

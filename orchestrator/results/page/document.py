@@ -56,17 +56,18 @@ def _player(run: Study) -> Section | None:
     return None
 
 
-_VIEW = """<figure class="player"><canvas id="view" role="img" aria-label="side view of one track"></canvas>
+_VIEW = """<figure class="player"><canvas id="picture" role="img" aria-label="side view of one track"></canvas>
 <div class="controls"><button type="button" id="play" aria-label="play or pause">Play</button>
 <input type="range" id="time" min="0" value="0" step="1" aria-label="time">
 <output id="clock"></output>
-<select id="pace" aria-label="pace"><option value="0.1">0.1 &times;</option><option value="0.25">&frac14; &times;</option>
+<select id="pace" aria-label="pace"><option value="0.1">0.1 &times;</option>
+<option value="0.25">&frac14; &times;</option>
 <option value="0.5">&frac12; &times;</option><option value="1" selected>real time</option>
 <option value="2">2 &times;</option></select></div>
 <div class="legend"><span>link tension, kN</span><span id="least"></span><i id="scale"></i><span id="most"></span></div>
-<figcaption><p id="viewed"></p><p class="muted">Space plays and pauses, the arrow keys go picture by picture. A click on
-a curve over time brings that instant here. Marks on the ground are 1 m apart; the ring is round the link that bears the
-most.</p></figcaption></figure>"""
+<figcaption><p id="viewed"></p><p class="muted">It stands at the instant of the largest tension. Space plays and
+pauses, the arrow keys go picture by picture. A click on a curve over time brings that instant here. Marks on the ground
+are 1 m apart; the ring is round the link that bears the most.</p></figcaption></figure>"""
 
 
 def _pieces(
@@ -82,7 +83,7 @@ def _pieces(
     title = facts.title(run)
     against = f" against {text(reference.run.log.path.name)}" if reference else ""
     tiles = "".join(
-        f'<div class="tile"><div class="label">{tile.label}</div><div class="value">{tile.value}</div>'
+        f'<div class="tile"><div class="label">{tile.label}</div><div class="value {tile.kind}">{tile.value}</div>'
         f'<div class="note">{tile.note}</div></div>'
         for tile in facts.tiles(run, found)
     )

@@ -1,4 +1,4 @@
-"""Curves thinned for a screen: of every column of pixels the smallest and the largest value, so that no peak is lost."""
+"""Curves thinned for a screen: of every column of pixels smallest and largest value, so that no peak is lost."""
 
 from __future__ import annotations
 

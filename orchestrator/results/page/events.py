@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from orchestrator.log.time_series import Floats
 from orchestrator.results.page.signals import Spell, spells, wheels
 from orchestrator.results.page.words import instance, number, text
 from orchestrator.results.run_data import RunData
@@ -22,6 +24,14 @@ class Event(NamedTuple):
     detail: str
 
 
+def _slack(force: Floats) -> NDArray[np.bool_]:
+    return force <= 0.0
+
+
+def _pushed(force: Floats) -> NDArray[np.bool_]:
+    return force > 0.0
+
+
 def unloaded(run: RunData) -> dict[tuple[str, str], list[Spell]]:
     """When the chain did not push a road wheel up, by track and wheel; raises LogUnreadable."""
     names = {
@@ -30,15 +40,15 @@ def unloaded(run: RunData) -> dict[tuple[str, str], list[Spell]]:
         for wheel in wheels(run, track)
         if wheel.startswith("road_wheel")
     }
-    found = spells(run, names, lambda force: force <= 0.0)
+    found = spells(run, names, _slack)
     return {names[signal]: found[signal] for signal in found}
 
 
 def off_ground(run: RunData) -> dict[str, list[Spell]]:
     """When the ground did not push a track up, of tracks that it ever pushes; raises LogUnreadable."""
     names = {f"{track}.ground.force.z": track for track in run.tracks}
-    found = spells(run, names, lambda force: force <= 0.0)
-    pushed = spells(run, names, lambda force: force > 0.0)
+    found = spells(run, names, _slack)
+    pushed = spells(run, names, _pushed)
     return {names[signal]: found[signal] for signal in found if pushed[signal]}
 
 

@@ -12,6 +12,7 @@ from orchestrator.results.page.words import instance, number, percent, quantity,
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
 KMH = 3.6
+ALIKE = 1e-6
 
 
 class Tile(NamedTuple):
@@ -20,6 +21,7 @@ class Tile(NamedTuple):
     label: str
     value: str
     note: str
+    kind: str = ""  # "words" for one that is no number
 
 
 class Verdict(NamedTuple):
@@ -84,9 +86,8 @@ def verdict(study: Study) -> Verdict:
     judged = f"{len(checks) - len(missed)} of {len(checks)} checks met" if checks else "the log names no checks to make"
     open_share = abs(study.balance.ledger.residual_relative) if study.balance else 0.0
     if log.closing is None:
-        return Verdict(
-            "bad", "Cut off", f"The record ends at {number(study.span[1])} s without a closing record; {judged}."
-        )
+        told = f"The record ends at {number(study.span[1])} s without a closing record; {judged}."
+        return Verdict("bad", "Cut off", told)
     if log.closing["status"] != "ok":
         message = text(log.closing["message"] or "no reason was recorded")
         return Verdict("bad", "Failed", f"The run ended at {number(study.span[1])} s: {message}")
@@ -94,7 +95,8 @@ def verdict(study: Study) -> Verdict:
         names = text(", ".join(name.replace("_", " ") for name in missed))
         return Verdict("bad", "Checks not met", f"The run finished; {judged}. Not met: {names}.")
     if open_share > OPEN:
-        return Verdict("bad", "Energy open", f"The energy books leave {percent(open_share)} open: steps are too long.")
+        told = f"The energy ledger leaves {percent(open_share)} unaccounted for: steps are too long."
+        return Verdict("bad", "Energy not in balance", told)
     if not log.complete:
         return Verdict("fair", "Finished, record damaged", f"{text(' '.join(log.faults))} {judged.capitalize()}.")
     sentence = f"The run finished; {'all ' if checks else ''}{judged}."
@@ -145,7 +147,9 @@ def _largest(study: Study, names: list[str]) -> dict[str, Any]:
 
 
 def _most(study: Study, names: list[str]) -> dict[str, Any]:
-    name = max(names, key=lambda each: study.signals[each].most.value)
+    most = max(study.signals[each].most.value for each in names)
+    # of two sides that are equal but for rounding, the first one
+    name = next(each for each in names if study.signals[each].most.value >= most - ALIKE * abs(most))
     return _told(name, study.signals[name], *study.signals[name].most)
 
 
@@ -198,16 +202,13 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
     if energy := found.get("energy"):
         share = f" of {quantity(energy['work'], 'J')} put in" if abs(energy["work"]) > 1e-3 else ""
         made.append(Tile("Energy dissipated", quantity(energy["dissipated"], "J"), share.strip()))
-        made.append(
-            Tile(
-                "Energy books open", percent(energy["residual_relative"], 2), f"{quantity(energy['residual'], 'J', 3)}"
-            )
-        )
+        open_share, left = percent(energy["residual_relative"], 2), quantity(energy["residual"], "J", 3)
+        made.append(Tile("Energy unaccounted for", open_share, f"{left}, an error of the steps"))
     made.append(_error(study, found))
     if pace := found.get("real_time_factor"):
         factor = pace["value"]
-        shown = f"{number(factor, 3)} \N{MULTIPLICATION SIGN}"
-        made.append(Tile("Faster than real time" if factor >= 1.0 else "Share of real time", shown,
+        times = f"{number(factor, 3)} \N{MULTIPLICATION SIGN}"
+        made.append(Tile("Faster than real time" if factor >= 1.0 else "Share of real time", times,
                          f"{number(pace['wall_time'], 3)} s of computing"))  # fmt: skip
     return made
 
@@ -223,14 +224,13 @@ def _borne(largest: dict[str, Any]) -> str:
 def _error(study: Study, found: dict[str, Any]) -> Tile:
     error = found.get("error")
     if error is None:
-        return Tile("Estimated error", "not estimated", "this run was recorded without coarser companions")
+        return Tile("Estimated error", "not estimated", "no coarser run was made beside it", "words")
     if not isinstance(error["value"], (int, float)):
-        return Tile("Estimated error", "not known", text(error["message"]))
+        return Tile("Estimated error", "not known", text(error["message"]), "words")
     try:
         parts = {name: one["total"] for name, one in result(study, "error")["observables"].items() if one["decisive"]}
         worst = max(parts, key=lambda name: parts[name])
     except NOTHING:
         return Tile("Estimated error", percent(error["value"], 2), "")
-    return Tile(
-        "Estimated error", percent(error["value"], 2), f"of {text(worst.replace('_', ' '))}, the worst observable"
-    )
+    note = f"of {text(worst.replace('_', ' '))}, the worst observable"
+    return Tile("Estimated error", percent(error["value"], 2), note)

@@ -56,21 +56,32 @@
     const range = chart.timed ? { range: data.span } : {};
     const y = chart.equal ? { scaleanchor: "x", scaleratio: 1 } : {};
     return [traces, layout({ xaxis: axis(chart.x, range), yaxis: axis(chart.y, y), ...sectioned(chart),
-      showlegend: chart.traces.length > 1 })];
+      showlegend: chart.traces.length > 1, margin: { l: 52, r: 12, t: chart.traces.length > 1 ? 28 : 10, b: 42 } })];
   };
 
   const waterfall = (chart) => {
-    const shown = chart.labels.map((label) => (narrow() ? label.replace(": ", ":<br>") : label));
-    const trace = {
-      type: "waterfall", orientation: "h", y: shown, x: chart.values, measure: chart.measures,
-      text: chart.values.map((x) => number(x, 3)), textposition: "outside", cliponaxis: false,
-      connector: { line: { color: colour("line"), width: 1 } },
-      increasing: { marker: { color: colour("c2") } }, decreasing: { marker: { color: colour("c1") } },
-      totals: { marker: { color: colour("c0") } }, hovertemplate: "%{y}: %{text}<extra></extra>",
-      textfont: { color: colour("ink") },
+    const hues = { work: "c0", stored: "c2", lost: "c1", open: "bad" }, bases = [];
+    let left = 0; // of the work, above a bar
+    chart.values.forEach((value, k) => {
+      const role = chart.roles[k];
+      bases.push(role === "work" || role === "open" ? 0 : left - value);
+      left = role === "work" ? value : left - value;
+    });
+    const ends = bases.flatMap((base, k) => [base, base + chart.values[k]]);
+    const low = Math.min(0, ...ends), high = Math.max(0, ...ends), room = (narrow() ? 0.2 : 0.1) * (high - low);
+    const labels = chart.labels.map((label) => (narrow() ? label.replace(": ", ":<br>") : label));
+    const bars = {
+      type: "bar", orientation: "h", y: labels, x: chart.values, base: bases, showlegend: false,
+      marker: { color: chart.roles.map((role) => colour(hues[role])) },
+      hovertemplate: "%{y}: %{customdata}<extra></extra>", customdata: chart.values.map((x) => number(x, 4)),
     };
-    return [[trace], layout({ xaxis: axis(chart.x), yaxis: axis("", { autorange: "reversed", tickfont: { size: 12, color: colour("ink") } }),
-      showlegend: false, margin: { l: 20, r: 48, t: 8, b: 42 } })];
+    const words = chart.values.map((value, k) => ({ // beside the bar, where there is room
+      x: Math.max(bases[k], bases[k] + value), y: labels[k], text: number(value, 3), xanchor: "left", showarrow: false,
+      xshift: 4, font: { size: 12, color: colour("ink") },
+    }));
+    return [[bars], layout({ xaxis: axis(chart.x, { range: [low - 0.02 * (high - low), high + room] }),
+      yaxis: axis("", { autorange: "reversed", tickfont: { size: 12, color: colour("ink") } }), annotations: words,
+      margin: { l: 20, r: 12, t: 8, b: 42 }, bargap: 0.35 })];
   };
 
   const heat = (chart) => {
@@ -121,7 +132,7 @@
   };
 
   const player = (view) => {
-    const canvas = document.getElementById("view"), pen = canvas.getContext("2d");
+    const canvas = document.getElementById("picture"), pen = canvas.getContext("2d");
     const slider = document.getElementById("time"), clock = document.getElementById("clock");
     const button = document.getElementById("play"), pace = document.getElementById("pace");
     const t = floats(view.t), pins = shorts(view.pins), tension = floats(view.tension);
@@ -286,6 +297,11 @@
     pace.addEventListener("change", () => { [began, from] = [performance.now(), t[now]]; });
     slider.addEventListener("input", () => { stop(); show(Number(slider.value)); });
     document.addEventListener("keydown", (event) => {
+      const way = { ArrowLeft: -1, ArrowRight: 1 }[event.code];
+      if (way && !event.target.closest("input, select")) {
+        stop();
+        show(now + way);
+      }
       if (event.code !== "Space" || event.target.closest("button, select, summary, a")) return;
       event.preventDefault();
       toggle();
@@ -293,7 +309,7 @@
     seek = (moment, jump) => {
       stop();
       show(nearest(moment));
-      if (jump) document.getElementById("view").scrollIntoView({ block: "center" });
+      if (jump) document.getElementById("picture").scrollIntoView({ block: "center" });
     };
     new ResizeObserver(() => { if (canvas.clientWidth !== width) { size(); paint(); } }).observe(canvas);
     dark.addEventListener("change", paint);

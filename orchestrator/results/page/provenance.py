@@ -6,11 +6,23 @@ from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
+from orchestrator.results.page.envelope import BINS
 from orchestrator.results.page.sections import Pair, Section, table
 from orchestrator.results.page.study import attempt
 from orchestrator.results.page.words import number, percent, quantity, text
 from orchestrator.results.run_data import RunData
 
+WORDS = {"good": "complete", "fair": "not whole", "bad": "not complete"}
+LIMITS = (
+    f"Curves are thinned for a screen: of each of {BINS} equal intervals of time the smallest and the largest value are"
+    " kept, so that no peak is lost. What lies between is in the record.",
+    "Outputs of single links are recorded more seldom than steps are made. A link may have borne more between two"
+    " records; the largest tension of all links is known at every recorded step.",
+    "Checks compare with what the scene expects. They do not show that the model is right for a real vehicle.",
+    "An estimated error is one of steps and coupling, not of the parameters of the model. Where none is given, none was"
+    " estimated.",
+    "Pressure is the vertical force on a link over its whole area. How it is spread within a link is not recorded.",
+)
 CHEAP = 2e8  # bytes of both logs together: so much is compared bit by bit
 
 
@@ -30,8 +42,8 @@ def compared(pair: Pair) -> Section | None:
         if decisive:
             largest = max(decisive, key=lambda name: decisive[name].relative)
             html += (
-                f'<p class="lead">The runs are <b>{percent(worst(apart), 2)}</b> apart, by the observable that differs most,'
-                f" {text(largest.replace('_', ' '))}.</p>"
+                f'<p class="lead">The runs are <b>{percent(worst(apart), 2)}</b> apart, by the observable that differs'
+                f" most, {text(largest.replace('_', ' '))}.</p>"
             )
         rows = [
             (
@@ -53,7 +65,8 @@ def _settings(run: RunData, reference: RunData) -> list[tuple[str, str, str]]:
     rows = [("record", text(run.log.path.name), text(reference.log.path.name))]
     for key in ("scene", "track", "coupling", "step", "stop", "fmus"):
         if key in one or key in other:
-            rows.append((key, *(text(each.get(key, "python" if key == "fmus" else "")) for each in (one, other))))
+            unsaid = "python" if key == "fmus" else ""
+            rows.append((key, text(one.get(key, unsaid)), text(other.get(key, unsaid))))
     return rows
 
 
@@ -101,12 +114,13 @@ def made(pair: Pair, plotting: str) -> Section:
         digest = text(attempt(log.digest, []) or "")
         topics = sorted((log.closing or {}).get("sha256", {}).items())
         html += (
-            f"<h3>{role.capitalize()}: {name}</h3><p><span class='pill {mood}'>{'complete' if mood == 'good' else 'look'}"
-            f"</span> {told}</p><dl class='facts'><dt>size</dt><dd>{number(log.size / 1e6, 3)} MB</dd>"
+            f"<h3>{role.capitalize()}: {name}</h3><p><span class='pill {mood}'>{WORDS[mood]}</span> {told}</p>"
+            f"<dl class='facts'><dt>size</dt><dd>{number(log.size / 1e6, 3)} MB</dd>"
             f"<dt>digest</dt><dd><code>{digest}</code><br><span class='muted'>equal runs have equal digests</span></dd>"
             f"<dt>is it as written?</dt><dd><code>cotrack log verify {name}</code></dd>"
             + "".join(
-                f"<dt>does a component answer so again?</dt><dd><code>cotrack replay {name} --component {text(one)}</code></dd>"
+                "<dt>does a component answer so again?</dt>"
+                f"<dd><code>cotrack replay {name} --component {text(one)}</code></dd>"
                 for one in study.run.instances[:1]
             )
             + "</dl>"
@@ -115,18 +129,9 @@ def made(pair: Pair, plotting: str) -> Section:
             rows = [(f"<code>{text(topic)}</code>", f"<code>{text(value)}</code>") for topic, value in topics]
             html += f"<details><summary>sha256 of every topic</summary>{table(('Topic', 'sha256'), rows)}</details>"
     html += (
-        "<h3>What this page cannot say</h3><ul>"
-        "<li>Curves are thinned for a screen: of every fiftieth of a centimetre or so the smallest and the largest value are"
-        " kept, so that no peak is lost; what lies between is in the record.</li>"
-        "<li>Outputs of links are recorded more seldom than steps are made. A link may have borne more between two records;"
-        " the largest tension of all links is known at every step.</li>"
-        "<li>Checks compare with what the scene expects. That the model is right for a real vehicle they do not show.</li>"
-        "<li>An estimated error is one of steps and coupling, not of the model's parameters. Where none is given, none was"
-        " estimated.</li>"
-        "<li>Pressure is the vertical force on a link over its whole area; how it is spread within a link is not recorded.</li>"
-        "</ul>"
-        f"<p class='muted'>Made by <code>cotrack report</code>; curves are drawn by {text(plotting)}, which is part of this"
-        " file. The page asks nothing of any other machine.</p>"
+        f"<h3>What this page cannot say</h3><ul>{''.join(f'<li>{limit}</li>' for limit in LIMITS)}</ul>"
+        f"<p class='muted'>Made by <code>cotrack report</code>; curves are drawn by {text(plotting)}, which is part of"
+        " this file. The page asks nothing of any other machine.</p>"
     )
     missing = list(dict.fromkeys(pair.run.missing))
     if missing:

@@ -13,7 +13,7 @@ from orchestrator.results.page.balance import KINDS, sentence
 from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
-from orchestrator.results.page.envelope import Curve, Peak
+from orchestrator.results.page.envelope import Curve
 from orchestrator.results.page.events import events, unloaded
 from orchestrator.results.page.signals import Recorded, wheels
 from orchestrator.results.page.study import Study, attempt
@@ -80,7 +80,8 @@ def checks(pair: Pair) -> Section:
         note = f'<br><span class="muted">{text(check["note"])}</span>' if check["note"] else ""
         rows.append(
             (
-                f"<b>{text(name.replace('_', ' '))}</b><br><span class='muted'>{_looks_at(expected.get(name))}</span>{note}",
+                f"<b>{text(name.replace('_', ' '))}</b><br>"
+                f"<span class='muted'>{_looks_at(expected.get(name))}</span>{note}",
                 number(check["value"], 6),
                 number(check["expected"], 6),
                 f"\N{PLUS-MINUS SIGN} {number(check['tolerance'], 3)}",
@@ -92,7 +93,7 @@ def checks(pair: Pair) -> Section:
     if study.judged.note:
         html += f"<p>Checks were not made: {text(study.judged.note)}.</p>"
     elif not rows:
-        html += "<p>This record names no check that could be made. The page shows what happened, not whether it is right.</p>"
+        html += "<p>This record names no check to make. The page shows what happened, not whether it is right.</p>"
     if undone and not study.judged.note:
         html += (
             f"<p class='muted'>Not made, because the record ends before their time or they are for another kind of"
@@ -214,9 +215,8 @@ def drive(pair: Pair) -> Section | None:
     ]
     if slips and any(np.any(line.curve.y) for line in slips):
         charts["slip"] = lines("slip", "mm/s", _times(slips, 1e3))
-        html += figure(
-            "slip", "Slip on the ground", "Rearward speed of the pads over the ground, weighted by their load."
-        )
+        note = "Rearward speed of the pads over the ground, weighted by their load."
+        html += figure("slip", "Slip on the ground", note)
     return (
         Section("drive", "Drive", "What did the drives do?", f'<div class="grid">{html}</div>', charts)
         if charts
@@ -230,18 +230,19 @@ def energy(pair: Pair) -> Section | None:
     if found is None:
         return None
     books = found.ledger
-    rows = [("put in by drives", books.work, "absolute")]
-    rows += [(f"stored: {KINDS[kind]}", -change, "relative") for kind, change in found.stored.items()]
-    rows += [(f"dissipated: {name.replace('_', ' ')}", -lost, "relative") for name, lost in found.lost.items() if lost]
-    if books.covered:
-        rows.append(("lost as contacts move along links", -books.covered, "relative"))
-    rows.append(("left open", books.residual, "total"))
+    rows = [("put in by drives", books.work, "work")]
+    rows += [(f"stored: {KINDS[kind]}", change, "stored") for kind, change in found.stored.items()]
+    rows += [(f"dissipated: {name.replace('_', ' ')}", lost, "lost") for name, lost in found.lost.items() if lost]
+    rows.append(("lost: contacts moving along links", books.covered, "lost"))
+    least = 1e-6 * max(abs(each) for _, each, _ in rows)
+    rows = [row for row in rows if abs(row[1]) > least]
+    rows.append(("unaccounted for", books.residual, "open"))
     html = f'<p class="lead">{sentence(found)}</p>'
     charts: dict[str, Chart] = {}
     moved = max(abs(books.work), abs(books.change), abs(books.dissipated))
     if moved > 1e-3:
         charts["energy"] = waterfall(rows)
-        html += figure("energy", "From what was put in to what is left open",
+        html += figure("energy", "From what was put in to what is unaccounted for",
                        "Each bar begins where the one above ends: what is stored or lost is taken away from the work.",
                        "tall")  # fmt: skip
         names = {"work": "put in", "stored": "stored", "lost": "lost"}
@@ -259,9 +260,9 @@ def energy(pair: Pair) -> Section | None:
     ]
     parts.append(("ports between components", "", quantity(books.port, "J", 3)))
     html += (
-        "<details><summary>Who leaves what open</summary><p class='muted'>The part of the open sum that each component's"
-        " integration makes (of one, where the vehicle has two alike), and the coupling.</p>"
-        + table(("Component", "Dissipated", "Leaves open"), parts)
+        "<details><summary>Which part makes what is unaccounted for</summary><p class='muted'>By the integration of"
+        " each component (of one, where the vehicle has two alike), and by the coupling.</p>"
+        + table(("Component", "Dissipated", "Unaccounted for"), parts)
         + "</details>"
     )
     return Section("energy", "Energy", "Where does the work go?", html, charts)
@@ -284,16 +285,11 @@ def tension(pair: Pair) -> Section | None:
         html += _worst(study, found)
         html += _round(study, found, charts)
         worst = found.worst
-        charts["tension-map"] = heat(
-            "tension",
-            "N",
-            found.middle,
-            found.tension,
-            (worst.t, worst.link, f"link {worst.link}, {number(worst.t)} s"),
-        )
+        mark = worst.t, worst.link, f"link {worst.link}, {number(worst.t)} s"
+        charts["tension-map"] = heat("tension", "N", found.middle, found.tension, mark)
         html += figure("tension-map", f"Every link over time, {instance(found.track)}",
-                       "Largest tension in each slice of time. Stripes that slant are places on the way round, which the"
-                       " links pass one after the other; the ring marks the largest.", "tall")  # fmt: skip
+                       "Largest tension in each slice of time. Stripes that slant are places on the way round, which"
+                       " the links pass one after the other; the ring marks the largest.", "tall")  # fmt: skip
         html += _of_worst(study, found, charts)
     elif tracks:
         html += (
@@ -304,11 +300,12 @@ def tension(pair: Pair) -> Section | None:
 
 def _worst(study: Study, found: Chain) -> str:
     worst = found.worst
-    told = f"The largest tension in the records of links is <b>{quantity(worst.value, 'N')}</b> in <b>link {worst.link}</b>"
-    told += f" of {instance(found.track)} at {number(worst.t)} s"
+    told = f"The largest tension in the records of links is <b>{quantity(worst.value, 'N')}</b>"
+    told += f" in <b>link {worst.link}</b> of {instance(found.track)} at {number(worst.t)} s"
     if found.stressed and found.stressed.value > 0.0:
         stressed = found.stressed
-        told += f". The largest stress is {quantity(stressed.value, 'Pa')} in link {stressed.link} at {number(stressed.t)} s"
+        told += f". The largest stress is {quantity(stressed.value, 'Pa')} in link {stressed.link}"
+        told += f" at {number(stressed.t)} s"
     if found.loaded:
         loaded = found.loaded
         told += f". The largest force in a pin is {quantity(loaded.value, 'N')} where link {loaded.link} begins,"
@@ -322,17 +319,10 @@ def _alike(study: Study) -> str:
     if len(study.chains) != 2:
         return ""
     one, other = study.chains.values()
-    same = (
-        abs(one.worst.value - other.worst.value) <= 1e-3 * abs(one.worst.value) and one.worst.link == other.worst.link
-    )
-    return (
-        " The other track bears the same, to a thousandth."
-        if same
-        else (
-            f" In {instance(other.track)} it is {quantity(other.worst.value, 'N')}, in {instance(one.track)}"
-            f" {quantity(one.worst.value, 'N')}."
-        )
-    )
+    if abs(one.worst.value - other.worst.value) <= 1e-3 * abs(one.worst.value):
+        return " The other track bears as much, to a thousandth."
+    less = min((one, other), key=lambda each: each.worst.value)
+    return f" In {instance(less.track)} the largest tension is {quantity(less.worst.value, 'N')}."
 
 
 def instants(study: Study, found: Chain) -> list[float]:
@@ -341,10 +331,17 @@ def instants(study: Study, found: Chain) -> list[float]:
     return sorted({*map(float, evenly), found.worst.t})
 
 
+def profiles(study: Study, found: Chain) -> list[Profile]:
+    """The chain round its way at some instants; none where places were not recorded."""
+
+    def make() -> list[Profile]:
+        return [profile(study.run, found, t) for t in instants(study, found)]
+
+    return attempt(make, study.missing) or []
+
+
 def _round(study: Study, found: Chain, charts: dict[str, Chart]) -> str:
-    made = [
-        one for t in instants(study, found) if (one := attempt(lambda t=t: profile(study.run, found, t), study.missing))
-    ]  # type: ignore[misc]
+    made = profiles(study, found)
     if not made:
         return ""
     drawn = [
@@ -376,7 +373,8 @@ def _of_worst(study: Study, found: Chain, charts: dict[str, Chart]) -> str:
             charts[f"worst-{key}"] = lines(key, unit, [Line(key, curve, 0)], mark=peak)
             note = f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
             html += figure(f"worst-{key}", title, note)
-    return f"<h3 class='group'>Link {found.worst.link} of {instance(found.track)}, the worst one</h3><div class='grid'>{html}</div>"
+    title = f"Link {found.worst.link} of {instance(found.track)}, which bore the most"
+    return f"<h3 class='group'>{title}</h3><div class='grid'>{html}</div>"
 
 
 def loads(pair: Pair) -> Section | None:
@@ -414,37 +412,29 @@ def _least_loaded(study: Study, track: str) -> str:
     lifted = {wheel: spells for (of, wheel), spells in unloaded(study.run).items() if of == track and spells}
     late = [wheel for wheel, spells in lifted.items() if any(spell.end > study.span[0] + 0.1 for spell in spells)]
     if late:
-        return f"{told} <b>Unloaded for a time: {and_list([text(each.replace('road_wheel', 'wheel ')) for each in late])}.</b>"
+        names = and_list([text(each.replace("road_wheel", "wheel ")) for each in late])
+        return f"{told} <b>Unloaded for a time: {names}.</b>"
     return f"{told} {'After the first 0.1 s none' if lifted else 'None'} is ever unloaded."
 
 
 def _pressure(study: Study, charts: dict[str, Chart]) -> str:
     area = links.pad_area(study.run.scene)
     found = next((each for each in study.chains.values() if each.pressure is not None), None)
-    if found is None or area is None or not np.nanmax(found.pressure, initial=0.0) > 0.0:
+    if found is None or found.pressure is None or area is None or not np.nanmax(found.pressure, initial=0.0) > 0.0:
         return ""
-    assert found.pressure is not None
     row, column = np.unravel_index(int(np.nanargmax(found.pressure)), found.pressure.shape)
     most, when, link = float(found.pressure[row, column]), float(found.middle[row]), int(column) + 1
-    told = f"Vertical force of the ground on a link over its area, pitch times width, {number(1e4 * area, 3)} cm\N{SUPERSCRIPT TWO}."
-    made = [
-        one
-        for t in instants(study, found)
-        if (one := attempt(lambda t=t: profile(study.run, found, t), study.missing)) and one.pressure is not None  # type: ignore[misc]
-    ]
+    told = "Vertical force of the ground on a link over its area, pitch times width,"
+    told += f" {number(1e4 * area, 3)} cm\N{SUPERSCRIPT TWO}."
+    made = [one for one in profiles(study, found) if one.pressure is not None]
     html = ""
     if made:
         charts["pressure"] = lines("pressure", "Pa", [_under(one, k) for k, one in enumerate(made)],
                                    x="ahead of the sprocket's axle, m", timed=False)  # fmt: skip
         html += figure("pressure", f"Pressure under the links, {instance(found.track)}",
                        f"{told} The front is on the right; peaks stand under the road wheels.", "wide")  # fmt: skip
-    charts["pressure-map"] = heat(
-        "pressure",
-        "Pa",
-        found.middle,
-        np.maximum(found.pressure, 0.0),
-        (when, link, f"link {link}, {number(when, 3)} s"),
-    )
+    mark = when, link, f"link {link}, {number(when, 3)} s"
+    charts["pressure-map"] = heat("pressure", "Pa", found.middle, np.maximum(found.pressure, 0.0), mark)
     return html + figure("pressure-map", "Pressure under every link over time",
                          f"Largest in each slice of time; {quantity(most, 'Pa')} at most, under link {link} at about"
                          f" {number(when, 3)} s.", "tall")  # fmt: skip
@@ -484,8 +474,3 @@ def happened(pair: Pair) -> Section:
             " second that is the drawn vehicle coming to rest on its tracks.</p>"
         )
     return Section("events", "Events", "What happened on the way?", html, {})
-
-
-def peak_of(study: Study, signal: str) -> Peak | None:
-    """The largest value of a signal."""
-    return study.signals[signal].most if signal in study.signals else None

@@ -41,7 +41,9 @@ def side_view(run: RunData, found: Chain) -> dict[str, Any]:
     finite = pins[np.isfinite(pins).all(axis=(1, 2))]
     if not len(finite):
         raise LookupError("places of pins are no finite numbers")
-    low, high = finite.min(axis=(0, 1)) - MARGIN, finite.max(axis=(0, 1)) + MARGIN
+    hull = _hull(run, of, t, shift[:, 0])
+    shown_places = finite.reshape(-1, 2) if hull is None else np.vstack([finite.reshape(-1, 2), hull.reshape(-1, 2)])
+    low, high = np.nanmin(shown_places, axis=0) - MARGIN, np.nanmax(shown_places, axis=0) + MARGIN
     shown = tension[np.isfinite(tension)]
     return {
         "track": text(found.track),
@@ -58,7 +60,7 @@ def side_view(run: RunData, found: Chain) -> dict[str, Any]:
         "high": high.tolist(),
         "face": _face(run.scene),
         "wheels": [{**body, "centre": shorts(body["centre"], UNIT), "angle": floats(body["angle"])} for body in bodies],
-        "hull": _hull(run, of, t, shift[:, 0]),
+        "hull": None if hull is None else shorts(hull, UNIT),
         "ground": _drawn(below, of) if below else None,
         "speed": _speed(run, t),
     }
@@ -113,7 +115,7 @@ def _face(scene: dict[str, Any]) -> float:
         return 0.01
 
 
-def _hull(run: RunData, of: Plane, t: Floats, shift: Floats) -> str | None:
+def _hull(run: RunData, of: Plane, t: Floats, shift: Floats) -> Floats | None:
     """Corners of the hull (m, corners, 2), in order."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -132,7 +134,7 @@ def _hull(run: RunData, of: Plane, t: Floats, shift: Floats) -> str | None:
     places = pose[:, None, :3] + outline[:, 0, None] * ahead[:, None] + outline[:, 2, None] * up[:, None]
     seen = of.seen(places)
     seen[..., 1] += shift[:, None]
-    return shorts(seen, UNIT)
+    return seen
 
 
 def _ground(run: RunData) -> Ground | None:

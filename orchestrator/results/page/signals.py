@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.energy import STORED
@@ -85,7 +86,9 @@ def recorded(run: RunData, signals: Iterable[str]) -> dict[str, Recorded]:
     return found
 
 
-def spells(run: RunData, signals: Iterable[str], holds: Callable[[Floats], Floats]) -> dict[str, list[Spell]]:
+def spells(
+    run: RunData, signals: Iterable[str], holds: Callable[[Floats], NDArray[np.bool_]]
+) -> dict[str, list[Spell]]:
     """When outputs are such that ``holds`` is true of them; a NaN is not. Raises LogUnreadable."""
     wanted: dict[str, list[int]] = {}
     found: dict[str, list[Spell]] = {}
@@ -97,7 +100,7 @@ def spells(run: RunData, signals: Iterable[str], holds: Callable[[Floats], Float
     for piece in run.log.stream(wanted):
         for topic, series in piece.items():
             for k, name in enumerate(series.names):
-                inside = np.asarray(holds(series.values[:, k]), bool)
+                inside = holds(series.values[:, k])
                 turns = np.flatnonzero(np.diff(inside, prepend=False, append=False))
                 for first, last in zip(turns[::2], turns[1::2], strict=True):
                     _note(found[_name(topic, name)], float(series.t[first]), float(series.t[last - 1]))
@@ -129,7 +132,8 @@ def energies(run: RunData) -> dict[str, Curve]:
     if not columns:
         return {}
     wanted = {topic: sorted({k for each in own.values() for k in each}) for topic, own in columns.items()}
-    envelope, first = Envelope(*span(run), len(parts)), None
+    envelope = Envelope(*span(run), len(parts))
+    first: Floats | None = None
     for block in run.log.blocks(wanted, BLOCK):
         count = min(len(series.t) for series in block.values())
         times = [series.t[:count] for series in block.values()]
@@ -141,8 +145,8 @@ def energies(run: RunData) -> dict[str, Curve]:
             for k, which in enumerate(own.values()):
                 at = [wanted[topic].index(column) for column in which]
                 total[:, k] += copies * block[topic].values[:count, at].sum(axis=1)
-        if first is None and count:
-            first = total[0]
+        if first is None:
+            first = total[0] if count else np.zeros(len(parts))
         envelope.add(times[0], total - first)
     return {what: curve for k, what in enumerate(parts) if len((curve := envelope.curve(k)).t)}
 

@@ -55,5 +55,5 @@ def percent(share: float, digits: int = 3) -> str:
 
 
 def and_list(parts: list[str]) -> str:
-    """ "a, b and c"."""
+    """Parts of a sentence, the last two joined by "and"."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""
