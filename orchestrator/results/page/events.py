@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.page.signals import Spell, spells, wheels
-from orchestrator.results.page.words import instance, number, text
+from orchestrator.results.page.words import instance, number, text, wheel_name
 from orchestrator.results.run_data import RunData
 
 SHOWN = 40  # rows
+SETTLING = 0.1  # s: as drawn, a vehicle does not rest on its tracks yet
 
 
 class Event(NamedTuple):
@@ -58,13 +59,18 @@ def events(run: RunData) -> list[Event]:
     return sorted(found, key=lambda event: event.t)
 
 
+def settling(run: RunData, spell: Spell) -> bool:
+    """Whether a vehicle was then just coming to rest."""
+    return run.scene.get("assembly") == "vehicle" and spell.end <= SETTLING
+
+
 def _lifts(run: RunData) -> list[Event]:
     made = []
-    for (track, wheel), times in unloaded(run).items():
-        if times:
-            made.append(_spell(times, "Road wheel carries nothing", f"{instance(track)}, {text(wheel)}"))
-    for track, times in off_ground(run).items():
-        if times:
+    for (track, wheel), spells_of in unloaded(run).items():
+        if times := [spell for spell in spells_of if not settling(run, spell)]:
+            made.append(_spell(times, "Road wheel carries nothing", f"{instance(track)}, {text(wheel_name(wheel))}"))
+    for track, spells_of in off_ground(run).items():
+        if times := [spell for spell in spells_of if not settling(run, spell)]:
             made.append(_spell(times, "Track is off the ground", instance(track)))
     return made
 

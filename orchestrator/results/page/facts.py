@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 from orchestrator.results.page import chain as links
 from orchestrator.results.page.signals import Recorded
 from orchestrator.results.page.study import NOTHING, Study
-from orchestrator.results.page.words import instance, number, percent, quantity, text
+from orchestrator.results.page.words import instance, number, percent, quantity, text, wheel_name
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
 KMH = 3.6
 ALIKE = 1e-6
+COMING_TO_REST = 0.5  # s: a vehicle starts as drawn, not yet resting on its tracks
 
 
 class Tile(NamedTuple):
@@ -188,7 +189,9 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
         made.append(Tile("Largest link stress", quantity(stress["value"], "Pa"), f"axial, {_borne(stress)}"))
     if load := found.get("wheel_load"):
         track, _, wheel = load["signal"].removesuffix(".force.z").partition(".")
-        place = f"{text(wheel.replace('road_wheel', 'road wheel '))}, {instance(track)}, at {number(load['t'])} s"
+        place = f"{text(wheel_name(wheel))}, {instance(track)}, at {number(load['t'])} s"
+        if load["t"] < COMING_TO_REST and study.run.scene.get("assembly") == "vehicle":
+            place += ", as the vehicle comes to rest"
         made.append(Tile("Largest wheel load", quantity(load["value"], "N"), place))
     if carried := found.get("carried"):
         shown = [name for name in ("weight", "ground_force") if name in carried]

@@ -14,10 +14,10 @@ from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
 from orchestrator.results.page.envelope import Curve
-from orchestrator.results.page.events import events, unloaded
+from orchestrator.results.page.events import SETTLING, events, settling, unloaded
 from orchestrator.results.page.signals import Recorded, wheels
 from orchestrator.results.page.study import Study, attempt
-from orchestrator.results.page.words import and_list, instance, number, quantity, text
+from orchestrator.results.page.words import and_list, instance, number, quantity, text, wheel_name
 from orchestrator.results.run_data import EVER
 
 INSTANTS = 4  # at which the chain is shown round its way
@@ -383,9 +383,7 @@ def loads(pair: Pair) -> Section | None:
     for side, track in enumerate(study.run.tracks):
         names = [name for name in wheels(study.run, track) if name.startswith("road_wheel")]
         drawn = [
-            line
-            for k, name in enumerate(names)
-            for line in pair.drawn(f"{track}.{name}.force.z", name.replace("road_wheel", "wheel "), k)
+            line for k, name in enumerate(names) for line in pair.drawn(f"{track}.{name}.force.z", wheel_name(name), k)
         ]
         if drawn:
             charts[f"wheels-{side}"] = lines("force", "N", drawn)
@@ -410,9 +408,9 @@ def loads(pair: Pair) -> Section | None:
 def _least_loaded(study: Study, track: str) -> str:
     told = "Vertical force of the chain on each wheel, mean over each step. Wheel 1 is next to the sprocket."
     lifted = {wheel: spells for (of, wheel), spells in unloaded(study.run).items() if of == track and spells}
-    late = [wheel for wheel, spells in lifted.items() if any(spell.end > study.span[0] + 0.1 for spell in spells)]
+    late = [wheel for wheel, spells in lifted.items() if any(not settling(study.run, spell) for spell in spells)]
     if late:
-        names = and_list([text(each.replace("road_wheel", "wheel ")) for each in late])
+        names = and_list([text(wheel_name(each)) for each in late])
         return f"{told} <b>Unloaded for a time: {names}.</b>"
     return f"{told} {'After the first 0.1 s none' if lifted else 'None'} is ever unloaded."
 
@@ -444,7 +442,7 @@ def _under(one: Profile, colour: int) -> Line:
     """Pressures of links that touch the ground, and of their neighbours, along the vehicle."""
     assert one.pressure is not None
     order = np.argsort(one.ahead)
-    touched = one.pressure != 0.0
+    touched = one.pressure > 1e-3 * max(one.pressure.max(), 0.0)
     shown = [k for k in order if touched[max(k - 1, 0) : k + 2].any()]
     return Line(f"{number(one.t)} s", Curve(one.ahead[shown], one.pressure[shown]), colour, points=True)
 
@@ -459,7 +457,7 @@ def happened(pair: Pair) -> Section:
         html += f"<p class='muted'>and {len(found) - SHOWN_EVENTS} more.</p>"
     quiet = []
     if not any("wheel" in event.what for event in found) and any("road_wheel[" in name for name in study.signals):
-        quiet.append("no road wheel was ever unloaded")
+        quiet.append("no road wheel was unloaded on the way")
     if any("solver.rejected" in about.names for about in study.run.log.topics.values()) and not any(
         "Solver" in event.what for event in found
     ):
@@ -468,9 +466,10 @@ def happened(pair: Pair) -> Section:
         quiet.append("no component warned")
     if quiet:
         html += f"<p>{and_list(quiet).capitalize()}.</p>"
-    if any("wheel" in event.what for event in found):
+    early = [where for where, times in unloaded(study.run).items() if any(settling(study.run, each) for each in times)]
+    if early:
         html += (
-            "<p class='muted'>A wheel carries nothing while the chain does not push it up. In the first hundredths of a"
-            " second that is the drawn vehicle coming to rest on its tracks.</p>"
+            f"<p class='muted'>In its first {number(SETTLING)} s, while the drawn vehicle comes to rest on its tracks,"
+            f" {len(early)} road wheel{'s carry' if len(early) > 1 else ' carries'} nothing for a moment.</p>"
         )
     return Section("events", "Events", "What happened on the way?", html, {})

@@ -20,6 +20,7 @@ RATE = 25.0  # pictures a second at most
 MOST = 500  # pictures
 UNIT = 5e-4  # m: of places, in whole numbers of two bytes up to 16 m
 MARGIN = 0.15  # m round what is drawn
+ABOVE = 0.4  # m over the chain at most: hulls are high
 
 
 def side_view(run: RunData, found: Chain) -> dict[str, Any]:
@@ -44,6 +45,7 @@ def side_view(run: RunData, found: Chain) -> dict[str, Any]:
     hull = _hull(run, of, t, shift[:, 0])
     shown_places = finite.reshape(-1, 2) if hull is None else np.vstack([finite.reshape(-1, 2), hull.reshape(-1, 2)])
     low, high = np.nanmin(shown_places, axis=0) - MARGIN, np.nanmax(shown_places, axis=0) + MARGIN
+    high[1] = min(high[1], finite[..., 1].max() + ABOVE)
     shown = tension[np.isfinite(tension)]
     return {
         "track": text(found.track),

@@ -49,6 +49,11 @@ def instance(name: str) -> str:
     return text(name.replace("_", " "))
 
 
+def wheel_name(name: str) -> str:
+    """What a wheel is called: "wheel 2" of "road_wheel[2]"."""
+    return name.replace("road_wheel[", "wheel ").replace("]", "").replace("_", " ")
+
+
 def percent(share: float, digits: int = 3) -> str:
     """Of a fraction."""
     return f"{number(100.0 * share, digits)} %"
