@@ -12,7 +12,8 @@ from orchestrator.results.page.envelope import Curve, Envelope, Peak
 from orchestrator.results.page.signals import span
 from orchestrator.results.run_data import Missing, RunData
 
-SLICES = 240  # of time, in the maps
+SLICES = 240  # of time, in the maps, at most
+ALIKE = 1e-9  # of two values that differ by rounding
 _MEMBER = re.compile(r"(link|joint)\[(\d+)\]\.(.+)")
 
 
@@ -45,9 +46,9 @@ class Chain(NamedTuple):
     track: str
     columns: Columns
     t: Floats  # (m,) s, of all records of links
-    middle: Floats  # (SLICES,) s, of the slices of time
-    tension: Floats  # (SLICES, links) N, largest in each slice
-    pressure: Floats | None  # (SLICES, links) Pa, vertical force of the ground over the area of a link, largest
+    middle: Floats  # (slices,) s, of the slices of time
+    tension: Floats  # (slices, links) N, largest in each slice
+    pressure: Floats | None  # (slices, links) Pa, vertical force of the ground over the area of a link, largest
     worst: Worst  # by tension
     stressed: Worst | None
     loaded: Worst | None  # by the force in the pin where it begins
@@ -97,7 +98,8 @@ def chain(run: RunData, track: str) -> Chain:
     wanted = [*at.tension, *at.stress, *(k for pin in at.force for k in pin), *(link[2] for link in at.ground)]
     start, end = span(run)
     area = pad_area(run.scene) if at.ground else None
-    tension, pressure = (Envelope(start, end, len(at.tension), SLICES) for _ in range(2))
+    slices = max(1, min(SLICES, len(run.log.select({topic: []})[topic].t) // 2))  # none without a record
+    tension, pressure = (Envelope(start, end, len(at.tension), slices) for _ in range(2))
     most: dict[str, Worst] = {}
     times = []
     for piece in run.log.stream({topic: wanted}):
@@ -114,7 +116,7 @@ def chain(run: RunData, track: str) -> Chain:
             _note(most, name, series.t, values)
     if "tension" not in most:
         raise Missing(f"the log holds no record of the links of '{track}'")
-    edges = np.linspace(start, end, SLICES + 1)
+    edges = np.linspace(start, end, slices + 1)
     return Chain(
         track, at, np.concatenate(times), 0.5 * (edges[1:] + edges[:-1]), tension.upper,
         pressure.upper if area else None, most["tension"], most.get("stress"), most.get("force"),
@@ -125,8 +127,9 @@ def _note(most: dict[str, Worst], name: str, t: Floats, values: Floats) -> None:
     finite = np.where(np.isfinite(values), values, -np.inf)
     if not finite.size or not np.isfinite(finite.max()):
         return
-    row, column = np.unravel_index(int(finite.argmax()), finite.shape)
-    if name not in most or finite[row, column] > most[name].value:
+    largest = finite.max()
+    row, column = np.argwhere(finite >= largest - ALIKE * abs(largest))[0]  # of equal ones the first
+    if name not in most or finite[row, column] > most[name].value + ALIKE * abs(most[name].value):
         most[name] = Worst(float(finite[row, column]), float(t[row]), int(column) + 1)
 
 

@@ -14,6 +14,7 @@ from orchestrator.results.page.envelope import Curve, Peak
 from orchestrator.results.page.words import scaled, text
 
 Chart = dict[str, Any]
+FLAT = 1e-5  # of the largest value
 
 
 class Line(NamedTuple):
@@ -36,13 +37,16 @@ def lines(
     timed: bool = True,
     sections: Sequence[Section] = (),
     mark: Peak | None = None,
-    factor: float | None = None,
 ) -> Chart:
-    """Curves over time, or over something else; ``factor``: what the unit is multiplied by, by default a handy one."""
+    """Curves over time, or over something else."""
     curves = list(drawn)
     size = max((float(np.nanmax(np.abs(line.curve.y), initial=0.0)) for line in curves), default=0.0)
-    best, name = scaled(size, unit)
-    by = best if factor is None else factor
+    by, name = scaled(size, unit)
+    low, high = (
+        min((float(np.nanmin(line.curve.y, initial=np.inf)) for line in curves), default=0.0),
+        max((float(np.nanmax(line.curve.y, initial=-np.inf)) for line in curves), default=0.0),
+    )
+    level = high - low < FLAT * size  # rounding is not worth an axis
     return {
         "kind": "lines",
         "x": x,
@@ -62,6 +66,7 @@ def lines(
         ],
         "sections": [[section.start, section.end, text(section.name)] for section in sections],
         "mark": [mark.t, mark.value / by] if mark else None,
+        "flat": [(low - 0.1 * size) / by, (high + 0.1 * size) / by] if level else None,
     }
 
 

@@ -50,10 +50,9 @@ def document(run: Study, reference: Study | None, plots: str) -> str:
 
 
 def _player(run: Study) -> Section | None:
-    for chain in run.chains.values():
-        if view := attempt(lambda chain=chain: side_view(run.run, chain), run.missing):  # type: ignore[misc]
-            return Section("view", "Side view", "What does it look like?", _VIEW, {"player": view})
-    return None
+    chain = run.hardest
+    view = attempt(lambda: side_view(run.run, chain), run.missing) if chain else None
+    return Section("view", "Side view", "What does it look like?", _VIEW, {"player": view}) if view else None
 
 
 _VIEW = """<figure class="player"><canvas id="picture" role="img" aria-label="side view of one track"></canvas>
@@ -66,8 +65,8 @@ _VIEW = """<figure class="player"><canvas id="picture" role="img" aria-label="si
 <option value="2">2 &times;</option></select></div>
 <div class="legend"><span>link tension, kN</span><span id="least"></span><i id="scale"></i><span id="most"></span></div>
 <figcaption><p id="viewed"></p><p class="muted">It stands at the instant of the largest tension. Space plays and
-pauses, the arrow keys go picture by picture. A click on a curve over time brings that instant here. Marks on the ground
-are 1 m apart; the ring is round the link that bears the most.</p></figcaption></figure>"""
+pauses, the arrow keys go picture by picture. A click on a curve over time brings that instant here. The ring is
+round the link that bears the most.</p></figcaption></figure>"""
 
 
 def _pieces(
@@ -81,7 +80,7 @@ def _pieces(
     """HTML, in order."""
     verdict = facts.verdict(run)
     title = facts.title(run)
-    against = f" against {text(reference.run.log.path.name)}" if reference else ""
+    against = f", against the reference {text(reference.run.log.path.name)}" if reference else ""
     tiles = "".join(
         f'<div class="tile"><div class="label">{tile.label}</div><div class="value {tile.kind}">{tile.value}</div>'
         f'<div class="note">{tile.note}</div></div>'
@@ -96,7 +95,7 @@ def _pieces(
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         '<meta name="color-scheme" content="light dark">',
         f'<title>{title}</title><link rel="icon" href="data:,"><style>{_asset("page.css")}</style></head><body>',
-        f'<header><p class="kicker">Report of a run{against} &middot; {text(run.run.log.path.name)} &middot;'
+        f'<header><p class="kicker">Report of the run {text(run.run.log.path.name)}{against} &middot;'
         f" {number(run.span[1] - run.span[0])} s</p><h1>{title}</h1>",
         f'<p class="verdict {verdict.mood}"><b>{verdict.word}.</b> {verdict.sentence}</p>',
         f'<div class="tiles">{tiles}</div><dl class="setting">{setting}</dl></header>',

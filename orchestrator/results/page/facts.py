@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 
 from orchestrator.results.page import chain as links
 from orchestrator.results.page.signals import Recorded
-from orchestrator.results.page.study import NOTHING, Study
+from orchestrator.results.page.study import ALIKE, NOTHING, Study
 from orchestrator.results.page.words import instance, number, percent, quantity, text, wheel_name
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
 KMH = 3.6
-ALIKE = 1e-6
 COMING_TO_REST = 0.5  # s: a vehicle starts as drawn, not yet resting on its tracks
 
 
@@ -173,7 +172,7 @@ def _bearer(study: Study, largest: dict[str, Any], what: str) -> dict[str, Any]:
 def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
     """The key figures that there are."""
     made = []
-    if speed := found.get("top_speed"):
+    if (speed := found.get("top_speed")) and abs(speed["value"]) > 1e-6:
         hull = speed["signal"].startswith("chassis")
         fast = f"{number(abs(speed['value']) * KMH, 3)} km/h, " if hull else ""
         back = ", backwards" if hull and speed["value"] < 0.0 else ""
@@ -202,9 +201,9 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
         )
         name = "Weight" if shown[0] == "weight" else "Ground carries"
         made.append(Tile(name, quantity(carried[shown[0]], "N"), ground))
-    if energy := found.get("energy"):
-        share = f" of {quantity(energy['work'], 'J')} put in" if abs(energy["work"]) > 1e-3 else ""
-        made.append(Tile("Energy dissipated", quantity(energy["dissipated"], "J"), share.strip()))
+    if (energy := found.get("energy")) and max(abs(energy[each]) for each in ("work", "change", "dissipated")) > 1e-3:
+        share = f"of {quantity(energy['work'], 'J')} put in" if abs(energy["work"]) > 1e-3 else ""
+        made.append(Tile("Energy dissipated", quantity(energy["dissipated"], "J"), share))
         open_share, left = percent(energy["residual_relative"], 2), quantity(energy["residual"], "J", 3)
         made.append(Tile("Energy unaccounted for", open_share, f"{left}, an error of the steps"))
     made.append(_error(study, found))

@@ -45,7 +45,9 @@
     const traces = chart.traces.map((trace) => ({
       type: "scatter", mode: trace.points ? "lines+markers" : "lines", name: trace.name,
       x: Array.from(floats(trace.t)), y: Array.from(floats(trace.y)),
-      line: { color: colour(`c${trace.colour % 6}`), width: trace.behind ? 4 : 1.5, dash: trace.reference ? "dash" : "solid" },
+      line: trace.reference
+        ? { color: colour("ink"), width: 1.2, dash: ["dash", "dot", "dashdot", "longdash"][trace.colour % 4] }
+        : { color: colour(`c${trace.colour % 6}`), width: trace.behind ? 4 : 1.5 },
       marker: { size: 4 }, opacity: trace.behind ? 0.45 : 1,
       hovertemplate: `%{y:.4g}<br>${chart.x.split(",")[0]} %{x:.4g}<extra>${trace.name}</extra>`,
     }));
@@ -54,7 +56,7 @@
         showlegend: false, marker: { size: 10, color: "rgba(0,0,0,0)", line: { width: 2, color: colour("bad") } } });
     }
     const range = chart.timed ? { range: data.span } : {};
-    const y = chart.equal ? { scaleanchor: "x", scaleratio: 1 } : {};
+    const y = chart.equal ? { scaleanchor: "x", scaleratio: 1 } : chart.flat ? { range: chart.flat } : {};
     return [traces, layout({ xaxis: axis(chart.x, range), yaxis: axis(chart.y, y), ...sectioned(chart),
       showlegend: chart.traces.length > 1, margin: { l: 52, r: 12, t: chart.traces.length > 1 ? 28 : 10, b: 42 } })];
   };
@@ -147,7 +149,8 @@
     document.getElementById("scale").style.background = `linear-gradient(90deg, ${VIRIDIS.join(",")})`;
     document.getElementById("viewed").textContent =
       `${view.track.replaceAll("_", " ")} seen from its left; ahead is to the right. ${view.pictures} pictures` +
-      (view.pictures > 1 ? `, one every ${number((t[t.length - 1] - t[0]) / (view.pictures - 1), 2)} s.` : ".");
+      (view.pictures > 1 ? `, one every ${number((t[t.length - 1] - t[0]) / (view.pictures - 1), 2)} s.` : ".") +
+      (view.ground ? " Marks on the ground are 1 m apart." : "");
 
     const size = () => {
       const ratio = window.devicePixelRatio || 1;

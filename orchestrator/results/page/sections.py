@@ -17,11 +17,12 @@ from orchestrator.results.page.envelope import Curve
 from orchestrator.results.page.events import SETTLING, events, settling, unloaded
 from orchestrator.results.page.signals import Recorded, wheels
 from orchestrator.results.page.study import Study, attempt
-from orchestrator.results.page.words import and_list, instance, number, quantity, text, wheel_name
+from orchestrator.results.page.words import and_list, instance, number, plain, quantity, text, wheel_name
 from orchestrator.results.run_data import EVER
 
 INSTANTS = 4  # at which the chain is shown round its way
 SHOWN_EVENTS = 40
+AT_REST = 1e-6  # m/s
 LEAST_WAY = 0.5  # m beside the straight line: below, a way from above shows nothing
 
 
@@ -41,14 +42,27 @@ class Pair(NamedTuple):
     run: Study
     reference: Study | None
 
-    def drawn(self, signal: str, name: str, colour: int, behind: bool = False) -> list[Line]:
-        """Curves of a signal of both, as far as they have it."""
-        found = []
-        if self.reference and signal in self.reference.signals:
-            found.append(Line(f"{name}, reference", self.reference.signals[signal].curve, colour, reference=True))
-        if signal in self.run.signals:
-            found.append(Line(name, self.run.signals[signal].curve, colour, behind=behind))
-        return found
+    def drawn(self, parts: Sequence[tuple[str, str]], colour: int = 0) -> list[Line]:
+        """Curves of signals, of each its name and what it is called, of both runs as far as they have them."""
+        known = [(signal, name, k) for k, (signal, name) in enumerate(parts, colour) if signal in self.run.signals]
+        alike = len(known) == 2 and _alike(*(self.run.signals[signal] for signal, *_ in known))
+        found = [
+            Line(name, self.run.signals[signal].curve, k, behind=alike and not place)
+            for place, (signal, name, k) in enumerate(known)
+        ]
+        reference = self.reference.signals if self.reference else {}
+        return found + [
+            Line(f"{name}, reference", reference[signal].curve, k, reference=True)
+            for k, (signal, name) in enumerate(parts, colour)
+            if signal in reference and known
+        ]
+
+
+def _alike(one: Recorded, other: Recorded) -> bool:
+    """Whether the curve of one covers that of the other."""
+    size = max(abs(one.largest.value), abs(other.largest.value))
+    apart = abs(one.most.value - other.most.value), abs(one.least.value - other.least.value)
+    return max(apart) <= 1e-2 * size
 
 
 def figure(key: str, title: str, note: str = "", size: str = "", label: str = "") -> str:
@@ -125,33 +139,25 @@ def _looks_at(check: Any) -> str:
 def motion(pair: Pair) -> Section | None:
     """How the hull, or else the chain, moved."""
     study, charts, html = pair.run, {}, ""
-    for key, title, parts in (
-        ("speed", "Speed of the hull", (("chassis.speed", "speed"),)),
-        ("distance", "Way along the first heading", (("chassis.distance", "distance"),)),
-    ):
-        drawn = [line for signal, name in parts for line in pair.drawn(signal, name, 0)]
-        if drawn:
-            charts[key] = lines(parts[0][1], study.signals[parts[0][0]].unit, drawn)
-            html += figure(key, title, _range(study.signals[parts[0][0]]))
-    angles = [line for k, name in enumerate(("pitch", "roll")) for line in pair.drawn(f"chassis.{name}", name, k)]
+    for key, title in (("speed", "Speed of the hull"), ("distance", "Way along the first heading")):
+        signal = f"chassis.{key}"
+        if drawn := pair.drawn([(signal, key)]):
+            charts[key] = lines(key, study.signals[signal].unit, drawn)
+            html += figure(key, title, _range(study.signals[signal]))
+    angles = pair.drawn([("chassis.pitch", "pitch"), ("chassis.roll", "roll")])
     if angles:
         degrees = [line._replace(curve=Curve(line.curve.t, np.degrees(line.curve.y))) for line in angles]
         charts["pitch"] = lines("angle", "degrees", degrees)
         html += figure("pitch", "Pitch and roll", "Nose down and right side down are positive.")
-    settled = pair.drawn("chassis.settlement", "settlement", 0)
+    settled = pair.drawn([("chassis.settlement", "settlement")])
     if settled:
         charts["settlement"] = lines("down", "mm", _times(settled, 1e3))
         html += figure("settlement", "Settlement", "Downward motion of the hull's centre of mass since the start.")
     if way := _way(pair):
         charts["way"] = way
         html += figure("way", "Way from above", "World axes; the centre of mass of the hull.")
-    names = [track for track in study.run.tracks if f"{track}.speed" in study.signals]
-    if names:
-        drawn = [
-            line
-            for k, track in enumerate(names)
-            for line in pair.drawn(f"{track}.speed", instance(track), k, behind=k == 0 and len(names) > 1)
-        ]
+    drawn = pair.drawn([(f"{track}.speed", plain(track)) for track in study.run.tracks])
+    if any(np.abs(line.curve.y).max() > AT_REST for line in drawn):
         charts["chain-speed"] = lines("speed", "m/s", drawn)
         html += figure("chain-speed", "Speed of the chain", "Round its way, against the vehicle.")
     return (
@@ -173,7 +179,7 @@ def _range(signal: Recorded) -> str:
 
 def _way(pair: Pair) -> Chart | None:
     drawn = []
-    for study, name in ((pair.reference, "reference"), (pair.run, "run")):
+    for study, name in ((pair.run, "run"), (pair.reference, "reference")):
         if study is None or "chassis.chassis.position.x" not in study.signals:
             continue
         _, places = study.run.vectors("chassis", "out", "chassis.position", "xy", EVER)
@@ -181,7 +187,7 @@ def _way(pair: Pair) -> Chart | None:
         drawn.append(Line(name, Curve(thinned[:, 0], thinned[:, 1]), 0, reference=study is pair.reference))
     if not drawn:
         return None
-    last = drawn[-1].curve
+    last = drawn[0].curve
     heading = float(attempt(lambda: pair.run.run.scene["start"]["heading"], []) or 0.0)
     beside = -np.sin(heading) * (last.t - last.t[0]) + np.cos(heading) * (last.y - last.y[0])
     if np.nanmax(np.abs(beside)) < LEAST_WAY:
@@ -192,28 +198,19 @@ def _way(pair: Pair) -> Chart | None:
 def drive(pair: Pair) -> Section | None:
     """What the motors did."""
     study, charts, html = pair.run, {}, ""
-    for key, title, quantity_, note in (
+    for key, title, what, note in (
         ("torque", "Torque on the sprockets", "torque", "Mean over each step."),
         ("sprocket-speed", "Speed of the sprockets", "speed", "Against their mounts."),
         ("power", "Power of the motors", "power", "Negative where the chain turns the motor."),
     ):
-        names = [each for each in study.drives if f"{each}{quantity_}" in study.signals]
-        drawn = [
-            line
-            for k, each in enumerate(names)
-            for line in pair.drawn(f"{each}{quantity_}", instance(each.rstrip(".")), k, k == 0 and len(names) > 1)
-        ]
-        if drawn:
-            signals = [study.signals[f"{each}{quantity_}"] for each in names]
-            charts[key] = lines(quantity_, signals[0].unit, drawn)
+        signals = [found for each in study.drives if (found := study.signals.get(f"{each}{what}"))]
+        if signals:
+            drawn = pair.drawn([(f"{each}{what}", plain(each.rstrip("."))) for each in study.drives])
+            charts[key] = lines(what, signals[0].unit, drawn)
             top = max(signals, key=lambda signal: abs(signal.largest.value)).largest
             html += figure(key, title, f"{note} Largest: {quantity(top.value, signals[0].unit)} at {number(top.t)} s.")
-    slips = [
-        line
-        for k, track in enumerate(study.run.tracks)
-        for line in pair.drawn(f"{track}.slip", instance(track), k, k == 0 and len(study.run.tracks) > 1)
-    ]
-    if slips and any(np.any(line.curve.y) for line in slips):
+    slips = pair.drawn([(f"{track}.slip", plain(track)) for track in study.run.tracks])
+    if any(np.any(line.curve.y) for line in slips):
         charts["slip"] = lines("slip", "mm/s", _times(slips, 1e3))
         note = "Rearward speed of the pads over the ground, weighted by their load."
         html += figure("slip", "Slip on the ground", note)
@@ -234,7 +231,7 @@ def energy(pair: Pair) -> Section | None:
     rows += [(f"stored: {KINDS[kind]}", change, "stored") for kind, change in found.stored.items()]
     rows += [(f"dissipated: {name.replace('_', ' ')}", lost, "lost") for name, lost in found.lost.items() if lost]
     rows.append(("lost: contacts moving along links", books.covered, "lost"))
-    least = 1e-6 * max(abs(each) for _, each, _ in rows)
+    least = 1e-5 * max(abs(each) for _, each, _ in rows)
     rows = [row for row in rows if abs(row[1]) > least]
     rows.append(("unaccounted for", books.residual, "open"))
     html = f'<p class="lead">{sentence(found)}</p>'
@@ -246,11 +243,11 @@ def energy(pair: Pair) -> Section | None:
                        "Each bar begins where the one above ends: what is stored or lost is taken away from the work.",
                        "tall")  # fmt: skip
         names = {"work": "put in", "stored": "stored", "lost": "lost"}
-        drawn = [
+        drawn = [Line(names[part], curve, k) for k, (part, curve) in enumerate(study.energies.items())]
+        drawn += [
             Line(f"{names[part]}, reference", curve, k, reference=True)
             for k, (part, curve) in enumerate(pair.reference.energies.items() if pair.reference else ())
         ]
-        drawn += [Line(names[part], curve, k) for k, (part, curve) in enumerate(study.energies.items())]
         if drawn:
             charts["energy-time"] = lines("energy", "J", drawn)
             html += figure("energy-time", "Since the start", "All components together.")
@@ -273,15 +270,13 @@ def tension(pair: Pair) -> Section | None:
     study, charts, html = pair.run, {}, ""
     tracks = [track for track in study.run.tracks if f"{track}.tension.max" in study.signals]
     if tracks:
-        drawn = []
-        for k, track in enumerate(tracks[:2]):
-            both = len(tracks) > 1 and k == 0
-            drawn += pair.drawn(f"{track}.tension.max", f"largest, {instance(track)}", k, both)
-            drawn += pair.drawn(f"{track}.tension.mean", f"mean, {instance(track)}", k + 2, both)
+        drawn = pair.drawn([(f"{track}.tension.max", f"largest, {plain(track)}") for track in tracks[:2]])
+        drawn += pair.drawn([(f"{track}.tension.mean", f"mean, {plain(track)}") for track in tracks[:2]], 2)
         charts["tension"] = lines("tension", "N", drawn)
         html += figure("tension", "Largest and mean tension", "Over all links of a track, at every step.", "wide")
     if study.chains:
-        found = max(study.chains.values(), key=lambda each: each.worst.value)
+        found = study.hardest
+        assert found is not None
         html += _worst(study, found)
         html += _round(study, found, charts)
         worst = found.worst
@@ -310,11 +305,11 @@ def _worst(study: Study, found: Chain) -> str:
         loaded = found.loaded
         told += f". The largest force in a pin is {quantity(loaded.value, 'N')} where link {loaded.link} begins,"
         told += f" at {number(loaded.t)} s"
-    alike = _alike(study)
-    return f'<p class="lead">{told}.{alike}</p>'
+    other = _other_track(study)
+    return f'<p class="lead">{told}.{other}</p>'
 
 
-def _alike(study: Study) -> str:
+def _other_track(study: Study) -> str:
     """A word about the other track where both bear the same."""
     if len(study.chains) != 2:
         return ""
@@ -382,10 +377,7 @@ def loads(pair: Pair) -> Section | None:
     study, charts, html = pair.run, {}, ""
     for side, track in enumerate(study.run.tracks):
         names = [name for name in wheels(study.run, track) if name.startswith("road_wheel")]
-        drawn = [
-            line for k, name in enumerate(names) for line in pair.drawn(f"{track}.{name}.force.z", wheel_name(name), k)
-        ]
-        if drawn:
+        if drawn := pair.drawn([(f"{track}.{name}.force.z", wheel_name(name)) for name in names]):
             charts[f"wheels-{side}"] = lines("force", "N", drawn)
             html += figure(f"wheels-{side}", f"Road wheels, {instance(track)}", _least_loaded(study, track))
     grounded = [
@@ -393,11 +385,7 @@ def loads(pair: Pair) -> Section | None:
         if (signal := study.signals.get(f"{track}.ground.force.z")) and signal.most.value > signal.least.value
     ]  # fmt: skip
     if grounded:
-        drawn = [
-            line
-            for k, track in enumerate(grounded)
-            for line in pair.drawn(f"{track}.ground.force.z", instance(track), k, k == 0 and len(grounded) > 1)
-        ]
+        drawn = pair.drawn([(f"{track}.ground.force.z", plain(track)) for track in grounded])
         charts["ground"] = lines("force", "N", drawn)
         html += figure("ground", "Vertical force of the ground", "On each track.")
     html = f'<div class="grid">{html}</div>' if html else ""

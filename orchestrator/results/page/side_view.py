@@ -13,7 +13,6 @@ from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.page.plane import Plane, plane, wheel
 from orchestrator.results.page.signals import wheels
-from orchestrator.results.page.words import text
 from orchestrator.results.run_data import RunData, pitch_radius
 
 RATE = 25.0  # pictures a second at most
@@ -48,7 +47,7 @@ def side_view(run: RunData, found: Chain) -> dict[str, Any]:
     high[1] = min(high[1], finite[..., 1].max() + ABOVE)
     shown = tension[np.isfinite(tension)]
     return {
-        "track": text(found.track),
+        "track": found.track,
         "t": floats(t),
         "pictures": len(t),
         "links": len(at.tension),
@@ -102,7 +101,7 @@ def _wheel(run: RunData, track: str, name: str, of: Plane, t: Floats) -> dict[st
         centre, angle = wheel(run, track, name, of, t)
     except (NoSuchSignal, LookupError, TypeError, ValueError):
         return None
-    body = {"name": text(name), "radius": radius, "centre": centre, "angle": angle}
+    body = {"radius": radius, "centre": centre, "angle": angle}
     if teeth:
         sprocket = vehicle["sprocket"]
         body |= {"teeth": min(teeth, 100), "outer": float(sprocket["outer_radius"])}

@@ -16,6 +16,7 @@ from orchestrator.results.page.signals import Recorded
 from orchestrator.results.run_data import RunData
 
 Made = TypeVar("Made")
+ALIKE = 1e-6  # of two values that differ by rounding
 HULL = ("speed", "distance", "pitch", "roll", "yaw", "settlement")
 # what a log that lacks something, or says something odd, makes of an evaluation
 NOTHING = (LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
@@ -41,6 +42,12 @@ class Study(NamedTuple):
     balance: Balance | None
     energies: dict[str, Curve]
     missing: list[str]  # sentences about what could not be had
+
+    @property
+    def hardest(self) -> Chain | None:
+        """The track that bears the most; of equal ones the first."""
+        most = max((each.worst.value for each in self.chains.values()), default=0.0)
+        return next((each for each in self.chains.values() if each.worst.value >= most - ALIKE * abs(most)), None)
 
 
 def study(run: RunData, judged: Judged) -> Study:

@@ -44,9 +44,14 @@ def quantity(value: float, unit: str, digits: int = 4) -> str:
     return f"{number(value / factor, digits)} {text(name)}".strip()
 
 
+def plain(name: str) -> str:
+    """What a component or track is called, not yet HTML."""
+    return name.replace("_", " ")
+
+
 def instance(name: str) -> str:
-    """What a component is called."""
-    return text(name.replace("_", " "))
+    """What a component or track is called, HTML."""
+    return text(plain(name))
 
 
 def wheel_name(name: str) -> str:
