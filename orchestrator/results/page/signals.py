@@ -147,7 +147,8 @@ def energies(run: RunData) -> dict[str, Curve]:
                 total[:, k] += copies * block[topic].values[:count, at].sum(axis=1)
         if first is None:
             first = total[0] if count else np.zeros(len(parts))
-        envelope.add(times[0], total - first)
+        with np.errstate(invalid="ignore"):  # of a run that blew up
+            envelope.add(times[0], total - first)
     return {what: curve for k, what in enumerate(parts) if len((curve := envelope.curve(k)).t)}
 
 

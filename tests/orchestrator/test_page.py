@@ -1,0 +1,444 @@
+"""The page of a run: its figures are those of the log, nothing is asked of anywhere, any record gets a page."""
+
+import base64
+import json
+import re
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from orchestrator.cli.report_commands import _judged
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.results.energy import ledger
+from orchestrator.results.ground_profile import ground
+from orchestrator.results.page.chain import chain
+from orchestrator.results.page.circuit import profile
+from orchestrator.results.page.document import document
+from orchestrator.results.page.embedded import floats, script, unpacked
+from orchestrator.results.page.envelope import Envelope
+from orchestrator.results.page.events import events, unloaded
+from orchestrator.results.page.side_view import UNIT, side_view
+from orchestrator.results.page.study import study
+from orchestrator.results.page.words import number, quantity, text
+from orchestrator.results.run_data import EVER, RunData
+from orchestrator.scene.scene import load
+
+PLOTS = "/* plotly.js v0 */"  # stands for the library
+HOSTILE = "</script><b onload='x()'>&\"\u2028<img src=https://example.org/x.png>"
+SETTINGS = ["run.stop=0.06 s", "ground.bump={start=0.5, rise=0.2, slope=0.35, length=0.6, radius=0.15}"]
+
+
+@pytest.fixture(scope="module")
+def vehicle(tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "vehicle.mcap"
+    assert simulate(load("straight", "rigid", SETTINGS), path)["status"] == "ok"
+    return path
+
+
+@pytest.fixture(scope="module")
+def hanging(tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "hanging.mcap"
+    assert simulate(load("hanging_chain", "rigid", ["run.stop=0.02 s"]), path)["status"] == "ok"
+    return path
+
+
+def page(path, reference=None):
+    with Log(path) as log:
+        run = RunData(log)
+        other = None
+        if reference:
+            with Log(reference) as second:
+                known = RunData(second)
+                return document(study(run, _judged(run)), study(known, _judged(known)), PLOTS)
+        return document(study(run, _judged(run)), other, PLOTS)
+
+
+def embedded(html):
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)[1])
+
+
+def signal(log, name):
+    topic, column = log.find(name)
+    series = log.read(topic)
+    return series.t, series.values[:, column]
+
+
+def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=None):
+    """A log of outputs by instance and name, with a system and a scene."""
+    topics, instances = {}, []
+    for name in columns:
+        instance, _, variable = name.partition(".")
+        topics.setdefault(f"/{instance}/out", []).append((variable, "N"))
+        if instance not in instances:
+            instances.append(instance)
+    system = {"instances": [{"name": name} for name in instances], "connections": []}
+    attachments = {"system.json": json.dumps(system).encode(), "scene.json": json.dumps(scene or {}).encode()}
+    with Recorder(path, topics, attachments, metadata or {}) as recorder:
+        for k, moment in enumerate(t):
+            for topic, variables in topics.items():
+                instance = topic.split("/")[1]
+                row = np.array([columns[f"{instance}.{name}"][k] for name, _ in variables], float)
+                recorder.write(topic, k, float(moment), 1e-3, row)
+        recorder.close(closed, "" if closed == "ok" else "it blew up", len(t), {}, warnings)
+    return path
+
+
+# --- figures ---------------------------------------------------------------------------------------
+
+
+def test_key_figures_are_those_of_the_log(vehicle, scaled):
+    def compared():
+        found = embedded(page(vehicle))["figures"]
+        t, speed = signal(log, "chassis.speed")
+        at = np.abs(speed).argmax()
+        assert found["top_speed"]["value"] == speed[at]
+        assert found["top_speed"]["t"] == t[at]
+        t, tension = signal(log, "left_track.tension.max")
+        assert (found["tension"]["value"], found["tension"]["t"]) == (tension.max(), t[tension.argmax()])
+        links = log.read("/left_track/links")
+        row = np.abs(links.t - found["tension"]["t"]).argmin()
+        own = [links.values[row, links.names.index(f"link[{i}].tension")] for i in range(1, 65)]
+        assert found["tension"]["link"] == np.argmax(own) + 1
+        loads = {
+            (track, i): signal(log, f"{track}.road_wheel[{i}].force.z")[1].max()
+            for track in ("left_track", "right_track")
+            for i in range(1, 6)
+        }
+        assert found["wheel_load"]["value"] == pytest.approx(max(loads.values()), rel=1e-6)
+        assert found["distance"]["value"] == signal(log, "chassis.distance")[1][-1]
+        assert found["real_time_factor"]["value"] == pytest.approx(0.06 / float(log.closing["results"]["wall_time"]))
+        work = sum(np.diff(signal(log, f"{side}_drive.energy.work")[1][[0, -1]])[0] for side in ("left", "right"))
+        assert found["energy"]["work"] == pytest.approx(work, abs=1e-9)
+        assert "stress" not in found, "links are rigid"
+        return found
+
+    with Log(vehicle) as log:
+        before = compared()
+    mass = 2 * 64 * 18.02 + 5489.24 + 2 * (436.67 + 429.57 + 5 * (561.07 + 75.26))
+    assert before["carried"]["weight"] == pytest.approx(9.81 * mass, rel=1e-6)
+    with Log(vehicle) as log:
+        scaled(log, "/left_track/out", "tension.max", 1.03)
+    with Log(vehicle) as log:
+        assert compared()["tension"]["value"] == pytest.approx(1.03 * before["tension"]["value"])
+
+
+def test_figures_stand_in_the_text(vehicle):
+    html = page(vehicle)
+    found = embedded(html)["figures"]
+    assert f">{quantity(found['tension']['value'], 'N')}<" in html
+    assert f"link {found['tension']['link']}, left track, at {number(found['tension']['t'])} s" in html
+    assert "1.25 ms" in html
+    assert "tracks_first" in html
+    assert "rigid links" in html
+
+
+def test_curves_keep_the_extremes_of_the_log(vehicle):
+    charts = embedded(page(vehicle))["charts"]
+    with Log(vehicle) as log:
+        for chart, name, factor in (
+            ("speed", "chassis.speed", 1.0),
+            ("wheels-0", "left_track.road_wheel[1].force.z", 1e-3),
+            ("ground", "left_track.ground.force.z", 1e-3),
+        ):
+            drawn, values = unpacked(charts[chart]["traces"][0]["y"]), factor * signal(log, name)[1]
+            assert drawn.max() == pytest.approx(values.max(), rel=1e-6)
+            assert drawn.min() == pytest.approx(values.min(), rel=1e-6)
+    assert charts["ground"]["y"] == "force, kN"
+
+
+def test_bars_of_the_energy_add_up(vehicle):
+    chart = embedded(page(vehicle))["charts"]["energy"]
+    with Log(vehicle) as log:
+        books = ledger(RunData(log))
+    factor = 1e-3 if chart["x"] == "energy, kJ" else 1.0
+    by = {
+        role: sum(v for v, r in zip(chart["values"], chart["roles"], strict=True) if r == role)
+        for role in chart["roles"]
+    }
+    scale = factor * max(abs(books.work), abs(books.change), abs(books.dissipated))
+    assert by["stored"] == pytest.approx(factor * books.change, abs=1e-4 * scale)
+    assert by["lost"] == pytest.approx(factor * (books.dissipated + books.covered), abs=1e-4 * scale)
+    assert by["open"] == pytest.approx(factor * books.residual)
+    left = by.get("work", 0.0) - by["stored"] - by["lost"]
+    assert left == pytest.approx(by["open"], abs=1e-4 * scale)
+
+
+# --- links -----------------------------------------------------------------------------------------
+
+
+def test_the_way_round_starts_ahead_of_the_sprocket(vehicle):
+    with Log(vehicle) as log:
+        run = RunData(log)
+        one = profile(run, chain(run, "left_track"), 0.04)
+        links = run.links("left_track", EVER)
+    assert np.allclose(np.diff(one.place), 0.1524, rtol=0.02), "link by link, a pitch apart"
+    assert one.ahead[[0, -1]].min() > 0.2, "at the foremost point of the sprocket"
+    names = [section.name for section in one.sections]
+    assert names == ["sprocket", "lower run", "idler", "upper run", "sprocket"]
+    row = np.abs(links.t - one.t).argmin()
+    assert sorted(one.tension) == sorted(links.tension[row])
+
+
+def test_the_side_view_shows_what_was_recorded(vehicle):
+    with Log(vehicle) as log:
+        run = RunData(log)
+        view = side_view(run, chain(run, "left_track"))
+        links, below = run.links("left_track", EVER), ground(run.scene)
+        axle = run.log.sample(["left_track.sprocket.position.x", "left_track.sprocket.position.z"], links.t)
+    t = unpacked(view["t"])
+    rows = [np.abs(links.t - moment).argmin() for moment in t]
+    raw = np.frombuffer(base64.b64decode(view["pins"]), "<i2").reshape(len(t), 64, 2) * UNIT
+    assert np.abs(raw[..., 0] - links.forward[rows]).max() <= 0.51 * UNIT
+    over = links.up[rows] + (axle[rows, 1] - below.level)[:, None]  # heights over the ground
+    assert np.abs(raw[..., 1] - over).max() <= 0.51 * UNIT
+    assert np.abs(raw[..., 1] - 1.03 * over).max() > 0.51 * UNIT
+    assert raw[..., 1].min() == pytest.approx(0.029, abs=0.01), "pins run a pad's half thickness over the ground"
+    assert unpacked(view["ground"]["along"]) == pytest.approx(axle[rows, 0], abs=1e-6)
+    assert view["ground"]["corners"][0] == pytest.approx([0.5, 0.0])
+    assert max(z for _, z in view["ground"]["corners"]) == pytest.approx(0.2)
+    assert len(view["wheels"]) == 7
+
+
+# --- thinned curves --------------------------------------------------------------------------------
+
+
+@settings(max_examples=60)
+@given(
+    st.integers(1, 400).flatmap(
+        lambda m: st.tuples(
+            arrays.arrays(float, m, elements=st.floats(-1e6, 1e6) | st.just(float("nan"))),
+            st.lists(st.integers(0, m), max_size=4),
+        )
+    ),
+    st.integers(1, 50),
+)
+def test_thinning_keeps_every_peak(drawn, bins):
+    values, cuts = drawn
+    t = np.linspace(0.0, 3.0, len(values))
+    envelope = Envelope(0.0, 3.0, 1, bins)
+    for piece in np.split(np.arange(len(values)), sorted(cuts)):
+        envelope.add(t[piece], values[piece, None])
+    curve = envelope.curve(0)
+    assert (np.diff(curve.t) > 0).all()
+    assert len(curve.t) <= 2 * bins
+    assert set(zip(curve.t, curve.y, strict=True)) <= set(zip(t, values, strict=True)), "nothing is made up"
+    place = np.clip((t * (bins / 3.0)).astype(int), 0, bins - 1)
+    for bin_ in np.unique(place):
+        inside = values[place == bin_]
+        if np.isfinite(inside).any():
+            kept = curve.y[np.clip((curve.t * (bins / 3.0)).astype(int), 0, bins - 1) == bin_]
+            assert kept.max() == np.nanmax(inside)
+            assert kept.min() == np.nanmin(inside)
+    most = envelope.largest(0)
+    assert (most is None) == (not np.isfinite(values).any())
+    assert most is None or most == (np.nanmax(values), t[np.nanargmax(values)])
+
+
+def test_packed_numbers_come_back():
+    values = np.array([1.0, -2.5e8, np.nan, np.inf, 1e300])
+    assert unpacked(floats(values)) == pytest.approx([1.0, -2.5e8, np.nan, np.nan, np.nan], nan_ok=True)
+    assert json.loads(script({"a": [float("nan"), np.float64(2.0), HOSTILE]})) == {"a": [None, 2.0, HOSTILE]}
+    assert not set("<>&\u2028") & set(script({HOSTILE: HOSTILE}))
+
+
+# --- events ----------------------------------------------------------------------------------------
+
+
+def test_an_unloaded_wheel_is_told_with_its_times(tmp_path):
+    t = np.linspace(0.0, 2.0, 2001)
+    force = np.where((t > 0.5) & (t < 0.7), -10.0, 1000.0) * np.where((t > 1.2) & (t < 1.21), 0.0, 1.0)
+    columns = {"a.travel": t, "a.road_wheel[1].force.z": force, "a.road_wheel[2].force.z": 1000.0 + 0.0 * t}
+    warnings = [{"component": "a", "text": HOSTILE, "time": 1.5, "count": 3}]
+    path = written(tmp_path / "a.mcap", columns, t, warnings=warnings)
+    with Log(path) as log:
+        run = RunData(log)
+        found = unloaded(run)
+        told = events(run)
+    (first, second) = found["a", "road_wheel[1]"]
+    assert first == pytest.approx((0.501, 0.699))
+    assert second == pytest.approx((1.201, 1.209))
+    assert found["a", "road_wheel[2]"] == []
+    assert [event.what for event in told] == ["Road wheel carries nothing", "Warning"]
+    assert "2 times, 0.206 s together; longest 0.501 to 0.699 s" in told[0].detail
+    html = page(path)
+    assert "0.206 s together" in html
+    assert "Unloaded for a time: wheel 1." in html
+    assert text(HOSTILE) in html
+
+
+# --- a page that stands alone ----------------------------------------------------------------------
+
+ASKED = re.compile(
+    r"""(?:src|href|srcset|action|data|poster)\s*=\s*["']?\s*(?:https?:)?//|url\(|@import|\bfetch\(|import\("""
+    r"""|<(?:img|iframe|object|embed|base|form)\b|<link(?! rel="icon" href="data:,")|XMLHttpRequest|sendBeacon|WebSocket""",
+    re.I,
+)
+
+
+def test_nothing_is_asked_of_anywhere(vehicle):
+    html = page(vehicle)
+    assert not ASKED.search(html)
+    assert "http" not in html.replace("http-equiv", "")
+    assert "default-src 'none'" in html
+    assert html.count("<script") == html.count("</script>") == 3
+    assert ASKED.search('<img src="https://a/b.png">')
+    assert ASKED.search("<a href=//a>")
+
+
+def test_hostile_text_stays_text(tmp_path):
+    t = np.linspace(0.0, 0.1, 11)
+    name = "a<b>&'\""
+    metadata = {
+        "run": dict.fromkeys(("title", "scene", "track", "coupling", "step"), HOSTILE),
+        "provenance": dict.fromkeys(("created", "processor", "commit"), HOSTILE),
+    }
+    scene = {"title": HOSTILE, "assembly": "vehicle", "vehicle": HOSTILE, "expect": {HOSTILE: {"measure": HOSTILE}}}
+    columns = {f"{name}.travel": t, f"{name}.speed": t, f"{name}.tension.max": t, f"{name}.torque": t}
+    path = written(tmp_path / "a.mcap", columns, t, scene, "failed", metadata=metadata)
+    html = page(path)
+    for word in ("</script><b", "<b onload", "<img", "<b>&'"):
+        assert word not in html
+    assert text(HOSTILE) in html
+    assert html.count("<script") == html.count("</script>") == 3
+    for chart in embedded(html)["charts"].values():
+        assert not any("<" in trace["name"] for trace in chart.get("traces", ())), "the library reads some HTML"
+    assert not ASKED.search(html.replace(text(HOSTILE), ""))
+
+
+# --- all kinds of records --------------------------------------------------------------------------
+
+
+def test_a_chain_has_a_page_without_wheels(hanging):
+    html = page(hanging)
+    data = embedded(html)
+    assert data["player"]["ground"] is None
+    assert data["player"]["wheels"] == []
+    assert "wheel_load" not in data["figures"]
+    assert "round" in data["charts"]
+    assert "energy" not in data["charts"], "it hangs at rest"
+    assert 'id="loads"' not in html
+    assert "As expected" in html
+
+
+def test_a_scene_without_tracks_has_a_page(tmp_path):
+    path = tmp_path / "mass.mcap"
+    assert simulate(load("sliding_mass", None, ["run.stop=0.05 s"]), path)["status"] == "ok"
+    html = page(path)
+    assert embedded(html)["player"] is None
+    assert 'id="checks"' in html
+    assert "The record is complete" in html
+
+
+def test_a_record_that_was_cut_off_says_so(vehicle, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(vehicle.read_bytes()[: int(0.8 * vehicle.stat().st_size)])
+    html = page(cut)
+    assert "Cut off" in html
+    assert "The record was cut off" in html
+    assert "As expected" not in html
+
+
+def test_a_failed_run_and_numbers_that_are_none_have_a_page(tmp_path):
+    t = np.linspace(0.0, 0.1, 11)
+    bad = np.where(t > 0.05, np.nan, 1.0)
+    columns = {"a.travel": bad, "a.tension.max": bad, "a.energy.kinetic": bad, "a.energy.dissipated": np.inf * bad}
+    html = page(written(tmp_path / "a.mcap", columns, t, closed="failed"))
+    assert "it blew up" in html
+    assert embedded(html)["figures"]["tension"]["value"] == 1.0
+    assert "NaN" not in html.split('id="data">')[1].split("</script>")[0]
+    system = {"system.json": b'{"instances": [{"name": "a"}], "connections": []}'}
+    with Recorder(tmp_path / "b.mcap", {"/a/out": [("x", "m")]}, system, {}) as recorder:
+        recorder.close("failed", "no step", 0)
+    assert "no step" in page(tmp_path / "b.mcap")
+
+
+@pytest.mark.parametrize("kind", ["vehicle", "rig", "chain", 3, None])
+def test_scenes_that_say_anything_have_a_page(tmp_path, kind):
+    t = np.linspace(0.0, 0.1, 11)
+    scene = {"assembly": kind, "vehicle": [1], "start": "here", "ground": {"bump": 7}, "expect": [3], "symmetric": "x"}
+    columns = {"a.travel": t, "a.road_wheel[1].force.z": t - 0.05, "chassis.speed": t}
+    html = page(written(tmp_path / "a.mcap", columns, t, scene))
+    assert "Checks were not made" in html
+
+
+# --- two runs --------------------------------------------------------------------------------------
+
+
+def test_two_runs_stand_side_by_side(vehicle, tmp_path):
+    other = tmp_path / "other.mcap"
+    assert simulate(load("straight", "rigid", [*SETTINGS, "run.step=2.5 ms"]), other)["status"] == "ok"
+    html = page(other, vehicle)
+    traces = embedded(html)["charts"]["speed"]["traces"]
+    assert [trace["reference"] for trace in traces] == [False, True]
+    with Log(vehicle) as log:
+        assert unpacked(traces[1]["y"]).max() == pytest.approx(signal(log, "chassis.speed")[1].max(), rel=1e-6)
+    assert "The reference is <b>vehicle.mcap</b>" in html
+    assert "They part first in" in html
+    with Log(other) as one, Log(vehicle) as two:
+        t, a = signal(one, "chassis.pitch")
+        b = np.interp(t, *signal(two, "chassis.pitch"))
+    rms = np.sqrt(np.average((a - b) ** 2, weights=np.diff(t, prepend=-t[1])))
+    row = re.search(r"<td>pitch</td><td>(.*?) rad</td>", html)[1]
+    assert row == number(rms, 3)
+    assert row != number(1.03 * rms, 3)
+    assert "equal in all" in page(vehicle, vehicle)
+
+
+# --- the command -----------------------------------------------------------------------------------
+
+
+def test_the_command_writes_one_whole_page(vehicle, cotrack, tmp_path):
+    status, out, err = cotrack("report", vehicle, "-o", "x.html")
+    assert (status, out.strip(), err) == (0, "x.html", "")
+    html = (tmp_path / "x.html").read_text(encoding="utf-8")
+    assert "plotly.js v" in html
+    assert len(html) < 10e6
+    assert [path.name for path in tmp_path.iterdir()] == ["x.html"]
+
+
+def test_what_cannot_be_written_is_refused_before_any_work(cotrack, vehicle, tmp_path):
+    (tmp_path / "folder.html").mkdir()
+    for output, words in (
+        ("x.pdf", "must end in .html or .htm"),
+        ("x", "must end in .html"),
+        ("nowhere/x.html", "no folder"),
+        ("folder.html", "is a directory"),
+    ):
+        status, out, err = cotrack("report", "absent.mcap", "-o", output)
+        assert (status, out, len(err.splitlines())) == (2, "", 1)
+        assert words in err
+    status, _, err = cotrack("report", "absent.mcap", "-o", "x.html")
+    assert (status, len(err.splitlines())) == (2, 1)
+    assert "absent.mcap" in err
+    assert not (tmp_path / "x.html").exists()
+
+
+def test_without_the_library_there_is_one_sentence(cotrack, vehicle, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
+    status, out, err = cotrack("report", vehicle, "-o", "x.html")
+    assert (status, out) == (2, "")
+    assert err == "cotrack: plotly is not installed: pip install 'cotrack[report]'\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_runs_of_two_scenes_are_refused(cotrack, vehicle, hanging, tmp_path):
+    status, _, err = cotrack("report", vehicle, hanging, "-o", "x.html")
+    assert (status, len(err.splitlines())) == (2, 1)
+    assert "different scenes" in err
+    assert cotrack("report", vehicle, hanging, "--different", "-o", "x.html")[0] == 0
+
+
+def test_numbers_are_told_in_handy_units():
+    assert quantity(27777.44, "N") == "27.78 kN"
+    assert quantity(3129734.7, "Pa") == "3.13 MPa"
+    assert quantity(-153.9, "J") == "\N{MINUS SIGN}153.9 J"
+    assert quantity(7101.03, "N.m") == "7.101 kN m"
+    assert number(123456.0) == "123456"
+    assert number(0.00037) == "0.00037"
+    assert number(float("nan")) == "not a number"
