@@ -69,7 +69,7 @@ def signal(log, name):
     return series.t, series.values[:, column]
 
 
-def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=None):
+def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=None, results=None):
     """A log of outputs by instance and name, with a system and a scene."""
     topics, instances = {}, []
     for name in columns:
@@ -85,7 +85,7 @@ def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=Non
                 instance = topic.split("/")[1]
                 row = np.array([columns[f"{instance}.{name}"][k] for name, _ in variables], float)
                 recorder.write(topic, k, float(moment), 1e-3, row)
-        recorder.close(closed, "" if closed == "ok" else "it blew up", len(t), {}, warnings)
+        recorder.close(closed, "" if closed == "ok" else "it blew up", len(t), results or {}, warnings)
     return path
 
 
@@ -272,11 +272,40 @@ def test_an_unloaded_wheel_is_told_with_its_times(tmp_path):
     assert text(HOSTILE) in html
 
 
+def test_an_estimated_error_and_rejected_steps_are_told(tmp_path):
+    t = np.linspace(0.0, 1.0, 101)
+    one = {"total": 0.0123, "decisive": True}
+    error = {
+        "total": 0.0123,
+        "message": "",
+        "observables": {"torque": one, "pitch": one | {"total": 0.5, "decisive": False}},
+    }
+    results = {"error": json.dumps(error), "wall_time": "4.0"}
+    html = page(written(tmp_path / "a.mcap", {"a.travel": t}, t, results=results))
+    assert "1.2 %</div>" in html
+    assert "of torque, the worst observable" in html
+    assert ">0.25 \N{MULTIPLICATION SIGN}<" in html
+    html = page(written(tmp_path / "b.mcap", {"a.travel": t}, t))
+    assert "not estimated" in html
+    topics = {"/a/out": [("travel", "m")], "/stats/a": [("solver.rejected", "1")]}
+    system = {"system.json": b'{"instances": [{"name": "a"}], "connections": []}'}
+    with Recorder(tmp_path / "c.mcap", topics, system, {}) as recorder:
+        for k, rejected in enumerate((0.0, 0.0, 2.0, 2.0, 5.0, 5.0)):
+            recorder.write("/a/out", k, 0.1 * k, 0.1, np.array([0.0]))
+            recorder.stats("a", k, 0.1 * k, 0.1, np.array([rejected]))
+        recorder.close("ok", "", 5)
+    with Log(tmp_path / "c.mcap") as log:
+        (event,) = events(RunData(log))
+    assert event.t == pytest.approx(0.2)
+    assert event.detail == "5 in all; last by 0.4 s"
+
+
 # --- a page that stands alone ----------------------------------------------------------------------
 
 ASKED = re.compile(
     r"""(?:src|href|srcset|action|data|poster)\s*=\s*["']?\s*(?:https?:)?//|url\(|@import|\bfetch\(|import\("""
-    r"""|<(?:img|iframe|object|embed|base|form)\b|<link(?! rel="icon" href="data:,")|XMLHttpRequest|sendBeacon|WebSocket""",
+    r"""|<(?:img|iframe|object|embed|base|form)\b|<link(?! rel="icon" href="data:,")"""
+    r"""|XMLHttpRequest|sendBeacon|WebSocket""",
     re.I,
 )
 

@@ -27,8 +27,8 @@ def plotting() -> str:
 
 def document(run: Study, reference: Study | None, plots: str) -> str:
     """The page of a run; raises LogUnreadable."""
-    pair = Pair(run, reference)
     found = facts.figures(run)
+    pair = Pair(run, reference, found)
     player = _player(run)
     drawn = re.search(r"plotly\.js v([\d.]+)", plots[:400])
     parts = [

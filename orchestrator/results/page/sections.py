@@ -14,7 +14,7 @@ from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
 from orchestrator.results.page.envelope import Curve
-from orchestrator.results.page.events import SETTLING, events, settling, unloaded
+from orchestrator.results.page.events import SETTLING, Event, events, settling, unloaded
 from orchestrator.results.page.signals import Recorded, wheels
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import and_list, instance, number, plain, quantity, text, wheel_name
@@ -41,6 +41,7 @@ class Pair(NamedTuple):
 
     run: Study
     reference: Study | None
+    figures: dict[str, Any]  # of the run, as ``facts.figures`` has them
 
     def drawn(self, parts: Sequence[tuple[str, str]], colour: int = 0) -> list[Line]:
         """Curves of signals, of each its name and what it is called, of both runs as far as they have them."""
@@ -282,9 +283,10 @@ def tension(pair: Pair) -> Section | None:
         worst = found.worst
         mark = worst.t, worst.link, f"link {worst.link}, {number(worst.t)} s"
         charts["tension-map"] = heat("tension", "N", found.middle, found.tension, mark)
-        html += figure("tension-map", f"Every link over time, {instance(found.track)}",
-                       "Largest tension in each slice of time. Stripes that slant are places on the way round, which"
-                       " the links pass one after the other; the ring marks the largest.", "tall")  # fmt: skip
+        note = "Largest tension in each slice of time; the ring marks the largest of all."
+        if found.columns.closed:
+            note += " Stripes that slant are places on the way round, which the links pass one after the other."
+        html += figure("tension-map", f"Every link over time, {instance(found.track)}", note, "tall")
         html += _of_worst(study, found, charts)
     elif tracks:
         html += (
@@ -421,7 +423,7 @@ def _pressure(study: Study, charts: dict[str, Chart]) -> str:
                        f"{told} The front is on the right; peaks stand under the road wheels.", "wide")  # fmt: skip
     mark = when, link, f"link {link}, {number(when, 3)} s"
     charts["pressure-map"] = heat("pressure", "Pa", found.middle, np.maximum(found.pressure, 0.0), mark)
-    return html + figure("pressure-map", "Pressure under every link over time",
+    return html + figure("pressure-map", f"Pressure under every link over time, {instance(found.track)}",
                          f"Largest in each slice of time; {quantity(most, 'Pa')} at most, under link {link} at about"
                          f" {number(when, 3)} s.", "tall")  # fmt: skip
 
@@ -435,16 +437,37 @@ def _under(one: Profile, colour: int) -> Line:
     return Line(f"{number(one.t)} s", Curve(one.ahead[shown], one.pressure[shown]), colour, points=True)
 
 
+def _peaks(pair: Pair) -> list[Event]:
+    """When the run was at its extremes."""
+    found = []
+    for key, what in (
+        ("top_speed", "Top speed"),
+        ("tension", "Largest link tension"),
+        ("stress", "Largest link stress"),
+        ("wheel_load", "Largest wheel load"),
+        ("ground_force", "Largest force of the ground on a track"),
+    ):
+        one = pair.figures.get(key)
+        if one and abs(one["value"]) > AT_REST:
+            track, _, variable = one["signal"].partition(".")
+            wheel = f", {text(wheel_name(variable.removesuffix('.force.z')))}" if key == "wheel_load" else ""
+            link = f", link {one['link']}" if "link" in one else ""
+            found.append(Event(one["t"], what, f"{instance(track)}{wheel}{link}", quantity(one["value"], one["unit"])))
+    return found
+
+
 def happened(pair: Pair) -> Section:
     """Events, warnings, how the run ended."""
     study = pair.run
-    found = events(study.run)
+    found = sorted([*events(study.run), *_peaks(pair)], key=lambda event: event.t)
     rows = [(f"{number(event.t)} s", event.what, event.where, event.detail) for event in found[:SHOWN_EVENTS]]
-    html = table(("First at", "What", "Where", "How often, when"), rows) if rows else ""
+    html = table(("At, at first", "What", "Where", "How much, how often"), rows) if rows else ""
     if len(found) > SHOWN_EVENTS:
         html += f"<p class='muted'>and {len(found) - SHOWN_EVENTS} more.</p>"
     quiet = []
-    if not any("wheel" in event.what for event in found) and any("road_wheel[" in name for name in study.signals):
+    if not any("wheel carries" in event.what for event in found) and any(
+        "road_wheel[" in name for name in study.signals
+    ):
         quiet.append("no road wheel was unloaded on the way")
     if any("solver.rejected" in about.names for about in study.run.log.topics.values()) and not any(
         "Solver" in event.what for event in found
