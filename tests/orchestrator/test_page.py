@@ -32,6 +32,8 @@ from orchestrator.scene.scene import load
 PLOTS = "/* plotly.js v0 */"  # stands for the library
 HOSTILE = "</script><b onload='x()'>&\"\u2028<img src=https://example.org/x.png>"
 SETTINGS = ["run.stop=0.06 s", "ground.bump={start=0.5, rise=0.2, slope=0.35, length=0.6, radius=0.15}"]
+CHECKS = ("sag", "sag_discrete", "tension", "tension_discrete")
+HANGING = ["run.stop=0.02 s", *(f"expect.{name}.{end}" for name in CHECKS for end in ("from=0 s", "to=0.02 s"))]
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +46,7 @@ def vehicle(tmp_path_factory):
 @pytest.fixture(scope="module")
 def hanging(tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "hanging.mcap"
-    assert simulate(load("hanging_chain", "rigid", ["run.stop=0.02 s"]), path)["status"] == "ok"
+    assert simulate(load("hanging_chain", "rigid", HANGING), path)["status"] == "ok"
     return path
 
 
@@ -133,6 +135,8 @@ def test_figures_stand_in_the_text(vehicle):
     found = embedded(html)["figures"]
     assert f">{quantity(found['tension']['value'], 'N')}<" in html
     assert f"link {found['tension']['link']}, left track, at {number(found['tension']['t'])} s" in html
+    assert "The run finished; 1 of 1 checks met; 7 more could not be made." in html
+    assert "As expected" not in html
     assert "1.25 ms" in html
     assert "tracks_first" in html
     assert "rigid links" in html
@@ -352,7 +356,17 @@ def test_a_chain_has_a_page_without_wheels(hanging):
     assert "round" in data["charts"]
     assert "energy" not in data["charts"], "it hangs at rest"
     assert 'id="loads"' not in html
-    assert "As expected" in html
+    assert "As expected.</b> The run finished; 5 of 5 checks met." in html
+    assert "Depth of the lowest pin below the highest, m; 0 to 0.02 s" in html
+    assert html.count('<span class="pill good">met</span>') == 5
+
+
+def test_a_check_that_is_not_met_stands_on_top(tmp_path):
+    path = tmp_path / "off.mcap"
+    simulate(load("hanging_chain", "rigid", [*HANGING, "expect.sag.expected=2.7"]), path)
+    html = page(path)
+    assert "Checks not met.</b> The run finished; 4 of 5 checks met. Not met: sag." in html
+    assert html.count('<span class="pill bad">not met</span>') == 1
 
 
 def test_a_scene_without_tracks_has_a_page(tmp_path):

@@ -79,11 +79,26 @@ def result(study: Study, name: str) -> Any:
         return None
 
 
+def unmade(study: Study) -> list[str]:
+    """Checks of the scene, for such links as it ran with, that were not made."""
+    expected, track = study.run.scene.get("expect"), study.run.scene.get("track")
+    if not isinstance(expected, dict):
+        return []
+    model = track.get("model") if isinstance(track, dict) else None
+    return [
+        name
+        for name, check in expected.items()
+        if name not in study.judged.checks and isinstance(check, dict) and check.get("track") in (None, model)
+    ]
+
+
 def verdict(study: Study) -> Verdict:
     """How it ended and whether it is as expected."""
     log, checks = study.run.log, study.judged.checks
     missed = [name for name, check in checks.items() if not check["ok"]]
-    judged = f"{len(checks) - len(missed)} of {len(checks)} checks met" if checks else "the log names no checks to make"
+    left = len(unmade(study))
+    judged = f"{len(checks) - len(missed)} of {len(checks)} checks met" if checks else "no check was made"
+    judged += f"; {left} more could not be made" if left else ""
     open_share = abs(study.balance.ledger.residual_relative) if study.balance else 0.0
     if log.closing is None:
         told = f"The record ends at {number(study.span[1])} s without a closing record; {judged}."
@@ -99,8 +114,8 @@ def verdict(study: Study) -> Verdict:
         return Verdict("bad", "Energy not in balance", told)
     if not log.complete:
         return Verdict("fair", "Finished, record damaged", f"{text(' '.join(log.faults))} {judged.capitalize()}.")
-    sentence = f"The run finished; {'all ' if checks else ''}{judged}."
-    return Verdict("good" if checks else "fair", "Finished" if not checks else "As expected", sentence)
+    whole = bool(checks) and not left
+    return Verdict("good" if whole else "fair", "As expected" if whole else "Finished", f"The run finished; {judged}.")
 
 
 def figures(study: Study) -> dict[str, Any]:

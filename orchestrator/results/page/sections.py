@@ -15,6 +15,7 @@ from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
 from orchestrator.results.page.envelope import Curve
 from orchestrator.results.page.events import SETTLING, Event, events, settling, unloaded
+from orchestrator.results.page.facts import unmade
 from orchestrator.results.page.signals import Recorded, wheels
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import and_list, instance, number, plain, quantity, text, wheel_name
@@ -104,16 +105,13 @@ def checks(pair: Pair) -> Section:
             )
         )
     html = table(("Check", "Value", "Expected", "Tolerance", "Verdict"), rows, "checks") if rows else ""
-    undone = [text(name.replace("_", " ")) for name in expected if name not in study.judged.checks]
+    undone = [text(plain(name)) for name in unmade(study)]
     if study.judged.note:
         html += f"<p>Checks were not made: {text(study.judged.note)}.</p>"
     elif not rows:
         html += "<p>This record names no check to make. The page shows what happened, not whether it is right.</p>"
     if undone and not study.judged.note:
-        html += (
-            f"<p class='muted'>Not made, because the record ends before their time or they are for another kind of"
-            f" links: {and_list(undone)}.</p>"
-        )
+        html += f"<p>Not made, because the record does not reach the end of what they look at: {and_list(undone)}.</p>"
     if rows:
         html = "<p>Made anew from this record when the page was written. Ratios and counts have no unit.</p>" + html
     return Section("checks", "Checks", "Did the checks hold?", html, {})
