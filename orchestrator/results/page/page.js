@@ -8,6 +8,7 @@
   const number = (x, digits) => Number(x).toPrecision(digits || 4).replace(/\.?0+$/, "").replace("-", "\u2212");
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const narrow = () => window.innerWidth < 560;
+  const PAPER = 640; // pixels that a sheet is wide
   let seek = () => {};
 
   // --- charts ---------------------------------------------------------------------------------------
@@ -325,6 +326,9 @@
   if (data.player) player(data.player);
   drawAll();
   dark.addEventListener("change", drawAll);
+  const everyChart = (look) => document.querySelectorAll(".chart").forEach((place) => Plotly.relayout(place, look(place)));
+  window.addEventListener("beforeprint", () => everyChart((place) => ({ width: Math.min(place.clientWidth, PAPER) })));
+  window.addEventListener("afterprint", () => everyChart(() => ({ width: null, autosize: true })));
   const links = new Map([...document.querySelectorAll("nav a")].map((link) => [link.hash.slice(1), link]));
   const watcher = new IntersectionObserver((seen) => seen.forEach((entry) => {
     const link = links.get(entry.target.id);

@@ -26,8 +26,7 @@ def refuse_output(output: Path) -> None:
 
 
 def write(run: RunData, judged: Judged, output: Path, reference: tuple[RunData, Judged] | None = None) -> None:
-    """Write the page of a run; raises BadInput, LogUnreadable, and NotInstalled without the plotting library."""
-    refuse_output(output)
+    """Write the page of a run; raises LogUnreadable, NotInstalled without the plotting library, BadInput."""
     plots = plotting()
     page = document(study(run, judged), study(*reference) if reference else None, plots)
     fresh = output.with_name(f".{output.name}.{os.getpid()}")
