@@ -271,8 +271,9 @@ def test_an_unloaded_wheel_is_told_with_its_times(tmp_path):
     t = np.linspace(0.0, 2.0, 2001)
     force = np.where((t > 0.5) & (t < 0.7), -10.0, 1000.0) * np.where((t > 1.2) & (t < 1.21), 0.0, 1.0)
     columns = {"a.travel": t, "a.road_wheel[1].force.z": force, "a.road_wheel[2].force.z": 5.0 + 0.0 * t}
+    force[30] = 9000.0  # at 0.03 s
     warnings = [{"component": "a", "text": HOSTILE, "time": 1.5, "count": 3}]
-    path = written(tmp_path / "a.mcap", columns, t, warnings=warnings)
+    path = written(tmp_path / "a.mcap", columns, t, {"assembly": "vehicle"}, warnings=warnings)
     with Log(path) as log:
         run = RunData(log)
         found = unloaded(run)
@@ -285,6 +286,8 @@ def test_an_unloaded_wheel_is_told_with_its_times(tmp_path):
     assert "2 times, 0.206 s together; longest 0.501 to 0.699 s" in told[0].detail
     html = page(path)
     assert "0.206 s together" in html
+    assert ">9 kN<" in html
+    assert "wheel 1, a, at 0.03 s, as the vehicle comes to rest; 1 kN at most after 0.5 s" in html
     assert "Unloaded for a time: wheel 1." in html
     assert text(HOSTILE) in html
 

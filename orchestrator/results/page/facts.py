@@ -48,6 +48,7 @@ def setting(study: Study) -> list[tuple[str, str]]:
         ("links", f"{text(about['track'])} links" if about.get("track") else ""),
         ("coupling", text(about.get("coupling", ""))),
         ("step", _step(about)),
+        ("step inside the tracks", _inner(study)),
         ("duration", f"{number(end - start)} s"),
         ("components", "FMUs of machine code (native)" if about.get("fmus") == "native" else "Python FMUs"),
         ("recorded", text(origin.get("created", ""))),
@@ -69,6 +70,14 @@ def _step(about: dict[str, str]) -> str:
     except (LookupError, ValueError):
         return ""
     return step if about.get("step_control", "fixed") == "fixed" else f"variable, {step} at first"
+
+
+def _inner(study: Study) -> str:
+    """The step of the tracks' own integration, where the scene gives one."""
+    try:
+        return f"{number(1e3 * float(study.run.scene['track']['step']))} ms"
+    except (LookupError, TypeError, ValueError):
+        return ""
 
 
 def result(study: Study, name: str) -> Any:
@@ -205,7 +214,7 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
         track, _, wheel = load["signal"].removesuffix(".force.z").partition(".")
         place = f"{text(wheel_name(wheel))}, {instance(track)}, at {number(load['t'])} s"
         if load["t"] < COMING_TO_REST and study.run.scene.get("assembly") == "vehicle":
-            place += ", as the vehicle comes to rest"
+            place += f", as the vehicle comes to rest{_later(study)}"
         made.append(Tile("Largest wheel load", quantity(load["value"], "N"), place))
     if carried := found.get("carried"):
         shown = [name for name in ("weight", "ground_force") if name in carried]
@@ -228,6 +237,16 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
         made.append(Tile("Faster than real time" if factor >= 1.0 else "Share of real time", times,
                          f"{number(pace['wall_time'], 3)} s of computing"))  # fmt: skip
     return made
+
+
+def _later(study: Study) -> str:
+    """The largest wheel load of the rest of the run; thinned curves keep every peak."""
+    found = [
+        (float(curve.y[after].max()), name)
+        for name, (curve, *_) in study.signals.items()
+        if ".road_wheel[" in name and name.endswith(".force.z") and (after := curve.t >= COMING_TO_REST).any()
+    ]
+    return f"; {quantity(max(found)[0], 'N')} at most after {number(COMING_TO_REST)} s" if found else ""
 
 
 def _borne(largest: dict[str, Any]) -> str:
