@@ -403,6 +403,16 @@ def test_a_record_that_was_cut_off_says_so(vehicle, tmp_path):
     assert "As expected" not in html
 
 
+def test_a_record_that_was_saved_from_a_broken_one_is_not_called_complete(vehicle, cotrack, tmp_path):
+    whole = vehicle.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: int(0.8 * len(whole))])
+    cotrack("log", "recover", "cut.mcap", "-o", "saved.mcap")
+    html = page(tmp_path / "saved.mcap")
+    assert "This record was saved from a broken one" in html
+    assert "The record is complete" not in html
+    assert "The record is complete" in page(vehicle)
+
+
 def test_a_failed_run_and_numbers_that_are_none_have_a_page(tmp_path):
     t = np.linspace(0.0, 0.1, 11)
     bad = np.where(t > 0.05, np.nan, 1.0)

@@ -13,6 +13,7 @@ from orchestrator.results.page.words import number, percent, quantity, text
 from orchestrator.results.run_data import RunData
 
 WORDS = {"good": "complete", "fair": "not whole", "bad": "not complete"}
+RECOVERED = "recovered from a broken log"  # as ``cotrack log recover`` says
 LIMITS = (
     f"Curves are thinned for a screen: of each of {BINS} equal intervals of time the smallest and the largest value are"
     " kept, so that no peak is lost. What lies between is in the record.",
@@ -89,6 +90,11 @@ def record(log: Log) -> tuple[str, str]:
     """Whether the record is whole, as a mood and a sentence (HTML)."""
     if log.closing is None:
         return "bad", "The record was cut off: it has no closing record, and what came after its last piece is lost."
+    if log.closing["message"].startswith(RECOVERED):
+        return (
+            "bad",
+            f"This record was saved from a broken one and lacks what was lost: {text(log.closing['message'])}.",
+        )
     try:
         hashes = log.hashes()
     except LogUnreadable as damage:

@@ -198,8 +198,8 @@ def drive(pair: Pair) -> Section | None:
     """What the motors did."""
     study, charts, html = pair.run, {}, ""
     for key, title, what, note in (
-        ("torque", "Torque on the sprockets", "torque", "Mean over each step."),
-        ("sprocket-speed", "Speed of the sprockets", "speed", "Against their mounts."),
+        ("torque", "Torque of the drives", "torque", "Mean over each step."),
+        ("sprocket-speed", "Speed of the drives", "speed", "Of a sprocket against its mount."),
         ("power", "Power of the motors", "power", "Negative where the chain turns the motor."),
     ):
         signals = [found for each in study.drives if (found := study.signals.get(f"{each}{what}"))]
@@ -228,7 +228,11 @@ def energy(pair: Pair) -> Section | None:
     books = found.ledger
     rows = [("put in by drives", books.work, "work")]
     rows += [(f"stored: {KINDS[kind]}", change, "stored") for kind, change in found.stored.items()]
-    rows += [(f"dissipated: {name.replace('_', ' ')}", lost, "lost") for name, lost in found.lost.items() if lost]
+    rows += [
+        (f"dissipated: {plain(name)}{', both sides' if study.run.copies(name) > 1 else ''}", lost, "lost")
+        for name, lost in found.lost.items()
+        if lost
+    ]
     rows.append(("lost: contacts moving along links", books.covered, "lost"))
     least = 1e-5 * max(abs(each) for _, each, _ in rows)
     rows = [row for row in rows if abs(row[1]) > least]

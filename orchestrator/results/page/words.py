@@ -46,7 +46,7 @@ def quantity(value: float, unit: str, digits: int = 4) -> str:
 
 def plain(name: str) -> str:
     """What a component or track is called, not yet HTML."""
-    return name.replace("_", " ")
+    return name.replace("_", " ").replace(".", " ")
 
 
 def instance(name: str) -> str:
