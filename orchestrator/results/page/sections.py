@@ -67,12 +67,12 @@ def _alike(one: Recorded, other: Recorded) -> bool:
     return max(apart) <= 1e-2 * size
 
 
-def figure(key: str, title: str, note: str = "", size: str = "", label: str = "") -> str:
+def figure(key: str, title: str, note: str = "", size: str = "") -> str:
     """The place of a chart; ``size``: tall, wide; HTML."""
     caption = f"<h3>{title}</h3>" + (f"<p>{note}</p>" if note else "")
     return (
         f'<figure class="{size}"><figcaption>{caption}</figcaption>'
-        f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{label or title}"></div></figure>'
+        f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{title}"></div></figure>'
     )
 
 
