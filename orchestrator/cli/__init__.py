@@ -32,7 +32,23 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(log_commands.app, name="log")
-for command in (scenes, show, build, run, resume, replay, compare, view, analyse, plot, report, study, truth, bench, warm):
+for command in (
+    scenes,
+    show,
+    build,
+    run,
+    resume,
+    replay,
+    compare,
+    view,
+    analyse,
+    plot,
+    report,
+    study,
+    truth,
+    bench,
+    warm,
+):
     app.command()(command)
 
 
