@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
+from orchestrator.cli.analysis_commands import What
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
@@ -23,6 +24,7 @@ from orchestrator.results.analyses import (
     spectrum,
     wheel_loads,
 )
+from orchestrator.results.analyses.asked import NAMES, analyse
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.scene import load
 
@@ -603,3 +605,27 @@ def test_what_is_no_log_is_told(cotrack):
     status, _, err = cotrack("plot", "left_track.speed")
     assert status == 2
     assert "plot needs a log" in err
+
+
+# cells of a notebook
+
+CELL = """import orchestrator as cotrack
+found = cotrack.analyse({path!r}, {what!r}, {window}{options})
+table = found.table().frame()"""
+OPTIONS = {"spectrum": ", signals='left_track.tension.max'"}
+
+
+@pytest.mark.parametrize("what", NAMES)
+def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
+    cell = CELL.format(path=str(driven), what=what, window=(0.05, 0.2), options=OPTIONS.get(what, ""))
+    names = {}
+    exec(cell, names)
+    assert len(cell.splitlines()) == 3
+    assert len(names["table"]) == len(names["found"].table().rows) > -(what == "events")
+    assert list(names["table"].columns) == [name for name, _ in names["found"].table().columns]
+    assert [what.value for what in What] == list(NAMES)
+
+
+def test_a_cell_that_asks_for_nothing_we_know_is_told(driven):
+    with pytest.raises(BadInput, match="no analysis 'weather': one of power, spectrum"):
+        analyse(driven, "weather")

@@ -1,0 +1,54 @@
+"""A log as one page: its checks made again by its own scene, then all that ``results/page`` says of it."""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack
+from pathlib import Path
+
+from fmus.vehicle import BadInput
+from orchestrator.execution import summary
+from orchestrator.log.reader import Log
+from orchestrator.results.page.document import plotting
+from orchestrator.results.page.report import refuse_output, write
+from orchestrator.results.page.signals import span
+from orchestrator.results.page.study import Judged
+from orchestrator.results.run_data import RunData
+from orchestrator.scene.scene import from_table, of_one_scene
+
+
+def report(
+    path: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    reference: str | os.PathLike[str] | None = None,
+    different: bool = False,
+) -> None:
+    """Write the page of a log, held against a ``reference`` where there is one, of any scene if ``different``.
+
+    Raises BadInput, LogUnreadable, NotInstalled.
+    """
+    page = Path(output)
+    refuse_output(page)
+    logs = [Path(log) for log in (path, reference) if log is not None]
+    for each in logs:
+        if page.exists() and each.exists() and page.samefile(each):
+            raise BadInput(f"-o {page}: is a log that is read")
+    plotting()
+    with ExitStack() as stack:
+        runs = [RunData(stack.enter_context(Log(log))) for log in logs]
+        if len(runs) > 1 and not different:
+            of_one_scene(*((f"{log}", run.scene) for log, run in zip(logs, runs, strict=True)))
+        own, *other = [(run, _judged(run)) for run in runs]
+        write(*own, page, other[0] if other else None)
+
+
+def _judged(run: RunData) -> Judged:
+    """Checks and observables of a log, made again by its own scene; a note where that cannot be."""
+    if not run.scene:
+        return Judged({}, {}, "the log does not say of which scene it is")
+    try:
+        scene = from_table(run.scene, f"{run.log.path}: scene.json")
+    except BadInput as error:
+        return Judged({}, {}, str(error))
+    simulated = span(run)[1]
+    return Judged(summary.checks(run, scene, simulated), summary.observables(run, scene, simulated))
