@@ -17,6 +17,10 @@ from orchestrator.scene.scene import load
 
 LONG = 1500  # characters that nobody reads as a sentence
 HANG = 20  # s of CPU time
+WRITTEN = {
+    "mutant.mcap", "saved.mcap", "csv", "view.png", "view.rrd", "scene.mcap", "scene.layout.json", "plot.png",
+    "page.html",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +43,15 @@ def commands(path, whole, drawn):
     yield "compare", whole, path, "--different"
     yield "replay", path, "--component", "chain"
     yield "replay", path, "--component", "chain", "--with", "rigid", "-o", "answer.mcap"
+    yield "analyse", path, "joints"
+    yield "analyse", path, "events"
+    yield "analyse", path, "spectrum", "--signal", "chain.tension.*"
     if drawn:
         yield "view", path, "-o", "view.png"
+        yield "view", path, "--rerun", "-o", "view.rrd"
+        yield "view", path, "--foxglove", "-o", "scene.mcap"
+        yield "plot", path, "chain.link[*].tension", "--waterfall", "-o", "plot.png"
+        yield "report", path, "-o", "page.html"
 
 
 def called(arguments, monkeypatch):
@@ -77,7 +88,7 @@ def survey(whole, seeds, drawn, monkeypatch, folder):
     def not_built(*_):
         raise BuildFailed("not built here")  # what is stepped is no matter of the log
 
-    monkeypatch.setattr(replay_model, "build_all", not_built)
+    monkeypatch.setattr(replay_model, "build_parts", not_built)
     monkeypatch.chdir(folder)
     data, content = whole.read_bytes(), Content(whole)
     seen = {}
@@ -100,7 +111,7 @@ def survey(whole, seeds, drawn, monkeypatch, folder):
             assert all(line.startswith(("cotrack: ", "... ")) for line in err.splitlines()), where
             assert len(err) < LONG, where
             seen.setdefault(arguments[0] if arguments[0] != "log" else arguments[1], set()).add(status)
-    assert not {file.name for file in folder.iterdir()} - {"mutant.mcap", "saved.mcap", "view.png", "csv"}
+    assert not {file.name for file in folder.iterdir()} - WRITTEN
     return seen
 
 

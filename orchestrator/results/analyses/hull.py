@@ -60,7 +60,7 @@ def poses(run: RunData, track: str, t: Floats) -> Pose:
     if run.has("chassis.chassis.orientation.w"):
         q = _at(t, *run.vectors("chassis", "out", "chassis.orientation", "wxyz", around))
         return Pose(origin, matrices(q / np.linalg.norm(q, axis=1, keepdims=True)))
-    heading = run.scene["start"]["heading"] if "start" in run.scene else 0.0
+    heading = float(run.scene.get("start", {}).get("heading", 0.0))
     c, s = np.cos(heading), np.sin(heading)
     return Pose(origin, np.tile(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), (len(t), 1, 1)))
 

@@ -51,8 +51,8 @@ def count(run: RunData, track: str) -> int:
 
 def unit(run: RunData, track: str, signal: str) -> str:
     """Unit of a signal of links; raises Missing."""
-    topic = run.log.topics[f"/{track}/links"]
-    return topic.units[int(_columns(run, track, signal).flat[0])]
+    column = int(_columns(run, track, signal).flat[0])
+    return run.log.topics[f"/{track}/links"].units[column]
 
 
 def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[Records]:

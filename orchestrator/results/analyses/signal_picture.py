@@ -109,6 +109,8 @@ def _chosen(run: RunData, signals: Sequence[str], window: Window) -> Iterator[tu
         t = run.log.select({topic: []}, window)[topic].t
         if not len(t):
             raise Missing(f"{run.log.path} holds no records on {topic} between {window.start:g} and {window.end:g} s")
+        if not np.isfinite(t).all():
+            raise Missing(f"{run.log.path}: times of {topic} are no finite numbers: there is nothing to draw")
         yield topic, columns, t
 
 

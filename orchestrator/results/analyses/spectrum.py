@@ -91,6 +91,8 @@ def of(
     names = tuple(run.log.name(topic, column) for column in columns)
     if len(series.t) < FEWEST:
         raise Missing(f"'{names[0]}' has {len(series.t)} records in the window: a spectrum needs {FEWEST}")
+    if not np.isfinite(series.t).all():
+        raise Missing(f"{run.log.path}: times of {topic} are no finite numbers: there is no spectrum")
     finite = np.isfinite(series.values).all(axis=0)
     if not finite.all():
         raise Missing(f"'{names[int(np.argmin(finite))]}' is not finite: it has no spectrum")

@@ -61,15 +61,16 @@ def loads(run: RunData, window: Window = EVER) -> tuple[tuple[str, ...], Floats,
         if not all(np.array_equal(each.t, series.t) for each in block.values()):
             raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
         force = np.concatenate([block[topic].values for topic in wanted if topic != "/chassis/out"], axis=1)
+        if not len(series.t):
+            continue
         up = np.tile([0.0, 0.0, 1.0], (len(series.t), 1))
-        if turned and len(series.t):
+        if turned:
             up = hull.matrices(block["/chassis/out"].values)[..., 2]
         times.append(series.t)
         found.append(np.einsum("mki,mi->mk", force.reshape(len(series.t), -1, 3), up))
-    t, values = np.concatenate(times), np.concatenate(found)
-    if not len(t):
+    if not times:
         raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
-    return tuple(names), t, values
+    return tuple(names), np.concatenate(times), np.concatenate(found)
 
 
 def of(run: RunData, window: Window = EVER) -> WheelLoads:

@@ -39,6 +39,9 @@ class Envelope:
 
     def add(self, t: Floats, values: Floats) -> None:
         """Samples (m, columns) at times (m,), s."""
+        known = np.isfinite(t)  # others are damage
+        if not known.all():
+            t, values = t[known], values[known]
         if not len(t):
             return
         place = np.clip(((t - self._start) * self._rate).astype(int), 0, self._bins - 1)
