@@ -119,6 +119,8 @@ def _locks(run: RunData, window: Window) -> Iterator[Event]:
         if not run.has(lost):
             continue
         (t, speed), (_, braked) = run.signal(f"{prefix}speed", window), run.signal(lost, window)
+        if not len(t):
+            continue
         size = np.abs(speed)
         ends = [*switches(size < STANDS, size > TURNS)]
         stood = [at for at, stands in ends if stands] if size[0] >= STANDS else [0, *(at for at, s in ends if s)]

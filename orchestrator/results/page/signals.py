@@ -41,10 +41,10 @@ class Spell(NamedTuple):
 
 
 def span(run: RunData) -> tuple[float, float]:
-    """First and last time of the outputs, s; (0, 0) where there are none."""
+    """First and last time of the outputs, s; (0, 0) where there are none. What is no number is damage."""
     ends = [run.log.ends(topic).t for name in run.instances if (topic := f"/{name}/out") in run.log.topics]
-    known = [t for t in ends if len(t)]
-    return (float(min(t[0] for t in known)), float(max(t[-1] for t in known))) if known else (0.0, 0.0)
+    known = [float(t) for each in ends for t in each if np.isfinite(t)]
+    return (min(known), max(known)) if known else (0.0, 0.0)
 
 
 def drives(run: RunData) -> list[str]:
