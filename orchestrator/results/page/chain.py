@@ -104,6 +104,8 @@ def chain(run: RunData, track: str) -> Chain:
     times = []
     for piece in run.log.stream({topic: wanted}):
         series = piece[topic]
+        if not np.isfinite(series.t).all():
+            raise Missing(f"times of the links of '{track}' are no finite numbers")
         times.append(series.t)
         parts = np.split(
             series.values, np.cumsum([len(at.tension), len(at.stress), 3 * len(at.force), len(at.ground)])[:-1], axis=1

@@ -44,7 +44,7 @@ class Envelope:
             t, values = t[known], values[known]
         if not len(t):
             return
-        place = np.clip(((t - self._start) * self._rate).astype(int), 0, self._bins - 1)
+        place = np.clip((t - self._start) * self._rate, 0, self._bins - 1).astype(int)  # damage may be huge
         edges = np.flatnonzero(np.diff(place)) + 1
         for first, last in zip([0, *edges], [*edges, len(t)], strict=True):
             row, piece, when = place[first], values[first:last], t[first:last]
