@@ -110,6 +110,11 @@ def _colour(kinds: ModuleType, red_green_blue: Any) -> Any:
     return kinds.Color(r=r, g=g, b=b, a=1.0)
 
 
+def _unmoved(kinds: ModuleType) -> Any:
+    """A pose in the frame itself, written out: a reader may take an absent one as a quaternion of zeros."""
+    return kinds.Pose(position=_vector(kinds, (0.0, 0.0, 0.0)), orientation=_quaternion(kinds, (0.0, 0.0, 0.0, 1.0)))
+
+
 def _points(kinds: ModuleType, places: Floats) -> list[Any]:
     return [kinds.Point3(x=x, y=y, z=z) for x, y, z in places.reshape(-1, 3).tolist()]
 
@@ -117,15 +122,16 @@ def _points(kinds: ModuleType, places: Floats) -> list[Any]:
 def _lines(kinds: ModuleType, pairs: Floats, width: float, colour: Any) -> Any:
     """Of pairs (n, 2, 3) of points."""
     return kinds.LinePrimitive(
-        type=kinds.LinePrimitiveLineType.LineList, thickness=width, points=_points(kinds, pairs),
-        color=_colour(kinds, colour),
+        type=kinds.LinePrimitiveLineType.LineList, pose=_unmoved(kinds), thickness=width,
+        points=_points(kinds, pairs), color=_colour(kinds, colour),
     )  # fmt: skip
 
 
 def _triangles(kinds: ModuleType, corners: Floats, triangles: Any, colour: Any) -> Any:
     return kinds.TriangleListPrimitive(
-        points=_points(kinds, corners), indices=triangles.ravel().tolist(), color=_colour(kinds, colour)
-    )
+        pose=_unmoved(kinds), points=_points(kinds, corners), indices=triangles.ravel().tolist(),
+        color=_colour(kinds, colour),
+    )  # fmt: skip
 
 
 def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
