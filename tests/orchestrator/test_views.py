@@ -280,6 +280,9 @@ def test_foxglove_holds_scenes_frames_and_curves(driven, tmp_path):
     panels = json.loads(layout.read_text())
     named = re.findall(r'"((?:3D|Plot)!\w+)"', json.dumps(panels["layout"]))
     assert sorted(named) == sorted(panels["configById"])
+    hidden = panels["configById"]["3D!space"]["transforms"]
+    assert {"frame:world", "frame:hull"} < hidden.keys()
+    assert not any(each["visible"] for each in hidden.values())
     with pytest.raises(BadInput, match=r"run\.mcap is the log itself"):
         foxglove_scene.write(driven, driven)
 

@@ -211,6 +211,8 @@ def _layout(bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> d
     """A layout as the application imports it from a file: space to the left, curves to the right."""
     space = "3D!space"
     name = f"links by {bodies.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if bodies.colour else "links"
+    # Lichtblick hides the axes of a frame, and its line to the world, by the frame's name only
+    frames = [WORLD, *(wheel.name for wheel in bodies.wheels), *(["hull"] if bodies.hull else [])]
     panels: dict[str, Any] = {
         space: {
             "foxglovePanelTitle": name,
@@ -222,7 +224,8 @@ def _layout(bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> d
             "followTf": "hull" if bodies.hull else WORLD,
             "fixedFrame": WORLD,
             "scene": {"transforms": {"visible": False, "showLabel": False, "axisSize": 0.0}},
-            "transforms": {}, "publish": {}, "imageMode": {},
+            "transforms": {f"frame:{frame}": {"visible": False} for frame in frames},
+            "publish": {}, "imageMode": {},
             "topics": {"/scene": {"visible": True}, "/shapes": {"visible": True, "computeVertexNormals": True}},
             "layers": {},
         }
