@@ -15,18 +15,21 @@ from orchestrator.execution.reported import _judged
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
+from orchestrator.results.analyses import circuit, contact, wheel_loads
+from orchestrator.results.analyses import events as happened
 from orchestrator.results.energy import ledger
 from orchestrator.results.ground_profile import ground
 from orchestrator.results.page.chain import chain
-from orchestrator.results.page.circuit import _front, profile
+from orchestrator.results.page.circuit import profile
 from orchestrator.results.page.document import document
 from orchestrator.results.page.embedded import floats, script, unpacked
 from orchestrator.results.page.envelope import Envelope
-from orchestrator.results.page.events import events, unloaded
+from orchestrator.results.page.events import events, lifted
+from orchestrator.results.page.pressure import pressure
 from orchestrator.results.page.side_view import UNIT, side_view
 from orchestrator.results.page.study import study
 from orchestrator.results.page.words import number, quantity, text
-from orchestrator.results.run_data import EVER, RunData
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.scene.scene import load
 
 PLOTS = "/* plotly.js v0 */"  # stands for the library
@@ -107,12 +110,10 @@ def test_key_figures_are_those_of_the_log(vehicle, scaled):
         row = np.abs(links.t - found["tension"]["t"]).argmin()
         own = [links.values[row, links.names.index(f"link[{i}].tension")] for i in range(1, 65)]
         assert found["tension"]["link"] == np.argmax(own) + 1
-        loads = {
-            (track, i): signal(log, f"{track}.road_wheel[{i}].force.z")[1].max()
-            for track in ("left_track", "right_track")
-            for i in range(1, 6)
-        }
-        assert found["wheel_load"]["value"] == pytest.approx(max(loads.values()), rel=1e-6)
+        loads = wheel_loads.of(RunData(log))
+        assert found["wheel_load"]["value"] == pytest.approx(loads.most.max(), rel=1e-9)
+        left = loads.most[:5]  # the right side has the same, but for rounding
+        assert found["wheel_load"]["signal"] == f"{loads.wheels[left.argmax()]}.load"
         assert found["distance"]["value"] == signal(log, "chassis.distance")[1][-1]
         assert found["real_time_factor"]["value"] == pytest.approx(0.06 / float(log.closing["results"]["wall_time"]))
         work = sum(np.diff(signal(log, f"{side}_drive.energy.work")[1][[0, -1]])[0] for side in ("left", "right"))
@@ -147,7 +148,7 @@ def test_curves_keep_the_extremes_of_the_log(vehicle):
     with Log(vehicle) as log:
         for chart, name, factor in (
             ("speed", "chassis.speed", 1.0),
-            ("wheels-0", "left_track.road_wheel[1].force.z", 1e-3),
+            ("torque", "left_drive.torque", 1.0),
             ("ground", "left_track.ground.force.z", 1e-3),
         ):
             drawn, values = unpacked(charts[chart]["traces"][0]["y"]), factor * signal(log, name)[1]
@@ -176,30 +177,44 @@ def test_bars_of_the_energy_add_up(vehicle):
 # --- links -----------------------------------------------------------------------------------------
 
 
-def test_the_way_round_starts_ahead_of_the_sprocket(vehicle):
+def test_the_way_round_starts_on_the_sprocket(vehicle):
     with Log(vehicle) as log:
         run = RunData(log)
         one = profile(run, chain(run, "left_track"), 0.04)
         links = run.links("left_track", EVER)
     assert np.allclose(np.diff(one.place), 0.1524, rtol=0.02), "link by link, a pitch apart"
-    assert one.ahead[[0, -1]].min() > 0.2, "at the foremost point of the sprocket"
+    assert one.ahead[[0, -1]].min() > 0.2, "in the middle of the wrap on the sprocket, which is ahead"
     names = [section.name for section in one.sections]
     assert names == ["sprocket", "lower run", "idler", "upper run", "sprocket"]
     row = np.abs(links.t - one.t).argmin()
     assert sorted(one.tension) == sorted(links.tension[row])
 
 
-@pytest.mark.parametrize("turned", [0, 5, 13])
-def test_the_way_round_does_not_depend_on_the_numbers_of_links(turned):
-    angle = (
-        2.0 * np.pi * (0.3 - np.arange(turned, turned + 20)) / 20.0
-    )  # down ahead, back below, as chains are numbered
-    pins = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    after = np.roll(pins, -1, axis=0)
-    length = np.linalg.norm(after - pins, axis=1)
-    way = _front(pins, after, length)
-    ahead = np.mod(0.3 - turned, 20.0)  # links until the level of the axle is crossed ahead of it
-    assert way / length[0] == pytest.approx(ahead, abs=0.02)
+def test_pressure_is_that_of_the_analysis(vehicle, scaled):
+    def compared():
+        with Log(vehicle) as log:
+            run = RunData(log)
+            found, expected = pressure(run, chain(run, "left_track")), contact.of(run)
+            one = profile(run, chain(run, "left_track"), expected.peak_t)
+        assert found.peak == (expected.peak, expected.peak_t, expected.peak_link)
+        assert np.nanmax(found.most) == one.pressure.max() == expected.peak
+        assert found.area == expected.area
+        return expected
+
+    before = compared()
+    with Log(vehicle) as log:
+        scaled(log, "/left_track/links", f"link[{before.peak_link}].ground.force.z", 1.03)
+    assert compared().peak == pytest.approx(1.03 * before.peak, rel=5e-3)
+    with Log(vehicle) as log:
+        scaled(log, "/left_track/links", f"link[{before.peak_link}].ground.force.z", 1.0 / 1.03)
+
+
+def test_places_are_those_of_the_analysis(vehicle):
+    with Log(vehicle) as log:
+        run = RunData(log)
+        one = profile(run, chain(run, "left_track"), 0.04)
+        block = next(circuit.records(run, "left_track", Window(one.t, one.t), "link[*].tension"))
+    assert dict(zip(one.place, one.tension, strict=True)) == dict(zip(block.links[0], block.values[0][0], strict=True))
 
 
 def test_the_side_view_shows_what_was_recorded(vehicle):
@@ -267,28 +282,41 @@ def test_packed_numbers_come_back():
 # --- events ----------------------------------------------------------------------------------------
 
 
-def test_an_unloaded_wheel_is_told_with_its_times(tmp_path):
+def test_a_lifted_wheel_is_told_with_its_times_as_the_analyses_have_them(tmp_path):
     t = np.linspace(0.0, 2.0, 2001)
     force = np.where((t > 0.5) & (t < 0.7), -10.0, 1000.0) * np.where((t > 1.2) & (t < 1.21), 0.0, 1.0)
-    columns = {"a.travel": t, "a.road_wheel[1].force.z": force, "a.road_wheel[2].force.z": 5.0 + 0.0 * t}
-    force[30] = 9000.0  # at 0.03 s
-    warnings = [{"component": "a", "text": HOSTILE, "time": 1.5, "count": 3}]
+    force[600] = 30.0  # neither lifted nor down
+    force[20:40] = 0.0  # as the vehicle comes to rest
+    force[50] = 9000.0  # at 0.05 s
+    columns = {"a.travel": t, "a.ground.force.z": np.where((t > 1.5) & (t < 1.6), 0.0, 1e4)}
+    for wheel, values in ((1, force), (2, 1000.0 + 0.0 * t)):
+        columns |= {f"a.road_wheel[{wheel}].force.{axis}": values * (axis == "z") for axis in "xyz"}
+    warnings = [{"component": "a", "text": HOSTILE, "time": 1.55, "count": 3}]
     path = written(tmp_path / "a.mcap", columns, t, {"assembly": "vehicle"}, warnings=warnings)
     with Log(path) as log:
         run = RunData(log)
-        found = unloaded(run)
+        found = lifted(run)
         told = events(run)
-    (first, second) = found["a", "road_wheel[1]"]
-    assert first == pytest.approx((0.501, 0.699))
-    assert second == pytest.approx((1.201, 1.209))
+        analysis, loads = happened.of(run), wheel_loads.of(run)
+    early, first, second = found["a", "road_wheel[1]"]
+    assert first[:2] == pytest.approx((0.501, 0.7))
+    assert second[:2] == pytest.approx((1.201, 1.21))
     assert found["a", "road_wheel[2]"] == []
-    assert [event.what for event in told] == ["Road wheel carries nothing", "Warning"]
-    assert "2 times, 0.206 s together; longest 0.501 to 0.699 s" in told[0].detail
+    assert loads.lifted[0] * 2.001 == pytest.approx(early.time + first.time + second.time, rel=1e-9)
+    assert loads.threshold == pytest.approx(0.02 * loads.mean.mean())
+    assert [event.t for event in analysis.of("lifted")] == [early.start, first.start, second.start]
+    assert [event.t for event in analysis.of("touches")] == [early.end, first.end, second.end]
+    assert [round(event.t, 9) for event in analysis.of("airborne", "lands")] == [1.501, 1.6]
+    assert [event.what for event in told] == ["Road wheel is lifted off", "Track is off the ground", "Warning"]
+    assert "2 times, 0.208 s together; longest 0.501 to 0.7 s" in told[0].detail
+    assert told[1].detail == "once; 1.501 to 1.6 s"
+    assert told[2].detail == text(analysis.of("warning")[0].text)
     html = page(path)
-    assert "0.206 s together" in html
+    assert "0.208 s together" in html
+    assert "1 road wheel is lifted off for a moment" in html
     assert ">9 kN<" in html
-    assert "wheel 1, a, at 0.03 s, as the vehicle comes to rest; 1 kN at most after 0.5 s" in html
-    assert "Unloaded for a time: wheel 1." in html
+    assert "wheel 1, a, at 0.05 s, as the vehicle comes to rest; 1 kN at most after 0.5 s" in html
+    assert "Lifted off for a time: wheel 1." in html
     assert text(HOSTILE) in html
 
 
@@ -316,8 +344,13 @@ def test_an_estimated_error_and_rejected_steps_are_told(tmp_path):
         recorder.close("ok", "", 5)
     with Log(tmp_path / "c.mcap") as log:
         (event,) = events(RunData(log))
+        steps = happened.of(RunData(log)).of("step")
     assert event.t == pytest.approx(0.2)
     assert event.detail == "5 in all; last by 0.4 s"
+    assert [(round(each.t, 9), each.text) for each in steps] == [
+        (0.2, "halved its step 2 times"),
+        (0.4, "halved its step 3 times"),
+    ]
 
 
 # --- a page that stands alone ----------------------------------------------------------------------

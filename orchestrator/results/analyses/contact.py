@@ -44,27 +44,39 @@ class Contact(NamedTuple):
         return Table(f"Pressure under {self.track} by place on the circuit", columns, rows, notes)
 
 
+def pad_area(run: RunData) -> float:
+    """Of a link on the ground, m2; raises Missing."""
+    return hull.number(run, "track", "pitch") * hull.number(run, "track", "width")
+
+
+def pressure(pins: Floats, axes: Floats, force: Floats, area: float) -> Floats:
+    """Under links (m, links), Pa: the part of the ground's force on them that points inwards, over their area.
+
+    ``pins`` (m, pins, 3), m, and ``force`` (m, links, 3), N, in world; ``axes`` (m, 3, 3) of the hull.
+    """
+    across = np.broadcast_to(axes[:, None, :, 1], pins.shape)
+    return -np.einsum("mni,mni->mn", force, link_axes(pins, across, force.shape[1])[..., 2]) / area
+
+
 def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
     """Of a track, by default the first; raises Missing."""
     track = hull.tracks(run, track)[0]
     if run.scene.get("assembly") != "vehicle":
         raise Missing(f"{run.log.path} holds no vehicle on the ground")
-    area = hull.number(run, "track", "pitch") * hull.number(run, "track", "width")
+    area = pad_area(run)
     bins: Bins | None = None
     lengths: list[Floats] = []
     sums: list[Floats] = []
     peak, link, at = -np.inf, 0, 0.0
     for block in circuit.records(run, track, window, SIGNAL):
         bins = bins or Bins(block.links.shape[1], 2)
-        across = np.broadcast_to(block.axes[:, None, :, 1], block.pins.shape)
-        outwards = link_axes(block.pins, across, block.links.shape[1])[..., 2]
-        pressure = -np.einsum("mni,mni->mn", block.values[0], outwards) / area
-        bins.add(block.links / block.length[:, None], np.stack([pressure, block.centres[..., 0]], axis=2))
+        under = pressure(block.pins, block.axes, block.values[0], area)
+        bins.add(block.links / block.length[:, None], np.stack([under, block.centres[..., 0]], axis=2))
         lengths.append(block.length)
-        sums.append(pressure.sum(axis=1))
-        record, number = np.unravel_index(int(pressure.argmax()), pressure.shape)
-        if pressure[record, number] > peak:
-            peak, link, at = float(pressure[record, number]), int(number) + 1, float(block.t[record])
+        sums.append(under.sum(axis=1))
+        record, number = np.unravel_index(int(under.argmax()), under.shape)
+        if under[record, number] > peak:
+            peak, link, at = float(under[record, number]), int(number) + 1, float(block.t[record])
     if bins is None or not peak > 0.0:
         raise Missing(f"{run.log.path}: no link of '{track}' touches the ground in the window")
     count = len(bins.count)

@@ -7,17 +7,16 @@ from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
+from orchestrator.results.analyses.spells import Spells, settling, spells, switches
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.energy import Port, ports
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
+from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, within
 
 STANDS = 0.1  # rad/s: a sprocket that turns more slowly stands: there brakes fade, by default, and creep
 TURNS = 0.2  # rad/s: one that turns faster is let go
-TOUCHES = 2.0  # times the load of a lifted wheel: with more it touches
 
 
 class Event(NamedTuple):
@@ -25,7 +24,7 @@ class Event(NamedTuple):
 
     t: float  # s
     component: str  # "left_track.road_wheel[1]"
-    kind: str  # "lifted", "touches", "tooth", "locked", "released", "step", "warning"
+    kind: str  # "lifted", "touches", "airborne", "lands", "tooth", "locked", "released", "step", "warning"
     text: str
 
 
@@ -47,11 +46,11 @@ class Events(NamedTuple):
 
 
 def of(run: RunData, window: Window = EVER, teeth: bool = False) -> Events:
-    """Wheels that lift off and touch again, sprockets that lock, steps that solvers took back, warnings of the run.
+    """Wheels that lift off, tracks that leave the ground, sprockets that lock, steps that solvers took back, warnings.
 
     ``teeth`` lists also each tooth that passes. Raises LogUnreadable.
     """
-    found = [*_wheels(run, window), *_locks(run, window), *_steps(run, window), *_warnings(run, window)]
+    found = [*_borne(run, window), *_locks(run, window), *_steps(run, window), *warnings(run, window)]
     counts = {}
     for name, t, passed in _turned(run, window):
         moves = np.diff(np.floor(passed))
@@ -61,28 +60,36 @@ def of(run: RunData, window: Window = EVER, teeth: bool = False) -> Events:
     return Events(tuple(sorted(found, key=lambda event: (event.t, event.component))), counts)
 
 
-def switches(low: NDArray[np.bool_], high: NDArray[np.bool_]) -> Iterator[tuple[int, bool]]:
-    """Where a state begins, at ``low``, and ends, at ``high``, of samples (m,); what lies between keeps the state.
+def off_ground(run: RunData, window: Window = EVER) -> Spells:
+    """When tracks are off the ground (``spells.py``), by their names: by the vertical force of the ground on each."""
+    names = tuple(track for track in run.tracks if run.has(f"{track}.ground.force.z"))
+    wanted = {topic: [column] for topic, column in (run.log.find(f"{track}.ground.force.z") for track in names)}
 
-    A state at the first sample has no beginning.
-    """
-    state = bool(len(low)) and bool(low[0])
-    for at in np.flatnonzero(low | high):
-        if bool(low[at]) != state:
-            state = not state
-            yield int(at), state
+    def blocks() -> Iterator[tuple[Floats, Floats]]:
+        for block in run.log.blocks(wanted, BLOCK, window=window) if wanted else ():
+            count = min(len(series.t) for series in block.values())
+            found = [series.rows(slice(count)) for series in block.values()]
+            yield found[0].t, np.concatenate([series.values for series in found], axis=1)
+
+    return run.once(f"tracks off the ground, {window}", lambda _: spells(names, blocks))
 
 
-def _wheels(run: RunData, window: Window) -> Iterator[Event]:
+def _borne(run: RunData, window: Window) -> Iterator[Event]:
+    """Wheels that lift off and touch again, and tracks that leave the ground."""
     try:
-        names, t, load = wheel_loads.loads(run, window)
+        wheels = wheel_loads.lifted(run, window)
     except Missing:
-        return
-    least = wheel_loads.LIFTED * load.mean()
-    for name, values in zip(names, load.T, strict=True):
-        for at, off in switches(values < least, values > TOUCHES * least):
-            text = "lifts off" if off else f"touches, {values[at] / 1e3:.3g} kN"
-            yield Event(float(t[at]), name, "lifted" if off else "touches", text)
+        wheels = Spells(0.0, {})
+    for found, off, on, verb in (
+        (wheels, "lifted", "touches", "lifts off"), (off_ground(run, window), "airborne", "lands", "leaves the ground"),
+    ):  # fmt: skip
+        for name, each in found.of.items():
+            for spell in each:
+                early = ", while the vehicle comes to rest" if settling(run, spell.end) else ""
+                if spell.begins:
+                    yield Event(spell.start, name, off, f"{verb}{early}")
+                if spell.ends:
+                    yield Event(spell.end, name, on, f"{on}, {spell.load / 1e3:.3g} kN{early}")
 
 
 def _drives(run: RunData) -> Iterator[tuple[Port, str, str]]:
@@ -122,8 +129,8 @@ def _locks(run: RunData, window: Window) -> Iterator[Event]:
         if not len(t):
             continue
         size = np.abs(speed)
-        ends = [*switches(size < STANDS, size > TURNS)]
-        stood = [at for at, stands in ends if stands] if size[0] >= STANDS else [0, *(at for at, s in ends if s)]
+        ends = [*switches(size < STANDS, size > TURNS, False)]  # one that stands at first stood before
+        stood = [at for at, stands in ends if stands]
         went = [at for at, stands in ends if not stands]
         before = 0
         for begin, end in zip_longest(stood, went):
@@ -135,20 +142,31 @@ def _locks(run: RunData, window: Window) -> Iterator[Event]:
             before = until
 
 
-def _steps(run: RunData, window: Window) -> Iterator[Event]:
+def rejections(run: RunData, window: Window = EVER) -> Iterator[tuple[str, Floats, Floats]]:
+    """Of each component whose solver took back steps, and halved them, when this was counted (k,), s, and how often.
+
+    The first record counts from the start of the run, so that in a window that begins later it counts nothing.
+    """
     for name in run.instances:
         topic = f"/stats/{name}"
         if topic not in run.log.topics or "solver.rejected" not in run.log.topics[topic].names:
             continue
         column = run.log.topics[topic].names.index("solver.rejected")
         series = run.log.select({topic: [column]}, window)[topic]
-        for at in np.flatnonzero(np.diff(series.values[:, 0]) > 0.0):
-            more = int(series.values[at + 1, 0] - series.values[at, 0])
-            text = f"halved its step {more} times since {series.t[at]:.6g} s"
-            yield Event(float(series.t[at + 1]), name, "step", text)
+        total = series.values[:, 0]
+        more = np.diff(total, prepend=0.0 if window.start <= 0.0 else total[:1])
+        if (grown := more > 0.0).any():
+            yield name, series.t[grown], more[grown]
 
 
-def _warnings(run: RunData, window: Window) -> Iterator[Event]:
+def _steps(run: RunData, window: Window) -> Iterator[Event]:
+    for name, t, more in rejections(run, window):
+        for at, count in zip(t.tolist(), more.astype(int).tolist(), strict=True):
+            yield Event(at, name, "step", f"halved its step {count} time{'s' if count > 1 else ''}")
+
+
+def warnings(run: RunData, window: Window = EVER) -> Iterator[Event]:
+    """What components warned of, as the closing record has it."""
     for told in (run.log.closing or {}).get("warnings", ()):
         if within(np.array(told["time"]), window):
             times = f", {told['count']} times" if told["count"] > 1 else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -9,10 +10,9 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.at_steps import RECOVER
+from orchestrator.results.analyses.spells import TOUCHES, Spells, spells
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, since
-
-LIFTED = 0.02  # of the mean load of all road wheels: what carries less is lifted off
 
 
 class WheelLoads(NamedTuple):
@@ -24,7 +24,7 @@ class WheelLoads(NamedTuple):
     most: Floats  # (wheels,) N
     rms: Floats  # (wheels,) N, about the mean
     lifted: Floats  # (wheels,) share of the time
-    threshold: float  # N: what carries less is lifted off
+    threshold: float  # N: what carries less is lifted off (``spells.py``)
 
     def table(self) -> Table:
         """A row for each wheel."""
@@ -34,51 +34,62 @@ class WheelLoads(NamedTuple):
             ("wheel", ""), ("mean", "kN"), ("least", "kN"), ("largest", "kN"), ("rms about mean", "kN"),
             ("lifted", "% of time"),
         )  # fmt: skip
-        note = f"a wheel is lifted where it carries less than {self.threshold / 1e3:.3g} kN"
+        least = self.threshold / 1e3
+        note = f"a wheel is lifted from where it carries less than {least:.3g} kN to more than {TOUCHES * least:.3g} kN"
         return Table("Load of road wheels, up in the hull", columns, rows, (note,))
 
 
-def loads(run: RunData, window: Window = EVER) -> tuple[tuple[str, ...], Floats, Floats]:
-    """Names of the road wheels, times (m,), s, and their loads (m, wheels), N; raises Missing."""
-    names = [
+def names(run: RunData) -> tuple[str, ...]:
+    """Of the road wheels whose forces were recorded, "left_track.road_wheel[1]"."""
+    return tuple(
         f"{track}.{name.removesuffix('.force.x')}"
         for track in run.tracks
         for name in run.log.topics[f"/{track}/out"].names
         if name.startswith("road_wheel[") and name.endswith(".force.x")
-    ]
-    if not names:
+    )
+
+
+def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats]]:
+    """Times (m,), s, and loads of the road wheels (m, wheels), N, some steps at a time; raises Missing.
+
+    Of a log that was cut off, the steps that all components have.
+    """
+    wheels = names(run)
+    if not wheels:
         raise Missing(f"{run.log.path} holds no road wheel")
-    forces = [[run.log.find(f"{name}.force.{axis}") for axis in "xyz"] for name in names]
+    forces = [[run.log.find(f"{name}.force.{axis}") for axis in "xyz"] for name in wheels]
     wanted: dict[str, list[int]] = {}
     for topic, column in (place for force in forces for place in force):
         wanted.setdefault(topic, []).append(column)
     turned = [f"chassis.orientation.{part}" for part in "wxyz"] if run.has("chassis.chassis.orientation.w") else []
     if turned:
         wanted["/chassis/out"] = [run.log.topics["/chassis/out"].names.index(name) for name in turned]
-    times, found = [], []
     for block in run.log.blocks(wanted, BLOCK, window=window):
-        series = next(iter(block.values()))
-        if not all(np.array_equal(each.t, series.t) for each in block.values()):
+        count = min(len(each.t) for each in block.values())
+        found = {topic: each.rows(slice(count)) for topic, each in block.items()}
+        t = next(iter(found.values())).t
+        if not all(np.array_equal(each.t, t) for each in found.values()):
             raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
-        force = np.concatenate([block[topic].values for topic in wanted if topic != "/chassis/out"], axis=1)
-        if not len(series.t):
-            continue
-        up = np.tile([0.0, 0.0, 1.0], (len(series.t), 1))
-        if turned:
-            up = hull.matrices(block["/chassis/out"].values)[..., 2]
-        times.append(series.t)
-        found.append(np.einsum("mki,mi->mk", force.reshape(len(series.t), -1, 3), up))
-    if not times:
-        raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
-    return tuple(names), np.concatenate(times), np.concatenate(found)
+        force = np.concatenate([found[topic].values for topic in wanted if topic != "/chassis/out"], axis=1)
+        up = np.tile([0.0, 0.0, 1.0], (count, 1))
+        if turned and count:
+            up = hull.matrices(found["/chassis/out"].values)[..., 2]
+        yield t, np.einsum("mki,mi->mk", force.reshape(count, len(wheels), 3), up)
+
+
+def lifted(run: RunData, window: Window = EVER) -> Spells:
+    """When road wheels are lifted off (``spells.py``), by their names; raises Missing."""
+    return run.once(f"lifted wheels, {window}", lambda run: spells(names(run), lambda: blocks(run, window)))
 
 
 def of(run: RunData, window: Window = EVER) -> WheelLoads:
     """Of every road wheel; raises Missing."""
-    names, t, load = loads(run, window)
+    t, load = (np.concatenate(parts) for parts in zip(*blocks(run, window), strict=True))
+    if not len(t):
+        raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
     weights = since(t)
     mean = np.average(load, axis=0, weights=weights)
-    threshold = LIFTED * float(mean.mean())
     rms = np.sqrt(np.average((load - mean) ** 2, axis=0, weights=weights))
-    lifted = np.average(load < threshold, axis=0, weights=weights)
-    return WheelLoads(names, mean, load.min(axis=0), load.max(axis=0), rms, lifted, threshold)
+    found = lifted(run, window)
+    share = np.array([sum(spell.time for spell in found.of[name]) for name in names(run)]) / weights.sum()
+    return WheelLoads(names(run), mean, load.min(axis=0), load.max(axis=0), rms, share, found.threshold)

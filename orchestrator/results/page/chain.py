@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,7 +48,6 @@ class Chain(NamedTuple):
     t: Floats  # (m,) s, of all records of links
     middle: Floats  # (slices,) s, of the slices of time
     tension: Floats  # (slices, links) N, largest in each slice
-    pressure: Floats | None  # (slices, links) Pa, vertical force of the ground over the area of a link, largest
     worst: Worst  # by tension
     stressed: Worst | None
     loaded: Worst | None  # by the force in the pin where it begins
@@ -77,16 +76,6 @@ def columns(names: tuple[str, ...]) -> Columns:
     )
 
 
-def pad_area(scene: dict[str, Any]) -> float | None:
-    """Of a link on the ground, pitch times width, m2."""
-    try:
-        track = scene["vehicle"]["track"]
-        area = float(track["pitch"]) * float(track["width"])
-    except (LookupError, TypeError, ValueError):
-        return None
-    return area if area > 0.0 else None
-
-
 def chain(run: RunData, track: str) -> Chain:
     """What was recorded of the links of a track; raises Missing, LogUnreadable."""
     topic = f"/{track}/links"
@@ -95,37 +84,37 @@ def chain(run: RunData, track: str) -> Chain:
     at = columns(run.log.topics[topic].names)
     if not at.tension:
         raise Missing(f"the log has no tensions of the links of '{track}'")
-    wanted = [*at.tension, *at.stress, *(k for pin in at.force for k in pin), *(link[2] for link in at.ground)]
-    start, end = span(run)
-    area = pad_area(run.scene) if at.ground else None
-    slices = max(1, min(SLICES, len(run.log.select({topic: []})[topic].t) // 2))  # none without a record
-    tension, pressure = (Envelope(start, end, len(at.tension), slices) for _ in range(2))
+    wanted = [*at.tension, *at.stress, *(k for pin in at.force for k in pin)]
+    t = run.log.select({topic: []})[topic].t
+    if not np.isfinite(t).all():
+        raise Missing(f"times of the links of '{track}' are no finite numbers")
+    tension, middle = sliced(run, t, len(at.tension))
     most: dict[str, Worst] = {}
-    times = []
     for piece in run.log.stream({topic: wanted}):
         series = piece[topic]
-        if not np.isfinite(series.t).all():
-            raise Missing(f"times of the links of '{track}' are no finite numbers")
-        times.append(series.t)
-        parts = np.split(
-            series.values, np.cumsum([len(at.tension), len(at.stress), 3 * len(at.force), len(at.ground)])[:-1], axis=1
-        )
+        parts = np.split(series.values, np.cumsum([len(at.tension), len(at.stress)]), axis=1)
         tension.add(series.t, parts[0])
-        if area:
-            pressure.add(series.t, parts[3] / area)
         force = np.linalg.norm(parts[2].reshape(len(series.t), -1, 3), axis=2)
         for name, values in (("tension", parts[0]), ("stress", parts[1]), ("force", force)):
-            _note(most, name, series.t, values)
+            note(most, name, series.t, values)
     if "tension" not in most:
         raise Missing(f"the log holds no record of the links of '{track}'")
+    return Chain(track, at, t, middle, tension.upper, most["tension"], most.get("stress"), most.get("force"))
+
+
+def sliced(run: RunData, t: Floats, links: int) -> tuple[Envelope, Floats]:
+    """For the largest values of links in slices of time, and the middles of the slices (slices,), s.
+
+    A slice is at least two records long, of those at times ``t``, so that none is empty.
+    """
+    start, end = span(run)
+    slices = max(1, min(SLICES, len(t) // 2))
     edges = np.linspace(start, end, slices + 1)
-    return Chain(
-        track, at, np.concatenate(times), 0.5 * (edges[1:] + edges[:-1]), tension.upper,
-        pressure.upper if area else None, most["tension"], most.get("stress"), most.get("force"),
-    )  # fmt: skip
+    return Envelope(start, end, links, slices), 0.5 * (edges[1:] + edges[:-1])
 
 
-def _note(most: dict[str, Worst], name: str, t: Floats, values: Floats) -> None:
+def note(most: dict[str, Worst], name: str, t: Floats, values: Floats) -> None:
+    """Keep the largest of values (m, links) at times (m,) in ``most``, if it is larger than what is there."""
     finite = np.where(np.isfinite(values), values, -np.inf)
     if not finite.size or not np.isfinite(finite.max()):
         return

@@ -148,7 +148,7 @@ def figures(study: Study) -> dict[str, Any]:
         found["stress"] |= _bearer(study, found["stress"], "stress")
     else:
         found.pop("stress", None)  # rigid links
-    loads = [name for name in study.signals if ".road_wheel[" in name and name.endswith(".force.z")]
+    loads = [name for name in study.signals if name.endswith(".load")]
     if loads:
         found["wheel_load"] = _most(study, loads)
     if study.balance:
@@ -211,7 +211,7 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
     if stress := found.get("stress"):
         made.append(Tile("Largest link stress", quantity(stress["value"], "Pa"), f"axial, {_borne(stress)}"))
     if load := found.get("wheel_load"):
-        track, _, wheel = load["signal"].removesuffix(".force.z").partition(".")
+        track, _, wheel = load["signal"].removesuffix(".load").partition(".")
         place = f"{text(wheel_name(wheel))}, {instance(track)}, at {number(load['t'])} s"
         if load["t"] < COMING_TO_REST and study.run.scene.get("assembly") == "vehicle":
             place += f", as the vehicle comes to rest{_later(study)}"
@@ -244,7 +244,7 @@ def _later(study: Study) -> str:
     found = [
         (float(curve.y[after].max()), name)
         for name, (curve, *_) in study.signals.items()
-        if ".road_wheel[" in name and name.endswith(".force.z") and (after := curve.t >= COMING_TO_REST).any()
+        if name.endswith(".load") and (after := curve.t >= COMING_TO_REST).any()
     ]
     return f"; {quantity(max(found)[0], 'N')} at most after {number(COMING_TO_REST)} s" if found else ""
 

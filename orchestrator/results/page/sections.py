@@ -8,17 +8,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.results import measures
+from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, settling
 from orchestrator.results.page import chain as links
 from orchestrator.results.page.balance import KINDS, sentence
 from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
 from orchestrator.results.page.envelope import Curve
-from orchestrator.results.page.events import SETTLING, Event, events, settling, unloaded
+from orchestrator.results.page.events import Event, events, lifted
 from orchestrator.results.page.facts import unmade
-from orchestrator.results.page.signals import Recorded, wheels
+from orchestrator.results.page.pressure import pressure
+from orchestrator.results.page.signals import Recorded
 from orchestrator.results.page.study import Study, attempt
-from orchestrator.results.page.words import and_list, instance, number, plain, quantity, text, wheel_name
+from orchestrator.results.page.words import and_list, instance, number, percent, plain, quantity, text, wheel_name
 from orchestrator.results.run_data import EVER
 
 INSTANTS = 4  # at which the chain is shown round its way
@@ -348,14 +350,10 @@ def _round(study: Study, found: Chain, charts: dict[str, Chart]) -> str:
         for k, one in enumerate(made)
     ]
     closed = found.columns.closed
-    x = (
-        "place along the chain from the front of the sprocket, m"
-        if closed
-        else "place along the chain from its first pin, m"
-    )
+    x = "place along the chain from the sprocket, m" if closed else "place along the chain from its first pin, m"
     sections = made[-1].sections
     charts["round"] = lines("tension", "N", drawn, x=x, timed=False, sections=sections)
-    where = "From the foremost point of the sprocket on, the way that the numbers of links go. " if closed else ""
+    where = "From the middle of the wrap on the sprocket on, the way that the numbers of links go. " if closed else ""
     return figure("round", "Tension along the chain", f"{where}At {len(made)} instants, link by link.", "wide")
 
 
@@ -380,8 +378,9 @@ def loads(pair: Pair) -> Section | None:
     """Wheels and ground."""
     study, charts, html = pair.run, {}, ""
     for side, track in enumerate(study.run.tracks):
-        names = [name for name in wheels(study.run, track) if name.startswith("road_wheel")]
-        if drawn := pair.drawn([(f"{track}.{name}.force.z", wheel_name(name)) for name in names]):
+        names = [name.removesuffix(".load") for name in study.signals if name.endswith(".load")]
+        own = [name for name in names if name.partition(".")[0] == track]
+        if drawn := pair.drawn([(f"{name}.load", wheel_name(name.partition(".")[2])) for name in own]):
             charts[f"wheels-{side}"] = lines("force", "N", drawn)
             html += figure(f"wheels-{side}", f"Road wheels, {instance(track)}", _least_loaded(study, track))
     grounded = [
@@ -398,36 +397,35 @@ def loads(pair: Pair) -> Section | None:
 
 
 def _least_loaded(study: Study, track: str) -> str:
-    told = "Vertical force of the chain on each wheel, mean over each step. Wheel 1 is next to the sprocket."
-    lifted = {wheel: spells for (of, wheel), spells in unloaded(study.run).items() if of == track and spells}
-    late = [wheel for wheel, spells in lifted.items() if any(not settling(study.run, spell) for spell in spells)]
+    told = "Force of the chain on each wheel, up in the hull, mean over each step. Wheel 1 is next to the sprocket."
+    found = {wheel: spells for (of, wheel), spells in lifted(study.run).items() if of == track and spells}
+    late = [wheel for wheel, spells in found.items() if any(not settling(study.run, each.end) for each in spells)]
     if late:
         names = and_list([text(wheel_name(each)) for each in late])
-        return f"{told} <b>Unloaded for a time: {names}.</b>"
-    return f"{told} {'After the first 0.1 s none' if lifted else 'None'} is ever unloaded."
+        return f"{told} <b>Lifted off for a time: {names}.</b>"
+    return f"{told} {f'After the first {number(SETTLING)} s none' if found else 'None'} is ever lifted off."
 
 
 def _pressure(study: Study, charts: dict[str, Chart]) -> str:
-    area = links.pad_area(study.run.scene)
-    found = next((each for each in study.chains.values() if each.pressure is not None), None)
-    if found is None or found.pressure is None or area is None or not np.nanmax(found.pressure, initial=0.0) > 0.0:
+    chain = next((each for each in study.chains.values() if each.columns.ground), None)
+    found = attempt(lambda: pressure(study.run, chain), study.missing) if chain else None
+    if chain is None or found is None:
         return ""
-    row, column = np.unravel_index(int(np.nanargmax(found.pressure)), found.pressure.shape)
-    most, when, link = float(found.pressure[row, column]), float(found.middle[row]), int(column) + 1
-    told = "Vertical force of the ground on a link over its area, pitch times width,"
-    told += f" {number(1e4 * area, 3)} cm\N{SUPERSCRIPT TWO}."
-    made = [one for one in profiles(study, found) if one.pressure is not None]
+    told = "Force of the ground into a link over its area, pitch times width,"
+    told += f" {number(1e4 * found.area, 3)} cm\N{SUPERSCRIPT TWO}."
+    made = [one for one in profiles(study, chain) if one.pressure is not None]
     html = ""
     if made:
         charts["pressure"] = lines("pressure", "Pa", [_under(one, k) for k, one in enumerate(made)],
                                    x="ahead of the sprocket's axle, m", timed=False)  # fmt: skip
-        html += figure("pressure", f"Pressure under the links, {instance(found.track)}",
+        html += figure("pressure", f"Pressure under the links, {instance(chain.track)}",
                        f"{told} The front is on the right; peaks stand under the road wheels.", "wide")  # fmt: skip
+    most, when, link = found.peak
     mark = when, link, f"link {link}, {number(when, 3)} s"
-    charts["pressure-map"] = heat("pressure", "Pa", found.middle, np.maximum(found.pressure, 0.0), mark)
-    return html + figure("pressure-map", f"Pressure under every link over time, {instance(found.track)}",
-                         f"Largest in each slice of time; {quantity(most, 'Pa')} at most, under link {link} at about"
-                         f" {number(when, 3)} s.", "tall")  # fmt: skip
+    charts["pressure-map"] = heat("pressure", "Pa", found.middle, np.maximum(found.most, 0.0), mark)
+    return html + figure("pressure-map", f"Pressure under every link over time, {instance(chain.track)}",
+                         f"Largest in each slice of time; {quantity(most, 'Pa')} at most, under link {link} at"
+                         f" {number(when)} s.", "tall")  # fmt: skip
 
 
 def _under(one: Profile, colour: int) -> Line:
@@ -452,7 +450,7 @@ def _peaks(pair: Pair) -> list[Event]:
         one = pair.figures.get(key)
         if one and abs(one["value"]) > AT_REST:
             track, _, variable = one["signal"].partition(".")
-            wheel = f", {text(wheel_name(variable.removesuffix('.force.z')))}" if key == "wheel_load" else ""
+            wheel = f", {text(wheel_name(variable.removesuffix('.load')))}" if key == "wheel_load" else ""
             link = f", link {one['link']}" if "link" in one else ""
             found.append(Event(one["t"], what, f"{instance(track)}{wheel}{link}", quantity(one["value"], one["unit"])))
     return found
@@ -467,10 +465,8 @@ def happened(pair: Pair) -> Section:
     if len(found) > SHOWN_EVENTS:
         html += f"<p class='muted'>and {len(found) - SHOWN_EVENTS} more.</p>"
     quiet = []
-    if not any("wheel carries" in event.what for event in found) and any(
-        "road_wheel[" in name for name in study.signals
-    ):
-        quiet.append("no road wheel was unloaded on the way")
+    if not any("lifted" in event.what for event in found) and any(name.endswith(".load") for name in study.signals):
+        quiet.append("no road wheel was lifted off on the way")
     if any("solver.rejected" in about.names for about in study.run.log.topics.values()) and not any(
         "Solver" in event.what for event in found
     ):
@@ -479,10 +475,15 @@ def happened(pair: Pair) -> Section:
         quiet.append("no component warned")
     if quiet:
         html += f"<p>{and_list(quiet).capitalize()}.</p>"
-    early = [where for where, times in unloaded(study.run).items() if any(settling(study.run, each) for each in times)]
+    early = [where for where, times in lifted(study.run).items() if any(settling(study.run, one.end) for one in times)]
     if early:
         html += (
             f"<p class='muted'>In its first {number(SETTLING)} s, while the drawn vehicle comes to rest on its tracks,"
-            f" {len(early)} road wheel{'s carry' if len(early) > 1 else ' carries'} nothing for a moment.</p>"
+            f" {len(early)} road wheel{'s are' if len(early) > 1 else ' is'} lifted off for a moment.</p>"
+        )
+    if any(name.endswith(".load") for name in study.signals):
+        html += (
+            f"<p class='muted'>A road wheel is lifted off from where it carries less than {percent(LIFTED)} of the mean"
+            f" load of all to where it carries more than {percent(TOUCHES * LIFTED)}.</p>"
         )
     return Section("events", "Events", "What happened on the way?", html, {})

@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from orchestrator.log.reader import NoSuchSignal
 from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses.hull import matrices
 from orchestrator.results.ground_profile import Ground, ground
 from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.embedded import floats, shorts
-from orchestrator.results.page.plane import Plane, plane, wheel
 from orchestrator.results.page.signals import wheels
-from orchestrator.results.run_data import RunData, pitch_radius
+from orchestrator.results.run_data import EVER, RunData, pitch_radius
 
 RATE = 25.0  # pictures a second at most
 MOST = 500  # pictures
 UNIT = 5e-4  # m: of places, in whole numbers of two bytes up to 16 m
 MARGIN = 0.15  # m round what is drawn
 ABOVE = 0.4  # m over the chain at most: hulls are high
+
+
+class Plane(NamedTuple):
+    """The plane of a track as it moves: ahead of its sprocket's axle and up."""
+
+    origin: Floats  # (m, 3) m, the axle of the sprocket, or where the scene starts without one
+    ahead: Floats  # (m, 3) unit vector, level, across the axle
+
+    def seen(self, places: Floats) -> Floats:
+        """Places (m, ..., 3) of the world as ahead of and above the origin, (m, ..., 2) m."""
+        between = (slice(None), *(None,) * (places.ndim - 2))
+        offset = places - self.origin[between]
+        return np.stack([np.sum(offset * self.ahead[between], axis=-1), offset[..., 2]], axis=-1)
 
 
 def side_view(run: RunData, found: Chain) -> dict[str, Any]:
@@ -30,7 +43,7 @@ def side_view(run: RunData, found: Chain) -> dict[str, Any]:
     rows = _rows(found.t)
     t = found.t[rows]
     position, tension = _records(run, found, rows)
-    of = plane(run, found.track, t)
+    of = Plane(*run.axle(found.track, t, EVER))
     pins = of.seen(position)
     bodies = [body for name in wheels(run, found.track) if (body := _wheel(run, found.track, name, of, t))]
     below = _ground(run)
@@ -98,10 +111,12 @@ def _wheel(run: RunData, track: str, name: str, of: Plane, t: Floats) -> dict[st
         vehicle = run.scene["vehicle"]
         teeth = int(vehicle["sprocket"]["teeth"]) if kind == "sprocket" else 0
         radius = pitch_radius(vehicle) if teeth else float(vehicle[kind]["radius"])
-        centre, angle = wheel(run, track, name, of, t)
+        pose = _poses(run, f"{track}.{name}", t)
     except (NoSuchSignal, LookupError, TypeError, ValueError):
         return None
-    body = {"radius": radius, "centre": centre, "angle": angle}
+    spoke = matrices(pose[:, 3:])[..., 0]
+    angle = np.arctan2(spoke[:, 2], np.sum(spoke * of.ahead, axis=1))
+    body = {"radius": radius, "centre": of.seen(pose[:, :3]), "angle": angle}
     if teeth:
         sprocket = vehicle["sprocket"]
         body |= {"teeth": min(teeth, 100), "outer": float(sprocket["outer_radius"])}
@@ -125,17 +140,19 @@ def _hull(run: RunData, of: Plane, t: Floats, shift: Floats) -> Floats | None:
         corners = np.array(body["hull"], float) - np.array(body["centre"], float)
         outline = corners[ConvexHull(corners[:, [0, 2]]).vertices]
         outline[:, 1] = 0.0
-        parts = [f"position.{axis}" for axis in "xyz"] + [f"orientation.{axis}" for axis in "wxyz"]
-        pose = run.log.sample([f"chassis.chassis.{part}" for part in parts], t)
+        pose = _poses(run, "chassis.chassis", t)
     except (LookupError, TypeError, ValueError, QhullError):
         return None
-    w, x, y, z = pose[:, 3:].T
-    ahead = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
-    up = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
-    places = pose[:, None, :3] + outline[:, 0, None] * ahead[:, None] + outline[:, 2, None] * up[:, None]
+    places = pose[:, None, :3] + np.einsum("mij,kj->mki", matrices(pose[:, 3:]), outline)
     seen = of.seen(places)
     seen[..., 1] += shift[:, None]
     return seen
+
+
+def _poses(run: RunData, body: str, t: Floats) -> Floats:
+    """Places, m, and quaternions w, x, y, z (m, 7) of a body at times (m,); raises NoSuchSignal, LogUnreadable."""
+    parts = [f"position.{axis}" for axis in "xyz"] + [f"orientation.{axis}" for axis in "wxyz"]
+    return run.log.sample([f"{body}.{part}" for part in parts], t)
 
 
 def _ground(run: RunData) -> Ground | None:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.energy import STORED
 from orchestrator.results.page.envelope import Curve, Envelope, Peak
 from orchestrator.results.run_data import BLOCK, RunData
 
 _DRIVEN = re.compile(r"((?:\w+\.)?)torque")
 _WHEEL = re.compile(r"((?:road_wheel|idler|sprocket)(?:\[\d+\])?)\.force\.z")
-CLOSE = 0.05  # s: what comes back sooner is the same spell
 
 
 class Recorded(NamedTuple):
@@ -31,13 +30,6 @@ class Recorded(NamedTuple):
     def largest(self) -> Peak:
         """Of its values that of the largest size."""
         return self.most if abs(self.most.value) >= abs(self.least.value) else self.least
-
-
-class Spell(NamedTuple):
-    """A time in which something holds, s."""
-
-    start: float
-    end: float
 
 
 def span(run: RunData) -> tuple[float, float]:
@@ -86,32 +78,18 @@ def recorded(run: RunData, signals: Iterable[str]) -> dict[str, Recorded]:
     return found
 
 
-def spells(
-    run: RunData, signals: Iterable[str], holds: Callable[[Floats], NDArray[np.bool_]]
-) -> dict[str, list[Spell]]:
-    """When outputs are such that ``holds`` is true of them; a NaN is not. Raises LogUnreadable."""
-    wanted: dict[str, list[int]] = {}
-    found: dict[str, list[Spell]] = {}
-    for signal in signals:
-        if run.has(signal):
-            topic, column = _place(run, signal)
-            wanted.setdefault(topic, []).append(column)
-            found[signal] = []
-    for piece in run.log.stream(wanted):
-        for topic, series in piece.items():
-            for k, name in enumerate(series.names):
-                inside = holds(series.values[:, k])
-                turns = np.flatnonzero(np.diff(inside, prepend=False, append=False))
-                for first, last in zip(turns[::2], turns[1::2], strict=True):
-                    _note(found[_name(topic, name)], float(series.t[first]), float(series.t[last - 1]))
-    return found
-
-
-def _note(known: list[Spell], start: float, end: float) -> None:
-    if known and start - known[-1].end <= CLOSE:
-        known[-1] = Spell(known[-1].start, end)
-    else:
-        known.append(Spell(start, end))
+def loads(run: RunData) -> dict[str, Recorded]:
+    """Loads of road wheels, as ``analyses/wheel_loads.py`` has them, "track.road_wheel[1].load"; raises Missing."""
+    names = wheel_loads.names(run)
+    envelope = Envelope(*span(run), len(names))
+    for t, values in wheel_loads.blocks(run):
+        envelope.add(t, values)
+    ends = [(envelope.smallest(k), envelope.largest(k)) for k in range(len(names))]
+    return {
+        f"{name}.load": Recorded(envelope.curve(k), "N", least, most)
+        for k, (name, (least, most)) in enumerate(zip(names, ends, strict=True))
+        if least and most
+    }
 
 
 def energies(run: RunData) -> dict[str, Curve]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
 from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.energy import ledger
 from orchestrator.results.page import chain as links
 from orchestrator.results.page import signals
@@ -60,13 +61,15 @@ def study(run: RunData, judged: Judged) -> Study:
     for track in run.tracks:
         wanted += [f"{track}.{name}" for name in ("speed", "slip", "stress.max", "ground.force.z", "penetration.max")]
         wanted += [f"{track}.tension.{which}" for which in ("max", "mean", "min")]
-        wanted += [f"{track}.{wheel}.force.z" for wheel in signals.wheels(run, track)]
+    known = signals.recorded(run, wanted)
+    if wheel_loads.names(run):
+        known |= attempt(lambda: signals.loads(run), missing) or {}
     chains = {}
     for track in run.tracks:
         if found := attempt(lambda track=track: links.chain(run, track), missing):  # type: ignore[misc]
             chains[track] = found
     return Study(
-        run, judged, signals.span(run), signals.recorded(run, wanted), drives, chains,
+        run, judged, signals.span(run), known, drives, chains,
         attempt(lambda: balance(run, ledger(run)), missing), attempt(lambda: signals.energies(run), missing) or {},
         missing,
     )  # fmt: skip
