@@ -56,7 +56,8 @@ def spells(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> Spells:
     """Of the loads of ``names``, which ``blocks`` gives twice; numbers that are none are passed over."""
     total, duration = np.zeros(len(names)), np.zeros(len(names))
     for _, weights, loads in _weighed(blocks()):
-        known = np.isfinite(loads)
+        known = np.isfinite(loads) & np.isfinite(weights)[:, None]
+        weights = np.where(np.isfinite(weights), weights, 0.0)
         total += weights @ np.where(known, loads, 0.0)
         duration += weights @ known
     seen = duration > 0.0
