@@ -44,9 +44,9 @@ def commands(path, whole, drawn):
     yield "replay", path, "--component", "chain"
     yield "replay", path, "--component", "chain", "--with", "rigid", "-o", "answer.mcap"
     yield "analyse", path, "joints"
-    yield "analyse", path, "events"
-    yield "analyse", path, "spectrum", "--signal", "chain.tension.*"
     if drawn:
+        yield "analyse", path, "events"
+        yield "analyse", path, "spectrum", "--signal", "chain.tension.*"
         yield "view", path, "-o", "view.png"
         yield "view", path, "--rerun", "-o", "view.rrd"
         yield "view", path, "--foxglove", "-o", "scene.mcap"
