@@ -25,6 +25,7 @@ STOREYS = (
 )
 # Modules that run any FMI 2.0 co-simulation FMU: nothing of ours is behind them.
 GENERIC = (
+    "cosim/between.py",
     "cosim/cache.py",
     "cosim/component.py",
     "cosim/warned.py",

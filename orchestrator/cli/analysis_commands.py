@@ -99,6 +99,7 @@ def analyse(
     from orchestrator.log.reader import Log
     from orchestrator.results.analyses import written
     from orchestrator.results.run_data import RunData, Window
+    from orchestrator.results.whole_file import fresh
 
     given = {
         "--signal": signals, "--track": track, "--shape": shape, "--order": order, "--bins": bins, "--sn": sn,
@@ -119,7 +120,7 @@ def analyse(
         )
     table = found.table()
     if output:
-        with written.fresh(output) as beside:
+        with fresh(output) as beside:
             beside.write_text(getattr(found, "series", found.table)().csv(), encoding="utf-8")
     if as_json:
         rows = [{name: printed.finite(cell) for name, cell in row.items()} for row in table.records()]

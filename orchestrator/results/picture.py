@@ -12,8 +12,9 @@ from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.ground_profile import ground
 from orchestrator.results.run_data import EVER, Floats, Links, RunData, Window, pitch_radius, within
-from orchestrator.results.views.files import PICTURES, checked_name, written
+from orchestrator.results.views.files import PICTURES, checked_name
 from orchestrator.results.views.scene_table import Scene, checked
+from orchestrator.results.whole_file import fresh
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +69,7 @@ def saved(figure: Figure, output: Path) -> None:
     if output.is_dir():
         raise BadInput(f"the picture {output} cannot be written: it is a directory")
     try:
-        with written(output) as beside:
+        with fresh(output) as beside:
             figure.savefig(beside, dpi=120, format=output.suffix[1:] or "png")
     except BadInput:
         raise

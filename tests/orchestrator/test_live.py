@@ -74,7 +74,7 @@ def test_a_run_that_goes_on_is_shown_as_far_as_it_came(rig, tmp_path, monkeypatc
             yield log, end
 
     monkeypatch.setattr(live, "_grown", noted)
-    writer = threading.Thread(target=again, args=(rig, tmp_path / "run.mcap", 0.02))
+    writer = threading.Thread(target=again, args=(rig, tmp_path / "run.mcap", 0.04))
     writer.start()
     live.follow(tmp_path / "run.mcap", tmp_path / "live.rrd")
     writer.join()

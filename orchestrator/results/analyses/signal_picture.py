@@ -19,6 +19,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, spectrum, written
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.whole_file import fresh
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,7 +100,7 @@ def draw(
         _draw_curves(figure, curves, x_label, frequency)
     if len(logs) == 1:
         figure.suptitle(logs[0].stem, fontsize=10, parse_math=False)
-    with written.fresh(output) as beside:
+    with fresh(output) as beside:
         figure.savefig(beside, dpi=120)
 
 

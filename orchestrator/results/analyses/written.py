@@ -1,10 +1,9 @@
-"""Files written whole or not at all."""
+"""Files of analyses: refused before work starts."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 from fmus.vehicle import BadInput
@@ -21,16 +20,3 @@ def check(path: Path, suffixes: Sequence[str]) -> None:
         raise BadInput(f"{path} cannot be written: there is no folder {above}")
     if not os.access(above, os.W_OK):
         raise BadInput(f"{path} cannot be written: the folder {above} is read-only")
-
-
-@contextmanager
-def fresh(path: Path) -> Iterator[Path]:
-    """A file beside the other, which it replaces in the end; raises BadInput where that cannot be."""
-    beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        yield beside
-        os.replace(beside, path)
-    except OSError as error:
-        raise BadInput(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        beside.unlink(missing_ok=True)

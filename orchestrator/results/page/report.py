@@ -9,6 +9,7 @@ from fmus.vehicle import BadInput
 from orchestrator.results.page.document import document, plotting
 from orchestrator.results.page.study import Judged, study
 from orchestrator.results.run_data import RunData
+from orchestrator.results.whole_file import fresh
 
 SUFFIXES = (".html", ".htm")
 
@@ -29,11 +30,5 @@ def write(run: RunData, judged: Judged, output: Path, reference: tuple[RunData, 
     """Write the page of a run; raises LogUnreadable, NotInstalled without the plotting library, BadInput."""
     plots = plotting()
     page = document(study(run, judged), study(*reference) if reference else None, plots)
-    fresh = output.with_name(f".{output.name}.{os.getpid()}")
-    try:
-        fresh.write_text(page, encoding="utf-8")
-        os.replace(fresh, output)
-    except OSError as error:
-        raise BadInput(f"-o {output}: cannot be written: {error.strerror}") from None
-    finally:
-        fresh.unlink(missing_ok=True)
+    with fresh(output) as beside:
+        beside.write_text(page, encoding="utf-8")

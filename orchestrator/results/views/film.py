@@ -17,9 +17,10 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import METRES, ground_arrows
 from orchestrator.results.views.bodies import Bodies, Poses
-from orchestrator.results.views.files import checked_name, written
+from orchestrator.results.views.files import checked_name
 from orchestrator.results.views.projected import EYES, Camera, camera, heading, hull_lines, polygons, section
 from orchestrator.results.views.solids import places
+from orchestrator.results.whole_file import fresh
 
 RATES = {".mp4": 25, ".gif": 12.5}  # pictures a second; a GIF has whole hundredths of a second
 WIDTHS = {".mp4": 1280, ".gif": 800}  # of a picture, pixels
@@ -45,7 +46,7 @@ def write(path: Path, output: Path, eye: str = "right", colour: str | None = Non
         if bodies.t[-1] - bodies.t[0] > LONGEST:
             raise BadInput(f"{path} is {bodies.t[-1] - bodies.t[0]:.9g} s long: a film is of {LONGEST:g} s at most")
         picture = _Picture(bodies, eye, WIDTHS[suffix])
-        with written(output) as beside:
+        with fresh(output) as beside:
             if ffmpeg:
                 return _mp4(ffmpeg, beside, picture)
             return _gif(beside, picture)

@@ -23,9 +23,10 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import ground_arrows
 from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
-from orchestrator.results.views.files import checked_name, written
+from orchestrator.results.views.files import checked_name
 from orchestrator.results.views.plots import Plot, curves, plots
 from orchestrator.results.views.solids import ROOM, UPRIGHT, Reach, metres, prism, spokes, strip, strip_triangles
+from orchestrator.results.whole_file import fresh
 
 RATE = 50.0  # instants a second
 WORLD = "world"
@@ -47,7 +48,7 @@ def write(path: Path, output: Path, colour: str | None = None) -> Path:
         bodies = Bodies(RunData(log), RATE, colour)
         beside = plots(log)
         scale = bodies.range()
-        with written(layout) as arranged, written(output) as scenes:
+        with fresh(layout) as arranged, fresh(output) as scenes:
             arranged.write_text(json.dumps(_layout(bodies, beside, scale), indent=1), encoding="utf-8")
             _write(bodies, beside, scale, scenes)
     return layout

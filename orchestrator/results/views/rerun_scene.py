@@ -22,7 +22,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import ground_arrows
 from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
-from orchestrator.results.views.files import checked_name, written
+from orchestrator.results.views.files import checked_name
 from orchestrator.results.views.plots import Plot, curves, plots
 from orchestrator.results.views.solids import (
     ROOM,
@@ -36,6 +36,7 @@ from orchestrator.results.views.solids import (
     strip,
     strip_triangles,
 )
+from orchestrator.results.whole_file import fresh
 
 RATE = 50.0  # instants a second
 TIMELINE = "time"
@@ -71,7 +72,7 @@ def opened(path: Path, output: Path | None) -> Iterator[Scene]:
         except RuntimeError as error:  # the viewer does not start, or was closed
             raise BadInput(f"the viewer Rerun takes nothing: {error}; -o FILE.rrd writes its file") from None
         return
-    with written(output) as beside:
+    with fresh(output) as beside:
         try:
             yield Scene(rerun, blueprints, recording, path.stem, beside)
         finally:
