@@ -87,6 +87,25 @@ def test_a_run_that_goes_on_is_shown_as_far_as_it_came(rig, tmp_path, monkeypatc
     assert len(curve) == 301
 
 
+def test_steps_between_two_records_of_links_wait(rig, tmp_path, monkeypatch):
+    """Looked at so often that some windows hold steps and no record of links: nothing is lost, nothing comes twice."""
+    monkeypatch.setattr(rerun_scene, "RATE", 1e4)
+    rerun_scene.show(rig, tmp_path / "whole.rrd")
+    ends = [0.0, 0.011, 0.013, 0.0141, 0.2, 0.203, np.inf]
+
+    def grown(path):
+        for end in ends:
+            with Log(path) as log:
+                log.being_written = end < np.inf
+                yield log, end
+
+    monkeypatch.setattr(live, "_grown", grown)
+    live.follow(rig, tmp_path / "live.rrd")
+    (links, curve), (all_links, all_of_it) = held(tmp_path / "live.rrd"), held(tmp_path / "whole.rrd")
+    assert links == all_links
+    assert curve == all_of_it
+
+
 def test_a_killed_run_ends_the_view(rig, tmp_path, monkeypatch):
     monkeypatch.setattr(live, "PERIOD", 0.05)
 

@@ -30,6 +30,10 @@ DRAWN = 0.94  # of the pitch: gaps show where a link ends
 HIGH = 0.98  # the scale of colours ends where the largest value of so many of the instants does
 
 
+class NoInstant(BadInput):
+    """In the window nothing was recorded that can be shown."""
+
+
 class Colour(NamedTuple):
     """What the colour of links shows."""
 
@@ -333,7 +337,7 @@ class Bodies:
             common = common[_matched(common, other)[1]] if len(other) else other
         common = common[(common >= 0.0) & (common < LONGEST)]
         if not len(common):
-            raise BadInput(f"{self._log.path} holds no instant at which links, wheels and hull were recorded")
+            raise NoInstant(f"{self._log.path} holds no instant at which links, wheels and hull were recorded")
         steps = int(np.floor((common[-1] - common[0]) * rate + 1e-6))
         if steps > 10 * len(common) or len(common) == 1:  # what was recorded is more seldom than the pace by far
             return common

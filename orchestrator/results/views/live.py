@@ -10,7 +10,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import rerun_scene
-from orchestrator.results.views.bodies import Bodies
+from orchestrator.results.views.bodies import Bodies, NoInstant
 from orchestrator.results.views.plots import plots
 from orchestrator.results.views.solids import Reach
 
@@ -31,10 +31,16 @@ def follow(path: Path, output: Path | None = None, colour: str | None = None) ->
         for log, end in _grown(path):
             if end <= sent:
                 continue
-            bodies = Bodies(RunData(log), rerun_scene.RATE, colour, (sent + AFTER, end))
-            if not len(bodies.t):
-                continue
             beside = plots(log)
+            try:
+                bodies = Bodies(RunData(log), rerun_scene.RATE, colour, (sent + AFTER, end))
+            except NoInstant:  # steps, but no record of links yet
+                if log.being_written:
+                    continue
+                if not begun:
+                    raise
+                scene.curves(log, beside, (sent + AFTER, end))
+                continue
             if not begun:
                 low, high = bodies.range()
                 scale, begun = (low, MARGIN * high), True
@@ -42,7 +48,7 @@ def follow(path: Path, output: Path | None = None, colour: str | None = None) ->
             grown = reach.with_bodies(bodies)
             scene.shapes(bodies, grown, before=reach if sent >= 0.0 else None)
             scene.poses(bodies, scale)
-            scene.curves(bodies, beside, (sent + AFTER, end))
+            scene.curves(log, beside, (sent + AFTER, end))
             sent, reach = end, grown
 
 

@@ -53,7 +53,7 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
         scene.begin(bodies, beside, scale)
         scene.shapes(bodies, Reach().with_bodies(bodies))
         scene.poses(bodies, scale)
-        scene.curves(bodies, beside)
+        scene.curves(log, beside)
 
 
 @contextmanager
@@ -111,10 +111,10 @@ class Scene:
         for poses in bodies.blocks():
             _send_poses(self._rerun, self._recording, bodies, poses, scale)
 
-    def curves(self, bodies: Bodies, beside: list[Plot], window: tuple[float, float] = EVER) -> None:
+    def curves(self, log: Log, beside: list[Plot], window: tuple[float, float] = EVER) -> None:
         """Every record of their signals in a window, s."""
         rerun = self._rerun
-        for plot, signal, t, values in curves(bodies.run.log, beside, window):
+        for plot, signal, t, values in curves(log, beside, window):
             times = [rerun.TimeColumn(TIMELINE, duration=t)]
             place = path_of("plots", plot.name, signal)
             self._recording.send_columns(place, times, rerun.Scalars.columns(scalars=values))
