@@ -1,7 +1,7 @@
 """Intermediate code of a component's entries -> one object file that knows nothing of Python or of this machine.
 
-Everything but the entries becomes internal, and all of it is optimised once more as a whole, for any x86-64 processor
-of the last fifteen years. LLVM contracts no operations without leave: numbers are those of the Python component.
+Everything but the entries becomes internal, and all of it is optimised once more as a whole, for a level of x86-64.
+LLVM neither contracts nor reorders operations without leave: at each level numbers are those of the Python component.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ import llvmlite.binding as llvm
 
 from fmus.native.entries import Entry
 
-PROCESSOR = "x86-64-v2"
+ANY, WIDE = "x86-64-v2", "x86-64-v3"  # processors of the last fifteen years; those with AVX2
+LEVELS = {"any_": ANY, "wide_": WIDE}  # by the prefix of the entries' names; the shell chooses
 TRIPLE = "x86_64-unknown-linux-gnu"
-PREFIX = "component_"  # of the entries' names
 
 
-def emit(entries: Sequence[Entry]) -> bytes:
-    """The object file. Raises RuntimeError where the code holds an address of this process."""
+def emit(entries: Sequence[Entry], prefix: str) -> bytes:
+    """The object file of a level of ``LEVELS``. Raises RuntimeError where the code holds an address of this process."""
     machine = llvm.Target.from_triple(TRIPLE).create_target_machine(
-        cpu=PROCESSOR, features="", opt=3, reloc="pic", codemodel="small"
+        cpu=LEVELS[prefix], features="", opt=3, reloc="pic", codemodel="small"
     )
     whole = None
     for entry in entries:
-        module = _alone(entry)
+        module = _alone(entry, prefix)
         if whole is None:
             whole = module
         else:
@@ -39,7 +39,7 @@ def emit(entries: Sequence[Entry]) -> bytes:
     return bytes(machine.emit_object(whole))
 
 
-def _alone(entry: Entry) -> llvm.ModuleRef:
+def _alone(entry: Entry, prefix: str) -> llvm.ModuleRef:
     """The module of an entry: all else in it is internal, under names without numba's counters and hashes."""
     text = entry.compiled.library.get_llvm_str()
     if found := re.search(r"inttoptr \(i64 (\d{6,})", text):
@@ -51,7 +51,7 @@ def _alone(entry: Entry) -> llvm.ModuleRef:
             continue
         count += 1
         if each.name == own:
-            each.name, each.linkage, each.visibility = PREFIX + entry.name, "external", "hidden"
+            each.name, each.linkage, each.visibility = prefix + entry.name, "external", "hidden"
         else:
             each.name, each.linkage = f"{entry.name}.{count}", "internal"
     return module

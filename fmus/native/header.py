@@ -9,7 +9,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from fmus.native.emit import PROCESSOR, TRIPLE
+from fmus.native.emit import ANY, TRIPLE
 from fmus.native.freeze import Frozen
 from fmus.ports import Port
 from fmus.sentences import TOLD, Sentence
@@ -94,5 +94,5 @@ def image(frozen: Frozen, state: Any, counters: Any) -> bytes:
         content = "".join(f"\\{byte:02x}" for byte in block.tobytes()) or "\\00"
         size = max(block.nbytes, 1)
         text.append(f'@image_{name} = hidden constant [{size} x i8] c"{content}", align 64')
-    machine = llvm.Target.from_triple(TRIPLE).create_target_machine(cpu=PROCESSOR, reloc="pic", codemodel="small")
+    machine = llvm.Target.from_triple(TRIPLE).create_target_machine(cpu=ANY, reloc="pic", codemodel="small")
     return bytes(machine.emit_object(llvm.parse_assembly("\n".join(text))))

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 HERE = Path(__file__).parent
-SOURCES = HERE / "shell.c", HERE / "runtime.c"
+SOURCES = tuple(HERE / name for name in ("shell.c", "runtime.c", "processor.c"))
 OLDEST = "2.17"  # glibc that ziglang links for: of 2012
 FLAGS = (
     "-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-fno-sanitize=all", "-g0",
@@ -42,7 +42,7 @@ def compiler_release() -> str:
 
 
 def link(objects: Sequence[Path], include: Path, library: Path) -> None:
-    """Link ``library`` from the objects, the shell and the runtime; ``model.h`` lies in ``include``."""
+    """Link ``library`` from the objects, ``SOURCES``; ``model.h`` lies in ``include``."""
     command = [*compiler(), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library), *map(str, (*SOURCES, *objects))]
     done = subprocess.run([*command, "-lm"], capture_output=True, text=True)
     if done.returncode:

@@ -17,10 +17,10 @@ from fmus.build import KINDS, BuildFailed, archive, built
 from fmus.defaults import KEY, check_names, configured, given
 from fmus.description import document
 from fmus.jit import source_hash
-from fmus.native.emit import emit
+from fmus.native.emit import LEVELS, emit
 from fmus.native.entries import entries, names
 from fmus.native.header import header, image
-from fmus.native.link import HERE, NoCompiler, compiler, compiler_release, link
+from fmus.native.link import HERE, SOURCES, NoCompiler, compiler, compiler_release, link
 from fmus.ports import Port, variables
 
 NUMBA = ("0.6",)  # begins the versions whose insides the runtime and the entries are made for
@@ -48,7 +48,7 @@ def build_native(kind: str, config: Mapping[str, Any], folder: Path | None = Non
         raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
     except NoCompiler as error:
         raise BuildFailed(str(error)) from None
-    sources = [(HERE / each).read_text(encoding="utf-8") for each in ("shell.c", "runtime.c", "fmi2.h")]
+    sources = [each.read_text(encoding="utf-8") for each in (*SOURCES, HERE / "fmi2.h")]
     parts = ["native", version("numba"), version("llvmlite"), *by, source_hash(), *sources, kind, made]
     digest = hashlib.sha256("\0".join(parts).encode())
     guid = str(uuid.UUID(bytes=digest.digest()[:16]))
@@ -97,9 +97,13 @@ def _pack(kind: str, config: Mapping[str, Any], guid: str) -> bytes:
             ),
             encoding="utf-8",
         )
-        objects = place / "component.o", place / "image.o"
-        objects[0].write_bytes(emit(made.entries))
-        objects[1].write_bytes(image(made.frozen, model.state, model.counters))
+        objects = [place / "image.o", *(place / f"{prefix}.o" for prefix in LEVELS)]
+        for path, content in zip(
+            objects,
+            [image(made.frozen, model.state, model.counters), *(emit(made.entries, prefix) for prefix in LEVELS)],
+            strict=True,
+        ):
+            path.write_bytes(content)
         try:
             link(objects, place, place / f"{kind}.so")
         except NoCompiler as error:

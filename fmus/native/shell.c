@@ -23,10 +23,20 @@ enum { LONGEST = 1500, FIRST_LINK = N_INPUT + N_OUTPUT, FIRST_PARAMETER = FIRST_
 struct raised;
 #define BLOCKS double *x, int64_t *n, double *f, int64_t *k, char *z, const double *p, const int64_t *c
 #define OF(i) (i)->d.state, (i)->d.counter, (i)->f, (i)->k, (i)->z, (i)->d.value + FIRST_PARAMETER, (i)->d.choice
-int component_start(int64_t *, struct raised **, BLOCKS, double *told);
-int component_step(int64_t *, struct raised **, BLOCKS, double *told, double t, double h, const double *u);
-int component_show(int64_t *, struct raised **, BLOCKS, double *y);
-int component_show_links(int64_t *, struct raised **, BLOCKS, double *y);
+typedef int Start(int64_t *, struct raised **, BLOCKS, double *told);
+typedef int Step(int64_t *, struct raised **, BLOCKS, double *told, double t, double h, const double *u);
+typedef int Show(int64_t *, struct raised **, BLOCKS, double *y);
+Start any_start, wide_start;
+Step any_step, wide_step;
+Show any_show, wide_show, any_show_links, wide_show_links;
+int wide_processor(void);
+typedef struct { Start *start; Step *step; Show *show, *show_links; } Kernels; /* for any processor, with AVX2 */
+#if LINKS
+static const Kernels ANY = { any_start, any_step, any_show, any_show_links };
+static const Kernels WIDE = { wide_start, wide_step, wide_show, wide_show_links };
+#else
+static const Kernels ANY = { any_start, any_step, any_show, 0 }, WIDE = { wide_start, wide_step, wide_show, 0 };
+#endif
 
 typedef struct { /* everything that changes during a run: saving it is copying it */
     _Alignas(64) double state[N_STATE];
@@ -45,6 +55,7 @@ typedef struct {
     double *f;
     int64_t *k;
     char *z, *name;
+    const Kernels *run;
     fmi2CallbackFunctions call;
     int logging;
 } Instance;
@@ -143,7 +154,7 @@ static int refresh(Instance *c, const char *when, double t) {
     int64_t result;
     struct raised *e = 0;
     Data *d = &c->d;
-    if (component_show(&result, &e, OF(c), y)) {
+    if (c->run->show(&result, &e, OF(c), y)) {
         fail(c, "the outputs could not be computed");
         return 1;
     }
@@ -181,7 +192,7 @@ static int initialise(Instance *c) {
     memcpy(c->started_with, d->value + FIRST_PARAMETER, sizeof c->started_with);
     memcpy(c->chosen, d->choice, sizeof c->chosen);
     d->failed = d->status = 0;
-    if (component_start(&refused, &e, OF(c), c->told)) {
+    if (c->run->start(&refused, &e, OF(c), c->told)) {
         fail(c, "the start could not be computed");
         return 1;
     }
@@ -218,7 +229,7 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
     memcpy(c->kept, d->state, sizeof c->kept);
     memcpy(c->kept_counter, d->counter, sizeof c->kept_counter);
     d->status = 0;
-    if (component_step(&failed, &e, OF(c), c->told, t, h, d->value)) {
+    if (c->run->step(&failed, &e, OF(c), c->told, t, h, d->value)) {
         snprintf(text, sizeof text, "at t = %g s a kernel raised an exception", t);
     } else if (failed) {
         fill(text, sizeof text, FAILURE[failed], c->told);
@@ -264,6 +275,7 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     memset(c, 0, sizeof *c);
     if (call) c->call = *call;
     c->logging = logging;
+    c->run = wide_processor() ? &WIDE : &ANY;
     c->name = malloc(strlen(name ? name : "") + 1);
     c->f = room(N_F * sizeof *c->f);
     c->k = room(N_K * sizeof *c->k);
@@ -338,7 +350,7 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], siz
         int64_t result;
         struct raised *e = 0;
         double *y = c->d.value + FIRST_LINK;
-        if (component_show_links(&result, &e, OF(c), y)) {
+        if (c->run->show_links(&result, &e, OF(c), y)) {
             fail(c, "the link outputs could not be computed");
             return fmi2Error;
         }

@@ -434,6 +434,24 @@ def test_equal_sources_give_equal_bytes():
     assert one != pack._pack(part.kind, {**config, "parameters": {"speed.end": 3.0}}, "a")
 
 
+@pytest.mark.parametrize("case", [FEW[0], FEW[2]], ids=lambda case: f"{case.part}-{case.links}")
+def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, monkeypatch, tmp_path):
+    """A library chooses when it is instantiated; without a choice it has those for any."""
+    run = ran(case)
+    config = held(run.part.kind, run.part.config, run.part.parameters)
+    monkeypatch.setattr(link, "FLAGS", (*link.FLAGS, "-DONLY_ANY_PROCESSOR"))
+    file = tmp_path / "any.fmu"
+    file.write_bytes(pack._pack(run.part.kind, config, "any"))
+    assert (unpack(file) / f"binaries/linux64/{run.part.kind}.so").read_bytes() != (
+        unpack(native(case)) / f"binaries/linux64/{run.part.kind}.so"
+    ).read_bytes()
+    with Component(file, case.part) as component:
+        component.initialise(run.part.parameters)
+        y, links = follow(component, run, range(40))
+    np.testing.assert_array_equal(y, run.y[:40])
+    np.testing.assert_array_equal(links, run.links[:40])
+
+
 def test_what_is_missing_is_a_sentence(monkeypatch):
     part = ran(DRIVE).part
     changed = {**part.config, "parameters": {"speed.end": 4.0}}
