@@ -97,9 +97,8 @@ def analyse(
     With -o a CSV file: the table, or all of power, spectrum and slip over time or frequency.
     """  # noqa: D301
     from orchestrator.log.reader import Log
-    from orchestrator.results.analyses import written
     from orchestrator.results.run_data import RunData, Window
-    from orchestrator.results.whole_file import fresh
+    from orchestrator.results.whole_file import fresh, refuse
 
     given = {
         "--signal": signals, "--track": track, "--shape": shape, "--order": order, "--bins": bins, "--sn": sn,
@@ -110,7 +109,7 @@ def analyse(
             raise BadInput(f"{option} is an option of {' and '.join(OPTIONS[option])}, not of {what}")
     _check(start, end)
     if output:
-        written.check(output, (".csv",))
+        refuse(output, (".csv",))
     with Log(log) as opened:
         run = RunData(opened)
         analysis = import_module(f"orchestrator.results.analyses.{what.name}")

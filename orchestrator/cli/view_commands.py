@@ -31,7 +31,8 @@ def view(
         bool, typer.Option("--foxglove", help="in space, for Foxglove: a file .mcap and its layout")
     ] = False,
     side: Annotated[
-        str | None, typer.Option("--seen-from", metavar="right|top|corner", help="film: where one looks from; right")
+        str | None,
+        typer.Option("--seen-from", metavar="right|top|corner", help="film or one still, .png: where one looks from"),
     ] = None,
     colour: Annotated[
         str | None,
@@ -43,15 +44,18 @@ def view(
     """A run to look at: a picture, a film, or a scene in space (--rerun, --foxglove).
 
     A picture shows the links of a track from the side, coloured by their tension, at a few instants or those given, or
-    the way from above. What the log does not hold is left out.
+    the way from above; with --seen-from one instant as a film shows it. What the log does not hold is left out.
     """
     suffix = output.suffix.lower() if output else ""
     film = suffix in (".gif", ".mp4") and not in_rerun and not in_foxglove
-    picture = not (film or in_rerun or in_foxglove)
-    _refuse("--at", bool(times) and not picture, "pictures")
+    still = side is not None and not (film or in_rerun or in_foxglove or above)
+    picture = not (film or still or in_rerun or in_foxglove)
+    _refuse("--at", bool(times) and not (picture or still), "pictures")
+    if still and times and len(times) > 1:
+        raise BadInput(f"--seen-from {side}: a still shows one instant, --at is given {len(times)} times")
     _refuse("--above", above and not picture, "pictures")
-    _refuse("--seen-from", side is not None and not film, "films")
-    _refuse("--colour", colour is not None and picture, "films, --rerun and --foxglove")
+    _refuse("--seen-from", side is not None and not (film or still), "films and stills")
+    _refuse("--colour", colour is not None and picture, "films, stills (--seen-from), --rerun and --foxglove")
     if in_rerun and in_foxglove:
         raise BadInput("--rerun and --foxglove: one of them at a time")
     _refuse("--live", live and not in_rerun, "--rerun")
@@ -66,10 +70,13 @@ def view(
         from orchestrator.results.views import foxglove_scene
 
         print(foxglove_scene.write(log, output, colour))
-    elif film:
+    elif film or side:
         from orchestrator.results.views import film as films
 
-        films.write(log, output, side or "right", colour)
+        if film:
+            films.write(log, output, side or "right", colour)
+        else:
+            films.still(log, output, side or "right", colour, times[0] if times else None)
     else:
         from orchestrator.results import above as from_above
         from orchestrator.results import picture as pictures

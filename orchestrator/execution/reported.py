@@ -10,10 +10,11 @@ from fmus.vehicle import BadInput
 from orchestrator.execution import summary
 from orchestrator.log.reader import Log
 from orchestrator.results.page.document import plotting
-from orchestrator.results.page.report import refuse_output, write
+from orchestrator.results.page.report import SUFFIXES, write
 from orchestrator.results.page.signals import span
 from orchestrator.results.page.study import Judged
 from orchestrator.results.run_data import RunData
+from orchestrator.results.whole_file import refuse
 from orchestrator.scene.scene import from_table, of_one_scene
 
 
@@ -28,7 +29,7 @@ def report(
     Raises BadInput, LogUnreadable, NotInstalled.
     """
     page = Path(output)
-    refuse_output(page)
+    refuse(page, SUFFIXES)
     logs = [Path(log) for log in (path, reference) if log is not None]
     for each in logs:
         if page.exists() and each.exists() and page.samefile(each):

@@ -1,13 +1,33 @@
-"""A file that is there whole or not at all."""
+"""A file that is there whole or not at all, and is refused before work starts where it cannot be."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from fmus.vehicle import BadInput
+
+
+def refuse(path: Path, suffixes: Sequence[str], besides: str = "") -> None:
+    """Raise BadInput for a file that cannot be written, as far as can be said before, or whose name says another kind.
+
+    ``besides``: what a name with another ending may ask for instead.
+    """
+    folder = path.absolute().parent
+    if path.suffix.lower() not in suffixes:
+        *others, last = suffixes
+        why = f"its name must end in {', '.join(others)}{' or ' if others else ''}{last}{besides}"
+    elif path.is_dir():
+        why = "it is a directory"
+    elif not folder.is_dir():
+        why = f"there is no folder {path.parent}"
+    elif not os.access(folder, os.W_OK):
+        why = f"the folder {path.parent} is read-only"
+    else:
+        return
+    raise BadInput(f"{path} cannot be written: {why}")
 
 
 @contextmanager

@@ -587,7 +587,7 @@ def test_plot_of_several_logs_names_them(cotrack, driven, spinning, tmp_path):
     [
         (("-o", "a.png"), "plot needs a signal"),
         (("left_track.nothing", "-o", "a.png"), "has no signal 'left_track.nothing'"),
-        (("left_track.speed", "-o", "a.bmp"), "its name must end in .png or .svg or .pdf"),
+        (("left_track.speed", "-o", "a.bmp"), "its name must end in .png, .svg or .pdf"),
         (("left_track.speed", "--waterfall", "-o", "a.png"), "is no family of signals"),
         (("chassis.left.suspension[*].force", "--place", "-o", "a.png"), "of no link or pin of a track"),
         (("left_track.link[*].tension", "--place", "--order", "-o", "a.png"), "drawn over time"),

@@ -316,6 +316,25 @@ def test_a_film_of_a_vehicle_from_every_side(driven, tmp_path):
         assert 0.05 < earth.mean() < 0.9, eye
 
 
+def test_a_still_is_one_instant_from_any_side(driven, cotrack, tmp_path):
+    from PIL import Image
+
+    def seen(name, *arguments):
+        status, out, err = cotrack("view", driven, "-o", tmp_path / name, *arguments)
+        assert (status, out) == (0, f"{tmp_path / name}\n"), err
+        with Image.open(tmp_path / name) as image:
+            return np.asarray(image.convert("RGB")).astype(int)
+
+    first, last = (seen(f"{t}.png", "--seen-from", "corner", "--at", t, "--colour", "sliding") for t in ("0", "9"))
+    earth = np.abs(last - [176, 160, 136]).max(axis=2) < 12
+    assert 0.05 < earth.mean() < 0.9
+    assert first.shape[1] == last.shape[1] == film.WIDTHS[film.STILL]
+    np.testing.assert_array_equal(seen("end.png", "--seen-from", "corner", "--colour", "sliding"), last)
+    assert first.shape != last.shape or np.abs(first - last).max() > 20
+    top = seen("top.png", "--seen-from", "top")
+    assert top.shape != last.shape or np.abs(top - last).mean() > 5.0
+
+
 def test_the_section_of_the_ground_runs_under_a_vehicle_that_turned(shown):
     _, bodies, _ = shown
     profile = bodies.ground
@@ -364,16 +383,20 @@ def test_what_cannot_be_written_is_refused_first(cotrack, hanging, tmp_path, mon
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     for arguments, said in (
-        (("-o", "x.tif"), "'.tif' cannot be written here; what can be: .png, .svg or .pdf (pictures), .gif or .mp4"),
-        (("-o", "x.rrd"), "'.rrd' cannot be written here"),
-        (("--rerun", "-o", "x.png"), "'.png' cannot be written here"),
-        (("--foxglove", "-o", "nowhere/x.mcap"), "nowhere is no directory"),
+        (("-o", "x.tif"), "x.tif cannot be written: its name must end in .png, .svg or .pdf; a view can be"),
+        (("-o", "x.rrd"), "x.rrd cannot be written: its name must end in .png, .svg or .pdf; a view can be"),
+        (("--rerun", "-o", "x.png"), "x.png cannot be written: its name must end in .rrd; a view can be"),
+        (("--foxglove", "-o", "nowhere/x.mcap"), "there is no folder nowhere"),
         (("--rerun",), "there is no display for the viewer"),
         (("--foxglove",), "-o FILE says what is written"),
         (("--rerun", "--foxglove", "-o", "x.mcap"), "one of them at a time"),
         (("-o", "x.mp4", "--seen-from", "below"), "one looks from one of right, top, corner"),
         (("-o", "x.mp4", "--at", "0"), "--at is for pictures"),
-        (("-o", "x.png", "--colour", "stress"), "--colour is for films, --rerun and --foxglove"),
+        (("-o", "x.png", "--colour", "stress"), "--colour is for films, stills (--seen-from), --rerun and --foxglove"),
+        (("-o", "x.png", "--above", "--seen-from", "top"), "--seen-from is for films and stills"),
+        (("-o", "x.png", "--seen-from", "top", "--at", "0", "--at", "1"), "a still shows one instant"),
+        (("-o", "x.svg", "--seen-from", "top"), "its name must end in .png"),
+        (("-o", "x.png", "--seen-from", "top", "--at", "-1"), "no instant"),
     ):
         status, out, err = cotrack("view", hanging, *arguments)
         assert (status, out, len(err.splitlines())) == (2, "", 1), arguments

@@ -17,9 +17,9 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, spectrum, written
+from orchestrator.results.analyses import circuit, spectrum
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
-from orchestrator.results.whole_file import fresh
+from orchestrator.results.whole_file import fresh, refuse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +79,7 @@ def draw(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    written.check(output, KINDS)
+    refuse(output, KINDS)
     frequency = frequency or order
     if place and frequency:
         raise BadInput("places on the circuit are drawn over time, not over frequency or tooth order")

@@ -1,4 +1,4 @@
-"""A film of a run, .mp4 or .gif: from the right, from the top or from a corner; the camera goes with the hull."""
+"""A film of a run, .mp4 or .gif, or a still: from the right, the top or a corner; the camera goes with the hull."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ from orchestrator.results.views.solids import places
 from orchestrator.results.whole_file import fresh
 
 RATES = {".mp4": 25, ".gif": 12.5}  # pictures a second; a GIF has whole hundredths of a second
-WIDTHS = {".mp4": 1280, ".gif": 800}  # of a picture, pixels
+EVERY = 1e9  # pictures a second, more than any log has instants
+STILL = ".png"
+WIDTHS = {".mp4": 1280, ".gif": 800, STILL: 1280}  # of a picture, pixels
 DPI = 100
 LONGEST = 3600.0  # s
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels round what is seen: title, scale of colours, border
@@ -38,8 +40,7 @@ def write(path: Path, output: Path, eye: str = "right", colour: str | None = Non
     """
     suffix = output.suffix.lower()
     checked_name(output, tuple(RATES))
-    if eye not in EYES:
-        raise BadInput(f"--seen-from {eye}: one looks from one of {', '.join(EYES)}")
+    _checked(eye)
     ffmpeg = library("imageio_ffmpeg", "video") if suffix == ".mp4" else None
     with Log(path) as log:
         bodies = Bodies(RunData(log), RATES[suffix], colour)
@@ -50,6 +51,25 @@ def write(path: Path, output: Path, eye: str = "right", colour: str | None = Non
             if ffmpeg:
                 return _mp4(ffmpeg, beside, picture)
             return _gif(beside, picture)
+
+
+def still(path: Path, output: Path, eye: str, colour: str | None = None, at: float | None = None) -> None:
+    """Write a picture, .png, of the last instant up to ``at``, s; raises as ``write`` does."""
+    from PIL import Image
+
+    checked_name(output, (STILL,))
+    _checked(eye)
+    with Log(path) as log:
+        bodies = Bodies(RunData(log), EVERY, colour, (-np.inf, np.inf if at is None else at))
+        bodies.t = bodies.t[-1:]
+        (drawn,) = _Picture(bodies, eye, WIDTHS[STILL]).shown(1.0)
+        with fresh(output) as beside:
+            Image.fromarray(drawn).save(beside)
+
+
+def _checked(eye: str) -> None:
+    if eye not in EYES:
+        raise BadInput(f"--seen-from {eye}: one looks from one of {', '.join(EYES)}")
 
 
 def _mp4(ffmpeg: Any, output: Path, picture: _Picture) -> int:
