@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from fmus.vehicle import BadInput
-from orchestrator.execution import summary
+from orchestrator.execution import again, summary
 from orchestrator.log.reader import Log
 from orchestrator.results.page.document import plotting
 from orchestrator.results.page.report import SUFFIXES, write
@@ -52,4 +52,6 @@ def _judged(run: RunData) -> Judged:
     except BadInput as error:
         return Judged({}, {}, str(error))
     simulated = span(run)[1]
-    return Judged(summary.checks(run, scene, simulated), summary.observables(run, scene, simulated))
+    return Judged(
+        summary.checks(run, scene, simulated), summary.observables(run, scene, simulated), again=again.command(run)
+    )

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+import shlex
 import sys
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from orchestrator.execution.again import command
 from orchestrator.execution.reported import _judged
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -19,6 +21,7 @@ from orchestrator.results.analyses import circuit, contact, wheel_loads
 from orchestrator.results.analyses import events as happened
 from orchestrator.results.energy import ledger
 from orchestrator.results.ground_profile import ground
+from orchestrator.results.page import ending
 from orchestrator.results.page.chain import chain
 from orchestrator.results.page.circuit import profile
 from orchestrator.results.page.document import document
@@ -175,6 +178,56 @@ def test_bars_of_the_energy_add_up(vehicle):
 
 
 # --- links -----------------------------------------------------------------------------------------
+
+
+def test_the_ending_has_the_means_of_the_log_and_its_powers_add_up(vehicle, monkeypatch):
+    html = page(vehicle)
+    with Log(vehicle) as log:
+        run = RunData(log)
+        window = ending.window_of((0.0, 0.06))
+        assert (window.start, window.end) == pytest.approx((0.045, 0.06))
+        t, speed = run.signal("chassis.speed", window)
+        slope = np.average(speed[1:], weights=np.diff(t))
+        assert run.mean("chassis.speed", window) == pytest.approx(slope, rel=0.1)
+        told = quantity(run.mean("chassis.speed", window), "m/s")
+        assert f"<td>speed, hull</td><td>{told}</td>" in html
+        whole = ending.flows(run, ending._recorded(run, EVER))
+        books, length = ledger(run), 0.06
+    by = {flow.name: flow.power * length for flow in whole}
+    assert sum(by.values()) == pytest.approx(books.residual, abs=1e-9 * books.dissipated)
+    lost = sum(energy for name, energy in by.items() if name.startswith("dissipated"))
+    assert lost == pytest.approx(-books.dissipated, rel=1e-12)
+    assert lost != pytest.approx(-1.02 * books.dissipated, rel=1e-3)
+    assert books.dissipated > 10.0
+
+
+def test_the_smallest_tension_and_loads_of_wheels_are_told(vehicle):
+    html = page(vehicle)
+    with Log(vehicle) as log:
+        links = log.read("/left_track/links")
+        names = log.topics["/left_track/links"].names
+        tension = links.values[:, [k for k, name in enumerate(names) if name.endswith("].tension")]]
+        assert f"The smallest tension is {quantity(tension.min(), 'N')}" in html
+        found = chain(RunData(log), "left_track").slackest
+    assert (found.value, found.link) == (tension.min(), tension.min(axis=0).argmin() + 1)
+
+
+def test_the_command_that_runs_it_again_gives_the_same_scene(vehicle, hanging, cotrack, tmp_path):
+    with Log(hanging) as log:
+        run = RunData(log)
+        told = shlex.split(command(run))
+        assert f"<code>{text(command(run))}</code>" in page(hanging)
+    assert told[:5] == ["cotrack", "run", "hanging_chain", "--track", "rigid"]
+    status, _, err = cotrack(*told[1:], "--no-estimate", "--log", tmp_path / "again.mcap")
+    assert status == 0, err
+    with Log(hanging) as one, Log(tmp_path / "again.mcap") as other:
+        assert one.digest() == other.digest()
+    with Log(vehicle) as log:
+        run = RunData(log)
+        run.scene = {**run.scene, "name": "mine"}
+        assert command(run) is None  # no scene of the gallery
+        run.scene = {**run.scene, "name": "straight", "planar": None}
+        assert command(run) is None  # nor this
 
 
 def test_the_way_round_starts_on_the_sprocket(vehicle):

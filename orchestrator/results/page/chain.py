@@ -51,6 +51,7 @@ class Chain(NamedTuple):
     worst: Worst  # by tension
     stressed: Worst | None
     loaded: Worst | None  # by the force in the pin where it begins
+    slackest: Worst  # its smallest tension
 
 
 def columns(names: tuple[str, ...]) -> Columns:
@@ -95,11 +96,12 @@ def chain(run: RunData, track: str) -> Chain:
         parts = np.split(series.values, np.cumsum([len(at.tension), len(at.stress)]), axis=1)
         tension.add(series.t, parts[0])
         force = np.linalg.norm(parts[2].reshape(len(series.t), -1, 3), axis=2)
-        for name, values in (("tension", parts[0]), ("stress", parts[1]), ("force", force)):
+        for name, values in (("tension", parts[0]), ("slack", -parts[0]), ("stress", parts[1]), ("force", force)):
             note(most, name, series.t, values)
     if "tension" not in most:
         raise Missing(f"the log holds no record of the links of '{track}'")
-    return Chain(track, at, t, middle, tension.upper, most["tension"], most.get("stress"), most.get("force"))
+    slackest = most["slack"]._replace(value=-most["slack"].value)
+    return Chain(track, at, t, middle, tension.upper, most["tension"], most.get("stress"), most.get("force"), slackest)
 
 
 def sliced(run: RunData, t: Floats, links: int) -> tuple[Envelope, Floats]:

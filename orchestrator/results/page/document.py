@@ -10,6 +10,7 @@ from typing import Any
 from orchestrator.log.extra import library
 from orchestrator.results.page import facts, sections
 from orchestrator.results.page.embedded import script
+from orchestrator.results.page.ending import ending
 from orchestrator.results.page.provenance import compared, made
 from orchestrator.results.page.sections import Pair, Section
 from orchestrator.results.page.side_view import side_view
@@ -34,7 +35,7 @@ def document(run: Study, reference: Study | None, plots: str) -> str:
     parts = [
         sections.checks(pair),
         *filter(None, [player, compared(pair)]),
-        *(one for make in (sections.motion, sections.drive, sections.energy, sections.tension, sections.loads)
+        *(one for make in (ending, sections.motion, sections.drive, sections.energy, sections.tension, sections.loads)
           if (one := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
         sections.happened(pair),
         made(pair, f"plotly.js {drawn[1]}" if drawn else "plotly.js"),
@@ -64,7 +65,8 @@ _VIEW = """<figure class="player"><canvas id="picture" role="img" aria-label="si
 <option value="0.5">&frac12; &times;</option><option value="1" selected>real time</option>
 <option value="2">2 &times;</option></select></div>
 <div class="legend"><span>link tension, kN</span><span id="least"></span><i id="scale"></i><span id="most"></span></div>
-<figcaption><p id="viewed"></p><p class="muted">It stands at the instant of the largest tension. Space plays and
+<figcaption><p id="viewed"></p><p class="muted">At first it shows the picture nearest to the instant of the
+largest tension. Space plays and
 pauses, the arrow keys go picture by picture. A click on a curve over time brings that instant here. The ring is
 round the link that bears the most.</p></figcaption></figure>"""
 

@@ -45,6 +45,7 @@ def setting(study: Study) -> list[tuple[str, str]]:
     start, end = study.span
     pairs = [
         ("scene", text(about["scene"]) if "scene" in about else ""),
+        *_of_vehicle(study),
         ("links", f"{text(about['track'])} links" if about.get("track") else ""),
         ("coupling", text(about.get("coupling", ""))),
         ("step", _step(about)),
@@ -58,6 +59,30 @@ def setting(study: Study) -> list[tuple[str, str]]:
     if study.run.scene.get("symmetric"):
         pairs.append(("symmetry", "the left half ran for both; energies and weights are those of the whole"))
     return [(name, value) for name, value in pairs if value]
+
+
+def _of_vehicle(study: Study) -> list[tuple[str, str]]:
+    """What ran, by the tables of its scene as far as they say it."""
+    vehicle = study.run.scene.get("vehicle")
+
+    def value(*keys: str) -> Any:
+        found: Any = vehicle
+        for key in keys:
+            found = found.get(key) if isinstance(found, dict) else None
+        return found if isinstance(found, (int, float)) else None
+
+    chain = [f"{number(links)} links" for links in [value("track", "links")] if links]
+    chain += [f"of {number(1e3 * pitch)} mm" for pitch in [value("track", "pitch")] if pitch]
+    chain += [f"and {number(mass)} kg each" for mass in [value("track", "mass")] if mass]
+    weight = study.judged.observables.get("weight")
+    named = vehicle.get("name", "") if isinstance(vehicle, dict) else ""
+    mass = weight / value("gravity") if weight and value("gravity") else None
+    friction = value("contact", "ground", "friction")
+    return [
+        ("vehicle", ", ".join(filter(None, (text(named), f"{number(mass, 5)} kg" if mass else "")))),
+        ("a track has", " ".join(chain)),
+        ("friction on the ground", number(friction) if friction is not None and "ground" in study.run.scene else ""),
+    ]
 
 
 def _commit(origin: dict[str, str]) -> str:
@@ -268,5 +293,5 @@ def _error(study: Study, found: dict[str, Any]) -> Tile:
         worst = max(parts, key=lambda name: parts[name])
     except NOTHING:
         return Tile("Estimated error", percent(error["value"], 2), "")
-    note = f"of {text(worst.replace('_', ' '))}, the worst observable"
+    note = f"of {text(worst.replace('_', ' '))}, the worst observable, by runs with steps twice as long"
     return Tile("Estimated error", percent(error["value"], 2), note)

@@ -42,6 +42,8 @@
     return { shapes, annotations };
   };
 
+  const unit = (title) => (title.includes(", ") ? ` ${title.split(", ").pop()}` : ""); // of an axis
+
   const lines = (chart) => {
     const traces = chart.traces.map((trace) => ({
       type: "scatter", mode: trace.points ? "lines+markers" : "lines", name: trace.name,
@@ -50,7 +52,7 @@
         ? { color: colour("ink"), width: 1.2, dash: ["dash", "dot", "dashdot", "longdash"][trace.colour % 4] }
         : { color: colour(`c${trace.colour % 6}`), width: trace.behind ? 4 : 1.5 },
       marker: { size: 4 }, opacity: trace.behind ? 0.45 : 1,
-      hovertemplate: `%{y:.4g}<br>${chart.x.split(",")[0]} %{x:.4g}<extra>${trace.name}</extra>`,
+      hovertemplate: `%{y:.4g}${unit(chart.y)}<br>${chart.x.split(",")[0]} %{x:.4g}${unit(chart.x)}<extra>${trace.name}</extra>`,
     }));
     if (chart.mark) {
       traces.push({ type: "scatter", mode: "markers", x: [chart.mark[0]], y: [chart.mark[1]], hoverinfo: "skip",
@@ -76,7 +78,7 @@
     const bars = {
       type: "bar", orientation: "h", y: labels, x: chart.values, base: bases, showlegend: false,
       marker: { color: chart.roles.map((role) => colour(hues[role])) },
-      hovertemplate: "%{y}: %{customdata}<extra></extra>", customdata: chart.values.map((x) => number(x, 4)),
+      hovertemplate: `%{y}: %{customdata}${unit(chart.x)}<extra></extra>`, customdata: chart.values.map((x) => number(x, 4)),
     };
     const words = chart.values.map((value, k) => ({ // beside the bar, where there is room
       x: Math.max(bases[k], bases[k] + value), y: labels[k], text: number(value, 3), xanchor: "left", showarrow: false,
@@ -95,7 +97,7 @@
     const trace = {
       type: "heatmap", x: t, y: Array.from({ length: chart.links }, (_, k) => k + 1), z: rows, colorscale: "Viridis",
       colorbar: { title: { text: chart.z, side: "right", font: { size: 12 } }, thickness: 12, outlinewidth: 0, tickfont: { size: 11 } },
-      hovertemplate: "link %{y}, %{x:.4g} s<br>%{z:.4g}<extra></extra>", zsmooth: false,
+      hovertemplate: `link %{y}, %{x:.4g} s<br>%{z:.4g}${unit(chart.z)}<extra></extra>`, zsmooth: false,
     };
     const traces = [trace], annotations = [];
     if (chart.mark) {

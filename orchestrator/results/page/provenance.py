@@ -123,9 +123,10 @@ def made(pair: Pair, plotting: str) -> Section:
             f"<h3>{role.capitalize()}: {name}</h3><p><span class='pill {mood}'>{WORDS[mood]}</span> {told}</p>"
             f"<dl class='facts'><dt>size</dt><dd>{number(log.size / 1e6, 3)} MB</dd>"
             f"<dt>digest</dt><dd><code>{digest}</code><br><span class='muted'>equal runs have equal digests</span></dd>"
-            f"<dt>is it as written?</dt><dd><code>cotrack log verify {name}</code></dd>"
+            + (f"<dt>run it again</dt><dd><code>{text(study.judged.again)}</code></dd>" if study.judged.again else "")
+            + f"<dt>is it as written?</dt><dd><code>cotrack log verify {name}</code></dd>"
             + "".join(
-                "<dt>does a component answer so again?</dt>"
+                "<dt>does a component give the same again?</dt>"
                 f"<dd><code>cotrack replay {name} --component {text(one)}</code></dd>"
                 for one in study.run.instances[:1]
             )

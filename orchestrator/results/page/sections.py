@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.results import measures
+from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, settling
 from orchestrator.results.page import chain as links
 from orchestrator.results.page.balance import KINDS, sentence
@@ -16,12 +17,12 @@ from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
 from orchestrator.results.page.envelope import Curve
 from orchestrator.results.page.events import Event, events, lifted
-from orchestrator.results.page.facts import unmade
+from orchestrator.results.page.facts import COMING_TO_REST, unmade
 from orchestrator.results.page.pressure import pressure
 from orchestrator.results.page.signals import Recorded
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import and_list, instance, number, percent, plain, quantity, text, wheel_name
-from orchestrator.results.run_data import EVER
+from orchestrator.results.run_data import EVER, Window
 
 INSTANTS = 4  # at which the chain is shown round its way
 SHOWN_EVENTS = 40
@@ -140,7 +141,7 @@ def _looks_at(check: Any) -> str:
 def motion(pair: Pair) -> Section | None:
     """How the hull, or else the chain, moved."""
     study, charts, html = pair.run, {}, ""
-    for key, title in (("speed", "Speed of the hull"), ("distance", "Way along the first heading")):
+    for key, title in (("speed", "Speed of the hull"), ("distance", "Way along the heading at the start")):
         signal = f"chassis.{key}"
         if drawn := pair.drawn([(signal, key)]):
             charts[key] = lines(key, study.signals[signal].unit, drawn)
@@ -160,7 +161,7 @@ def motion(pair: Pair) -> Section | None:
     drawn = pair.drawn([(f"{track}.speed", plain(track)) for track in study.run.tracks])
     if any(np.abs(line.curve.y).max() > AT_REST for line in drawn):
         charts["chain-speed"] = lines("speed", "m/s", drawn)
-        html += figure("chain-speed", "Speed of the chain", "Round its way, against the vehicle.")
+        html += figure("chain-speed", "Speed of the chain", "Along itself, seen from the vehicle.")
     return (
         Section("motion", "Motion", "How did it move?", f'<div class="grid">{html}</div>', charts) if charts else None
     )
@@ -213,7 +214,10 @@ def drive(pair: Pair) -> Section | None:
     slips = pair.drawn([(f"{track}.slip", plain(track)) for track in study.run.tracks])
     if any(np.any(line.curve.y) for line in slips):
         charts["slip"] = lines("slip", "mm/s", _times(slips, 1e3))
-        note = "Rearward speed of the pads over the ground, weighted by their load."
+        note = (
+            "Rearward speed of the pads over the ground, weighted by their load. It may be below zero under a driven"
+            " vehicle: wheels rock the loaded links forward about their pads, and the hull outruns the pin line."
+        )
         html += figure("slip", "Slip on the ground", note)
     return (
         Section("drive", "Drive", "What did the drives do?", f'<div class="grid">{html}</div>', charts)
@@ -255,7 +259,7 @@ def energy(pair: Pair) -> Section | None:
         ]
         if drawn:
             charts["energy-time"] = lines("energy", "J", drawn)
-            html += figure("energy-time", "Since the start", "All components together.")
+            html += figure("energy-time", "Energy since the start", "All components together.")
     parts = [
         (text(name.replace("_", " ")), quantity(found.lost.get(name, 0.0), "J"), quantity(open_, "J", 3))
         for name, open_ in books.integration.items()
@@ -311,6 +315,9 @@ def _worst(study: Study, found: Chain) -> str:
         loaded = found.loaded
         told += f". The largest force in a pin is {quantity(loaded.value, 'N')} where link {loaded.link} begins,"
         told += f" at {number(loaded.t)} s"
+    slack = found.slackest
+    told += f". The smallest tension is {quantity(slack.value, 'N')} in link {slack.link} at {number(slack.t)} s"
+    told += ": there the link is pressed" if slack.value < 0.0 else ""
     other = _other_track(study)
     return f'<p class="lead">{told}.{other}</p>'
 
@@ -362,7 +369,7 @@ def _of_worst(study: Study, found: Chain, charts: dict[str, Chart]) -> str:
     html = ""
     for key, title, unit in (
         ("tension", "Tension", "N"),
-        ("stress", "Stress, axial, at its most stressed fibre", "Pa"),
+        ("stress", "Axial stress of tension and bending, at its most stressed fibre", "Pa"),
         ("force", "Force in the pin where it begins", "N"),
     ):
         if key in parts and parts[key][1].value > 0.0:
@@ -392,6 +399,7 @@ def loads(pair: Pair) -> Section | None:
         charts["ground"] = lines("force", "N", drawn)
         html += figure("ground", "Vertical force of the ground", "On each track.")
     html = f'<div class="grid">{html}</div>' if html else ""
+    html += _of_wheels(study) if html else ""
     html += _pressure(study, charts)
     return Section("loads", "Loads", "What do wheels and ground carry?", html, charts) if charts else None
 
@@ -404,6 +412,22 @@ def _least_loaded(study: Study, track: str) -> str:
         names = and_list([text(wheel_name(each)) for each in late])
         return f"{told} <b>Lifted off for a time: {names}.</b>"
     return f"{told} {f'After the first {number(SETTLING)} s none' if found else 'None'} is ever lifted off."
+
+
+def _of_wheels(study: Study) -> str:
+    """A row for each wheel; of a vehicle once it has come to rest on its tracks."""
+    begin = COMING_TO_REST if study.run.scene.get("assembly") == "vehicle" else study.span[0]
+    found = attempt(lambda: wheel_loads.of(study.run, Window(begin, study.span[1])), [])
+    if found is None:
+        return ""
+    rows = [
+        (f"{text(wheel_name(wheel))}, {instance(track)}", *(quantity(value, "N") for value in values))
+        for (track, _, wheel), *values in zip(
+            (name.partition(".") for name in found.wheels), found.least, found.mean, found.most, strict=True
+        )
+    ]
+    title = f"Load of each wheel, {number(begin)} to {number(study.span[1])} s"
+    return f"<h3>{title}</h3>{table(('Wheel', 'Least', 'Mean', 'Largest'), rows)}"
 
 
 def _pressure(study: Study, charts: dict[str, Chart]) -> str:
@@ -422,10 +446,12 @@ def _pressure(study: Study, charts: dict[str, Chart]) -> str:
                        f"{told} The front is on the right; peaks stand under the road wheels.", "wide")  # fmt: skip
     most, when, link = found.peak
     mark = when, link, f"link {link}, {number(when, 3)} s"
+    early = when < COMING_TO_REST and study.run.scene.get("assembly") == "vehicle"
+    told = ", as the drawn vehicle comes to rest on its tracks" if early else ""
     charts["pressure-map"] = heat("pressure", "Pa", found.middle, np.maximum(found.most, 0.0), mark)
     return html + figure("pressure-map", f"Pressure under every link over time, {instance(chain.track)}",
                          f"Largest in each slice of time; {quantity(most, 'Pa')} at most, under link {link} at"
-                         f" {number(when)} s.", "tall")  # fmt: skip
+                         f" {number(when)} s{told}.", "tall")  # fmt: skip
 
 
 def _under(one: Profile, colour: int) -> Line:
@@ -461,7 +487,7 @@ def happened(pair: Pair) -> Section:
     study = pair.run
     found = sorted([*events(study.run), *_peaks(pair)], key=lambda event: event.t)
     rows = [(f"{number(event.t)} s", event.what, event.where, event.detail) for event in found[:SHOWN_EVENTS]]
-    html = table(("At, at first", "What", "Where", "How much, how often"), rows) if rows else ""
+    html = table(("First at", "What", "Where", "How much, how often"), rows) if rows else ""
     if len(found) > SHOWN_EVENTS:
         html += f"<p class='muted'>and {len(found) - SHOWN_EVENTS} more.</p>"
     quiet = []

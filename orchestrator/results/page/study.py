@@ -29,6 +29,7 @@ class Judged(NamedTuple):
     checks: Mapping[str, Mapping[str, Any]]  # by name: value, expected, tolerance, ok, note
     observables: Mapping[str, float]
     note: str = ""  # why there are none
+    again: str | None = None  # the command that makes the run again
 
 
 class Study(NamedTuple):

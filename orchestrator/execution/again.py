@@ -1,0 +1,44 @@
+"""The command that makes a recorded run again."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from fmus.vehicle import BadInput
+from orchestrator.results.run_data import RunData
+from orchestrator.scene.assembly import placed
+from orchestrator.scene.scene import TrackScene, load
+
+
+def command(run: RunData) -> str | None:
+    """Of a scene of the gallery with the settings that differ; None where that does not give the same scene."""
+    wanted = run.scene
+    try:
+        name, model = str(wanted["name"]), wanted.get("track", {}).get("model")
+        settings = [f"{key}={json.dumps(value)}" for key, value in _apart(_resolved(name, model, []), wanted)]
+        if _resolved(name, model, settings) != wanted:
+            return None
+    except (BadInput, LookupError, TypeError, AttributeError):
+        return None
+    native = ["--native"] if run.log.metadata.get("run", {}).get("fmus") == "native" else []
+    links = ["--track", model] if model else []
+    return shlex.join(
+        ["cotrack", "run", name, *links, *native, *(part for each in settings for part in ("--set", each))]
+    )
+
+
+def _resolved(name: str, model: str | None, settings: list[str]) -> Any:
+    scene = load(name, model, settings)
+    return json.loads(json.dumps((placed(scene) if isinstance(scene, TrackScene) else scene).resolved()))
+
+
+def _apart(own: Mapping[str, Any], wanted: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys of what is wanted and not so of itself."""
+    for key, value in wanted.items():
+        if isinstance(value, Mapping) and isinstance(own.get(key), Mapping):
+            yield from _apart(own[key], value, f"{above}{key}.")
+        elif own.get(key) != value:
+            yield f"{above}{key}", value
