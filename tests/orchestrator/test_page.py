@@ -190,7 +190,7 @@ def test_the_ending_has_the_means_of_the_log_and_its_powers_add_up(vehicle, monk
         slope = np.average(speed[1:], weights=np.diff(t))
         assert run.mean("chassis.speed", window) == pytest.approx(slope, rel=0.1)
         told = quantity(run.mean("chassis.speed", window), "m/s")
-        assert f"<td>speed, hull</td><td>{told}</td>" in html
+        assert f"<td>speed of the hull</td><td>{told}</td>" in html
         whole = ending.flows(run, ending._recorded(run, EVER))
         books, length = ledger(run), 0.06
     by = {flow.name: flow.power * length for flow in whole}

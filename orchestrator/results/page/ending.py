@@ -14,10 +14,13 @@ from orchestrator.results.page.words import instance, number, percent, quantity
 from orchestrator.results.run_data import RunData, Window, mean
 
 PART, LONGEST = 0.25, 10.0  # of the run, and s
+LEAST = 1e-3  # W
 SMALL = 1e-3  # of the largest power: less is left out
 CHASSIS, TRACK, DRIVE = "chassis", "track", "drive"
-MEANS = (  # output, what it is called, its unit in each kind of instance that has it
-    ("speed", "speed", {CHASSIS: "m/s", TRACK: "m/s", DRIVE: "rad/s"}),
+MEANS = (  # output, what it is called, its unit in the kind of instance that has it
+    ("speed", "speed of the hull", {CHASSIS: "m/s"}),
+    ("speed", "speed of the chain along itself", {TRACK: "m/s"}),
+    ("speed", "speed of the sprocket", {DRIVE: "rad/s"}),
     ("torque", "torque", {DRIVE: "N.m"}),
     ("power", "power of the motor", {DRIVE: "W"}),
     ("slip", "rearward slip of the pads", {TRACK: "m/s"}),
@@ -84,7 +87,7 @@ def _means(run: RunData, recorded: list[dict[str, tuple[Floats, Floats]]]) -> li
                 for each in recorded
             ]
             if names:
-                rows.append((f"{called}{', hull' if kind == CHASSIS else ''}", *cells))
+                rows.append((called, *cells))
     return rows
 
 
@@ -115,14 +118,14 @@ def flows(run: RunData, recorded: dict[str, tuple[Floats, Floats]]) -> list[Flow
 def _powers(found: list[Flow]) -> str:
     """As a table, the largest givers first; nothing where next to nothing flows."""
     largest = max((abs(flow.power) for flow in found), default=0.0)
-    if not largest > 1e-3:
+    if not largest > LEAST:
         return ""
-    given = sum(flow.power for flow in found if flow.power > 0.0)
-    rows = [
-        (flow.name, quantity(flow.power, "W"), percent(flow.power / given) if given else "")
-        for flow in sorted(found, key=lambda flow: -flow.power)
-        if abs(flow.power) > SMALL * largest
-    ]
+    given = max(sum(flow.power for flow in found if flow.power > 0.0), LEAST)
+    shown = [flow for flow in sorted(found, key=lambda flow: -flow.power) if abs(flow.power) > SMALL * largest]
     left = sum(flow.power for flow in found)
-    rows.append(("unaccounted for, an error of the steps", quantity(left, "W", 3), percent(left / given, 2)))
-    return table(("Where the power comes from and goes", "", "Share"), rows)
+    if rest := left - sum(flow.power for flow in shown):
+        shown.append(Flow("all smaller ones together", rest))
+    rows = [(flow.name, quantity(flow.power, "W"), percent(flow.power / given)) for flow in shown]
+    rows.append(("<b>sum, unaccounted for</b>", quantity(left, "W", 3), percent(left / given, 2)))
+    head = "Where power comes from, and (\N{MINUS SIGN}) where it goes", "", "of what comes"
+    return table(head, rows)

@@ -234,7 +234,9 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
     if tension := found.get("tension"):
         made.append(Tile("Largest link tension", quantity(tension["value"], "N"), _borne(tension)))
     if stress := found.get("stress"):
-        made.append(Tile("Largest link stress", quantity(stress["value"], "Pa"), f"axial, {_borne(stress)}"))
+        made.append(
+            Tile("Largest link stress", quantity(stress["value"], "Pa"), f"tension and bending, {_borne(stress)}")
+        )
     if load := found.get("wheel_load"):
         track, _, wheel = load["signal"].removesuffix(".load").partition(".")
         place = f"{text(wheel_name(wheel))}, {instance(track)}, at {number(load['t'])} s"
@@ -293,5 +295,5 @@ def _error(study: Study, found: dict[str, Any]) -> Tile:
         worst = max(parts, key=lambda name: parts[name])
     except NOTHING:
         return Tile("Estimated error", percent(error["value"], 2), "")
-    note = f"of {text(worst.replace('_', ' '))}, the worst observable, by runs with steps twice as long"
+    note = f"of {text(worst.replace('_', ' '))}, the worst observable (RMS), by runs with steps twice as long"
     return Tile("Estimated error", percent(error["value"], 2), note)

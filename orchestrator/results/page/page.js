@@ -151,7 +151,7 @@
     document.getElementById("most").textContent = number(view.most / 1e3, 3);
     document.getElementById("scale").style.background = `linear-gradient(90deg, ${VIRIDIS.join(",")})`;
     document.getElementById("viewed").textContent =
-      `${view.track.replaceAll("_", " ")} seen from its left; ahead is to the right. ${view.pictures} pictures` +
+      `The ${view.track.replaceAll("_", " ")} seen from the vehicle's right; ahead is to the right. ${view.pictures} pictures` +
       (view.pictures > 1 ? `, one every ${number((t[t.length - 1] - t[0]) / (view.pictures - 1), 2)} s.` : ".") +
       (view.ground ? " Marks on the ground are 1 m apart." : "");
 

@@ -405,7 +405,10 @@ def loads(pair: Pair) -> Section | None:
 
 
 def _least_loaded(study: Study, track: str) -> str:
-    told = "Force of the chain on each wheel, up in the hull, mean over each step. Wheel 1 is next to the sprocket."
+    told = (
+        "Force of the chain on each wheel, along the hull's own upward axis, mean over each step. Wheel 1 is next to"
+        " the sprocket. The chain's tension pulls the hull down: the loads add up to more than it weighs."
+    )
     found = {wheel: spells for (of, wheel), spells in lifted(study.run).items() if of == track and spells}
     late = [wheel for wheel, spells in found.items() if any(not settling(study.run, each.end) for each in spells)]
     if late:
@@ -447,7 +450,12 @@ def _pressure(study: Study, charts: dict[str, Chart]) -> str:
     most, when, link = found.peak
     mark = when, link, f"link {link}, {number(when, 3)} s"
     early = when < COMING_TO_REST and study.run.scene.get("assembly") == "vehicle"
-    told = ", as the drawn vehicle comes to rest on its tracks" if early else ""
+    told = ""
+    if early:
+        later = found.most[found.middle > COMING_TO_REST]
+        told = ", as the drawn vehicle comes to rest on its tracks"
+        if later.size:
+            told += f"; {quantity(float(np.nanmax(later)), 'Pa')} at most after {number(COMING_TO_REST)} s"
     charts["pressure-map"] = heat("pressure", "Pa", found.middle, np.maximum(found.most, 0.0), mark)
     return html + figure("pressure-map", f"Pressure under every link over time, {instance(chain.track)}",
                          f"Largest in each slice of time; {quantity(most, 'Pa')} at most, under link {link} at"
