@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from contextlib import ExitStack
+from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 
@@ -14,6 +16,7 @@ import pytest
 from vehicle_in_process import InProcess
 
 from fmus.native.link import compiler
+from fmus.native.platform import WINDOWS
 from orchestrator.cosim.component import Component, unpack
 from orchestrator.scene.assembly import assemble, build_all, build_native_all, placed
 from orchestrator.scene.scene import load
@@ -71,6 +74,31 @@ def test_a_host_without_an_environment_drives_the_vehicle(scene, links, tmp_path
     for name, values in expected.items():
         np.testing.assert_array_equal(shown[name], values, err_msg=name)
     assert expected["chassis"].size > 100
+
+
+@pytest.mark.study
+def test_windows_drives_the_vehicle(tmp_path):
+    """Under Wine (Debian's ``wine64``), 0.2 s: the same but for last digits, as sines are another library's."""
+    wine = shutil.which("wine64") or shutil.which("wine64", path="/usr/lib/wine")
+    if wine is None or find_spec("ziglang") is None:
+        pytest.skip("needs wine64 and ziglang")
+    scene = load("straight", "flexible", ("run.step=1 ms", "track.step=1 ms", "run.stop=1 s"))
+    assembly = assemble(placed(scene))
+    wanted = [(p.kind, p.config | {"parameters": p.parameters}, None) for p in assembly.parts]
+    files = build_native_all(wanted, windows=True)
+    order = told(assembly, files, 1e-3, 200)
+    linux = subprocess.run([host(tmp_path)], input=order, capture_output=True, text=True, check=True)
+    subprocess.run([*compiler(WINDOWS), "-std=c11", "-O2", "-o", str(tmp_path / "host.exe"), str(HOST)], check=True)
+    for part, file in zip(assembly.parts, files, strict=True):
+        library = unpack(file) / "binaries" / "win64" / f"{part.kind}.dll"
+        order = order.replace(str(unpack(file) / "binaries" / "linux64" / f"{part.kind}.so"), f"Z:{library}")
+    windows = subprocess.run([wine, str(tmp_path / "host.exe")], input=order, capture_output=True, text=True)
+    assert windows.returncode == 0, windows.stderr[-2000:]
+    for one, other in zip(linux.stdout.splitlines()[:-1], windows.stdout.splitlines()[:-1], strict=True):
+        expected, found = ([float.fromhex(x) for x in line.split()[1:]] for line in (one, other))
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * scale)
+        assert np.abs(np.subtract(found, np.multiply(expected, 1.01))).max() > 1e-3 * scale
 
 
 @pytest.mark.study

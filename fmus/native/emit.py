@@ -12,15 +12,15 @@ from collections.abc import Sequence
 import llvmlite.binding as llvm
 
 from fmus.native.entries import Entry
+from fmus.native.platform import Platform
 
 ANY, WIDE = "x86-64-v2", "x86-64-v3"  # processors of the last fifteen years; those with AVX2
 LEVELS = {"any_": ANY, "wide_": WIDE}  # by the prefix of the entries' names; the shell chooses
-TRIPLE = "x86_64-unknown-linux-gnu"
 
 
-def emit(entries: Sequence[Entry], prefix: str) -> bytes:
+def emit(entries: Sequence[Entry], prefix: str, platform: Platform) -> bytes:
     """The object file of a level of ``LEVELS``. Raises RuntimeError where the code holds an address of this process."""
-    machine = llvm.Target.from_triple(TRIPLE).create_target_machine(
+    machine = llvm.Target.from_triple(platform.triple).create_target_machine(
         cpu=LEVELS[prefix], features="", opt=3, reloc="pic", codemodel="small"
     )
     whole = None
@@ -31,7 +31,7 @@ def emit(entries: Sequence[Entry], prefix: str) -> bytes:
         else:
             whole.link_in(module)
     assert whole is not None
-    whole.triple = TRIPLE
+    whole.triple = platform.triple
     tuning = llvm.create_pipeline_tuning_options(speed_level=3)
     tuning.slp_vectorization = True
     passes = llvm.create_pass_builder(machine, tuning)

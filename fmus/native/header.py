@@ -9,8 +9,9 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from fmus.native.emit import ANY, TRIPLE
+from fmus.native.emit import ANY
 from fmus.native.freeze import Frozen
+from fmus.native.platform import Platform
 from fmus.ports import Port
 from fmus.sentences import TOLD, Sentence
 
@@ -86,13 +87,14 @@ def _sentences(table: str, sentences: Sequence[Sentence]) -> list[str]:
     return [*lines, f"static const Sentence {table}[] = {{ {', '.join(entries or ['{ 0, 0 }'])} }};"]
 
 
-def image(frozen: Frozen, state: Any, counters: Any) -> bytes:
+def image(frozen: Frozen, state: Any, counters: Any, platform: Platform) -> bytes:
     """An object file with what the blocks begin with, under the names ``image_x`` and so on."""
     blocks = {"x": state, "n": counters, **{letter: frozen.block(letter) for letter in "fkz"}}
-    text = [f'target triple = "{TRIPLE}"']
+    text = [f'target triple = "{platform.triple}"']
     for name, block in blocks.items():
         content = "".join(f"\\{byte:02x}" for byte in block.tobytes()) or "\\00"
         size = max(block.nbytes, 1)
         text.append(f'@image_{name} = hidden constant [{size} x i8] c"{content}", align 64')
-    machine = llvm.Target.from_triple(TRIPLE).create_target_machine(cpu=ANY, reloc="pic", codemodel="small")
+    target = llvm.Target.from_triple(platform.triple)
+    machine = target.create_target_machine(cpu=ANY, reloc="pic", codemodel="small")
     return bytes(machine.emit_object(llvm.parse_assembly("\n".join(text))))

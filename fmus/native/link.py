@@ -10,23 +10,23 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
+from fmus.native.platform import LINUX, Platform
+
 HERE = Path(__file__).parent
 SOURCES = tuple(HERE / name for name in ("shell.c", "runtime.c", "processor.c"))
-OLDEST = "2.17"  # glibc that ziglang links for: of 2012
-FLAGS = (
-    "-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-fno-sanitize=all", "-g0",
-    "-shared", "-s", "-Wl,-z,defs", "-Wl,-z,noexecstack", "-Wl,--gc-sections", "-Wl,--build-id=none",
-)  # fmt: skip
+FLAGS = "-std=c11", "-O2", "-fvisibility=hidden", "-fno-sanitize=all", "-g0", "-shared", "-s"
 
 
 class NoCompiler(RuntimeError):
     """There is no C compiler, or it failed; the message is one sentence."""
 
 
-def compiler() -> list[str]:
-    """The command of a C compiler for Linux on x86-64; raises NoCompiler."""
+def compiler(platform: Platform = LINUX) -> list[str]:
+    """The command of a C compiler for a system; raises NoCompiler."""
     if find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc", "-target", f"x86_64-linux-gnu.{OLDEST}"]
+        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.target]
+    if platform != LINUX:
+        raise NoCompiler("libraries for Windows need the compiler ziglang: pip install 'cotrack[native]' brings it")
     for name in ("cc", "gcc", "clang"):
         if found := shutil.which(name):
             return [found]
@@ -41,10 +41,11 @@ def compiler_release() -> str:
     return done.stdout.partition("\n")[0]
 
 
-def link(objects: Sequence[Path], include: Path, library: Path) -> None:
+def link(objects: Sequence[Path], include: Path, library: Path, platform: Platform) -> None:
     """Link ``library`` from the objects, ``SOURCES``; ``model.h`` lies in ``include``."""
-    command = [*compiler(), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library), *map(str, (*SOURCES, *objects))]
-    done = subprocess.run([*command, "-lm"], capture_output=True, text=True)
+    command = [*compiler(platform), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library)]
+    command += [*map(str, (*SOURCES, *objects)), *platform.flags]
+    done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         said = done.stderr.strip().splitlines()
         first = next((line for line in [*said, "no message"] if "error" in line), said[-1] if said else "no message")

@@ -6,7 +6,7 @@ import hashlib
 import json
 import tempfile
 import uuid
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -21,6 +21,7 @@ from fmus.native.emit import LEVELS, emit
 from fmus.native.entries import entries, names
 from fmus.native.header import header, image
 from fmus.native.link import HERE, SOURCES, NoCompiler, compiler, compiler_release, link
+from fmus.native.platform import LINUX, WINDOWS, Platform
 from fmus.ports import Port, variables
 
 NUMBA = ("0.6",)  # begins the versions whose insides the runtime and the entries are made for
@@ -30,20 +31,23 @@ CATEGORIES = {
 }
 
 
-def build_native(kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None) -> Path:
+def build_native(
+    kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None, windows: bool = False
+) -> Path:
     """The native FMU of a kind of component, built unless the cache has it; it needs libc and libm alone.
 
-    What ``config`` has of parameters are their values by default, and for good where they are not free. Raises
-    BuildFailed.
+    ``windows``: with a library for Windows beside that for Linux. What ``config`` has of parameters are their values by
+    default, and for good where they are not free. Raises BuildFailed.
     """
     if kind not in KINDS:
         raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
     if not version("numba").startswith(NUMBA):
         known = ", ".join(f"{each}x" for each in NUMBA)
         raise BuildFailed(f"native FMUs are made with numba {known}, whose insides they know, not {version('numba')}")
+    platforms = (LINUX, WINDOWS) if windows else (LINUX,)
     try:
         made = json.dumps(config, sort_keys=True, allow_nan=False)
-        by = [*compiler()[1:], compiler_release()]
+        by = [*(part for each in platforms for part in compiler(each)[1:]), compiler_release()]
     except (TypeError, ValueError) as error:
         raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
     except NoCompiler as error:
@@ -52,7 +56,7 @@ def build_native(kind: str, config: Mapping[str, Any], folder: Path | None = Non
     parts = ["native", version("numba"), version("llvmlite"), *by, source_hash(), *sources, kind, made]
     digest = hashlib.sha256("\0".join(parts).encode())
     guid = str(uuid.UUID(bytes=digest.digest()[:16]))
-    return built(digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid), folder)
+    return built(digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid, platforms), folder)
 
 
 def held(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
@@ -68,7 +72,7 @@ def _model(kind: str, config: Mapping[str, Any]) -> Any:
     return import_module(f"fmus.{KINDS[kind].partition('/')[0]}.model").Model(config)
 
 
-def _pack(kind: str, config: Mapping[str, Any], guid: str) -> bytes:
+def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[Platform] = (LINUX,)) -> bytes:
     model = _model(kind, config)
     check_names(model.ports, config)
     ports = configured(model.ports, config)
@@ -97,21 +101,20 @@ def _pack(kind: str, config: Mapping[str, Any], guid: str) -> bytes:
             ),
             encoding="utf-8",
         )
-        objects = [place / "image.o", *(place / f"{prefix}.o" for prefix in LEVELS)]
-        for path, content in zip(
-            objects,
-            [image(made.frozen, model.state, model.counters), *(emit(made.entries, prefix) for prefix in LEVELS)],
-            strict=True,
-        ):
-            path.write_bytes(content)
-        try:
-            link(objects, place, place / f"{kind}.so")
-        except NoCompiler as error:
-            raise BuildFailed(str(error)) from None
-        library = (place / f"{kind}.so").read_bytes()
-    return archive(
-        {"modelDescription.xml": _described(kind, model, guid, ports), f"binaries/linux64/{kind}.so": library}
-    )
+        libraries = {}
+        for platform in platforms:
+            library = place / f"{kind}{platform.suffix}"
+            parts = {"image": image(made.frozen, model.state, model.counters, platform)}
+            parts |= {prefix: emit(made.entries, prefix, platform) for prefix in LEVELS}
+            objects = [place / f"{platform.folder}.{part}.o" for part in parts]
+            for path, content in zip(objects, parts.values(), strict=True):
+                path.write_bytes(content)
+            try:
+                link(objects, place, library, platform)
+            except NoCompiler as error:
+                raise BuildFailed(str(error)) from None
+            libraries[f"binaries/{platform.folder}/{library.name}"] = library.read_bytes()
+    return archive({"modelDescription.xml": _described(kind, model, guid, ports), **libraries})
 
 
 def _described(kind: str, model: Any, guid: str, ports: tuple[Port, ...]) -> bytes:

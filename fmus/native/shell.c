@@ -254,15 +254,22 @@ static void begin(Instance *c) {
     c->d.stale = 1;
 }
 
-static void release(Instance *c) {
-    free(c->f);
-    free(c->k);
-    free(c->z);
-    free(c->name);
-    free(c);
-}
-
+#if defined _WIN32
+#include <malloc.h>
+static void *room(size_t size) { return _aligned_malloc(size, 64); }
+static void leave(void *place) { _aligned_free(place); }
+#else
 static void *room(size_t size) { return aligned_alloc(64, (size + 63) / 64 * 64); }
+static void leave(void *place) { free(place); }
+#endif
+
+static void release(Instance *c) {
+    leave(c->f);
+    leave(c->k);
+    leave(c->z);
+    free(c->name);
+    leave(c);
+}
 
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
@@ -489,7 +496,7 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate from) {
 EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component p, fmi2FMUstate *state) {
     (void)p;
     if (state) {
-        free(*state);
+        leave(*state);
         *state = 0;
     }
     return fmi2OK;
@@ -510,7 +517,7 @@ EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component p, fmi2FMUstate state, fmi
     memcpy(&b->d, state, sizeof(Data));
     b->sum = checksum(&b->d, sizeof(Data));
     memcpy(to, b, sizeof *b);
-    free(b);
+    leave(b);
     return fmi2OK;
 }
 

@@ -41,6 +41,9 @@ def build(
     native: Annotated[
         bool, typer.Option("--native", help="of machine code alone, what a start is computed from constant")
     ] = False,
+    windows: Annotated[
+        bool, typer.Option("--windows", help="with --native: with libraries for Windows beside those for Linux")
+    ] = False,
 ) -> None:
     """FMUs to be kept, the scene's parameters their defaults.
 
@@ -52,6 +55,8 @@ def build(
 
     if scene is not None and everything:
         raise BadInput("give a scene or --all, not both")
+    if windows and not native:
+        raise BadInput("--windows is for --native: Python FMUs run where Python does")
     changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
     models = [track] if track else list(TRACKS)
     if everything:
@@ -62,7 +67,7 @@ def build(
         wanted = products.of_scenes([load(scene, track, changes)])
     if not wanted:
         raise BadInput(f"scene '{scene}' needs no FMU")
-    for file in products.build_to(output, wanted, native):
+    for file in products.build_to(output, wanted, native, windows):
         print(file)
 
 

@@ -128,11 +128,11 @@ def build_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Pat
     return [built[key] for key in keys]
 
 
-def build_native_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Path]:
-    """The same as native FMUs, one after the other: numba compiles in one thread."""
+def build_native_all(wanted: Sequence[Product], folder: Path | None = None, windows: bool = False) -> list[Path]:
+    """The same as native FMUs, for ``windows`` too, one after the other: numba compiles in one thread."""
     from fmus.native.pack import build_native
 
-    return [build_native(kind, config, folder, name) for kind, config, name in wanted]
+    return [build_native(kind, config, folder, name, windows) for kind, config, name in wanted]
 
 
 # --- assemblies ------------------------------------------------------------------------------------

@@ -51,10 +51,13 @@ def _side(part: Part) -> float:
     return -float(part.parameters.get("start.lateral", 0.0))
 
 
-def build_to(folder: Path, products: Sequence[Product], native: bool = False) -> list[Path]:
-    """Build them into a folder; paths in order. Raises BadInput where there can be no such folder."""
+def build_to(folder: Path, products: Sequence[Product], native: bool = False, windows: bool = False) -> list[Path]:
+    """Build them into a folder, native ones for ``windows`` too; paths in order.
+
+    Raises BadInput where there can be no such folder.
+    """
     made(folder)
-    return (build_native_all if native else build_all)(products, folder)
+    return build_native_all(products, folder, windows) if native else build_all(products, folder)
 
 
 def made(folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import io
 import re
 import shutil
 import zipfile
@@ -22,6 +23,7 @@ from fmus.build import BuildFailed
 from fmus.model import InvalidParameter, StepFailed
 from fmus.native import link, pack
 from fmus.native.pack import build_native, held
+from fmus.native.platform import LINUX, WINDOWS
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
 from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import load
@@ -452,6 +454,22 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, m
     np.testing.assert_array_equal(links, run.links[:40])
 
 
+def test_a_library_for_windows_needs_what_windows_has():
+    pytest.importorskip("ziglang")
+    part = ran(DRIVE).part
+    content = pack._pack(part.kind, held(part.kind, part.config, part.parameters), "a", (LINUX, WINDOWS))
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        names = archive.namelist()
+        library = archive.read(f"binaries/win64/{part.kind}.dll")
+    assert f"binaries/linux64/{part.kind}.so" in names
+    assert library[:2] == b"MZ"
+    needed = set(re.findall(rb"[\w-]+\.dll", library)) - {f"{part.kind}.dll".encode()}
+    assert needed
+    assert all(name.lower().startswith((b"kernel32", b"api-ms-win-crt-")) for name in needed), needed
+    exported = set(re.findall(rb"fmi2[A-Z]\w+", library))
+    assert {b"fmi2Instantiate", b"fmi2DoStep", b"fmi2GetReal", b"fmi2SerializeFMUstate"} <= exported
+
+
 def test_what_is_missing_is_a_sentence(monkeypatch):
     part = ran(DRIVE).part
     changed = {**part.config, "parameters": {"speed.end": 4.0}}
@@ -460,6 +478,8 @@ def test_what_is_missing_is_a_sentence(monkeypatch):
         with pytest.raises(BuildFailed, match=r"made with numba 0\.6x, whose insides they know, not 1\.0"):
             build_native(part.kind, changed)
     monkeypatch.setattr(link, "find_spec", lambda name: None)
+    with pytest.raises(BuildFailed, match="libraries for Windows need the compiler ziglang"):
+        build_native(part.kind, changed, windows=True)
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(BuildFailed, match=r"native FMUs need a C compiler: pip install 'cotrack\[native\]'"):
         build_native(part.kind, changed)

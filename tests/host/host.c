@@ -3,11 +3,18 @@
    It reads lines: `instance LIBRARY GUID STAGE INPUTS OUTPUTS` (the value references of inputs come first, those of
    outputs after them), `connect FROM OUTPUT TO INPUT` (instances by number), and at last `run STEPS H`. */
 #define _POSIX_C_SOURCE 200809L
-#include <dlfcn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#if defined _WIN32
+#include <windows.h>
+#define dlopen(path, how) ((void *)LoadLibraryA(path))
+#define dlsym(library, name) ((void *)GetProcAddress((HMODULE)(library), name))
+#define dlerror() "the library cannot be loaded"
+#else
+#include <dlfcn.h>
+#endif
 
 enum { INSTANCES = 16, CONNECTIONS = 4096 };
 

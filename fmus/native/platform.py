@@ -1,0 +1,25 @@
+"""The systems that libraries are made for, all on x86-64."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Platform(NamedTuple):
+    """A system."""
+
+    folder: str  # in an FMU's ``binaries``, as FMI 2.0 names it
+    suffix: str  # of a library
+    triple: str  # LLVM's name of it
+    target: str  # ziglang's, with the oldest C library
+    flags: tuple[str, ...]  # of the linker
+
+
+LINUX = Platform(
+    "linux64",
+    ".so",
+    "x86_64-unknown-linux-gnu",
+    "x86_64-linux-gnu.2.17",  # glibc of 2012
+    ("-fPIC", "-Wl,-z,defs", "-Wl,-z,noexecstack", "-Wl,--gc-sections", "-Wl,--build-id=none", "-lm"),
+)
+WINDOWS = Platform("win64", ".dll", "x86_64-w64-windows-gnu", "x86_64-windows-gnu", ())
