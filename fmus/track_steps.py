@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.jit import allocating, kernel
-from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, STRESS, TENSION, WHEELS
+from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, SLOPES, STRESS, TENSION, WHEELS
 from fmus.model import no_rotation, too_many
 from fmus.physics.chain import on_links
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
 from fmus.physics.chain.implicit import advance
-from fmus.physics.chain.kinds import fibres, links_shown, pin_axes
+from fmus.physics.chain.kinds import fibres, links_shown, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.wheels import WIDTH, read_states, to_world
@@ -209,12 +209,15 @@ def show_links(c, y):
 def _beyond(beyond, c, y, at):
     """The groups that need kernels of their own, which are not even compiled where nobody asks."""
     if beyond is not None:
-        axis, found = np.empty((c.nodes, 3)), np.empty((c.links, 2))
+        axis, found, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
         pin_axes(c.link, c.s, c.work, axis)
         at = _vectors(c.shows[AXIS], axis, c.frame, y, at)
         if c.shows[FIBRES]:
             fibres(c.link, c.s, c.work, found)
-            _numbers(1, found.ravel(), y, at)
+            at = _numbers(1, found.ravel(), y, at)
+        if c.shows[SLOPES]:
+            slopes(c.link, c.s, c.work, ends)
+            _vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, at)
 
 
 @kernel

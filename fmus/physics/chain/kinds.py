@@ -77,5 +77,13 @@ def pin_axes(links, s, w, axis):
 
 
 @door(_of, shared=True)
+def slopes(links, s, w, found):
+    """Position gradients along each link at its first and at its last pin into ``found`` (n, 6).
+
+    Rigid links have the unit vector along them at both.
+    """
+
+
+@door(_of, shared=True)
 def fibres(links, s, w, stress):
     """Axial stress at the outer and at the inner fibre of each link, Pa, mean along it, into ``stress`` (n, 2)."""

@@ -71,6 +71,16 @@ def fibres(links, s, w, stress):
 
 
 @kernel
+def slopes(links, s, w, found):
+    """See ``kinds``."""
+    rows = s.residual.shape[1]
+    for i in range(links.n):
+        gather(links, s.q, i, i + 1 if i + 1 < s.q.shape[0] else 0, w.e)
+        put(found[i], 0, directed(links, s, in_space(links, w.e[1])))
+        put(found[i], 3, directed(links, s, in_space(links, w.e[rows // 2 + 1])))
+
+
+@kernel
 def links_shown(links, env, s, w, tension, stress, place, force):
     """See ``kinds``; the pin force is the link's own residual at its first pin."""
     axials(links, s.q, w, tension, stress)

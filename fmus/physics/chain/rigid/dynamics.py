@@ -117,6 +117,16 @@ def pin_axes(links, s, w, axis):
 
 
 @kernel
+def slopes(links, s, w, found):
+    """See ``kinds``."""
+    for i in range(found.shape[0]):
+        A = w.system.A[i]
+        body.rotation(s.q[i], A)
+        for k in range(3):
+            found[i, k] = found[i, 3 + k] = A[k, 0]
+
+
+@kernel
 def fibres(links, s, w, stress):
     """See ``kinds``: rigid links have none."""
     for i in range(stress.shape[0]):
