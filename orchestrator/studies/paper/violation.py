@@ -1,0 +1,76 @@
+"""By how much joints are violated over a run: at position, velocity and acceleration level (section 1, point 3).
+
+The equations of a pin between two rigid links are those of ``fmus.physics.rigid.pin``: C[0:3] the ends meet, C[3:5] the
+axes are parallel. They and both time derivatives are written out here once more, in numpy, and evaluated with the
+poses, velocities and accelerations that the components saved. Of ANCF links the equations are (2) of the paper. What is
+eliminated has one number for both sides, and is violated by 0.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses.hull import matrices
+from orchestrator.scene.scene import TrackScene
+from orchestrator.studies.paper.states import model, saved
+
+TRACK = "left_track"
+LEVELS = ("position", "velocity", "acceleration")
+
+
+class Violation(NamedTuple):
+    """Of the pins at one instant: largest gap, largest angle between axes, and their derivatives."""
+
+    gap: Floats  # (3) m, m/s, m/s2
+    tilt: Floats  # (3) rad, rad/s, rad/s2
+
+
+def of(file: Path, scene: TrackScene) -> dict[str, float]:
+    """Largest over the checkpoints of a log, by level; with equations that there are to violate a track."""
+    chain = model(scene, TRACK)
+    with Log(file) as log:
+        found = []
+        for _, states in saved(log):
+            chain.state[:] = states[TRACK]
+            found.append(violated(chain))
+    gaps, tilts = (np.max([getattr(each, key) for each in found], axis=0) for key in Violation._fields)
+    told = {f"{level}_gap": float(gap) for level, gap in zip(LEVELS, gaps, strict=True)}
+    told |= {f"{level}_tilt": float(tilt) for level, tilt in zip(LEVELS, tilts, strict=True)}
+    return {**told, "instants": float(len(found))}
+
+
+def violated(chain: Any) -> Violation:
+    """Of a chain's model as its state stands."""
+    if hasattr(chain.s, "lam") and chain.s.q.shape[-1] == 7:
+        return of_poses(chain.s.q, chain.s.v, chain.s.vdot, 0.5 * chain.pitch)
+    return Violation(np.zeros(3), np.zeros(3))  # one number for both sides of each joint
+
+
+def of_poses(q: Floats, v: Floats, a: Floats, half: float) -> Violation:
+    """Of a closed chain of rigid links: poses (n, 7), rates and accelerations (n, 6), angular ones in body axes."""
+    A = matrices(q[:, 3:])
+    omega, alpha = (np.einsum("nij,nj->ni", A, each[:, 3:]) for each in (v, a))
+    e = np.moveaxis(A, 2, 0)  # axes x, y, z of each link
+    rate = np.cross(omega, e)
+    second = np.cross(alpha, e) + np.cross(omega, rate)
+    x, y, z = ((e[k], rate[k], second[k]) for k in range(3))
+    place = q[:, :3], v[:, :3], a[:, :3]
+    gap = [c + half * axis - np.roll(c - half * axis, -1, axis=0) for c, axis in zip(place, x, strict=True)]
+    y = tuple(np.roll(each, -1, axis=0) for each in y)  # of the next link
+    tilts = []
+    for axis in (x, z):
+        zero = _dot(axis[0], y[0])
+        first = _dot(axis[1], y[0]) + _dot(axis[0], y[1])
+        tilts.append([zero, first, _dot(axis[2], y[0]) + 2.0 * _dot(axis[1], y[1]) + _dot(axis[0], y[2])])
+    return Violation(
+        np.array([np.linalg.norm(level, axis=1).max() for level in gap]), np.abs(np.array(tilts)).max(axis=(0, 2))
+    )
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(np.einsum("ni,ni->n", a, b))
