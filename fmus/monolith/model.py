@@ -308,10 +308,28 @@ class Monolith:
             chain_parts.give(self.models[name], self.x[place.start : place.end])
         if self._chassis:
             self.x[self._body : self._spin] = self.models[self._chassis].state
+            self.x[self._spin - 1] += self._held() * self.x[self._body + 11] ** 2
         for d, state in enumerate(self._spun):
             self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)] = state[:SPIN]
         for d, sprocket in enumerate(self._sprockets):
             sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
+
+    def begin_at(self, t: float, states: Mapping[str, Floats]) -> None:
+        """Begin at t with the flat states of the parts, by name, of components with the same configs and parameters.
+
+        Raises InvalidParameter where they do not fit.
+        """
+        for name, model in self.models.items():
+            if name not in states or states[name].shape != model.state.shape:
+                raise InvalidParameter(f"{name}: the state that it is to begin with is not one of such a component")
+            model.state[:] = states[name]
+        self._begin()
+        self._y[:] = self.x
+        rates(*self._system, t, self._y, np.zeros_like(self.x))  # where the mounts are now
+        for d, sprocket in enumerate(self._sprockets):
+            sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
+        self.x[:] = self._y
+        self._reached = np.nan
 
     def _of_side(self, d: int, i: int) -> float:
         """A number of the shafts as a side has it."""
@@ -418,9 +436,12 @@ class Monolith:
         """The chassis' state; the work of its ports without what its inertia held for the sprockets. (5)"""
         model, x = self.models[self._chassis], self.x[self._body : self._spin]
         model.state[:] = x
+        model.state[-1] -= self._held() * x[11] ** 2
+
+    def _held(self) -> float:
+        """Half of what the chassis' inertia about its lateral axis holds for the sprockets, kg m2."""
         assert self._tree is not None
-        held = self._tree.inertia[1, 1] - model.tree.inertia[1, 1]
-        model.state[-1] -= 0.5 * held * x[11] ** 2
+        return 0.5 * float(self._tree.inertia[1, 1] - self.models[self._chassis].tree.inertia[1, 1])
 
     def _ask_driver(self, t: float, h: float) -> None:
         """What the driver demands from here on, and the speeds that follow it over the step."""
