@@ -27,6 +27,8 @@ MIRRORS = {
     Rigid: {"q": POSE, "v": WRENCH, "lam": FORCE, "load": FORCE},
 }
 
+BOOKS = 4
+
 
 class Place(NamedTuple):
     """Where a chain stands in the whole; m wheels."""
@@ -38,7 +40,7 @@ class Place(NamedTuple):
     frame: np.ndarray  # (5) of the track, see fmus.physics.wheels
     impulse: np.ndarray  # (m + 1, 6) of its wrenches over the step
     on_links: np.ndarray  # (k, c) likewise of what touches each link
-    books: np.ndarray  # dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
+    books: np.ndarray  # (BOOKS) dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
 
 
 class Chain(NamedTuple):
