@@ -13,6 +13,7 @@ from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
+from fmus.physics.chain.flexible.closing import Spring
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD
@@ -26,6 +27,7 @@ from fmus.physics.chain.outcome import SINGULAR, Outcome
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port, Range
 from fmus.track import IMPLICIT, TrackModel, spectral_radius
+from fmus.track_closure import PIN, SPRING, closure
 
 STILL = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
@@ -40,7 +42,7 @@ class Model(TrackModel):
     """Cables or beams with pins eliminated, integrated implicitly or explicitly."""
 
     State = State
-    element, axes = "cable", "fixed"
+    element, axes, closure = "cable", "fixed", PIN
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Material and integration of the links."""
@@ -91,6 +93,7 @@ class Model(TrackModel):
             ),
             spectral_radius(),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
+            *(closure() if self.closed else ()),
         )
 
     def shapes(self) -> state.Shapes:
@@ -100,7 +103,12 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.axes_state import SIZE
 
             axes = SIZE
-        return shapes(*ELEMENTS[self.element], self.links_count, self.nodes, len(self.wheel_list), axes, self.felt)
+        return shapes(*ELEMENTS[self.element], self.links_count, self.mesh, len(self.wheel_list), axes, self.felt)
+
+    @property
+    def mesh(self) -> int:
+        """Pins of the mesh: a loop that a spring closes has its cut pin twice."""
+        return self.nodes + (self.closure == SPRING)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
@@ -115,15 +123,18 @@ class Model(TrackModel):
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
         self.method = Method(coefficients(p["spectral_radius"]), p["tolerance"], True)
+        closed_by = p.get("closure", PIN)
+        self.closing = Spring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
         beam = element == "beam"
         self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
-        self.stiffness = young * self.vehicle["section"]["area"]  # axial, N
+        axial = young * self.vehicle["section"]["area"]
+        self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # of a link, N
         self.kit = kit(type(self.link))
-        if (element, axes) != (self.element, self.axes):
-            self.element, self.axes = element, axes
+        if (element, axes, closed_by) != (self.element, self.axes, self.closure):
+            self.element, self.axes, self.closure = element, axes, closed_by
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
-        self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list), self.felt)
+        self.work = work(self.kit, self.links_count, self.mesh, len(self.wheel_list), self.felt)
         self.stable = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
 
@@ -168,8 +179,8 @@ class Model(TrackModel):
 
             track = v["track"]
             sideways, twist = young * (s["lateral_bending"] - second), self.links_count * track["inertia"][0]
-            return TurningCables(*common, 0.25 * track["width"], sideways, twist)
-        return kind(*common)
+            return TurningCables(*common, 0.25 * track["width"], sideways, twist, self.closing)
+        return kind(*common, self.closing)
 
     def _beams(self, young: float, tau: float) -> Any:
         """The rectangle with the section's radii of gyration, a link's mass, moduli scaled to the section's area."""
@@ -195,6 +206,7 @@ class Model(TrackModel):
             s["outer_fibre"],
             s["area"],
             young,
+            self.closing,
         )
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
@@ -211,8 +223,9 @@ class Model(TrackModel):
         """Rates of the pins and of the slopes of the links that end and begin there."""
         place, *slopes = self.kit.PLANE
         own = len(slopes) // 2  # of each of the two links; what they share lies along y
-        self.s.v[:, place] += velocity
-        for vectors, rate in ((slopes[-2 * own : -own], np.roll(turning, 1)), (slopes[-own:], turning)):
+        pin = np.arange(self.mesh) % self.nodes  # of the loop
+        self.s.v[:, place] += velocity[pin]
+        for vectors, rate in ((slopes[-2 * own : -own], turning[pin - 1]), (slopes[-own:], turning[pin])):
             for x, z in vectors:
                 self.s.v[:, x] += rate * self.s.q[:, z]
                 self.s.v[:, z] -= rate * self.s.q[:, x]
@@ -248,7 +261,7 @@ class Model(TrackModel):
     def settle_pins(self, pins: Floats) -> None:
         """Straight links between the pins (nodes, 2), at rest."""
         self.state[:] = 0.0
-        straight(self.kit, self.link, pins, self.s.q)
+        straight(self.kit, self.link, pins[np.arange(self.mesh) % self.nodes], self.s.q)
         if self.axes == "free":
             from fmus.physics.chain.flexible.axes_state import begin as lay
 
@@ -256,9 +269,13 @@ class Model(TrackModel):
 
     def _stretch(self, spin: float) -> None:
         """Relative equilibrium of a free loop that turns at ``spin`` rad/s."""
-        from fmus.physics.chain.flexible.spinning import stretch
+        from fmus.physics.chain.flexible.spinning import part, stretch
 
-        if not stretch(self.kit, self.s.q, len(self.work.M), spin, self._residuals, self._rounding()):
+        spun = self.kit, self.s.q, len(self.work.M), self.links_count, spin
+        found = stretch(*spun, self._residuals, self._rounding())
+        if found and self.closing:
+            found = part(*spun, self.closing.stiffness, self._residuals, self._rounding())
+        if not found:
             raise StepFailed(
                 f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
             )

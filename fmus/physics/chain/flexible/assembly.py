@@ -17,6 +17,7 @@ from fmus.physics.chain.flexible.axes import (
     sideways,
     sideways_energy,
 )
+from fmus.physics.chain.flexible.closing import stored
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.elements import axial, gather, layout
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
@@ -74,7 +75,8 @@ def totals(links, env, x, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, q = links.n, links.element, x.q
     weight = matter(c) * env.gravity
-    kinetic = strain_energy = gravity = 0.0
+    kinetic = gravity = 0.0
+    strain_energy = stored(links.closing, axes(c), q)
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
         j = i + 1 if i + 1 < q.shape[0] else 0

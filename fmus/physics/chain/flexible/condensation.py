@@ -14,7 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import apart, kernel
+from fmus.physics.ancf.element import axes
 from fmus.physics.chain.environment import HELD, PINNED
+from fmus.physics.chain.flexible.closing import pull
 from fmus.physics.chain.flexible.elements import layout, lever
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.inverse import invert
@@ -140,7 +142,8 @@ def reduce(links, env, x, w, by_rate, tangent):
     """
     at = layout(links)
     worst, where = _spread(at, w.R, w.inner, w.own, w.b, w.swap)
-    pin_loads(links.closed, env, at.fixed, x, w, by_rate, tangent)
+    pin_loads(links, env, at.fixed, x, w, by_rate, tangent)
+    pull(links.closing, axes(links.element), x, w, by_rate, tangent)
     return _reduce(at, env, w.left, w.own, w.b, worst, where)
 
 

@@ -30,8 +30,8 @@ def end_work(links, env, h, s, w):
 @kernel
 def speed(links, env, s, w):
     """See ``kinds``."""
-    n = axes(links.element)
-    return chain_speed(s.q[:, :n], s.v[:, :n], links.closed == 1, carrier(w.flat, env.mount))
+    n, pins = axes(links.element), links.n if links.closed == 1 else s.q.shape[0]
+    return chain_speed(s.q[:pins, :n], s.v[:pins, :n], links.closed == 1, carrier(w.flat, env.mount))
 
 
 @kernel
@@ -51,14 +51,14 @@ def observe(links, env, s, w, report):
 @kernel
 def pin_places(links, s, w, place):
     """See ``kinds``."""
-    for i in range(s.q.shape[0]):
+    for i in range(place.shape[0]):
         put(place[i], 0, placed(links, s, in_space(links, s.q[i])))
 
 
 @kernel
 def pin_axes(links, s, w, axis):
     """See ``kinds``."""
-    for i in range(s.q.shape[0]):
+    for i in range(axis.shape[0]):
         put(axis[i], 0, directed(links, s, pin_axis(links, s.q[i])))
 
 
@@ -87,6 +87,6 @@ def links_shown(links, env, s, w, tension, stress, place, force):
     pin_places(links, s, w, place)
     for i in range(links.n):
         put(force[i], 0, directed(links, s, in_space(links, s.residual[i, 0])))
-    if s.q.shape[0] > links.n:
+    if force.shape[0] > links.n:
         last = directed(links, s, in_space(links, s.residual[links.n - 1, s.residual.shape[1] // 2]))
         put(force[links.n], 0, (-last[0], -last[1], -last[2]))

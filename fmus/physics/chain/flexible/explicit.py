@@ -13,6 +13,7 @@ from fmus.jit import kernel
 from fmus.physics.ancf.element import highest_frequency
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes import follow, rates, sideways_frequency, square, swing
+from fmus.physics.chain.flexible.closing import square_of_frequency
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.integrate.generalized_alpha import Slopes
@@ -24,7 +25,8 @@ NOTHING = Slopes(0.0, 0.0, 0.0)  # no matrix is asked for
 
 def stable(links: Any) -> float:
     """The longest step of the explicit method, s, contacts apart."""
-    return LIMIT / max(highest_frequency(links.element), float(sideways_frequency(links)))
+    fastest = max(highest_frequency(links.element), float(sideways_frequency(links)))
+    return LIMIT / float(np.hypot(fastest, np.sqrt(square_of_frequency(links.closing, links.element))))
 
 
 @kernel

@@ -9,7 +9,7 @@ from fmus.physics.chain.flexible.elements import gather, in_space
 @kernel
 def count(links, x):
     """See ``faces``."""
-    return links.n, x.q.shape[0]
+    return links.n, links.n if links.closed == 1 else x.q.shape[0]
 
 
 @kernel

@@ -10,19 +10,20 @@ from fmus.physics.chain.sums import END_POWER, POWER
 
 
 @kernel
-def pin_loads(closed, env, held, x, w, by_rate, tangent):
+def pin_loads(links, env, held, x, w, by_rate, tangent):
     """Transverse damping and end loads on the pins; the residual goes into ``w.b``, the matrix into ``w.A``.
 
     Pinned ends keep the first ``held`` coordinates of their pins. A pin whose position is held by two of them moves in
     the plane x, z, else in space.
     """
     q, v, nodes = x.q, x.v, x.q.shape[0]
+    pins = links.n if links.closed == 1 else nodes  # each once
     z = 1 if held == 2 else 2
     if env.transverse > 0.0:
-        for i in range(nodes):
-            before, after = max(i - 1, 0), min(i + 1, nodes - 1)
-            if closed:
-                before, after = (i - 1) % nodes, (i + 1) % nodes
+        for i in range(pins):
+            before, after = max(i - 1, 0), min(i + 1, pins - 1)
+            if links.closed == 1:
+                before, after = (i - 1) % pins, (i + 1) % pins
             t0, t2 = q[after, 0] - q[before, 0], q[after, z] - q[before, z]
             size = np.sqrt(t0 * t0 + t2 * t2)
             n0, n2 = -t2 / size, t0 / size
