@@ -1,4 +1,4 @@
-"""States of components as a log's checkpoints hold them, and models that have them."""
+"""States of components as a log's checkpoints hold them, models that have them, and the monolith of a scene."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.monolith.model import started
+from fmus.monolith.model import Monolith, started
 from fmus.saved import from_bytes
+from orchestrator.execution.monolithic import parts_of
 from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
@@ -34,3 +35,9 @@ def model(scene: TrackScene, name: str) -> Any:
     """The model of a component of a scene, at its start; raises InvalidParameter or StepFailed."""
     part = next(part for part in assemble(placed(scene)).parts if part.name == name)
     return started(part.kind, part.config, part.parameters)
+
+
+def whole(scene: TrackScene, **integration: Any) -> Monolith:
+    """The scene as one differential equation, at its start; ``integration`` as of ``Monolith``, which raises."""
+    assembly = assemble(placed(scene))
+    return Monolith(parts_of(assembly), assembly.connections, **integration)
