@@ -1,7 +1,7 @@
 """Joints and equations of the vehicle's chains, counted from the Jacobian of its own rigid links (section 8.1).
 
-Each row is evaluated at the start of ``straight``. A chain that is opened lacks its closing pin; with all of them a loop
-of parallel pins has three equations too many.
+The Jacobian is that of the start of ``straight``. A chain that is opened lacks its closing pin; with all of them a
+loop of parallel pins has three equations too many.
 """
 
 from __future__ import annotations

@@ -21,10 +21,9 @@ from orchestrator.results import picture
 from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.run_data import Links, RunData, Window
 from orchestrator.studies.paper.models import Model
-from orchestrator.studies.paper.whole_runs import INSTANT, SIDE
+from orchestrator.studies.paper.whole_runs import INSTANT, NODE, SIDE
 
 TRACK = f"{SIDE}_track"
-NODE = 32  # the end point of link 31
 FIRST = 2  # the first joint
 LINK = 1  # of figures 18 and 19
 Drawn = Callable[[Any, RunData, Model], None]  # adds a model to an axis

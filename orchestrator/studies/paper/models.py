@@ -30,7 +30,7 @@ RECURSIVE = Model(
     "rigid-recursive",
     "rigid, recursive, closed by a spring",
     "rigid",
-    ("track.formulation=recursive", *SPRING),
+    ("track.formulation=recursive", "track.integrator=runge_kutta", *SPRING),  # it has no implicit steps
     "-.",
     "C2",
     True,

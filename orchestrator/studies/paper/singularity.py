@@ -1,10 +1,10 @@
 """Why a closed rigid chain needs its independent coordinates chosen again and again (sections 1 and 6, point 3).
 
 A loop of n links in the plane, joined by n pins, has 3 n coordinates (places and angles of the links) under 2 n
-equations. Coordinate partitioning (Wehage and Haug 1982, doi:10.1115/1.3256318) chooses n independent ones by Gaussian
-elimination with full pivoting at the start and solves for the others with the square Jacobian of those: here its
-condition is followed while the loop runs round its wheels, with the one set that was best at the start, and with a set
-that is chosen again whenever the condition has grown by ``AGAIN``. Beside it the matrices that other ways have to
+equations. Coordinate partitioning (Wehage and Haug 1982, doi:10.1115/1.3256318) chooses n independent ones at the
+start, here by QR with pivoting, and solves for the others with the square Jacobian of those. Its condition is followed
+while the loop runs round its wheels, with the one set that was best at the start, and with a set that is chosen again
+whenever the condition has grown by ``AGAIN``. Beside it the matrices that other ways have to
 invert: the mass matrix of the chain that is cut at one joint, a tree with n + 2 coordinates of its own (the spring that
 closes it is a force), and that of the ANCF mesh, whose joints are gone and which is the same at every instant.
 """
@@ -15,10 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from orchestrator.log.time_series import Floats
 
-AGAIN = 100.0  # times the condition of the set when it was chosen
+AGAIN = 10.0  # times the condition of the set when it was chosen
+BISECTIONS = 45
 
 
 class Loop(NamedTuple):
@@ -27,6 +29,7 @@ class Loop(NamedTuple):
     t: Floats  # (m,) s
     fixed: Floats  # (m,) condition of the dependent Jacobian, the set chosen at the start
     flips: int  # how often its determinant changes its sign: a singular configuration lies between
+    closest: float  # condition at the first of them; 0 without one
     chosen: Floats  # (m,) the same with sets chosen again
     choices: int  # how often
     cut: Floats  # (m,) condition of the mass matrix of the tree
@@ -49,8 +52,10 @@ def followed(t: Floats, pins: Floats, inertia: float, mass: float) -> Loop:
             limit = AGAIN * _condition(B[:, now])
         chosen.append(_condition(B[:, now]))
         cut.append(_condition(tree(each, length, inertia, mass)))
+    flips = np.flatnonzero(np.diff(signs))
+    closest = nearest(angle[flips[0]], angle[flips[0] + 1], length, first) if len(flips) else 0.0
     return Loop(
-        t, np.array(fixed), int(np.count_nonzero(np.diff(signs))), np.array(chosen), choices, np.array(cut),
+        t, np.array(fixed), len(flips), closest, np.array(chosen), choices, np.array(cut),
         _condition(mesh(pins.shape[1], length, mass)),
     )  # fmt: skip
 
@@ -78,14 +83,23 @@ def jacobian(angle: Floats, length: float) -> Floats:
 
 
 def dependent(B: Floats) -> NDArray[np.int64]:
-    """Columns that Gaussian elimination with full pivoting takes, as many as there are rows."""
-    A, columns = B.copy(), np.arange(B.shape[1])
-    for k in range(len(A)):
-        i, j = np.unravel_index(np.abs(A[k:, k:]).argmax(), A[k:, k:].shape)
-        A[[k, k + i]], A[:, [k, k + j]] = A[[k + i, k]], A[:, [k + j, k]]
-        columns[[k, k + j]] = columns[[k + j, k]]
-        A[k + 1 :, k:] -= np.outer(A[k + 1 :, k] / A[k, k], A[k, k:])
-    return np.sort(columns[: len(A)])
+    """Columns that Householder's QR with pivoting takes first, as many as there are rows."""
+    return np.sort(qr(B, mode="r", pivoting=True)[1][: len(B)])
+
+
+def nearest(one: Floats, other: Floats, length: float, columns: NDArray[np.int64]) -> float:
+    """Condition where the determinant of the columns changes its sign between two instants, by bisection."""
+    turn = np.angle(np.exp(1j * (other - one)))
+
+    def chosen(share: float) -> Floats:
+        return jacobian(one + share * turn, length)[:, columns]
+
+    low, high = 0.0, 1.0
+    sign = np.linalg.slogdet(chosen(low))[0]
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if np.linalg.slogdet(chosen(middle))[0] == sign else (low, middle)
+    return _condition(chosen(low))
 
 
 def tree(angle: Floats, length: float, inertia: float, mass: float) -> Floats:

@@ -20,39 +20,46 @@ from orchestrator.scene.scene import TrackScene
 from orchestrator.studies.paper.states import model, saved
 
 TRACK = "left_track"
+POSE = 7  # numbers of a rigid link's place
 LEVELS = ("position", "velocity", "acceleration")
 
 
 class Violation(NamedTuple):
-    """Of the pins at one instant: largest gap, largest angle between axes, and their derivatives."""
+    """At one instant: largest gap and angle between axes of joints, the gap of a cut, and their derivatives."""
 
     gap: Floats  # (3) m, m/s, m/s2
     tilt: Floats  # (3) rad, rad/s, rad/s2
+    cut: Floats  # (3) of the pin that a spring closes; 0 without one
 
 
 def of(file: Path, scene: TrackScene) -> dict[str, float]:
-    """Largest over the checkpoints of a log, by level; with equations that there are to violate a track."""
+    """Largest over the checkpoints of a log, by level; the scene as it was recorded."""
     chain = model(scene, TRACK)
     with Log(file) as log:
         found = []
         for _, states in saved(log):
             chain.state[:] = states[TRACK]
             found.append(violated(chain))
-    gaps, tilts = (np.max([getattr(each, key) for each in found], axis=0) for key in Violation._fields)
-    told = {f"{level}_gap": float(gap) for level, gap in zip(LEVELS, gaps, strict=True)}
-    told |= {f"{level}_tilt": float(tilt) for level, tilt in zip(LEVELS, tilts, strict=True)}
+    most = {key: np.max([getattr(each, key) for each in found], axis=0) for key in Violation._fields}
+    told = {f"{level}_{key}": float(most[key][k]) for k, level in enumerate(LEVELS) for key in most}
     return {**told, "instants": float(len(found))}
 
 
 def violated(chain: Any) -> Violation:
     """Of a chain's model as its state stands."""
-    if hasattr(chain.s, "lam") and chain.s.q.shape[-1] == 7:
-        return of_poses(chain.s.q, chain.s.v, chain.s.vdot, 0.5 * chain.pitch)
-    return Violation(np.zeros(3), np.zeros(3))  # one number for both sides of each joint
+    s = chain.s
+    if s.q.shape[-1] == POSE:
+        return of_poses(s.q, s.v, s.vdot, 0.5 * chain.pitch, getattr(chain, "closure", "pin") == "spring")
+    cut = [float(np.linalg.norm(each[-1, :3] - each[0, :3])) for each in (s.q, s.v, s.vdot)]
+    opened = len(s.q) > chain.links_count
+    return Violation(np.zeros(3), np.zeros(3), np.array(cut) if opened else np.zeros(3))  # one number for both sides
 
 
-def of_poses(q: Floats, v: Floats, a: Floats, half: float) -> Violation:
-    """Of a closed chain of rigid links: poses (n, 7), rates and accelerations (n, 6), angular ones in body axes."""
+def of_poses(q: Floats, v: Floats, a: Floats, half: float, cut: bool = False) -> Violation:
+    """Of a loop of rigid links: poses (n, 7), rates and accelerations (n, 6), angular ones in body axes.
+
+    ``cut``: its last pin is a spring.
+    """
     A = matrices(q[:, 3:])
     omega, alpha = (np.einsum("nij,nj->ni", A, each[:, 3:]) for each in (v, a))
     e = np.moveaxis(A, 2, 0)  # axes x, y, z of each link
@@ -67,9 +74,10 @@ def of_poses(q: Floats, v: Floats, a: Floats, half: float) -> Violation:
         zero = _dot(axis[0], y[0])
         first = _dot(axis[1], y[0]) + _dot(axis[0], y[1])
         tilts.append([zero, first, _dot(axis[2], y[0]) + 2.0 * _dot(axis[1], y[1]) + _dot(axis[0], y[2])])
-    return Violation(
-        np.array([np.linalg.norm(level, axis=1).max() for level in gap]), np.abs(np.array(tilts)).max(axis=(0, 2))
-    )
+    gaps = np.array([np.linalg.norm(level, axis=1) for level in gap])
+    joints = slice(None, -1 if cut else None)
+    tilt = np.abs(np.array(tilts))[..., joints].max(axis=(0, 2))
+    return Violation(gaps[:, joints].max(axis=1), tilt, gaps[:, -1] * cut)
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""What the whole runs of all models say: cost, violation of joints, motion apart, sections of the chain, singularity."""
+"""What the whole runs of all models say: cost, violated joints, motion apart, sections of the chain, singularity."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.log.reader import Log
 from orchestrator.results import measures
-from orchestrator.results.analyses import circuit, hull
+from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.difference import differences_of_logs
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.scene import TrackScene
@@ -23,6 +23,7 @@ INSTANT = 5.0  # s, of figures 18 to 21
 AROUND = Window(4.0, 6.0)  # s, means about it
 HOLD = Window(6.0, 8.0)  # s, at constant speed of the sprockets
 SIDE = "right"
+NODE = 32  # figures 14 and 15: the end point of link 31
 ALIKE = 0.01  # relative: what the paper calls a good agreement
 MOTION = ("position", "velocity", "pitch")
 RUNS = ("top", "rear", "front")  # of the chain: before the sprocket, before the idler, after the sprocket
@@ -48,13 +49,15 @@ def rows(folder: str, stop: float = STOP) -> list[Row]:
 
 def _of(model: Model, folder: Path) -> list[Row]:
     file = recorded.path(folder, model)
-    wanted = scene(model)
+    wanted = scene(model, *recorded.RECORDED)
     assert isinstance(wanted, TrackScene)
     found = [_attempt("violation", model, lambda: violation.of(file, wanted))]
     found.append(_attempt("motion", model, lambda: _motion(file, recorded.path(folder, REFERENCE))))
     with Log(file) as log:
         run = RunData(log)
         found.append(_attempt("sections", model, lambda: _sections(run)))
+        found.append(_attempt("deformation", model, lambda: _deformed(run)))
+        found.append(_attempt("node", model, lambda: _visited(run)))
         if model is REFERENCE:
             found.append(_attempt("singularity", model, lambda: _singular(run)))
     return found
@@ -75,7 +78,12 @@ def _motion(file: Path, reference: Path) -> dict[str, float]:
         run = RunData(log)
         t, z = run.signal("chassis.chassis.position.z")
         settled = float(z[0] - z[(t > 1.0) & (t < 2.0)].mean())
-    return {**{name: apart[name].relative for name in MOTION}, "settled": settled}
+        t, speed = run.signal("chassis.chassis.velocity.x")
+        times, turning = run.signal(f"{SIDE}_drive.speed")
+        vehicle = run.scene["vehicle"]
+        wanted = np.interp(t, times, turning) * vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2.0 * np.pi)
+        follows = float(np.sqrt(np.mean((speed - wanted) ** 2) / np.mean(wanted**2)))
+    return {**{name: apart[name].relative for name in MOTION}, "settled": settled, "follows": follows}
 
 
 def _sections(run: RunData) -> dict[str, float]:
@@ -87,6 +95,30 @@ def _sections(run: RunData) -> dict[str, float]:
         found[f"{name}_mean"] = measure(run, SIDE, AROUND)
         found[f"{name}_hold"] = measure(run, SIDE, HOLD)
     return found
+
+
+def _deformed(run: RunData) -> dict[str, float]:
+    """Largest displacements of points of the right chain's links in their tangent frames at the instant, m."""
+    found = deformation.of(run, f"{SIDE}_track", at=[INSTANT]).displacement
+    return {axis: float(np.abs(found[..., k]).max()) for k, axis in enumerate(deformation.AXES)}
+
+
+def _visited(run: RunData) -> dict[str, str]:
+    """The parts of the circuit that the node of figures 14 and 15 comes to, in order."""
+    seen: list[str] = []
+    vehicle = run.scene["vehicle"]
+    first, last = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1]
+    for placed in circuit.records(run, f"{SIDE}_track"):
+        for ahead, up in placed.centres[:, NODE - 1]:
+            low = up < vehicle["road_wheel"]["z"]
+            where = "upper run" if not low else "ground"
+            if ahead > (first if low else 0.0):
+                where = "sprocket"
+            elif ahead < (last if low else vehicle["idler"]["x"]):
+                where = "idler"
+            if not seen or seen[-1] != where:
+                seen.append(where)
+    return {"visited": ", ".join(seen)}
 
 
 def _singular(run: RunData) -> dict[str, Any]:
