@@ -65,6 +65,8 @@ OUTPUTS = (
     ),
     ("energy.covered", "J", "energy lost so far as spread contacts come to cover other parts of a link"),
 )
+TOLERANCES = Range(1e-13, 0.1, "between 1e-13 and 0.1")  # of Adams' methods
+TOLERANCE = 1e-6
 INTEGRATORS = IMPLICIT, EXPLICIT, HHT, ADAMS = "generalized_alpha", "runge_kutta", "hht", "adams"
 CAUSES = {  # of a failure: implicitly, explicitly
     STALLED: ("Newton's iteration of the chain did not converge", ""),
@@ -114,17 +116,14 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
 def integration() -> tuple[Port, ...]:
     """Parameters of the integrators of links."""
     text = f"of generalised-alpha at infinite frequency, 0 to 1; of hht {hht.LEAST:g} to 1"
-    allowed = Range(1e-13, 0.1, "between 1e-13 and 0.1")
     return (
         Port("spectral_radius", "parameter", "1", text, 0.4, allowed=Range(0.0, 1.0, "between 0 and 1")),
-        Port("adams.rtol", "parameter", "1", "relative error of a step of integrator = adams", 1e-6, allowed=allowed),
-        Port(
-            "adams.atol",
-            "parameter",
-            "1",
-            "absolute error of such a step, in m, rad, m/s and rad/s",
-            1e-6,
-            allowed=allowed,
+        *(
+            Port(f"adams.{name}", "parameter", "1", text, TOLERANCE, allowed=TOLERANCES)
+            for name, text in (
+                ("rtol", "relative error of a step of integrator = adams"),
+                ("atol", "absolute error of such a step, in m, rad, m/s and rad/s"),
+            )
         ),
     )
 

@@ -183,17 +183,23 @@ class Track(Table):
     element: Literal["cable", "beam"] | None = None  # of flexible links
     elasticity: Elasticity | None = None  # of cables
     axes: Literal["fixed", "free"] | None = None  # of cables: fixed ones stay in their plane; as the scene needs
-    integrator: Literal["generalized_alpha", "runge_kutta"] | None = None
+    integrator: Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None = None
     step: Duration | None = None  # largest internal step
+    spectral_radius: Annotated[float, Field(ge=0, le=1)] | None = None  # of an implicit integrator; hht: 0.5 at least
+    rtol: Annotated[float, Field(ge=1e-13, le=0.1)] | None = None  # of integrator = 'adams'
+    atol: Annotated[float, Field(ge=1e-13, le=0.1)] | None = None  # the same, in m, rad, m/s and rad/s
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
     link_outputs: LinkOutputs = STANDARD  # groups of ``fmus.link_outputs``
 
     @model_validator(mode="after")
-    def _rigid_links_have_none(self) -> Track:
+    def _fits(self) -> Track:
         for key in ("element", "elasticity", "axes"):
             value = getattr(self, key)
             if self.model == "rigid" and value is not None:
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
+        for key in ("rtol", "atol"):
+            if getattr(self, key) is not None and self.integrator != "adams":
+                raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")
         if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
             raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
         if self.element == "beam" and self.axes is not None:
