@@ -110,8 +110,9 @@ class Sprocket(NamedTuple):
 class Monolith:
     """Chains, chassis and drives of a scene as x' = f(t, x), integrated explicitly.
 
-    By the classical Runge-Kutta method in equal steps, or by Adams' methods of variable step and order (``integrator`` =
-    "adams") to the tolerances ``rtol`` and ``atol``, the latter in the units of the state, which are SI. A driver is no part of that: what he sees at an output he demands until the next one.
+    By the classical Runge-Kutta method in equal steps, or by Adams' methods of variable step and order (``integrator``
+    = "adams") to the tolerances ``rtol`` and ``atol``, the latter in the units of the state, which are SI. A driver is
+    no part of that: what he sees at an output he demands until the next one.
 
     ``connections`` have a source with its outputs and a target with its inputs, by name. Raises InvalidParameter or
     StepFailed where a part cannot start. ``models`` by name are what shows the state; ``step`` is the internal step, s:

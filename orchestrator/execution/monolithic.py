@@ -122,9 +122,9 @@ def run(
 
     The communication step of the scene is that of the outputs. ``refine`` divides the internal step; "adams" as
     ``integrator`` chooses its own by the tolerances (``Monolith``). ``begun``: states of a co-simulation of the scene
-    (``states_at``), from which it goes on to the scene's stop. A ``narration`` is told how far it is. The cost: internal
-    step (the longest that is allowed), wall time, s; steps, evaluations, rejected steps, restarts, mean order. Raises
-    BadInput, BuildFailed or ComponentFailed before the first step.
+    (``states_at``), from which it goes on to the scene's stop. A ``narration`` is told how far it is. The cost:
+    internal step (the longest that is allowed), wall time, s; steps, evaluations, rejected steps, restarts, mean order.
+    Raises BadInput, BuildFailed or ComponentFailed before the first step.
     """
     scene = placed(scene)
     assembly = assemble(scene)

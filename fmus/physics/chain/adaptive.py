@@ -1,7 +1,7 @@
 """A chain over a communication step by Adams' methods of variable order and step, whatever its links are.
 
-What the wheels do changes with each communication step: the methods forget their past there, so that a saved state holds
-all. Impulses and books are quadratures beside the state.
+What the wheels do changes with each communication step: the methods forget their past there, so that a saved state
+holds all. Impulses and books are quadratures beside the state.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
 
 @allocating
 def _evaluate(links, contacts, env, m, rows, t, s, w):
-    """Rates of ``m.y`` into ``m.k``, ``t`` s after the beginning, and of what is summed up. Returns as ``derivative``."""
+    """Rates of ``m.y`` and of all sums into ``m.k``, ``t`` s after the beginning. Returns as ``derivative``."""
     n = m.controlled
     copy(m.y[:n], s.flat[:n])
     move(rows, t, w.moved)
