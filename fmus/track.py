@@ -36,7 +36,18 @@ from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.integrate import generalized_alpha, hht
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
 from fmus.physics.wheels import WIDTH
-from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, start_pose, wheel_state, wrench
+from fmus.ports import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    STATE,
+    TOLERANCE,
+    TOLERANCES,
+    Port,
+    Range,
+    start_pose,
+    wheel_state,
+    wrench,
+)
 from fmus.sentences import Sentence
 from fmus.start import KEYS, start
 
@@ -65,8 +76,6 @@ OUTPUTS = (
     ),
     ("energy.covered", "J", "energy lost so far as spread contacts come to cover other parts of a link"),
 )
-TOLERANCES = Range(1e-13, 0.1, "between 1e-13 and 0.1")  # of Adams' methods
-TOLERANCE = 1e-6
 INTEGRATORS = IMPLICIT, EXPLICIT, HHT, ADAMS = "generalized_alpha", "runge_kutta", "hht", "adams"
 CAUSES = {  # of a failure: implicitly, explicitly
     STALLED: ("Newton's iteration of the chain did not converge", ""),

@@ -27,8 +27,8 @@ from fmus.physics.integrate.adams import EVALUATIONS, ORDERS, REJECTED, RESTARTS
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
-from fmus.ports import STATE, WRENCH
-from fmus.track import ADAMS, EXPLICIT, TOLERANCE, TOLERANCES
+from fmus.ports import STATE, TOLERANCE, TOLERANCES, WRENCH
+from fmus.track import ADAMS, EXPLICIT
 
 RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
 JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.monolith.model import ADAPTIVE, EQUAL, TOLERANCE, Monolith, Part
-from fmus.ports import Port
+from fmus.monolith.model import ADAPTIVE, EQUAL, Monolith, Part
+from fmus.ports import TOLERANCE, Port
+from fmus.vehicle import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.component import LINK_FAMILIES, ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs
@@ -136,6 +137,8 @@ def run(
         )
         if begun is not None:
             clock = clock._replace(done=round(begun.time / clock.step))
+            if clock.done >= clock.steps:
+                raise BadInput(f"run.stop = {scene.run.stop:g} s must be after the states of {begun.time:g} s")
             monolith.begin_at(begun.time, begun.parts)
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None

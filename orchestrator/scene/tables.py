@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fmus.link_outputs import GROUPS, STANDARD
+from fmus.ports import TOLERANCES
 from fmus.vehicle import Distance, Force, In, Mass, Table
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
@@ -159,6 +160,7 @@ class Ground(Table):
     bump: Bump | None = None
 
 
+Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
@@ -186,8 +188,8 @@ class Track(Table):
     integrator: Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None = None
     step: Duration | None = None  # largest internal step
     spectral_radius: Annotated[float, Field(ge=0, le=1)] | None = None  # of an implicit integrator; hht: 0.5 at least
-    rtol: Annotated[float, Field(ge=1e-13, le=0.1)] | None = None  # of integrator = 'adams'
-    atol: Annotated[float, Field(ge=1e-13, le=0.1)] | None = None  # the same, in m, rad, m/s and rad/s
+    rtol: Tolerance | None = None  # of integrator = 'adams'
+    atol: Tolerance | None = None  # the same, in m, rad, m/s and rad/s
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
     link_outputs: LinkOutputs = STANDARD  # groups of ``fmus.link_outputs``
 

@@ -1,13 +1,30 @@
 """Adams' methods: the order of each, error against tolerance, quadratures, jumps; beside scipy's VODE."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import ode
 
 from fmus.physics.integrate import adams as module
 from fmus.physics.integrate.adams import (
-    ERROR, EVALUATIONS, GAMMA, NEXT, ORDER, ORDERS, REJECTED, RESTARTS, RISING, STEPS, accept, accurate, adams, correct,
-    length, predict, restart,
+    ERROR,
+    EVALUATIONS,
+    GAMMA,
+    NEXT,
+    ORDER,
+    ORDERS,
+    REJECTED,
+    RESTARTS,
+    RISING,
+    STEPS,
+    accept,
+    accurate,
+    adams,
+    correct,
+    length,
+    predict,
+    restart,
 )  # fmt: skip
 
 RATES = np.array([1.0, 3.0, 7.0])  # rad/s
@@ -57,7 +74,7 @@ def in_equal_steps(k, steps, off=1.0):
     past = [circle(0.0, on_circle(-i * h)) for i in range(k + 1)]
     for i in range(k + 1):
         m.phi[i] = past[0]
-        past = [one - other for one, other in zip(past, past[1:], strict=False)]
+        past = [one - other for one, other in pairwise(past)]
     m.psi[0] = h * np.arange(1, m.psi.shape[1] + 1)
     m.x[:] = on_circle(0.0)
     for _ in range(round(end / h)):

@@ -277,8 +277,14 @@ def test_every_integrator_is_here():
         (Flexible, SOFT, "runge_kutta", (1e-3, 5e-4, 2.5e-4), 5.0, 4.3),
     ],
     ids=[
-        "rigid-implicit", "rigid-hht", "rigid-explicit", "steel-implicit", "soft-hht", "soft-implicit", "soft-explicit"
-    ],  # fmt: skip
+        "rigid-implicit",
+        "rigid-hht",
+        "rigid-explicit",
+        "steel-implicit",
+        "soft-hht",
+        "soft-implicit",
+        "soft-explicit",
+    ],
 )
 def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, energy, angular):
     """Two-sided rates; Runge-Kutta of order 4 loses energy at order 5. Rigid links turn about all three axes."""

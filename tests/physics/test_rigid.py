@@ -219,7 +219,8 @@ ALPHA = generalized_alpha.coefficients
 
 
 @pytest.mark.parametrize(
-    ("method", "radius"), [(ALPHA, 0.0), (ALPHA, 0.5), (ALPHA, 0.8), (ALPHA, 1.0), *((hht.coefficients, r) for r in (0.5, 0.8, 1.0))]
+    ("method", "radius"),
+    [(ALPHA, 0.0), (ALPHA, 0.5), (ALPHA, 0.8), (ALPHA, 1.0), *((hht.coefficients, r) for r in (0.5, 0.8, 1.0))],
 )
 def test_implicit_methods_are_of_second_order(method, radius: float):
     assert generalized_alpha.order == hht.order == 2
@@ -236,14 +237,16 @@ def test_a_gamma_that_is_off_by_some_per_cent_is_of_first_order():
 
 
 def test_hht_is_newmarks_method_with_averaged_forces():
-    """Hilber, Hughes, Taylor 1977: alpha = -0.1 has beta = 0.3025 and gamma = 0.6; its forces are of the new end only."""
+    """Hilber, Hughes, Taylor 1977: alpha = -0.1 has beta = 0.3025 and gamma = 0.6."""
     c = hht.coefficients(9.0 / 11.0)
     assert c == pytest.approx((0.0, 0.1, 0.3025, 0.6), rel=1e-12)
     assert hht.coefficients(1.0) == pytest.approx((0.0, 0.0, 0.25, 0.5))  # the trapezoidal rule
     assert hht.coefficients(hht.LEAST).alpha_f == pytest.approx(1.0 / 3.0)
 
 
-@pytest.mark.parametrize(("method", "radius"), [(ALPHA, 0.3), (ALPHA, 0.8), (hht.coefficients, 0.6), (hht.coefficients, 0.8)])
+@pytest.mark.parametrize(
+    ("method", "radius"), [(ALPHA, 0.3), (ALPHA, 0.8), (hht.coefficients, 0.6), (hht.coefficients, 0.8)]
+)
 def test_spectral_radius_at_infinite_frequency(method, radius: float):
     sizes = [abs(oscillate(method(radius), 1e6, 1.0, n)[0]) for n in (40, 80)]
     assert (sizes[1] / sizes[0]) ** (1 / 40) == pytest.approx(radius, rel=0.08)
