@@ -131,14 +131,15 @@ def run(
     assembly = assemble(scene)
     graph = system(assembly)
     clock = master.Clock(scene.run.step, scene.run.steps)
+    if begun is not None:
+        clock = clock._replace(done=round(begun.time / clock.step))
+        if clock.done >= clock.steps:
+            raise BadInput(f"run.stop = {scene.run.stop:g} s must be after the states of {begun.time:g} s")
     try:
         monolith = Monolith(
             parts_of(assembly), assembly.connections, refine, integrator=integrator, rtol=rtol, atol=atol
         )
         if begun is not None:
-            clock = clock._replace(done=round(begun.time / clock.step))
-            if clock.done >= clock.steps:
-                raise BadInput(f"run.stop = {scene.run.stop:g} s must be after the states of {begun.time:g} s")
             monolith.begin_at(begun.time, begun.parts)
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None
