@@ -27,13 +27,13 @@ from fmus.physics.integrate.adams import EVALUATIONS, ORDERS, REJECTED, RESTARTS
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
-from fmus.ports import STATE, WRENCH
+from fmus.ports import STATE, TOLERANCE, TOLERANCES, WRENCH
+from fmus.track import ADAMS, EXPLICIT
 
 RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
 JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
 LONGEST = 1e-3  # s, internal step where nothing else bounds it
-TOLERANCE = 1e-6  # of Adams' methods, relative and in units of the state
-INTEGRATORS = EQUAL, ADAPTIVE = "runge_kutta", "adams"
+INTEGRATORS = EQUAL, ADAPTIVE = EXPLICIT, ADAMS
 
 
 CHAINS = ("TrackFlexible", "TrackRigid")  # the kinds of parts that are chains
@@ -110,8 +110,9 @@ class Sprocket(NamedTuple):
 class Monolith:
     """Chains, chassis and drives of a scene as x' = f(t, x), integrated explicitly.
 
-    By the classical Runge-Kutta method in equal steps, or by Adams' methods of variable step and order (``integrator`` =
-    "adams") to the tolerances ``rtol`` and ``atol``, the latter in the units of the state, which are SI. A driver is no part of that: what he sees at an output he demands until the next one.
+    By the classical Runge-Kutta method in equal steps, or by Adams' methods of variable step and order (``integrator``
+    = "adams") to the tolerances ``rtol`` and ``atol``, the latter in the units of the state, which are SI. A driver is
+    no part of that: what he sees at an output he demands until the next one.
 
     ``connections`` have a source with its outputs and a target with its inputs, by name. Raises InvalidParameter or
     StepFailed where a part cannot start. ``models`` by name are what shows the state; ``step`` is the internal step, s:
@@ -132,8 +133,8 @@ class Monolith:
         if integrator not in INTEGRATORS:
             raise InvalidParameter(f"integrator = '{integrator}': a monolith has {' and '.join(INTEGRATORS)}")
         for name, tolerance in (("rtol", rtol), ("atol", atol)):
-            if not 1e-13 <= tolerance < 1.0:
-                raise InvalidParameter(f"{name} = {tolerance:g} must be at least 1e-13 and below 1")
+            if not TOLERANCES.least <= tolerance <= TOLERANCES.most:
+                raise InvalidParameter(f"{name} = {tolerance:g}: must be {TOLERANCES.text}")
         self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
         self._kinds = {part.name: part.kind for part in parts}
         self._mirrored = _alike(parts) if halved else {}

@@ -24,9 +24,9 @@ from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.outcome import SINGULAR, Outcome
-from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
+from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port, Range
-from fmus.track import IMPLICIT, TrackModel, spectral_radius
+from fmus.track import ADAMS, EXPLICIT, TrackModel, alpha, integration
 from fmus.track_closure import PIN, SPRING, closure
 
 STILL = 1e-3  # residual of static equilibrium, N
@@ -91,7 +91,7 @@ class Model(TrackModel):
                 m["relaxation_time"],
                 allowed=NOT_NEGATIVE,
             ),
-            spectral_radius(),
+            *integration(),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
             *(closure() if self.closed else ()),
         )
@@ -122,7 +122,7 @@ class Model(TrackModel):
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
-        self.method = Method(coefficients(p["spectral_radius"]), p["tolerance"], True)
+        self.method = Method(alpha(p), p["tolerance"], True)
         closed_by = p.get("closure", PIN)
         self.closing = Spring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
         beam = element == "beam"
@@ -141,7 +141,7 @@ class Model(TrackModel):
     def free(self, p: Mapping[str, Any]) -> Free:
         """Besides: the tolerance and, where no step is derived from it, the damping."""
         free = super().free(p)
-        if p["integrator"] != IMPLICIT:
+        if p["integrator"] in (EXPLICIT, ADAMS):
             return free
         tau, numbers = "{material.relaxation_time}", {"scheme.tolerance": "{tolerance}"}
         if p["element"] == "beam":

@@ -18,10 +18,10 @@ from fmus.physics.chain.rigid.newton import FORCE
 from fmus.physics.chain.rigid.release import let_go, show
 from fmus.physics.chain.rigid.state import State, shapes
 from fmus.physics.chain.rigid.work import work
-from fmus.physics.integrate.generalized_alpha import BACKWARD, coefficients
+from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import Ends
 from fmus.ports import Port
-from fmus.track import TrackModel, spectral_radius
+from fmus.track import TrackModel, alpha, integration
 
 REST = Method(BACKWARD, 0.01 * FORCE, False)  # towards static equilibrium
 
@@ -34,7 +34,7 @@ class Model(TrackModel):
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Integration of the links."""
-        return (spectral_radius(),)
+        return integration()
 
     def shapes(self) -> state.Shapes:
         """Of the views into the chain's state."""
@@ -42,7 +42,7 @@ class Model(TrackModel):
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from the vehicle table."""
-        self.method = Method(coefficients(p["spectral_radius"]), FORCE, True)
+        self.method = Method(alpha(p), FORCE, True)
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.monolith.model import ADAPTIVE, EQUAL, TOLERANCE, Monolith, Part
-from fmus.ports import Port
+from fmus.monolith.model import ADAPTIVE, EQUAL, Monolith, Part
+from fmus.ports import TOLERANCE, Port
+from fmus.vehicle import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.component import LINK_FAMILIES, ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs
@@ -122,20 +123,23 @@ def run(
 
     The communication step of the scene is that of the outputs. ``refine`` divides the internal step; "adams" as
     ``integrator`` chooses its own by the tolerances (``Monolith``). ``begun``: states of a co-simulation of the scene
-    (``states_at``), from which it goes on to the scene's stop. A ``narration`` is told how far it is. The cost: internal
-    step (the longest that is allowed), wall time, s; steps, evaluations, rejected steps, restarts, mean order. Raises
-    BadInput, BuildFailed or ComponentFailed before the first step.
+    (``states_at``), from which it goes on to the scene's stop. A ``narration`` is told how far it is. The cost:
+    internal step (the longest that is allowed), wall time, s; steps, evaluations, rejected steps, restarts, mean order.
+    Raises BadInput, BuildFailed or ComponentFailed before the first step.
     """
     scene = placed(scene)
     assembly = assemble(scene)
     graph = system(assembly)
     clock = master.Clock(scene.run.step, scene.run.steps)
+    if begun is not None:
+        clock = clock._replace(done=round(begun.time / clock.step))
+        if clock.done >= clock.steps:
+            raise BadInput(f"run.stop = {scene.run.stop:g} s must be after the states of {begun.time:g} s")
     try:
         monolith = Monolith(
             parts_of(assembly), assembly.connections, refine, integrator=integrator, rtol=rtol, atol=atol
         )
         if begun is not None:
-            clock = clock._replace(done=round(begun.time / clock.step))
             monolith.begin_at(begun.time, begun.parts)
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None

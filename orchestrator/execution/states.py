@@ -1,7 +1,7 @@
 """The states of all parts of a scene at one time of its co-simulation, kept by content: where other runs begin.
 
-An explicit method takes a million evaluations for a second of steel links: it is asked for a short piece of a drive, and
-the seconds that lead there are the implicit co-simulation's.
+An explicit method takes half a million evaluations for a second of steel links: it is asked for a short piece of a
+drive, and the seconds that lead there are the implicit co-simulation's.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fmus.link_outputs import GROUPS, STANDARD
+from fmus.ports import TOLERANCES
 from fmus.vehicle import Distance, Force, In, Mass, Table
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
@@ -159,6 +160,7 @@ class Ground(Table):
     bump: Bump | None = None
 
 
+Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
@@ -186,17 +188,23 @@ class Track(Table):
     closure: Literal["pin", "spring"] | None = None  # of a loop: how its last link is joined to its first
     closure_stiffness: Annotated[float, In("N/m", gt=0)] | None = None  # of the spring, and its damping
     closure_damping: Annotated[float, In("N s/m", ge=0)] | None = None
-    integrator: Literal["generalized_alpha", "runge_kutta"] | None = None
+    integrator: Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None = None
     step: Duration | None = None  # largest internal step
+    spectral_radius: Annotated[float, Field(ge=0, le=1)] | None = None  # of an implicit integrator; hht: 0.5 at least
+    rtol: Tolerance | None = None  # of integrator = 'adams'
+    atol: Tolerance | None = None  # the same, in m, rad, m/s and rad/s
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
     link_outputs: LinkOutputs = STANDARD  # groups of ``fmus.link_outputs``
 
     @model_validator(mode="after")
-    def _rigid_links_have_none(self) -> Track:
+    def _fits(self) -> Track:
         for key in ("element", "elasticity", "axes"):
             value = getattr(self, key)
             if self.model == "rigid" and value is not None:
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
+        for key in ("rtol", "atol"):
+            if getattr(self, key) is not None and self.integrator != "adams":
+                raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")
         if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
             raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
         if self.element == "beam" and self.axes is not None:

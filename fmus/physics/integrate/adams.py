@@ -1,17 +1,17 @@
 """Adams' predictor-corrector methods of variable order and step, as the formulas of a step (PECE).
 
-Shampine, Gordon, Computer Solution of Ordinary Differential Equations, Freeman, 1975, chapters 5 to 10; Krogh's modified
-divided differences also in Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.5. For n + 1, of
-order k, with the sums of the last steps psi_i(n + 1) = h_{n+1} + ... + h_{n+2-i}:
+Shampine, Gordon, Computer Solution of Ordinary Differential Equations, Freeman, 1975, chapters 5 to 10; Krogh's
+modified divided differences also in Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.5. For
+n + 1, of order k, with the sums of the last steps psi_i(n + 1) = h_{n+1} + ... + h_{n+2-i}:
 
     beta_1 = 1, beta_i = prod_{j<i} psi_j(n + 1) / psi_j(n),  phi*_i = beta_i phi_i(n)
     p = x + h sum_{i<=k} g_i phi*_i                              Adams-Bashforth, then f_p = f(t + h, p)
     x(n + 1) = p + h g_{k+1} (f_p - sum_{i<=k} phi*_i)           Adams-Moulton, of order k + 1
     phi_1(n + 1) = f(t + h, x(n + 1)),  phi_{i+1}(n + 1) = phi_i(n + 1) - phi*_i
 
-An error is the root mean square of what it is of ``rtol`` |x| + ``atol``, in the numbers that are controlled; quadratures
-behind them run through the same formulas, so that the impulse of a force is what the momentum gets of it, to rounding.
-The model owns the compiled loop (kernels call kernels by import); f goes into ``m.k``, at the argument ``m.y``:
+An error is the root mean square of what it is of ``rtol`` |x| + ``atol``, in the numbers that are controlled;
+quadratures behind them run through the same formulas, so that the impulse of a force is what the momentum gets of it,
+to rounding. The model owns the compiled loop (kernels call kernels by import); f of ``m.y`` goes into ``m.k``:
 
     restart(m, longest)                  # with f(x) in m.k
     while t < end:
@@ -23,8 +23,8 @@ The model owns the compiled loop (kernels call kernels by import); f goes into `
         accept(m, h)
         t += h
 
-A projection after each step does no harm to the past that a method remembers: Eich, Convergence results for a coordinate
-projection method applied to mechanical systems with algebraic constraints, SIAM J. Numer. Anal. 30, 1993,
+A projection after each step does no harm to the past that a method remembers: Eich, Convergence results for a
+coordinate projection method applied to mechanical systems with algebraic constraints, SIAM J. Numer. Anal. 30, 1993,
 doi:10.1137/0730076.
 """
 
