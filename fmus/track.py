@@ -250,7 +250,6 @@ class TrackModel(Component):
         self.counters[:] = 0
         self.state[:] = 0.0
         self.prepare(p)
-        self.slopes = slopes(self.s)
         self._start(p["start"], p.get("start.spin", 0.0))
         oval = p.get("start.ovalling", 0.0)
         if oval:
@@ -276,6 +275,7 @@ class TrackModel(Component):
     def run_as_set(self) -> None:
         """Steps are from here on those of ``integrator`` with what was prepared."""
         explicit = self.integrator == EXPLICIT
+        self.slopes = slopes(self.s)
         self.stepping = steps.explicit if explicit else steps.implicit
         self.begin(
             self._parameters,
