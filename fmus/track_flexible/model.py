@@ -17,13 +17,13 @@ from fmus.physics.chain.flexible.closing import Spring
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD
-from fmus.physics.chain.flexible.places import straight
+from fmus.physics.chain.flexible.places import places, straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import EVALUATE, LET_GO, REST, release
+from fmus.physics.chain.flexible.release import EVALUATE, LET_GO, REST, let_go, release
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
-from fmus.physics.chain.outcome import SINGULAR, Outcome
+from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port, Range
 from fmus.track import ADAMS, EXPLICIT, TrackModel, alpha, integration
@@ -35,6 +35,7 @@ SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 # coordinates of a pin; vectors of a link, components of a vector
 ELEMENTS = {"cable": (NODE, (4, 3)), "planar": (PLANAR_NODE, (4, 2)), "beam": (BEAM_NODE, (8, 3))}
 AXES = ("fixed", "free")
+JOINTS = ELIMINATED, CONSTRAINED = "eliminated", "constrained"
 FINE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
 
 
@@ -42,7 +43,7 @@ class Model(TrackModel):
     """Cables or beams with pins eliminated, integrated implicitly or explicitly."""
 
     State = State
-    element, axes, closure = "cable", "fixed", PIN
+    element, axes, closure, joints = "cable", "fixed", PIN, ELIMINATED
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Material and integration of the links."""
@@ -91,6 +92,15 @@ class Model(TrackModel):
                 m["relaxation_time"],
                 allowed=NOT_NEGATIVE,
             ),
+            Port(
+                "joints",
+                "parameter",
+                "1",
+                "the pins of cables: eliminated, shared coordinates and no equations; constrained, coordinates of each"
+                " link's own and equations with multipliers",
+                ELIMINATED,
+                JOINTS,
+            ),
             *integration(),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
             *(closure() if self.closed else ()),
@@ -103,12 +113,18 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.axes_state import SIZE
 
             axes = SIZE
-        return shapes(*ELEMENTS[self.element], self.links_count, self.mesh, len(self.wheel_list), axes, self.felt)
+        element = ELEMENTS[self.element]
+        if self.joints == CONSTRAINED:
+            from fmus.physics.chain.flexible.constrained import ELEMENT
+            from fmus.physics.chain.flexible.constrained import NODE as OWN
+
+            element = OWN, ELEMENT
+        return shapes(*element, self.links_count, self.mesh, len(self.wheel_list), axes, self.felt)
 
     @property
     def mesh(self) -> int:
-        """Pins of the mesh: a loop that a spring closes has its cut pin twice."""
-        return self.nodes + (self.closure == SPRING)
+        """Pins of the mesh: a loop that a spring closes has one of them twice, a link that shares none has 2."""
+        return 2 * self.links_count if self.joints == CONSTRAINED else self.nodes + (self.closure == SPRING)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
@@ -121,6 +137,10 @@ class Model(TrackModel):
             raise InvalidParameter(f"axes = 'free' needs element = 'cable': a {element} has no use for them")
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
+        if p["joints"] == CONSTRAINED and (element != "cable" or axes != "fixed"):
+            raise InvalidParameter(
+                f"joints = '{CONSTRAINED}' needs element = 'cable' and axes = 'fixed', not '{element}' and '{axes}'"
+            )
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
         self.method = Method(alpha(p), p["tolerance"], True)
         closed_by = p.get("closure", PIN)
@@ -130,13 +150,35 @@ class Model(TrackModel):
         axial = young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # of a link, N
         self.kit = kit(type(self.link))
-        if (element, axes, closed_by) != (self.element, self.axes, self.closure):
-            self.element, self.axes, self.closure = element, axes, closed_by
+        kind = element, axes, closed_by, ELIMINATED  # so it starts
+        if kind != (self.element, self.axes, self.closure, self.joints):
+            self.element, self.axes, self.closure, self.joints = kind
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = work(self.kit, self.links_count, self.mesh, len(self.wheel_list), self.felt)
+        self._run_with = p["joints"]
         self.stable = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
+
+    def run_as_set(self) -> None:
+        """Links of a chain that has begun are given coordinates of their own where that is asked for."""
+        if self._run_with == CONSTRAINED and self.joints == ELIMINATED:
+            self._constrain()
+        super().run_as_set()
+
+    def _constrain(self) -> None:
+        """The same motion of links that share no pins, and the accelerations of those."""
+        from fmus.physics.chain.flexible import constrained
+
+        whole, rows = self.s, len(self.work.M)
+        at = places(self.kit, whole.q, rows, self.links_count)
+        self.joints, self.kit, self.link = CONSTRAINED, constrained, constrained.ConstrainedCables(*self.link)
+        self.allocate()
+        own = places(constrained, self.s.q, rows, self.links_count)
+        for now, before in ((self.s.q, whole.q), (self.s.v, whole.v)):
+            now.reshape(-1)[own] = before.reshape(-1)[at]
+        self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.felt)
+        self._let_go()
 
     def free(self, p: Mapping[str, Any]) -> Free:
         """Besides: the tolerance and, where no step is derived from it, the damping."""
@@ -282,7 +324,11 @@ class Model(TrackModel):
 
     def _let_go(self, rest: bool = False) -> None:
         """Accelerations of the start, with ``rest`` after equilibrium, and what they show of the state as it stands."""
-        failure, _, link, residual = self._do(REST if rest else LET_GO)
+        if self.joints == CONSTRAINED:  # it has begun: nothing else is asked of it, and not compiled
+            link = let_go(*self.system(), self.start_rows, self.s, self.work, self.report)
+            failure, residual = SINGULAR if link >= 0 else DONE, 0.0
+        else:
+            failure, _, link, residual = self._do(REST if rest else LET_GO)
         if failure == SINGULAR:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
         if failure:

@@ -185,6 +185,7 @@ class Track(Table):
     element: Literal["cable", "beam"] | None = None  # of flexible links
     elasticity: Elasticity | None = None  # of cables
     axes: Literal["fixed", "free"] | None = None  # of cables: fixed ones stay in their plane; as the scene needs
+    joints: Literal["eliminated", "constrained"] | None = None  # of cables: pins without equations, or with multipliers
     closure: Literal["pin", "spring"] | None = None  # of a loop: how its last link is joined to its first
     closure_stiffness: Annotated[float, In("N/m", gt=0)] | None = None  # of the spring, and its damping
     closure_damping: Annotated[float, In("N s/m", ge=0)] | None = None
@@ -198,7 +199,7 @@ class Track(Table):
 
     @model_validator(mode="after")
     def _fits(self) -> Track:
-        for key in ("element", "elasticity", "axes"):
+        for key in ("element", "elasticity", "axes", "joints"):
             value = getattr(self, key)
             if self.model == "rigid" and value is not None:
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
@@ -209,6 +210,8 @@ class Track(Table):
             raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
         if self.element == "beam" and self.axes is not None:
             raise ValueError(f"axes = '{self.axes}' needs element = 'cable': beams turn with their pins")
+        if self.joints == "constrained" and (self.element == "beam" or self.axes == "free"):
+            raise ValueError("joints = 'constrained' needs element = 'cable' and axes = 'fixed'")
         return self
 
     @model_validator(mode="after")

@@ -25,10 +25,11 @@ class Spring(NamedTuple):
 
 
 @kernel
-def pull(spring, dims, x, w, by_rate, tangent):
+def pull(spring, at, dims, x, w, by_rate, tangent):
     """The ``spring``, or None, on the residuals ``w.b`` of the two pins; with ``tangent`` on the matrix.
 
-    ``dims``: components of a place, the first coordinates of a pin. Books the power of the damper.
+    ``at``: the links' Layout, ``dims``: components of a place, the first coordinates of a pin. Books the power of the
+    damper. Links that share no pins keep the matrix in the corners alone, see ``constrained_joints``.
     """
     if spring is not None:
         last = x.q.shape[0] - 1
@@ -40,8 +41,9 @@ def pull(spring, dims, x, w, by_rate, tangent):
             w.sums[POWER] += spring.damping * rate * rate
             if tangent:
                 stiff = spring.stiffness + by_rate * spring.damping
-                w.A[0, k, k] += stiff
-                w.A[last, k, k] += stiff
+                if len(at.pins) == 1:
+                    w.A[0, k, k] += stiff
+                    w.A[last, k, k] += stiff
                 w.L[0, k, k] -= stiff
                 w.U[last, k, k] -= stiff
 

@@ -15,6 +15,8 @@ from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes import follow, rates, sideways_frequency, square, swing
 from fmus.physics.chain.flexible.closing import square_of_frequency
 from fmus.physics.chain.flexible.condensation import correct
+from fmus.physics.chain.flexible.joints import close as join
+from fmus.physics.chain.flexible.joints import misfit
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.integrate.generalized_alpha import Slopes
 
@@ -35,8 +37,9 @@ def accelerations(links, contacts, env, s, w):
     change, x = w.change[0], Motion(s.q, s.v, w.still, s.axes)
     follow(links, x, w)
     evaluate(links, contacts, env, x, NOTHING, w, False)
-    swing(links, x, w)
     change[:] = 0.0
+    misfit(links, change, w)
+    swing(links, x, w)
     correct(links, w, Motion(change, w.change[1], w.change[1], s.axes), NOTHING, np.inf)
 
 
@@ -72,6 +75,7 @@ def keep_residuals(s, w):
 
 @kernel
 def close(links, s, w):
-    """The pins are eliminated and do not drift."""
+    """See ``kinds``."""
     square(links, s)
+    join(links, s, w)
     return -1
