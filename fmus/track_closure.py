@@ -1,4 +1,4 @@
-"""How a loop of links is closed: by the last pin as by all others, or, as paper 8.1 does, by a stiff spring at a cut."""
+"""How a loop of links is closed: by the last pin as by all others, or, as in paper 8.1, by a stiff spring at a cut."""
 
 from __future__ import annotations
 

@@ -183,6 +183,10 @@ class Track(Table):
     element: Literal["cable", "beam"] | None = None  # of flexible links
     elasticity: Elasticity | None = None  # of cables
     axes: Literal["fixed", "free"] | None = None  # of cables: fixed ones stay in their plane; as the scene needs
+    formulation: Literal["augmented", "recursive"] | None = None  # of rigid links
+    closure: Literal["pin", "spring"] | None = None  # of a loop: how its last link is joined to its first
+    closure_stiffness: Annotated[float, In("N/m", gt=0)] | None = None  # of the spring, and its damping
+    closure_damping: Annotated[float, In("N s/m", ge=0)] | None = None
     integrator: Literal["generalized_alpha", "runge_kutta"] | None = None
     step: Duration | None = None  # largest internal step
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
@@ -194,10 +198,20 @@ class Track(Table):
             value = getattr(self, key)
             if self.model == "rigid" and value is not None:
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
+        if self.model == "flexible" and self.formulation is not None:
+            raise ValueError(f"formulation = '{self.formulation}' needs model = 'rigid': flexible links have none")
         if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
             raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
         if self.element == "beam" and self.axes is not None:
             raise ValueError(f"axes = '{self.axes}' needs element = 'cable': beams turn with their pins")
+        return self
+
+    @model_validator(mode="after")
+    def _springs_close(self) -> Track:
+        for key in ("closure_stiffness", "closure_damping"):
+            value = getattr(self, key)
+            if self.closure != "spring" and value is not None:
+                raise ValueError(f"{key} = {value} needs closure = 'spring': a pin has none")
         return self
 
 
