@@ -13,11 +13,10 @@ from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.rigid.equilibrium import settle
 from fmus.physics.chain.rigid.explicit import LIMIT, longest
-from fmus.physics.chain.rigid.jointed import JointedLinks
 from fmus.physics.chain.rigid.joints import count, fold
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import FORCE
-from fmus.physics.chain.rigid.release import let_go, show
+from fmus.physics.chain.rigid.release import let_go, show, stretch
 from fmus.physics.chain.rigid.state import State, shapes
 from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD, coefficients
@@ -77,7 +76,11 @@ class Model(TrackModel):
             spring = Spring(p["closure.stiffness"], p["closure.damping"])
         half = 0.5 * self.pitch
         self.rigid = RigidLinks(half, v["face"], 0.25 * v["width"], v["mass"], inertia, ends, spring)
-        self.link = JointedLinks(self.rigid) if self.formulation == RECURSIVE else self.rigid
+        self.link: Any = self.rigid
+        if self.formulation == RECURSIVE:
+            from fmus.physics.chain.rigid.jointed import JointedLinks
+
+            self.link = JointedLinks(self.rigid)
         self.stable = min(LIMIT, longest(spring, half, v["mass"], inertia[1]))
         self.work = work(self.links_count, self.closed, len(self.wheel_list), self.felt, self.joints)
 
@@ -114,7 +117,12 @@ class Model(TrackModel):
 
     def _let_go(self) -> None:
         """Accelerations of the start."""
-        failed = let_go(self.rigid, self.contacts, self.environment, self.s, self.work, self.report)
+        chain = self.contacts, self.environment, self.s, self.work
+        failed = -1
+        if self.rigid.spring != PIN:
+            failed = stretch(self.rigid._replace(spring=PIN), self.rigid, *chain)
+        if failed < 0:
+            failed = let_go(self.rigid, *chain, self.report)
         if failed >= 0:
             raise StepFailed(f"the accelerations of the start were not found: link {failed + 1}")
         self._fold()

@@ -105,6 +105,14 @@ def settle_forces(links, contacts, env, s, w):
     """See ``kinds``."""
 
 
+@kernel
+def displace(s, w):
+    """Move the links by the increments of the system."""
+    for i in range(s.q.shape[0]):
+        body.advance(s.q[i], w.system.dx[i], w.before.q[i])
+        copy(w.before.q[i], s.q[i])
+
+
 @allocating
 def close(links, s, w):
     """Close the pins in position, then in velocity, with the factors of the last stage; see ``kinds``."""
@@ -123,9 +131,7 @@ def close(links, s, w):
         if gap <= GAP:
             break
         augmented.solve(links.half, ends, y)
-        for i in range(s.q.shape[0]):
-            body.advance(s.q[i], y.dx[i], w.before.q[i])
-            copy(w.before.q[i], s.q[i])
+        displace(s, w)
     augmented.rates(links.half, ends, y, s.v)
     augmented.solve(links.half, ends, y)
     add_share(1.0, y.dx, s.v)
