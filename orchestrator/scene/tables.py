@@ -185,6 +185,7 @@ class Track(Table):
     element: Literal["cable", "beam"] | None = None  # of flexible links
     elasticity: Elasticity | None = None  # of cables
     axes: Literal["fixed", "free"] | None = None  # of cables: fixed ones stay in their plane; as the scene needs
+    formulation: Literal["augmented", "recursive"] | None = None  # of rigid links
     joints: Literal["eliminated", "constrained"] | None = None  # of cables: pins without equations, or with multipliers
     closure: Literal["pin", "spring"] | None = None  # of a loop: how its last link is joined to its first
     closure_stiffness: Annotated[float, In("N/m", gt=0)] | None = None  # of the spring, and its damping
@@ -203,6 +204,8 @@ class Track(Table):
             value = getattr(self, key)
             if self.model == "rigid" and value is not None:
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
+        if self.model == "flexible" and self.formulation is not None:
+            raise ValueError(f"formulation = '{self.formulation}' needs model = 'rigid': flexible links have none")
         for key in ("rtol", "atol"):
             if getattr(self, key) is not None and self.integrator != "adams":
                 raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")

@@ -13,6 +13,10 @@ def _of(links: type) -> Any:
         from fmus.physics.chain.rigid import dynamics as rigid
 
         return rigid
+    if links.__name__ == "JointedLinks":
+        from fmus.physics.chain.rigid import jointed
+
+        return jointed
     from fmus.physics.chain.flexible import dynamics as flexible
 
     return flexible

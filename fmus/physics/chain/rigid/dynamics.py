@@ -7,6 +7,7 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.report import write
+from fmus.physics.chain.rigid.closing import strain
 from fmus.physics.chain.rigid.explicit import close, derivative, settle_forces  # noqa: F401 - behind the door
 from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.speed import chain_speed
@@ -43,7 +44,7 @@ def observe(links, env, s, w, report):
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         kinetic += body.kinetic(links.mass, links.inertia, s.v[i])
         height += s.q[i, 2]
-    energy = kinetic, 0.0, links.mass * env.gravity * height
+    energy = kinetic, strain(links, s, w), links.mass * env.gravity * height
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], (low, mean, high, 0.0), energy)
 
 
