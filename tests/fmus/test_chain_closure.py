@@ -190,7 +190,10 @@ def test_counts_of_coordinates_and_equations():
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"element": "beam"}, "joints = 'constrained' needs element = 'cable' and axes = 'fixed', not 'beam' and 'fixed'"),
+        (
+            {"element": "beam"},
+            "joints = 'constrained' needs element = 'cable' and axes = 'fixed', not 'beam' and 'fixed'",
+        ),
         ({"element": "planar"}, "needs element = 'cable' .* not 'planar'"),
     ],
 )

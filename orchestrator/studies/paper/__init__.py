@@ -8,7 +8,6 @@ end, a count that is off. A statement that does not hold does not.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,15 +20,13 @@ from orchestrator.studies.tables import Row, Table
 
 TITLE = "The paper's comparison"
 KEEPS = True  # logs below the folder of the study, which its cases are told
-MINUTES = 25  # of the long form on two cores, roughly
+LASTS = "about 25 minutes on two cores, besides compiling"  # the long form
 
 
 def cases(quick: bool, folder: Path) -> list[Case]:
-    """Whole runs of all models, then what is timed; says before how long the long form takes."""
+    """Whole runs of all models, then what is timed."""
     piece = pieces.QUICK if quick else pieces.LONG
     numbers = links.QUICK if quick else links.LINKS
-    if not quick:
-        print(f"study paper: about {MINUTES} minutes on two cores, besides compiling", file=sys.stderr, flush=True)
     moduli = (*((CLOSED.name, E) for E in modulus.MODULI), (RIGID.name, float("nan")))
     return [
         Case("run", "whole runs", whole_runs.rows, (str(folder.absolute()),), 100.0, 7200.0),

@@ -300,6 +300,12 @@ def pin_axes(links, s, w, axis):
 
 
 @kernel
+def slopes(links, s, w, found):
+    """See ``kinds``."""
+    dynamics.slopes(links.rigid, s, w, found)
+
+
+@kernel
 def fibres(links, s, w, stress):
     """See ``kinds``."""
     dynamics.fibres(links.rigid, s, w, stress)
