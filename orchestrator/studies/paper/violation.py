@@ -20,7 +20,7 @@ from orchestrator.scene.scene import TrackScene
 from orchestrator.studies.paper.states import model, saved
 
 TRACK = "left_track"
-POSE = 7  # numbers of a rigid link's place
+POSE, SLOPE_Y = 7, 4  # numbers of a rigid link's place; which of a cable's node is the slope along its pin
 LEVELS = ("position", "velocity", "acceleration")
 
 
@@ -39,20 +39,31 @@ def of(file: Path, scene: TrackScene) -> dict[str, float]:
         found = []
         for _, states in saved(log):
             chain.state[:] = states[TRACK]
-            found.append(violated(chain))
+            found.append(violated(chain, scene.track.closure == "spring"))
     most = {key: np.max([getattr(each, key) for each in found], axis=0) for key in Violation._fields}
     told = {f"{level}_{key}": float(most[key][k]) for k, level in enumerate(LEVELS) for key in most}
     return {**told, "instants": float(len(found))}
 
 
-def violated(chain: Any) -> Violation:
-    """Of a chain's model as its state stands."""
-    s = chain.s
+def violated(chain: Any, cut: bool) -> Violation:
+    """Of a chain's model as its state stands; ``cut``: a spring closes it."""
+    s, n = chain.s, chain.links_count
     if s.q.shape[-1] == POSE:
-        return of_poses(s.q, s.v, s.vdot, 0.5 * chain.pitch, getattr(chain, "closure", "pin") == "spring")
-    cut = [float(np.linalg.norm(each[-1, :3] - each[0, :3])) for each in (s.q, s.v, s.vdot)]
-    opened = len(s.q) > chain.links_count
-    return Violation(np.zeros(3), np.zeros(3), np.array(cut) if opened else np.zeros(3))  # one number for both sides
+        return of_poses(s.q, s.v, s.vdot, 0.5 * chain.pitch, cut)
+    levels = s.q, s.v, s.vdot
+    if len(s.q) == 2 * n:  # each link has coordinates of its own
+        return of_links(*levels, cut)
+    parted = np.array([np.linalg.norm(each[-1, :3] - each[0, :3]) for each in levels])
+    return Violation(np.zeros(3), np.zeros(3), parted * cut)  # one number for both sides of each joint
+
+
+def of_links(q: Floats, v: Floats, a: Floats, cut: bool) -> Violation:
+    """Of a loop of cables with nodes of their own (2 n, 6), place and slope: paper (2) about y, which is linear."""
+    joints = slice(None, -1 if cut else None)
+    apart = [each[1::2] - np.roll(each[::2], -1, axis=0) for each in (q, v, a)]
+    gaps = np.array([np.linalg.norm(each[:, :3], axis=1) for each in apart])
+    tilts = np.array([np.abs(each[:, SLOPE_Y]) for each in apart])
+    return Violation(gaps[:, joints].max(axis=1), tilts[:, joints].max(axis=1), gaps[:, -1] * cut)
 
 
 def of_poses(q: Floats, v: Floats, a: Floats, half: float, cut: bool = False) -> Violation:

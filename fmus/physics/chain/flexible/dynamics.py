@@ -77,7 +77,8 @@ def slopes(links, s, w, found):
     """See ``kinds``."""
     rows = s.residual.shape[1]
     for i in range(links.n):
-        gather(links, s.q, i, i + 1 if i + 1 < s.q.shape[0] else 0, w.e)
+        first, second = ends(layout(links), s.q.shape[0], i)
+        gather(links, s.q, first, second, w.e)
         put(found[i], 0, directed(links, s, in_space(links, w.e[1])))
         put(found[i], 3, directed(links, s, in_space(links, w.e[rows // 2 + 1])))
 
