@@ -77,9 +77,9 @@ def framed(panes: Sequence[Axes], length: float) -> None:
     along = np.array([0.0, length])
     panes[0].plot(along, along, "k--", linewidth=1, label="undeformed")
     panes[1].plot(along, np.zeros(2), "k--", linewidth=1, label="undeformed")
-    for pane, what in zip(panes, ("place along the tangent", "transverse displacement, outwards"), strict=True):
+    for pane, what in zip(panes, ("place along the tangent", "displacement outwards"), strict=True):
         pane.set_xlabel("along the undeformed link, m")
-        pane.set_ylabel(f"{what}, m, deformation x {MAGNIFIED:.0e}".replace("e+0", "e"))
+        pane.set_ylabel(f"{what}, m; deformation x {MAGNIFIED:g}")
         pane.grid(True, color="0.9")
         pane.legend(fontsize=8)
 

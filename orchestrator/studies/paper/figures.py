@@ -20,7 +20,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results import picture
 from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.run_data import Links, RunData, Window
-from orchestrator.studies.paper.models import Model
+from orchestrator.studies.paper.models import REFERENCE, Model
 from orchestrator.studies.paper.whole_runs import INSTANT, NODE, SIDE
 
 TRACK = f"{SIDE}_track"
@@ -41,7 +41,8 @@ class Figure(NamedTuple):
 
 def curve(pane: Any, model: Model, x: Floats, y: Floats, **more: Any) -> None:
     """A model's curve in its own style."""
-    pane.plot(x, y, model.line, color=model.colour, linewidth=1.2, label=model.label, **more)
+    over = {"-": 2.0, "--": 2.1, "-.": 2.2, ":": 2.3}[model.line]  # dots last: curves lie on one another
+    pane.plot(x, y, model.line, color=model.colour, linewidth=over - 0.8, zorder=over, label=model.label, **more)
 
 
 def signal(name: str, from_start: bool = False) -> Drawn:
@@ -84,6 +85,24 @@ def axial_stress(pane: Any, run: RunData, model: Model) -> None:
     placed = next(circuit.records(run, TRACK, Window(INSTANT, INSTANT), "link[*].tension"))
     order = placed.links[0].argsort()
     curve(pane, model, placed.links[0, order], placed.values[0][0, order] / area / 1e6, drawstyle="steps-mid")
+    if model is REFERENCE:
+        sections(pane, run, placed)
+
+
+def sections(pane: Any, run: RunData, placed: circuit.Placed) -> None:
+    """Shade the slack, the transition and the tight section by where links are: round the wheels of the table."""
+    vehicle = run.scene["vehicle"]
+    first, last = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1]
+    place, (ahead, up) = placed.links[0], placed.centres[0].T
+    low = up < vehicle["road_wheel"]["z"]
+    ground = place[low & (ahead < first) & (ahead > last)]
+    edges = 0.0, float(ground.min()), float(ground.max()), float(placed.length[0])
+    words = "slack: sprocket to ground", "transition: over the ground", "tight: idler and upper run, to the sprocket"
+    for low_edge, high_edge, text, shade in zip(edges, edges[1:], words, ("0.93", "0.97", "0.9"), strict=False):
+        pane.axvspan(low_edge, high_edge, color=shade, zorder=0)
+        pane.text(
+            0.5 * (low_edge + high_edge), 0.02, text, ha="center", fontsize=8, transform=pane.get_xaxis_transform()
+        )
 
 
 def in_chassis(run: RunData, t: Floats, vectors: Floats, placed: bool) -> Floats:
