@@ -284,3 +284,18 @@ def test_126_pins_of_the_vehicle_itself():
     found = {row.figures["key"]: row for row in counts.counted()}
     assert all(row.ok for row in found.values())
     assert found["equations"]["value"] == 630
+
+
+@pytest.mark.study
+def test_the_quick_form(cotrack, tmp_path):
+    status, out, err = cotrack("study", "paper", "--quick", "-o", "found")
+    assert status == 0, err
+    made = {file.name for file in (tmp_path / "found").iterdir()}
+    numbers = [*range(10, 18), 20, 21, "18-19"]
+    assert {f"figure-{n}.{suffix}" for n in numbers for suffix in ("png", "svg")} <= made
+    rows = list(csv.DictReader((tmp_path / "found" / "paper.csv").open()))
+    told = {row["statement"]: row["verdict"] for row in rows}
+    for statement in STATEMENTS:
+        if statement.rule in (statements.counted, statements.violated, statements.settled, statements.alike,
+                              statements.sections, statements.singular):  # fmt: skip
+            assert told[statement.text] == HOLDS, statement.text

@@ -97,7 +97,7 @@ def sections(pane: Any, run: RunData, placed: circuit.Placed) -> None:
     low = up < vehicle["road_wheel"]["z"]
     ground = place[low & (ahead < first) & (ahead > last)]
     edges = 0.0, float(ground.min()), float(ground.max()), float(placed.length[0])
-    words = "slack: sprocket to ground", "transition: over the ground", "tight: idler and upper run, to the sprocket"
+    words = "slack", "transition", "tight"
     for low_edge, high_edge, text, shade in zip(edges, edges[1:], words, ("0.93", "0.97", "0.9"), strict=False):
         pane.axvspan(low_edge, high_edge, color=shade, zorder=0)
         pane.text(
