@@ -288,7 +288,7 @@ def test_126_pins_of_the_vehicle_itself():
 
 @pytest.mark.study
 def test_the_quick_form(cotrack, tmp_path):
-    status, out, err = cotrack("study", "paper", "--quick", "-o", "found")
+    status, _, err = cotrack("study", "paper", "--quick", "-o", "found")
     assert status == 0, err
     made = {file.name for file in (tmp_path / "found").iterdir()}
     numbers = [*range(10, 18), 20, 21, "18-19"]
