@@ -17,7 +17,7 @@ STATEMENTS = (
 )  # fmt: skip
 TABLES = {  # item: title, columns
     "run": ("Whole runs, 0 to 8 s", (
-        CASE, Column("track_time", "time of both tracks, s", ".2f"), Column("time", "of all components, s", ".2f"),
+        CASE, Column("track_time", "wall time of both tracks, s", ".2f"), Column("time", "of all components, s", ".2f"),
         Column("evaluations", "evaluations", ".0f"), Column("steps", "internal steps", ".0f"), Column("ok", "ok"), NOTE,
     )),
     "cost": (f"The cheapest explicit run within an error of {pieces.EQUAL:g}", (
@@ -35,7 +35,7 @@ TABLES = {  # item: title, columns
         CASE, Column("modulus", "modulus, Pa", ".1e"), Column("cpu_adams", "Adams, CPU s", ".3f"),
         Column("evaluations_adams", "evaluations", ".0f"), Column("cpu_runge_kutta", "Runge-Kutta, CPU s", ".3f"),
         Column("evaluations_runge_kutta", "evaluations", ".0f"),
-        Column("implicit", "implicit, s of both tracks a simulated second", ".3f"), NOTE,
+        Column("implicit", "implicit, CPU s a simulated second", ".3f"), NOTE,
     )),
     "links": ("Cost and storage by links, no vehicle", (
         CASE, Column("links", "links", ".0f"), Column("evaluation", "CPU time of an evaluation, s", ".2e"),
@@ -100,12 +100,10 @@ def write(folder: Path, name: str, judged: Sequence[Row], rows: Sequence[Row], m
             parts.append(to_markdown(found, "##"))
             files.append(folder / f"{name}-{item}.csv")
             files[-1].write_text(to_csv(found), encoding="utf-8")
-    crossings = {key: crossed(Found(rows), f"{key}") for key in ("cpu_adams", "cpu_runge_kutta", "implicit")}
-    known = [f"{key.removeprefix('cpu_')} {value:.3g} Pa" for key, value in crossings.items() if value is not None]
-    if known:
-        parts.append(
-            f"Flexible links cost as much as rigid ones at (0: never less, inf: always less): {', '.join(known)}.\n"
-        )
+    crossings = [f"- {name} {value:.3g} Pa" for name, value in crossed(Found(rows)).items()]
+    if crossings:
+        parts.append("Flexible links cost as much as rigid ones at (0: never less; inf: always less)\n")
+        parts += [*crossings, ""]
     parts += ["## Figures", (figures.__doc__ or "").split("\n\n", 1)[1]]
     parts += [f"![{path.stem}]({path.name})\n" for path in made if path.suffix == ".png"]
     files[0].write_text("\n".join(parts), encoding="utf-8")
