@@ -214,6 +214,9 @@ def test_rules_say_what_the_figures_say():
     assert verdict(statements.ratios, *rows(cpu=30.0, count=146.0)) == PART
     assert verdict(statements.ratios, *rows(cpu=0.5)) == NOT
     assert verdict(statements.ratios, *rows()[:2]) == UNMEASURED
+    springs = [Row("stiffness", "", {"stiffness": k, "cpu": k**0.5, "evaluations": k**0.5}, True) for k in (1e-4, 1e4)]
+    told = statements.ratios(Found([*rows(cpu=30.0, count=146.0), *springs])).measured
+    assert "of a spring of 56 and 3e+02 N/m" in told, "(30 / 4)^2 and (146 / 8.5)^2"
     assert verdict(statements.sections, *rows()) == HOLDS
     assert verdict(statements.sections, *rows(front=12.0)) == NOT
     mixed = [*rows(), *rows(front=12.0)]
@@ -275,7 +278,7 @@ def test_the_command_writes_the_page_and_a_statement_that_does_not_hold_is_exit_
 def test_both_forms_have_the_same_cases(tmp_path):
     quick, full = paper.cases(True, tmp_path), paper.cases(False, tmp_path)
     assert [case.name for case in quick] == [case.name for case in full]
-    assert {case.item for case in full} == {"run", "count", "piece", "modulus", "links"}
+    assert {case.item for case in full} == {"run", "count", "piece", "stiffness", "modulus", "links"}
     assert sum(case.item == "piece" for case in full) == len(MODELS)
 
 

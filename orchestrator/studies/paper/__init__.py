@@ -32,6 +32,8 @@ def cases(quick: bool, folder: Path) -> list[Case]:
         Case("run", "whole runs", whole_runs.rows, (str(folder.absolute()),), 100.0, 7200.0),
         Case("count", "pins and equations", counts.counted, (), 5.0),
         *(Case("piece", model.label, pieces.rows, (model.name, piece), 1000 * piece, 7200.0) for model in MODELS),
+        *(Case("stiffness", f"spring of {k:g} N/m", pieces.stiff, (k, piece), 1000 * piece, 7200.0)
+          for k in pieces.STIFFNESSES),
         *(Case("modulus", f"{name}, {E:g} Pa", modulus.rows, (name, E, piece), 900 * piece, 7200.0)
           for name, E in moduli),
         *(Case("links", model.label, links.rows, (model.name, numbers), 5.0, 3600.0) for model in MODELS),

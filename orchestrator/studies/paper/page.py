@@ -31,6 +31,10 @@ TABLES = {  # item: title, columns
         Column("cpu", "CPU time, s", ".3f"), Column("evaluations", "evaluations", ".0f"),
         Column("error", "error of pins", ".1e"), Column("order", "mean order", ".1f"), NOTE,
     )),
+    "stiffness": ("Rigid links closed by springs, the cheapest run by Adams' methods", (
+        CASE, Column("stiffness", "spring, N/m", ".0e"), Column("cpu", "CPU time, s", ".3f"),
+        Column("evaluations", "evaluations", ".0f"), Column("error", "error of pins", ".1e"), NOTE,
+    )),
     "modulus": ("Young's modulus", (
         CASE, Column("modulus", "modulus, Pa", ".1e"), Column("cpu_adams", "Adams, CPU s", ".3f"),
         Column("evaluations_adams", "evaluations", ".0f"), Column("cpu_runge_kutta", "Runge-Kutta, CPU s", ".3f"),

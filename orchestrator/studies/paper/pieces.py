@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.states import states_at
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.scene import TrackScene
-from orchestrator.studies.paper.models import named, scene
+from orchestrator.studies.paper.models import RIGID_SPRING, named, scene
 from orchestrator.studies.paper.states import whole
 from orchestrator.studies.tables import Row
 
@@ -31,6 +32,7 @@ EQUAL = 1e-4  # error of pins that costs are compared at
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of Adams' methods, relative and absolute
 FRACTIONS = (1.0, 2.0)  # of the largest stable step
 FINER = 4.0  # the reference's, times the last
+STIFFNESSES = (1e9, 1e10, 1e11)  # of the closing spring, N/m
 ADAMS, RUNGE_KUTTA = "Adams", "Runge-Kutta"
 TRACK = "left_track"
 
@@ -65,6 +67,16 @@ def rows(name: str, piece: float, settings: tuple[str, ...] = ()) -> list[Row]:
         else:
             found.append(Row("cost", label, {**common, **best._asdict()}, True))
     return found
+
+
+def stiff(stiffness: float, piece: float) -> list[Row]:
+    """The cost of the rigid chain that a spring of this stiffness, N/m, closes, by Adams' methods."""
+    found = rows(RIGID_SPRING.name, piece, (f"track.closure_stiffness={stiffness!r}",))
+    return [
+        replace(row.having(stiffness=stiffness), item="stiffness")
+        for row in found
+        if row.item == "cost" and row["method"] == ADAMS
+    ]
 
 
 def cheapest(costs: list[Cost], method: str) -> Cost | None:

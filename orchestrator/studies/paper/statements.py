@@ -231,6 +231,15 @@ def ratios(found: Found) -> Verdict:
     if not told:
         return NONE
     text = f"CPU and evaluations at an error of {pieces.EQUAL:g}: {'; '.join(told)}; paper {CPU:g} and {EVALUATIONS:g}"
+    own = found.one("cost", CLOSED, method=pieces.ADAMS)
+    wanted = [(key, ratio) for key, ratio in (("cpu", CPU), ("evaluations", EVALUATIONS)) if own is not None and own.ok]
+    springs = [
+        modulus.crossing([(row["stiffness"], row[key]) for row in found.of("stiffness") if row.ok], own[key] / ratio)
+        for key, ratio in wanted
+        if own is not None
+    ]
+    if springs and all(0.0 < spring < math.inf for spring in springs):
+        text += f"; these would be those of a spring of {springs[0]:.2g} and {springs[1]:.2g} N/m"
     return Verdict(HOLDS if any(near) else PART if all(order) else NOT, text)
 
 
