@@ -48,10 +48,14 @@ GROUPS = {
         "link", "fibre", ("outer", "inner"), "Pa",
         "axial stress of {it} at its {part} fibre, mean along the link, positive where it is stretched",
     ),
+    "slopes": Group(
+        "link", "slope", tuple(f"{end}.{axis}" for end in ("first", "last") for axis in XYZ), "1",
+        "{part} of the position gradient along {it} at a pin, world",
+    ),
 }  # fmt: skip
-TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES = range(len(GROUPS))
+TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES, SLOPES = range(len(GROUPS))
 STANDARD = ("tension", "stress", "position", "force", "ground")
-BEYOND = ("axis", "fibres")  # what needs kernels of its own
+BEYOND = ("axis", "fibres", "slopes")  # what needs kernels of its own
 
 
 def chosen(asked: Any, ground: bool) -> tuple[str, ...]:

@@ -22,6 +22,9 @@ class Range(NamedTuple):
 ANY = Range()
 POSITIVE, NOT_NEGATIVE = Range(5e-324, inf, "greater than 0"), Range(0.0, inf, "0 or more")
 
+# error of an internal step whose length follows it, relative and in SI units: where nobody asks for another, and any
+TOLERANCE, TOLERANCES = 1e-6, Range(1e-13, 0.1, "between 1e-13 and 0.1")
+
 
 class Port(NamedTuple):
     """One FMI scalar variable; the type of ``start`` (float, int, str) is the type of the variable."""

@@ -15,7 +15,7 @@ import fmus.track_steps as steps
 from fmus import link_outputs
 from fmus.defaults import configured, given
 from fmus.model import NO_ROTATION, TOO_MANY, Component, Floats, Free, InvalidParameter
-from fmus.physics.chain import state
+from fmus.physics.chain import adaptive, state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.implicit import Method
@@ -31,10 +31,23 @@ from fmus.physics.chain.layout import (
     regular_polygon,
     rescaled,
 )
-from fmus.physics.chain.outcome import APART, SINGULAR, STALLED, UNSTABLE
+from fmus.physics.chain.outcome import APART, SINGULAR, STALLED, TOO_SHARP, UNSTABLE
 from fmus.physics.chain.report import COUNTERS, REPORT
+from fmus.physics.integrate import generalized_alpha, hht
+from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
 from fmus.physics.wheels import WIDTH
-from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, start_pose, wheel_state, wrench
+from fmus.ports import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    STATE,
+    TOLERANCE,
+    TOLERANCES,
+    Port,
+    Range,
+    start_pose,
+    wheel_state,
+    wrench,
+)
 from fmus.sentences import Sentence
 from fmus.start import KEYS, start
 
@@ -63,12 +76,13 @@ OUTPUTS = (
     ),
     ("energy.covered", "J", "energy lost so far as spread contacts come to cover other parts of a link"),
 )
-INTEGRATORS = IMPLICIT, EXPLICIT = "generalized_alpha", "runge_kutta"
+INTEGRATORS = IMPLICIT, EXPLICIT, HHT, ADAMS = "generalized_alpha", "runge_kutta", "hht", "adams"
 CAUSES = {  # of a failure: implicitly, explicitly
     STALLED: ("Newton's iteration of the chain did not converge", ""),
     SINGULAR: ("the chain's matrix is singular", "the chain's matrix is singular"),
     UNSTABLE: ("", "blew up"),
     APART: ("", "opened its pins"),
+    TOO_SHARP: ("", "finds no step that keeps its tolerances"),
 }
 WARNED = (
     Sentence(
@@ -108,10 +122,31 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
     )
 
 
-def spectral_radius() -> Port:
-    """Of links that are integrated by generalised-alpha."""
-    text = "of generalised-alpha at infinite frequency, 0 to 1"
-    return Port("spectral_radius", "parameter", "1", text, 0.4, allowed=Range(0.0, 1.0, "between 0 and 1"))
+def integration() -> tuple[Port, ...]:
+    """Parameters of the integrators of links."""
+    text = f"of generalised-alpha at infinite frequency, 0 to 1; of hht {hht.LEAST:g} to 1"
+    return (
+        Port("spectral_radius", "parameter", "1", text, 0.4, allowed=Range(0.0, 1.0, "between 0 and 1")),
+        *(
+            Port(f"adams.{name}", "parameter", "1", text, TOLERANCE, allowed=TOLERANCES)
+            for name, text in (
+                ("rtol", "relative error of a step of integrator = adams"),
+                ("atol", "absolute error of such a step, in m, rad, m/s and rad/s"),
+            )
+        ),
+    )
+
+
+def alpha(p: Mapping[str, Any]) -> GeneralizedAlpha:
+    """Of the implicit integrator that the parameters ask for; raises InvalidParameter."""
+    radius = p["spectral_radius"]
+    if p["integrator"] != HHT:
+        found: GeneralizedAlpha = generalized_alpha.coefficients(radius)
+    elif radius < hht.LEAST:
+        raise InvalidParameter(f"spectral_radius = {radius:g}: integrator = '{HHT}' has {hht.LEAST:g} to 1")
+    else:
+        found = hht.coefficients(radius)
+    return found
 
 
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
@@ -250,7 +285,7 @@ class TrackModel(Component):
         self.counters[:] = 0
         self.state[:] = 0.0
         self.prepare(p)
-        self.slopes = slopes(self.s)
+        self.tolerances = p["adams.rtol"], p["adams.atol"]
         self._start(p["start"], p.get("start.spin", 0.0))
         oval = p.get("start.ovalling", 0.0)
         if oval:
@@ -263,7 +298,7 @@ class TrackModel(Component):
     def free(self, p: Mapping[str, Any]) -> Free:
         """Where it stands on a level ground that goes along with it, and what plays no part in static equilibrium."""
         numbers = {"stand.lateral": "{start.lateral}"}
-        if p["integrator"] == IMPLICIT:
+        if p["integrator"] != EXPLICIT:
             numbers["stand.longest"] = "{step}"
         names = {port.name for port in self.ports}
         for pair, field in (("sprocket", "sprocket"), ("wheel", "wheel"), ("ground", "soil")):
@@ -275,15 +310,14 @@ class TrackModel(Component):
 
     def run_as_set(self) -> None:
         """Steps are from here on those of ``integrator`` with what was prepared."""
-        explicit = self.integrator == EXPLICIT
-        self.stepping = steps.explicit if explicit else steps.implicit
+        self.stepping, scheme = self._scheme()
         self.begin(
             self._parameters,
             steps.Parts(
                 *self.system(),
-                scheme=self.slopes if explicit else self.method,
+                scheme=scheme,
                 stand=steps.Stand(
-                    longest=min(self.max_step, self.stable) if explicit else self.max_step,
+                    longest=min(self.max_step, self.stable) if self.integrator == EXPLICIT else self.max_step,
                     plane=self.plane,
                     pitch=self.pitch,
                     lateral=self.lateral,
@@ -309,6 +343,14 @@ class TrackModel(Component):
                 1 if set(self.link_groups) & set(link_outputs.BEYOND) else None,
             ),
         )
+
+    def _scheme(self) -> tuple[Any, Any]:
+        """The kernel of a step, and what the integrator remembers or works in."""
+        if self.integrator == EXPLICIT:
+            return steps.explicit, slopes(self.s)
+        if self.integrator == ADAMS:
+            return steps.adams, adaptive.adams(self.s, *self.tolerances)
+        return steps.implicit, self.method
 
     def partners(self, p: Mapping[str, Any]) -> Any:
         """What the chain touches (a ``fmus.contacts.Contacts``); None, and nothing of it imported, for nothing."""

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.jit import allocating, kernel
-from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, STRESS, TENSION, WHEELS
+from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, SLOPES, STRESS, TENSION, WHEELS
 from fmus.model import no_rotation, too_many
-from fmus.physics.chain import on_links
+from fmus.physics.chain import adaptive, on_links
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
 from fmus.physics.chain.implicit import advance
-from fmus.physics.chain.kinds import fibres, links_shown, pin_axes
+from fmus.physics.chain.kinds import fibres, links_shown, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.wheels import WIDTH, read_states, to_world
@@ -49,7 +49,7 @@ class Parts(NamedTuple):
     link: Any
     contacts: Any
     environment: Environment
-    scheme: Any  # a ``Method``, or the stages of the explicit integrator
+    scheme: Any  # a ``Method``, the stages of the explicit integrator, or an ``Adams``
     stand: Stand
     s: Any  # State
     work: Any
@@ -126,11 +126,29 @@ def explicit(c, told, t, h, u):
     wrong = _ready(stand, told, t, h, u)
     if wrong:
         return wrong
-    failure, done, link, _ = march(
+    return _how(c, told, t, march(
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
-    )
+    ))  # fmt: skip
+
+
+@allocating
+def adams(c, told, t, h, u):
+    """The same by Adams' methods."""
+    stand = c.stand
+    wrong = _ready(stand, told, t, h, u)
+    if wrong:
+        return wrong
+    return _how(c, told, t, adaptive.march(
+        c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
+    ))  # fmt: skip
+
+
+@kernel
+def _how(c, told, t, outcome):
+    """What became of an explicit integration: 0, or which failure it is."""
+    failure, done, link, _ = outcome
     if failure:
-        told[0, 0], told[0, 1], told[0, 2] = t + done, link, stand.longest
+        told[0, 0], told[0, 1], told[0, 2] = t + done, link, c.stand.longest
         return EXPLICIT + failure
     return 0
 
@@ -209,12 +227,15 @@ def show_links(c, y):
 def _beyond(beyond, c, y, at):
     """The groups that need kernels of their own, which are not even compiled where nobody asks."""
     if beyond is not None:
-        axis, found = np.empty((c.nodes, 3)), np.empty((c.links, 2))
+        axis, found, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
         pin_axes(c.link, c.s, c.work, axis)
         at = _vectors(c.shows[AXIS], axis, c.frame, y, at)
         if c.shows[FIBRES]:
             fibres(c.link, c.s, c.work, found)
-            _numbers(1, found.ravel(), y, at)
+            at = _numbers(1, found.ravel(), y, at)
+        if c.shows[SLOPES]:
+            slopes(c.link, c.s, c.work, ends)
+            _vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, at)
 
 
 @kernel

@@ -20,12 +20,15 @@ FORCE = np.array([1.0, -1, 1])  # what a mirror in the plane of the track makes 
 WRENCH = np.array([1.0, -1, 1, -1, 1, -1])  # ... of a wrench or a velocity with the angular one, ...
 POSE = np.array([1.0, -1, 1, 1, -1, 1, -1])  # ... of a pose, ...
 PIN = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # ... of the coordinates of a pin of cables, ...
+OWN = np.array([1.0, -1, 1, 1, -1, 1])  # ... of one that a cable shares with no other, ...
 # ... and of axes that turn: rotation, origin with its rates, angular rates, their auxiliary ones, middle of the wheels
 AXES = np.concatenate([np.outer(FORCE, FORCE).ravel(), *3 * [FORCE], *2 * [-FORCE], [-1.0, -1.0], FORCE, FORCE])
 MIRRORS = {
     Flexible: {"q": PIN, "v": PIN, "axes": AXES, "residual": FORCE},
     Rigid: {"q": POSE, "v": WRENCH, "lam": FORCE, "load": FORCE},
 }
+
+BOOKS = 4
 
 
 class Place(NamedTuple):
@@ -38,7 +41,9 @@ class Place(NamedTuple):
     frame: np.ndarray  # (5) of the track, see fmus.physics.wheels
     impulse: np.ndarray  # (m + 1, 6) of its wrenches over the step
     on_links: np.ndarray  # (k, c) likewise of what touches each link
-    books: np.ndarray  # dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
+    books: (
+        np.ndarray
+    )  # (BOOKS) dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
 
 
 class Chain(NamedTuple):
@@ -89,6 +94,8 @@ def mirror(of: TrackModel, model: TrackModel) -> None:
     s, theirs = model.s, of.s
     for name, signs in MIRRORS[type(s)].items():
         mine, shown = getattr(s, name), getattr(theirs, name)
+        if signs is PIN and shown.shape[-1] == OWN.size:
+            signs = OWN
         size = min(signs.size, shown.shape[-1])
         mine[..., :size] = shown[..., :size] * signs[:size]
     s.on_links_mean[:] = theirs.on_links_mean * MIRRORED[: theirs.on_links_mean.shape[1]]

@@ -23,7 +23,7 @@ from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise
 from fmus.physics.wheels import read_states, to_world
 
-DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE = range(4)
+DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE, TOO_SHARP = range(5)
 
 
 class Plan(NamedTuple):

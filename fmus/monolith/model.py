@@ -20,16 +20,20 @@ from fmus.drives.motor import SPEED, TORQUE, Drive
 from fmus.jit import reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.monolith import chains as chain_parts
-from fmus.monolith.chains import Place
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, Plan, march
+from fmus.monolith.chains import BOOKS, Place
+from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, TOO_SHARP, Plan, march, rates
 from fmus.monolith.spins import HALF, SPIN, Spins, side
+from fmus.physics.integrate.adams import EVALUATIONS, ORDERS, REJECTED, RESTARTS, STEPS, adams
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
-from fmus.ports import STATE, WRENCH
+from fmus.ports import STATE, TOLERANCE, TOLERANCES, WRENCH
+from fmus.track import ADAMS, EXPLICIT
 
 RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
 JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
+LONGEST = 1e-3  # s, internal step where nothing else bounds it
+INTEGRATORS = EQUAL, ADAPTIVE = EXPLICIT, ADAMS
 
 
 CHAINS = ("TrackFlexible", "TrackRigid")  # the kinds of parts that are chains
@@ -83,6 +87,16 @@ def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float
     return model
 
 
+class Effort(NamedTuple):
+    """What an integration has taken so far."""
+
+    steps: int
+    evaluations: int  # of the whole right-hand side
+    rejected: int  # steps
+    restarts: int  # where a method forgot its past
+    order: float  # mean of all steps
+
+
 class Sprocket(NamedTuple):
     """One that a drive turns."""
 
@@ -94,18 +108,33 @@ class Sprocket(NamedTuple):
 
 
 class Monolith:
-    """Chains, chassis and drives of a scene as x' = f(t, x), integrated by the classical Runge-Kutta method.
+    """Chains, chassis and drives of a scene as x' = f(t, x), integrated explicitly.
 
-    A driver is no part of that: what he sees at an output he demands until the next one.
+    By the classical Runge-Kutta method in equal steps, or by Adams' methods of variable step and order (``integrator``
+    = "adams") to the tolerances ``rtol`` and ``atol``, the latter in the units of the state, which are SI. A driver is
+    no part of that: what he sees at an output he demands until the next one.
 
     ``connections`` have a source with its outputs and a target with its inputs, by name. Raises InvalidParameter or
     StepFailed where a part cannot start. ``models`` by name are what shows the state; ``step`` is the internal step, s:
-    the largest that is stable, over ``refine``. ``halved`` False computes both sides of a vehicle whatever they are.
+    the largest that is stable, over ``refine``; of Adams' methods one that is never exceeded. ``halved`` False computes
+    both sides of a vehicle whatever they are. ``effort``: what it took.
     """
 
     def __init__(
-        self, parts: Sequence[Part], connections: Sequence[Any], refine: float = 1.0, halved: bool = True
+        self,
+        parts: Sequence[Part],
+        connections: Sequence[Any],
+        refine: float = 1.0,
+        halved: bool = True,
+        integrator: str = EQUAL,
+        rtol: float = TOLERANCE,
+        atol: float = TOLERANCE,
     ) -> None:
+        if integrator not in INTEGRATORS:
+            raise InvalidParameter(f"integrator = '{integrator}': a monolith has {' and '.join(INTEGRATORS)}")
+        for name, tolerance in (("rtol", rtol), ("atol", atol)):
+            if not TOLERANCES.least <= tolerance <= TOLERANCES.most:
+                raise InvalidParameter(f"{name} = {tolerance:g}: must be {TOLERANCES.text}")
         self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
         self._kinds = {part.name: part.kind for part in parts}
         self._mirrored = _alike(parts) if halved else {}
@@ -131,10 +160,15 @@ class Monolith:
         self._sources = {
             (c.target, i): (c.source, o) for c in connections for i, o in zip(c.inputs, c.outputs, strict=True)
         }
+        self._adaptive = (rtol, atol) if integrator == ADAPTIVE else None
         self._lay_out(own)
-        limits = [self.models[name].stable for name in self._chains]
-        limits += [1.0 / shaft.substeps(drive, 1.0) for drive in self._shafts]
-        self.step = min([*limits, 1e-3]) / refine
+        limits = []
+        if not self._adaptive:
+            limits = [self.models[name].stable for name in self._chains]
+            limits += [1.0 / shaft.substeps(drive, 1.0) for drive in self._shafts]
+        self.step = min([*limits, LONGEST]) / refine
+        self.effort = Effort(0, 0, 0, 0, RK4.order)
+        self._reached = np.nan  # s, by Adams' methods, whose past ends there
 
     # ---------------------------------------------------------------- layout
 
@@ -157,8 +191,22 @@ class Monolith:
             inputs = [p.name for p in chassis.ports if p.causality == "input" and p.name.endswith(".force.x")]
         width = chassis.state.size if self._chassis else 0
         self._body, self._spin = body, body + width
-        self.x = np.zeros(body + width + SPIN * len(sprockets) + (2 * HALF if self._joined else 0))
-        self._y, self._k = np.zeros_like(self.x), np.zeros((len(RK4.b), self.x.size))
+        size = body + width + SPIN * len(sprockets) + (2 * HALF if self._joined else 0)
+        counts = [(len(models[n].wheel_list) + 1) * WRENCH + int(np.prod(models[n].felt)) + BOOKS for n in chains]
+        self._sums = np.zeros(sum(counts) + WRENCH * len(sprockets))
+        rest = self._sums
+
+        def summed(*shape: int) -> Floats:
+            """The next part of what is summed up over a step."""
+            nonlocal rest
+            part, rest = np.split(rest, [int(np.prod(shape))])
+            return part.reshape(shape)
+
+        if self._adaptive:
+            self._adams = adams(size, self._sums.size, *self._adaptive)
+            self.x, self._y = self._adams.x[:size], self._adams.y[:size]
+        else:
+            self.x, self._y, self._k = np.zeros(size), np.zeros(size), np.zeros((len(RK4.b), size))
 
         motions = {(self._chassis, station): i for i, station in enumerate(stations)}
         count, fixed = len(stations), len(sprockets)
@@ -185,9 +233,9 @@ class Monolith:
                     np.array(seen, dtype=np.int64),
                     block,
                     model.frame,
-                    np.zeros((m + 1, WRENCH)),
-                    np.zeros(model.felt),
-                    np.zeros(4),
+                    summed(m + 1, WRENCH),
+                    summed(*model.felt),
+                    summed(BOOKS),
                 )
             )
             start, block = start + size, block + m + 1
@@ -210,8 +258,8 @@ class Monolith:
             seen=np.zeros((fixed, 2)),
             growth=np.zeros(fixed),
             pace=np.zeros(fixed),
-            reaction=np.zeros((fixed, 3)),
-            force=np.zeros((fixed, 3)),
+            reaction=summed(fixed, 3),
+            force=summed(fixed, 3),
         )
         self._plan = Plan(
             motion,
@@ -261,10 +309,28 @@ class Monolith:
             chain_parts.give(self.models[name], self.x[place.start : place.end])
         if self._chassis:
             self.x[self._body : self._spin] = self.models[self._chassis].state
+            self.x[self._spin - 1] += self._held() * self.x[self._body + 11] ** 2
         for d, state in enumerate(self._spun):
             self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)] = state[:SPIN]
         for d, sprocket in enumerate(self._sprockets):
             sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
+
+    def begin_at(self, t: float, states: Mapping[str, Floats]) -> None:
+        """Begin at t with the flat states of the parts, by name, of components with the same configs and parameters.
+
+        Raises InvalidParameter where they do not fit.
+        """
+        for name, model in self.models.items():
+            if name not in states or states[name].shape != model.state.shape:
+                raise InvalidParameter(f"{name}: the state that it is to begin with is not one of such a component")
+            model.state[:] = states[name]
+        self._begin()
+        self._y[:] = self.x
+        rates(*self._system, t, self._y, np.zeros_like(self.x))  # where the mounts are now
+        for d, sprocket in enumerate(self._sprockets):
+            sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
+        self.x[:] = self._y
+        self._reached = np.nan
 
     def _of_side(self, d: int, i: int) -> float:
         """A number of the shafts as a side has it."""
@@ -292,15 +358,12 @@ class Monolith:
         before = self.x[self._spin :].copy()
         for d in range(len(self._spun)):
             self.x[self._spin + SPIN * d + shaft.IMPULSE] = 0.0
-        spins = self._spins
-        for sums in (spins.force, spins.reaction, *(a for p in self._places for a in (p.impulse, p.on_links, p.books))):
-            sums[:] = 0.0
-        count = 0
-        for begin, length, steps in self._intervals(t, h):
-            count += steps
-            failure, done, where = march(*self._system, begin, length, steps, self.x, self._y, self._k)
-            if failure != DONE:
-                raise self._failed(failure, where, begin + done * length / steps)
+        self._sums[:] = 0.0
+        earlier = self.effort
+        if self._adaptive:
+            self._go_adaptively(t, h)
+        else:
+            self._go_equally(t, h)
         for name, place in zip(self._chains, self._places, strict=True):
             chain_parts.take(self.models[name], place, self.x[place.start : place.end], h)
         if self._chassis:
@@ -308,20 +371,52 @@ class Monolith:
         self._take_shafts(before, h)
         for d in range(len(self._sprockets)):
             self._take_sprocket(d, before, h)
+        steps, evaluations, rejected = np.subtract(self.effort, earlier)[:3].astype(int).tolist()
         for name, model in self.models.items():
             if name != self._driver:
-                model.counters[:2] += (count, len(RK4.b) * count)
+                model.counters[:2] += (steps, evaluations)
+                model.counters[3:] += rejected
         for name, of in self._mirrored.items():
             if self._kinds[name] in CHAINS:
                 chain_parts.mirror(self.models[of], self.models[name])
             else:
                 _mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
 
-    def _intervals(self, t: float, h: float) -> Iterator[tuple[float, float, int]]:
-        """Begin, length and steps of the parts of a step: a ramp of a drive's speed begins and ends with one. (7)"""
+    def _go_equally(self, t: float, h: float) -> None:
+        """By the classical Runge-Kutta method; raises StepFailed."""
+        for begin, length, steps in self._intervals(t, h):
+            failure, done, where = march(*self._system, begin, length, steps, self.x, self._y, self._k)
+            if failure != DONE:
+                raise self._failed(failure, where, begin + done * length / steps)
+            count = self.effort.steps + steps
+            self.effort = self.effort._replace(steps=count, evaluations=len(RK4.b) * count)
+
+    def _go_adaptively(self, t: float, h: float) -> None:
+        """By Adams' methods, which begin anew where a ramp or a demand of a driver does; raises StepFailed."""
+        from fmus.monolith.adaptive import march as go
+
+        fresh = not abs(t - self._reached) < 1e-9 * h or bool(self._driver)
+        for begin, length, steps in self._intervals(t, h):
+            fresh |= any(abs(end - begin) < 1e-9 * h for ramp in self._ramps() for end in ramp)
+            failure, done, where = go(*self._system, self._adams, self._sums, begin, length, length / steps, fresh)
+            if failure != DONE:
+                raise self._failed(failure, where, begin + done)
+            fresh = False
+        self._reached = t + h
+        counts = self._adams.counts.tolist()
+        steps, evaluations, rejected, restarts = (counts[i] for i in (STEPS, EVALUATIONS, REJECTED, RESTARTS))
+        self.effort = Effort(steps, evaluations, rejected, restarts, counts[ORDERS] / steps)
+
+    def _ramps(self) -> list[tuple[float, float]]:
+        """Begin and end of whatever makes a right-hand side that is smooth in between only."""
         ramps = [ramp for drive in self._shafts if drive.mode != TORQUE for ramp in _ramps(drive)]
         for course in (each for drive in self._shafts for each in (drive.torques, drive.brakes)):
             ramps += pairwise(course.time.tolist())
+        return ramps
+
+    def _intervals(self, t: float, h: float) -> Iterator[tuple[float, float, int]]:
+        """Begin, length and steps of the parts of a step: a ramp of a drive's speed begins and ends with one. (7)"""
+        ramps = self._ramps()
         inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
         for begin, end in pairwise([t, *sorted(inside), t + h]):
             within = [(b - a) / RESOLVED for a, b in ramps if a < 0.5 * (begin + end) < b]
@@ -332,6 +427,8 @@ class Monolith:
         if failure == CHASSIS_FAILED:
             chassis = self.models[self._chassis]
             return StepFailed(chassis.complaint(at, where, self.x[self._body : self._spin]))
+        if failure == TOO_SHARP:
+            return StepFailed(f"at t = {at:.6g} s Adams' methods find no step that keeps their tolerances")
         if failure == CHAIN_FAILED:
             return StepFailed(f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}")
         return StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
@@ -340,9 +437,12 @@ class Monolith:
         """The chassis' state; the work of its ports without what its inertia held for the sprockets. (5)"""
         model, x = self.models[self._chassis], self.x[self._body : self._spin]
         model.state[:] = x
+        model.state[-1] -= self._held() * x[11] ** 2
+
+    def _held(self) -> float:
+        """Half of what the chassis' inertia about its lateral axis holds for the sprockets, kg m2."""
         assert self._tree is not None
-        held = self._tree.inertia[1, 1] - model.tree.inertia[1, 1]
-        model.state[-1] -= 0.5 * held * x[11] ** 2
+        return 0.5 * float(self._tree.inertia[1, 1] - self.models[self._chassis].tree.inertia[1, 1])
 
     def _ask_driver(self, t: float, h: float) -> None:
         """What the driver demands from here on, and the speeds that follow it over the step."""

@@ -13,19 +13,21 @@ from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
+from fmus.physics.chain.flexible.closing import Spring
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD
-from fmus.physics.chain.flexible.places import straight
+from fmus.physics.chain.flexible.places import places, straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import EVALUATE, LET_GO, REST, release
+from fmus.physics.chain.flexible.release import EVALUATE, LET_GO, REST, let_go, release
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
-from fmus.physics.chain.outcome import SINGULAR, Outcome
-from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
+from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
+from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port, Range
-from fmus.track import IMPLICIT, TrackModel, spectral_radius
+from fmus.track import ADAMS, EXPLICIT, TrackModel, alpha, integration
+from fmus.track_closure import PIN, SPRING, closure
 
 STILL = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
@@ -33,6 +35,7 @@ SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 # coordinates of a pin; vectors of a link, components of a vector
 ELEMENTS = {"cable": (NODE, (4, 3)), "planar": (PLANAR_NODE, (4, 2)), "beam": (BEAM_NODE, (8, 3))}
 AXES = ("fixed", "free")
+JOINTS = ELIMINATED, CONSTRAINED = "eliminated", "constrained"
 FINE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
 
 
@@ -40,7 +43,7 @@ class Model(TrackModel):
     """Cables or beams with pins eliminated, integrated implicitly or explicitly."""
 
     State = State
-    element, axes = "cable", "fixed"
+    element, axes, closure, joints = "cable", "fixed", PIN, ELIMINATED
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Material and integration of the links."""
@@ -89,8 +92,18 @@ class Model(TrackModel):
                 m["relaxation_time"],
                 allowed=NOT_NEGATIVE,
             ),
-            spectral_radius(),
+            Port(
+                "joints",
+                "parameter",
+                "1",
+                "the pins of cables: eliminated, shared coordinates and no equations; constrained, coordinates of each"
+                " link's own and equations with multipliers",
+                ELIMINATED,
+                JOINTS,
+            ),
+            *integration(),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
+            *(closure() if self.closed else ()),
         )
 
     def shapes(self) -> state.Shapes:
@@ -100,7 +113,18 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.axes_state import SIZE
 
             axes = SIZE
-        return shapes(*ELEMENTS[self.element], self.links_count, self.nodes, len(self.wheel_list), axes, self.felt)
+        element = ELEMENTS[self.element]
+        if self.joints == CONSTRAINED:
+            from fmus.physics.chain.flexible.constrained import ELEMENT
+            from fmus.physics.chain.flexible.constrained import NODE as OWN
+
+            element = OWN, ELEMENT
+        return shapes(*element, self.links_count, self.mesh, len(self.wheel_list), axes, self.felt)
+
+    @property
+    def mesh(self) -> int:
+        """Pins of the mesh: a loop that a spring closes has one of them twice, a link that shares none has 2."""
+        return 2 * self.links_count if self.joints == CONSTRAINED else self.nodes + (self.closure == SPRING)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
@@ -113,24 +137,53 @@ class Model(TrackModel):
             raise InvalidParameter(f"axes = 'free' needs element = 'cable': a {element} has no use for them")
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
+        if p["joints"] == CONSTRAINED and (element != "cable" or axes != "fixed"):
+            raise InvalidParameter(
+                f"joints = '{CONSTRAINED}' needs element = 'cable' and axes = 'fixed', not '{element}' and '{axes}'"
+            )
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
-        self.method = Method(coefficients(p["spectral_radius"]), p["tolerance"], True)
+        self.method = Method(alpha(p), p["tolerance"], True)
+        closed_by = p.get("closure", PIN)
+        self.closing = Spring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
         beam = element == "beam"
         self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
-        self.stiffness = young * self.vehicle["section"]["area"]  # axial, N
+        axial = young * self.vehicle["section"]["area"]
+        self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # of a link, N
         self.kit = kit(type(self.link))
-        if (element, axes) != (self.element, self.axes):
-            self.element, self.axes = element, axes
+        kind = element, axes, closed_by, ELIMINATED  # so it starts
+        if kind != (self.element, self.axes, self.closure, self.joints):
+            self.element, self.axes, self.closure, self.joints = kind
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
-        self.work = work(self.kit, self.links_count, self.nodes, len(self.wheel_list), self.felt)
+        self.work = work(self.kit, self.links_count, self.mesh, len(self.wheel_list), self.felt)
+        self._run_with = p["joints"]
         self.stable = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
+
+    def run_as_set(self) -> None:
+        """Links of a chain that has begun are given coordinates of their own where that is asked for."""
+        if self._run_with == CONSTRAINED and self.joints == ELIMINATED:
+            self._constrain()
+        super().run_as_set()
+
+    def _constrain(self) -> None:
+        """The same motion of links that share no pins, and the accelerations of those."""
+        from fmus.physics.chain.flexible import constrained
+
+        whole, rows = self.s, len(self.work.M)
+        at = places(self.kit, whole.q, rows, self.links_count)
+        self.joints, self.kit, self.link = CONSTRAINED, constrained, constrained.ConstrainedCables(*self.link)
+        self.allocate()
+        own = places(constrained, self.s.q, rows, self.links_count)
+        for now, before in ((self.s.q, whole.q), (self.s.v, whole.v)):
+            now.reshape(-1)[own] = before.reshape(-1)[at]
+        self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.felt)
+        self._let_go()
 
     def free(self, p: Mapping[str, Any]) -> Free:
         """Besides: the tolerance and, where no step is derived from it, the damping."""
         free = super().free(p)
-        if p["integrator"] != IMPLICIT:
+        if p["integrator"] in (EXPLICIT, ADAMS):
             return free
         tau, numbers = "{material.relaxation_time}", {"scheme.tolerance": "{tolerance}"}
         if p["element"] == "beam":
@@ -168,8 +221,8 @@ class Model(TrackModel):
 
             track = v["track"]
             sideways, twist = young * (s["lateral_bending"] - second), self.links_count * track["inertia"][0]
-            return TurningCables(*common, 0.25 * track["width"], sideways, twist)
-        return kind(*common)
+            return TurningCables(*common, 0.25 * track["width"], sideways, twist, self.closing)
+        return kind(*common, self.closing)
 
     def _beams(self, young: float, tau: float) -> Any:
         """The rectangle with the section's radii of gyration, a link's mass, moduli scaled to the section's area."""
@@ -195,6 +248,7 @@ class Model(TrackModel):
             s["outer_fibre"],
             s["area"],
             young,
+            self.closing,
         )
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
@@ -211,8 +265,9 @@ class Model(TrackModel):
         """Rates of the pins and of the slopes of the links that end and begin there."""
         place, *slopes = self.kit.PLANE
         own = len(slopes) // 2  # of each of the two links; what they share lies along y
-        self.s.v[:, place] += velocity
-        for vectors, rate in ((slopes[-2 * own : -own], np.roll(turning, 1)), (slopes[-own:], turning)):
+        pin = np.arange(self.mesh) % self.nodes  # of the loop
+        self.s.v[:, place] += velocity[pin]
+        for vectors, rate in ((slopes[-2 * own : -own], turning[pin - 1]), (slopes[-own:], turning[pin])):
             for x, z in vectors:
                 self.s.v[:, x] += rate * self.s.q[:, z]
                 self.s.v[:, z] -= rate * self.s.q[:, x]
@@ -248,7 +303,7 @@ class Model(TrackModel):
     def settle_pins(self, pins: Floats) -> None:
         """Straight links between the pins (nodes, 2), at rest."""
         self.state[:] = 0.0
-        straight(self.kit, self.link, pins, self.s.q)
+        straight(self.kit, self.link, pins[np.arange(self.mesh) % self.nodes], self.s.q)
         if self.axes == "free":
             from fmus.physics.chain.flexible.axes_state import begin as lay
 
@@ -256,16 +311,24 @@ class Model(TrackModel):
 
     def _stretch(self, spin: float) -> None:
         """Relative equilibrium of a free loop that turns at ``spin`` rad/s."""
-        from fmus.physics.chain.flexible.spinning import stretch
+        from fmus.physics.chain.flexible.spinning import part, stretch
 
-        if not stretch(self.kit, self.s.q, len(self.work.M), spin, self._residuals, self._rounding()):
+        spun = self.kit, self.s.q, len(self.work.M), self.links_count, spin
+        found = stretch(*spun, self._residuals, self._rounding())
+        if found and self.closing:
+            found = part(*spun, self.closing.stiffness, self._residuals, self._rounding())
+        if not found:
             raise StepFailed(
                 f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
             )
 
     def _let_go(self, rest: bool = False) -> None:
         """Accelerations of the start, with ``rest`` after equilibrium, and what they show of the state as it stands."""
-        failure, _, link, residual = self._do(REST if rest else LET_GO)
+        if self.joints == CONSTRAINED:  # it has begun: nothing else is asked of it, and not compiled
+            link = let_go(*self.system(), self.start_rows, self.s, self.work, self.report)
+            failure, residual = SINGULAR if link >= 0 else DONE, 0.0
+        else:
+            failure, _, link, residual = self._do(REST if rest else LET_GO)
         if failure == SINGULAR:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
         if failure:

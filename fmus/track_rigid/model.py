@@ -7,42 +7,61 @@ from typing import Any
 
 import numpy as np
 
-from fmus.model import Floats, StepFailed
+from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.rigid.equilibrium import settle
-from fmus.physics.chain.rigid.explicit import LIMIT
+from fmus.physics.chain.rigid.explicit import LIMIT, longest
+from fmus.physics.chain.rigid.joints import count, fold
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import FORCE
-from fmus.physics.chain.rigid.release import let_go, show
+from fmus.physics.chain.rigid.release import let_go, show, stretch
 from fmus.physics.chain.rigid.state import State, shapes
 from fmus.physics.chain.rigid.work import work
-from fmus.physics.integrate.generalized_alpha import BACKWARD, coefficients
-from fmus.physics.rigid.augmented import Ends
+from fmus.physics.integrate.generalized_alpha import BACKWARD
+from fmus.physics.rigid.augmented import PIN, Ends, Spring
 from fmus.ports import Port
-from fmus.track import TrackModel, spectral_radius
+from fmus.track import ADAMS, EXPLICIT, TrackModel, alpha, integration
+from fmus.track_closure import SPRING, closure
 
+FORMULATIONS = AUGMENTED, RECURSIVE = "augmented", "recursive"
 REST = Method(BACKWARD, 0.01 * FORCE, False)  # towards static equilibrium
 
 
 class Model(TrackModel):
-    """Rigid links joined by exact pins, integrated implicitly or, for reference, explicitly."""
+    """Rigid links joined by exact pins, integrated implicitly or explicitly, in one of two formulations."""
 
     State = State
-    stable = LIMIT
+    formulation = AUGMENTED
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
-        """Integration of the links."""
-        return (spectral_radius(),)
+        """Integration, coordinates and closure of the links."""
+        text = "augmented: poses of all links, pins with multipliers; recursive: joint coordinates, explicitly alone"
+        formulation = Port("formulation", "parameter", "1", text, AUGMENTED, FORMULATIONS)
+        return (*integration(), formulation, *(closure() if self.closed else ()))
+
+    @property
+    def joints(self) -> int:
+        """Numbers of the joint coordinates, none in the augmented formulation."""
+        held = self.ends_kind in (PINNED, HELD)
+        return count(self.links_count, held) if self.formulation == RECURSIVE else 0
 
     def shapes(self) -> state.Shapes:
         """Of the views into the chain's state."""
-        return shapes(self.links_count, self.closed, len(self.wheel_list), self.felt)
+        return shapes(self.links_count, self.closed, len(self.wheel_list), self.felt, self.joints)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
-        """Links from the vehicle table."""
-        self.method = Method(coefficients(p["spectral_radius"]), FORCE, True)
+        """Links from the vehicle table; raises InvalidParameter."""
+        if p["formulation"] == RECURSIVE and p["integrator"] not in (EXPLICIT, ADAMS):
+            raise InvalidParameter(
+                f"formulation = '{RECURSIVE}' is integrated explicitly: integrator = '{p['integrator']}' must be"
+                f" '{EXPLICIT}' or '{ADAMS}'"
+            )
+        if p["formulation"] != self.formulation:
+            self.formulation = p["formulation"]
+            self.allocate()
+        self.method = Method(alpha(p), FORCE, True)
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)
@@ -53,8 +72,18 @@ class Model(TrackModel):
             for key in ("damping", "friction", "friction_velocity")
         }
         self._drawn = self.partners({**p, **drawn})
-        self.link = RigidLinks(0.5 * self.pitch, v["face"], 0.25 * v["width"], v["mass"], inertia, ends)
-        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.felt)
+        spring = PIN
+        if p.get("closure") == SPRING:
+            spring = Spring(p["closure.stiffness"], p["closure.damping"])
+        half = 0.5 * self.pitch
+        self.rigid = RigidLinks(half, v["face"], 0.25 * v["width"], v["mass"], inertia, ends, spring)
+        self.link: Any = self.rigid
+        if self.formulation == RECURSIVE:
+            from fmus.physics.chain.rigid.jointed import JointedLinks
+
+            self.link = JointedLinks(self.rigid)
+        self.stable = min(LIMIT, longest(spring, half, v["mass"], inertia[1]))
+        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.felt, self.joints)
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """Links between the pins, then static equilibrium, or the accelerations of the release.
@@ -63,17 +92,18 @@ class Model(TrackModel):
         """
         self.state[:] = 0.0
         s, w = self.s, self.work
-        place(self.link, pins, s, w)
+        place(self.rigid, pins, s, w)
         if rest and not spin:
             # friction and damping fade on the way: the vehicle's, so that the end knows nothing of their parameters
-            links, _, env = self.system()
+            links, env = self.rigid, self.environment
             failure, _, link, residual = settle(links, self._drawn, env, REST, self.start_rows, s, w, self.counters)
             if failure:
                 raise StepFailed(
                     f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
                 )
             self.counters[:] = 0
-            show(self.link, self.environment, s, w, self.report)
+            show(links, env, s, w, self.report)
+            self._fold()
         else:
             w.moved[:] = self.start_rows
             s.v[:, 0], s.v[:, 2], s.v[:, 4] = spin * s.q[:, 2], -spin * s.q[:, 0], spin
@@ -88,6 +118,17 @@ class Model(TrackModel):
 
     def _let_go(self) -> None:
         """Accelerations of the start."""
-        failed = let_go(*self.system(), self.s, self.work, self.report)
+        chain = self.contacts, self.environment, self.s, self.work
+        failed = -1
+        if self.rigid.spring != PIN:
+            failed = stretch(self.rigid._replace(spring=PIN), self.rigid, *chain)
+        if failed < 0:
+            failed = let_go(self.rigid, *chain, self.report)
         if failed >= 0:
             raise StepFailed(f"the accelerations of the start were not found: link {failed + 1}")
+        self._fold()
+
+    def _fold(self) -> None:
+        """Joint coordinates of the poses that the start has found."""
+        if self.formulation == RECURSIVE:
+            fold(self.rigid, self.s)

@@ -31,6 +31,7 @@ class What(StrEnum):
     slip = "slip"
     joints = "joints"
     links = "links"
+    deformation = "deformation"
     events = "events"
 
 
@@ -43,14 +44,16 @@ class Shape(StrEnum):
 
 OPTIONS = {  # by option the analyses that have it
     "--signal": (What.spectrum, What.envelope),
-    "--track": (What.envelope, What.fatigue, What.contact, What.joints, What.links),
+    "--track": (What.envelope, What.fatigue, What.contact, What.joints, What.links, What.deformation),
     "--shape": (What.spectrum,),
     "--order": (What.spectrum,),
     "--bins": (What.envelope,),
     "--sn": (What.fatigue,),
     "--teeth": (What.events,),
+    "--at": (What.deformation,),
+    "--link": (What.deformation,),
 }
-IN_FULL = (What.power, What.spectrum, What.slip)  # go into a file over time or frequency
+IN_FULL = (What.power, What.spectrum, What.slip, What.deformation)  # go into a file over time, frequency or length
 
 
 def analyse(
@@ -75,8 +78,14 @@ def analyse(
         str, typer.Option("--sn", metavar="PA,CYCLES,SLOPE", help="S-N line of fatigue, default 100e6,2e6,3")
     ] = "",
     teeth: Annotated[bool, typer.Option("--teeth", help="events: each tooth that passes")] = False,
+    at: Annotated[
+        list[float] | None,
+        typer.Option("--at", metavar="T", help="deformation: an instant, s; repeatable; default last"),
+    ] = None,
+    link: Annotated[int, typer.Option("--link", metavar="N", help="deformation: the link of a picture, default 1")] = 0,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE.csv", help="all numbers, over time or frequency")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE.csv", help="all numbers; of deformation also .png, .svg or .pdf"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
 ) -> None:
@@ -92,24 +101,26 @@ def analyse(
     slip         and thrust of tracks
     joints       extremes of joint forces, where and when
     links        forces on links in their own axes
+    deformation  of links along their length, in their tangent frames
     events       wheels that lift off, brakes that hold, steps taken back, warnings
 
-    With -o a CSV file: the table, or all of power, spectrum and slip over time or frequency.
+    With -o a CSV file: the table, or all of power, spectrum, slip and deformation over time, frequency or length.
     """  # noqa: D301
     from orchestrator.log.reader import Log
     from orchestrator.results.run_data import RunData, Window
+    from orchestrator.results.views.files import PICTURES
     from orchestrator.results.whole_file import fresh, refuse
 
     given = {
         "--signal": signals, "--track": track, "--shape": shape, "--order": order, "--bins": bins, "--sn": sn,
-        "--teeth": teeth,
+        "--teeth": teeth, "--at": at, "--link": link,
     }  # fmt: skip
     for option, value in given.items():
         if value and what not in OPTIONS[option]:
             raise BadInput(f"{option} is an option of {' and '.join(OPTIONS[option])}, not of {what}")
     _check(start, end)
     if output:
-        refuse(output, (".csv",))
+        refuse(output, (".csv", *PICTURES) if what is What.deformation else (".csv",))
     with Log(log) as opened:
         run = RunData(opened)
         analysis = import_module(f"orchestrator.results.analyses.{what.name}")
@@ -118,7 +129,9 @@ def analyse(
             run, window=Window(start, end), **_asked(what, run, given)
         )
     table = found.table()
-    if output:
+    if output and output.suffix.lower() in PICTURES:
+        analysis.picture(found, output, link or 1)
+    elif output:
         with fresh(output) as beside:
             beside.write_text(getattr(found, "series", found.table)().csv(), encoding="utf-8")
     if as_json:
@@ -166,6 +179,8 @@ def _asked(what: What, run: Any, given: dict[str, Any]) -> dict[str, Any]:
     """What the analysis is given beside run and window; raises BadInput."""
     if what is What.fatigue:
         return {"track": given["--track"], "line": _line(given["--sn"])}
+    if what is What.deformation:
+        return {"track": given["--track"], "at": given["--at"] or ()}
     if what is What.events:
         return {"teeth": given["--teeth"]}
     if what is What.spectrum:

@@ -82,9 +82,12 @@ def _size(scene: TrackScene, part: Part) -> str:
     if part.stage == TRACK:
         track = part.config["track"]
         links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
+        pins -= bool(track["closed"] and scene.track.closure == "spring")
         if part.kind == TRACKS["flexible"]:
             own, shared = DOFS["planar" if scene.planar else scene.track.element or "cable"]
             size = f"{links} elements, {own * links - shared * pins} dofs"
+            if scene.track.joints == "constrained":
+                size = f"{links} elements, {own * links} dofs and {shared * pins} equations of pins"
             size += " and 2 of their axes" if scene.track.axes == "free" else ""
         else:
             size = f"{links} bodies, {pins} pins"

@@ -55,7 +55,12 @@ def study(
     if scene is not None and not timed:
         raise BadInput(f"study {name} takes no scene")
     make: Any = chosen.cases
-    cases = make(quick, scene) if scene is not None else make(quick)
+    if hasattr(chosen, "KEEPS"):  # logs below the folder
+        cases = make(quick, output)
+    else:
+        cases = make(quick, scene) if scene is not None else make(quick)
+    if not quick and hasattr(chosen, "LASTS"):
+        print(f"study {name}: {chosen.LASTS}", file=sys.stderr, flush=True)
     workers = workers or (1 if timed else 2)
     try:
         with narration.elsewhere(), watched(name, len(cases)) as done:

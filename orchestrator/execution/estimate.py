@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fmus.ports import TOLERANCE
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
@@ -41,6 +42,7 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
 
     A variable step is doubled through its tolerance; internal steps that follow it are no part of their own. An
     explicit integrator at its stable step has no longer one: its own error is not known, and small beside the other.
+    Adams' methods get ten times their tolerances.
     """
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
@@ -52,6 +54,12 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
             track = track.model_copy(update={"step": 2.0 * track.step})
         run = run.model_copy(update={"variable": _looser(scene.run.variable)})
         return Companions(None, scene.model_copy(update={"run": run, "track": track}))
+
+    if scene.track.integrator == "adams":
+        looser = {name: min(10.0 * (getattr(scene.track, name) or TOLERANCE), 0.1) for name in ("rtol", "atol")}
+        same = scene.model_copy(update={"run": run})
+        both = same.model_copy(update={"track": scene.track.model_copy(update=looser)})
+        return Companions(same if components > 1 else None, both)
 
     def of(internal_step: float) -> Scene:
         track = scene.track.model_copy(update={"step": internal_step})

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.monolith.model import Monolith, Part
-from fmus.ports import Port
+from fmus.monolith.model import ADAPTIVE, EQUAL, Monolith, Part
+from fmus.ports import TOLERANCE, Port
+from fmus.vehicle import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.component import LINK_FAMILIES, ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs
@@ -20,6 +21,7 @@ from orchestrator.cosim.graph import Feed, Stages, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
+from orchestrator.execution.states import States
 from orchestrator.log.wire import Rule
 from orchestrator.scene.assembly import Assembly, assemble, placed, system
 from orchestrator.scene.scene import TrackScene
@@ -112,32 +114,52 @@ def run(
     refine: float = 1.0,
     narration: Narration | None = None,
     interrupted: Callable[[], bool] = lambda: False,
+    integrator: str = EQUAL,
+    rtol: float = TOLERANCE,
+    atol: float = TOLERANCE,
+    begun: States | None = None,
 ) -> tuple[master.Outcome, dict[str, float]]:
     """Integrate a scene as a monolith into the log ``path``; how it ended, and what it cost.
 
-    The communication step of the scene is that of the outputs. ``refine`` divides the internal step; a ``narration``
-    is told how far it is. Raises BadInput, BuildFailed or ComponentFailed before the first step.
+    The communication step of the scene is that of the outputs. ``refine`` divides the internal step; "adams" as
+    ``integrator`` chooses its own by the tolerances (``Monolith``). ``begun``: states of a co-simulation of the scene
+    (``states_at``), from which it goes on to the scene's stop. A ``narration`` is told how far it is. The cost:
+    internal step (the longest that is allowed), wall time, s; steps, evaluations, rejected steps, restarts, mean order.
+    Raises BadInput, BuildFailed or ComponentFailed before the first step.
     """
     scene = placed(scene)
     assembly = assemble(scene)
     graph = system(assembly)
+    clock = master.Clock(scene.run.step, scene.run.steps)
+    if begun is not None:
+        clock = clock._replace(done=round(begun.time / clock.step))
+        if clock.done >= clock.steps:
+            raise BadInput(f"run.stop = {scene.run.stop:g} s must be after the states of {begun.time:g} s")
     try:
-        monolith = Monolith(parts_of(assembly), assembly.connections, refine)
+        monolith = Monolith(
+            parts_of(assembly), assembly.connections, refine, integrator=integrator, rtol=rtol, atol=atol
+        )
+        if begun is not None:
+            monolith.begin_at(begun.time, begun.parts)
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None
     parts: Any = {name: Shown(name, model) for name, model in monolith.models.items()}
     whole = Whole(wire(graph, parts), monolith)
-    clock = master.Clock(scene.run.step, scene.run.steps)
     step = clock.step / np.ceil(clock.step / monolith.step - 1e-9)
-    about = {"coupling": "monolithic", "integrator": "runge_kutta", "internal_step": repr(float(step))}
+    about = {"coupling": "monolithic", "integrator": integrator, "internal_step": repr(float(step))}
+    if integrator == ADAPTIVE:
+        about |= {"rtol": repr(rtol), "atol": repr(atol)}
     with ExitStack() as stack:
         recorder = stack.enter_context(open_log(path, scene, graph, parts, whole, about))
         stats_every = max(1, round(STATS_PERIOD / clock.step))
-        observers: list[master.Observer] = [Logging(recorder, list(parts.values()), stats_every)]
+        logging = Logging(recorder, list(parts.values()), stats_every)
+        observers: list[master.Observer] = [logging]
+        if begun is not None:
+            logging.begin(clock.done, begun.time, clock.step)
         if narration:
             observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
         began = time.perf_counter()
-        outcome = master.run(whole, clock, observers, interrupted)
+        outcome = master.run(whole, clock, observers, interrupted, begun and (clock.done, begun.time))
         wall = time.perf_counter() - began
         recorder.close(outcome.status, outcome.message, outcome.steps)
-    return outcome, {"internal_step": float(step), "wall_time": wall}
+    return outcome, {"internal_step": float(step), "wall_time": wall, **monolith.effort._asdict()}

@@ -56,7 +56,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
             for parts in ([links.forward for links in found], [links.up for links in found])
         )  # what all panes show
         for pane, links in zip(panes, found, strict=True):
-            _pane(pane, run, track, links, scale, corners)
+            add(pane, run, track, links, scale, corners)
         panes[-1].set_xlabel("ahead of the sprocket axle, m")
         figure.colorbar(scale, ax=list(panes), label="link tension, kN", shrink=0.8)
         title = f"{run.scene['title']} ({run.scene['track']['model']} links)"
@@ -119,10 +119,10 @@ def _instants(recorded: Floats, times: Sequence[float] | None, moving: Window | 
     return [float(recorded[np.abs(recorded - t).argmin()]) for t in times]
 
 
-def _pane(
+def add(
     pane: Axes, run: RunData, track: str, links: Links, scale: Any, corners: tuple[tuple[float, float], ...]
 ) -> None:
-    """The one record of links, and what they touch at that instant; what is shown ahead and up, from and to, m."""
+    """Add the one record of links, and what they touch then, to an axis; what is shown ahead and up, from and to, m."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Circle, Polygon
 

@@ -21,6 +21,7 @@ SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
 AXLE = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
 DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages: who demands, then force sides first
 DIFFERENTIAL = "differential"
+HHT = 0.5  # spectral radius of hht unless a scene asks for another: the strongest damping that it has
 POSE = 7  # of a wheel's 13: position and orientation, then its rates
 
 Parameters = dict[str, float | int | str]
@@ -329,8 +330,14 @@ def _track_config(
 
 
 def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
-    keys = {"start", "element", "elasticity", "axes", "integrator", "step"}
+    keys = {"start", "element", "elasticity", "axes", "formulation", "joints", "integrator", "step", "spectral_radius"}
     told = scene.track.model_dump(include=keys, exclude_none=True)
+    closing = {"closure": "closure", "closure_stiffness": "closure.stiffness", "closure_damping": "closure.damping"}
+    told |= {name: value for key, name in closing.items() if (value := getattr(scene.track, key)) is not None}
+    tolerances = scene.track.model_dump(include={"rtol", "atol"}, exclude_none=True)
+    told |= {f"adams.{name}": value for name, value in tolerances.items()}
+    if scene.track.integrator == "hht":
+        told.setdefault("spectral_radius", HHT)
     if scene.planar:
         told["element"] = "planar"
     parameters = {**_start(scene), "start.lateral": lateral, **told}

@@ -45,7 +45,7 @@ from orchestrator.scene.tables import (
 # how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
 COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name",
-    *(f"track.{key}" for key in ("model", "element", "elasticity", "axes", "integrator", "step", "link_outputs")),
+    *(f"track.{key}" for key in Track.model_fields if key != "start"),
 )  # fmt: skip
 # what a drive in mode controller may say beside a driver
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
@@ -110,7 +110,12 @@ class TrackScene(Scene):
             return self
         if self.track.model == "rigid":
             raise ValueError("planar = true needs track.model = 'flexible': rigid links keep their six coordinates")
-        for key, only in (("element", "cable"), ("elasticity", "small_deformation"), ("axes", "fixed")):
+        for key, only in (
+            ("element", "cable"),
+            ("elasticity", "small_deformation"),
+            ("axes", "fixed"),
+            ("joints", "eliminated"),
+        ):
             if getattr(self.track, key) not in (None, only):
                 raise ValueError(f"planar = true needs track.{key} = '{only}', not '{getattr(self.track, key)}'")
         return self
@@ -123,6 +128,11 @@ class TrackScene(Scene):
     def with_axes(self) -> TrackScene:
         """The scene with the axes that its cables need where nothing is said of them: fixed ones."""
         return self
+
+    def _has_no_closure(self, ends: str) -> None:
+        """Raise ValueError where a chain with these ``ends`` is told how to close."""
+        if self.track.closure is not None:
+            raise ValueError(f"track.closure = '{self.track.closure}' needs a loop: this chain has {ends}")
 
     def _teeth_rate(self, speed: float | None) -> float:
         """Teeth that pass a second when the sprocket turns with ``speed``, rad/s."""
@@ -139,6 +149,8 @@ class ChainScene(TrackScene):
     def _has_no_wheels(self) -> ChainScene:
         if self.track.axes == "free":
             raise ValueError("track.axes = 'free' needs wheels, which a chain alone has not")
+        if self.chain.ends != "loop":
+            self._has_no_closure(f"ends = '{self.chain.ends}'")
         return self
 
 
@@ -148,6 +160,11 @@ class BenchScene(TrackScene):
     assembly: Literal["bench"]
     bench: Bench
     drive: Drive
+
+    @model_validator(mode="after")
+    def _is_open(self) -> BenchScene:
+        self._has_no_closure("ends that are pulled")
+        return self
 
     @property
     def teeth_rate(self) -> float:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fmus.link_outputs import GROUPS, STANDARD
+from fmus.ports import TOLERANCES
 from fmus.vehicle import Distance, Force, In, Mass, Table
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
@@ -159,6 +160,7 @@ class Ground(Table):
     bump: Bump | None = None
 
 
+Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
@@ -183,21 +185,44 @@ class Track(Table):
     element: Literal["cable", "beam"] | None = None  # of flexible links
     elasticity: Elasticity | None = None  # of cables
     axes: Literal["fixed", "free"] | None = None  # of cables: fixed ones stay in their plane; as the scene needs
-    integrator: Literal["generalized_alpha", "runge_kutta"] | None = None
+    formulation: Literal["augmented", "recursive"] | None = None  # of rigid links
+    joints: Literal["eliminated", "constrained"] | None = None  # of cables: pins without equations, or with multipliers
+    closure: Literal["pin", "spring"] | None = None  # of a loop: how its last link is joined to its first
+    closure_stiffness: Annotated[float, In("N/m", gt=0)] | None = None  # of the spring, and its damping
+    closure_damping: Annotated[float, In("N s/m", ge=0)] | None = None
+    integrator: Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None = None
     step: Duration | None = None  # largest internal step
+    spectral_radius: Annotated[float, Field(ge=0, le=1)] | None = None  # of an implicit integrator; hht: 0.5 at least
+    rtol: Tolerance | None = None  # of integrator = 'adams'
+    atol: Tolerance | None = None  # the same, in m, rad, m/s and rad/s
     start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
     link_outputs: LinkOutputs = STANDARD  # groups of ``fmus.link_outputs``
 
     @model_validator(mode="after")
-    def _rigid_links_have_none(self) -> Track:
-        for key in ("element", "elasticity", "axes"):
+    def _fits(self) -> Track:
+        for key in ("element", "elasticity", "axes", "joints"):
             value = getattr(self, key)
             if self.model == "rigid" and value is not None:
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
+        if self.model == "flexible" and self.formulation is not None:
+            raise ValueError(f"formulation = '{self.formulation}' needs model = 'rigid': flexible links have none")
+        for key in ("rtol", "atol"):
+            if getattr(self, key) is not None and self.integrator != "adams":
+                raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")
         if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
             raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
         if self.element == "beam" and self.axes is not None:
             raise ValueError(f"axes = '{self.axes}' needs element = 'cable': beams turn with their pins")
+        if self.joints == "constrained" and (self.element == "beam" or self.axes == "free"):
+            raise ValueError("joints = 'constrained' needs element = 'cable' and axes = 'fixed'")
+        return self
+
+    @model_validator(mode="after")
+    def _springs_close(self) -> Track:
+        for key in ("closure_stiffness", "closure_damping"):
+            value = getattr(self, key)
+            if self.closure != "spring" and value is not None:
+                raise ValueError(f"{key} = {value} needs closure = 'spring': a pin has none")
         return self
 
 

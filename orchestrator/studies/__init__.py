@@ -3,7 +3,7 @@
 A study is a module of this folder with
 
     TITLE
-    cases(quick) -> list[Case]                          of one scene: cases(quick, scene), and WORKERS
+    cases(quick) -> list[Case]      of one scene: cases(quick, scene), WORKERS; with logs: cases(quick, folder), KEEPS
     table(rows) -> Table
     write(folder, name, rows, title) -> list[Path]      the files that were made
 
@@ -30,6 +30,7 @@ STUDIES = {
     "leaving-out": "what each thing that a scene leaves out saves, at results that do not change",
     "stability": "stiff and extreme cases: what becomes of them, the margin to the limit, and a map",
     "baseline": "kernels, runs and errors of this tree against those of the commit that the baseline names",
+    "paper": "the paper's figures 10 to 21, its costs and each of its statements, by all models of chains",
 }
 
 

@@ -10,7 +10,18 @@ import pytest
 import fmus.track_rigid.model as track_rigid
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.flexible.cables import LAYOUT
-from fmus.physics.chain.report import GROUND, KINETIC, REPORT, SPEED, STRAIN, T_MAX, TRAVEL
+from fmus.physics.chain.report import (
+    EVALUATIONS,
+    GROUND,
+    KINETIC,
+    REJECTED,
+    REPORT,
+    SPEED,
+    STEPS,
+    STRAIN,
+    T_MAX,
+    TRAVEL,
+)
 from fmus.physics.wheels import read_states
 from fmus.sentences import TOLD, say
 from fmus.track_flexible.model import Model
@@ -175,10 +186,9 @@ def test_a_free_loop_keeps_energy_and_angular_momentum():
     assert abs(l0) > 1e4
 
 
-@pytest.mark.parametrize(("integrator", "order", "steps"), [("generalized_alpha", 2, (4e-4, 2e-4, 1e-4)),
-                                                            ("runge_kutta", 4, (1e-3, 5e-4, 2.5e-4))])  # fmt: skip
-def test_order_of_the_integrators(integrator, order, steps):
-    """A soft hanging chain let go from a displaced shape, against Runge-Kutta with a much smaller step."""
+@pytest.fixture(scope="module")
+def swinging():
+    """Paths of the pins of a soft hanging chain let go from a displaced shape, and what an integrator took."""
     soft = {
         "material.youngs_modulus": 2e6,
         "material.relaxation_time": 0.0,
@@ -186,19 +196,45 @@ def test_order_of_the_integrators(integrator, order, steps):
         "spectral_radius": 0.9,
     }
 
-    def state(integrator: str, step: float) -> np.ndarray:
-        model = hanging(links=8, integrator=integrator, step=step, tolerance=1e-13, **soft)
+    def state(integrator: str, step: float, **more) -> tuple[np.ndarray, np.ndarray]:
+        model = hanging(links=8, integrator=integrator, step=step, tolerance=1e-13, **soft, **more)
         assert integrator != "runge_kutta" or model.stable > step
         path = []
         for k in range(10):
             model.step(k * 0.016, 0.016, np.zeros(0))
             path.append(model.s.q[:, :3].copy())
-        return np.array(path)
+        return np.array(path), model.counters.copy()
 
-    truth = state("runge_kutta", 2e-5)
-    errors = [np.sqrt(np.mean((state(integrator, step) - truth) ** 2)) for step in steps]
+    truth, _ = state("runge_kutta", 2e-5)
+
+    def off(integrator: str, step: float, **more) -> tuple[float, np.ndarray]:
+        """Root mean square of the error, m, and the counters."""
+        path, counters = state(integrator, step, **more)
+        return float(np.sqrt(np.mean((path - truth) ** 2))), counters
+
+    return off
+
+
+@pytest.mark.parametrize(("integrator", "order", "steps"), [("generalized_alpha", 2, (4e-4, 2e-4, 1e-4)),
+                                                            ("hht", 2, (4e-4, 2e-4, 1e-4)),
+                                                            ("runge_kutta", 4, (1e-3, 5e-4, 2.5e-4))])  # fmt: skip
+def test_order_of_the_integrators(swinging, integrator, order, steps):
+    """Against Runge-Kutta with a much smaller step."""
+    errors = [swinging(integrator, step)[0] for step in steps]
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     assert abs(rates - order).max() < 0.3, rates
+
+
+def test_adams_keeps_tolerances_with_fewer_evaluations_than_runge_kutta(swinging):
+    found = {}
+    for tolerance in (1e-5, 1e-7, 1e-9):
+        error, counters = swinging("adams", 1.0, **{"adams.rtol": tolerance, "adams.atol": tolerance})
+        found[tolerance] = error
+        assert 1e-5 * tolerance < error < 1e-2 * tolerance, found  # places: it is velocities that bind
+        assert counters[EVALUATIONS] == 2 * counters[STEPS] + counters[REJECTED] + 10, "it begins anew at each step"
+    other, equal = swinging("runge_kutta", 2.5e-4)
+    assert error < other
+    assert 2 * counters[EVALUATIONS] < equal[EVALUATIONS]
 
 
 def swings_of_tension(model: Model) -> float:

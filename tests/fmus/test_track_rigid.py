@@ -20,6 +20,7 @@ from fmus.physics.chain.rigid.newton import FORCE
 from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
 from fmus.physics.chain.state import begin, size
+from fmus.physics.integrate import hht
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 from fmus.track import INTEGRATORS
@@ -348,7 +349,9 @@ def test_rigid_links_show_the_forces_that_cables_show_at_rest():
 def test_impulses_on_the_wheels_balance_the_momentum(track, integrator):
     model, state = track
     model.state[:] = state
-    model.integrator = integrator
+    model.integrator, method = integrator, model.method
+    if integrator == "hht":
+        model.method = method._replace(alpha=hht.coefficients(0.8))
     model.run_as_set()
     s, h = model.s, 1e-3
     for k in range(40):
@@ -360,7 +363,7 @@ def test_impulses_on_the_wheels_balance_the_momentum(track, integrator):
         force = [y[f"ground.force.{a}"] - sum(y[f"{w['name']}.force.{a}"] for w in model.wheel_list) for a in "xyz"]
         force[2] -= LINKS * MASS * 9.81
         assert np.abs(gained - h * np.array(force)).max() < 1e-9
-    model.integrator = INTEGRATORS[0]
+    model.integrator, model.method = INTEGRATORS[0], method
     model.run_as_set()
     assert np.abs(gained).max() > 0.1
 
@@ -387,15 +390,19 @@ def test_integrators_agree():
     found = []
     for integrator in INTEGRATORS:
         model = rolling()
-        model.initialise(parameters(model, integrator=integrator))
+        model.initialise(parameters(model, integrator=integrator, spectral_radius=0.5))
         for k in range(100):
             model.step(k * 1e-3, 1e-3, inputs(model, k * 1e-3, 10.0))
         found.append(outputs(model))
-    one, other = found
-    assert one["speed"] == pytest.approx(other["speed"], rel=5e-3)
-    assert one["travel"] == pytest.approx(other["travel"], rel=1e-2)
-    assert one["tension.mean"] == pytest.approx(other["tension.mean"], rel=2e-2)
-    assert one["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=0.05)
+    other = found.pop(INTEGRATORS.index("runge_kutta"))
+    for one in found:
+        assert one["speed"] == pytest.approx(other["speed"], rel=5e-3)
+        assert one["travel"] == pytest.approx(other["travel"], rel=1e-2)
+        assert one["tension.mean"] == pytest.approx(other["tension.mean"], rel=2e-2)
+        assert one["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=0.05)
+    adams = found[-1]
+    assert adams["speed"] == pytest.approx(other["speed"], rel=1e-6)
+    assert adams["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=1e-5)
 
 
 def test_guides_take_the_chain_along_sideways(track):
@@ -452,6 +459,10 @@ def test_bad_parameters_and_hopeless_steps(track):
     model = hanging()
     with pytest.raises(InvalidParameter, match=r"spectral_radius = 1\.5: must be between 0 and 1"):
         model.initialise(parameters(model, spectral_radius=1.5))
+    with pytest.raises(InvalidParameter, match=r"spectral_radius = 0\.4: integrator = 'hht' has 0\.5 to 1"):
+        model.initialise(parameters(model, integrator="hht"))
+    with pytest.raises(InvalidParameter, match=r"adams\.rtol = 1: must be between 1e-13 and 0\.1"):
+        model.initialise(parameters(model, **{"adams.rtol": 1.0}))
     rolled, state = track
     rolled.state[:] = state
     u = inputs(rolled, 0.0, 0.0)

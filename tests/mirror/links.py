@@ -140,6 +140,10 @@ class Rigid(Chain):
 
     middle = property(lambda self: self.centre)
 
+    def gradients_at(self, xi: float) -> Floats:
+        """The unit vector along each link (T, n, 3)."""
+        return self.body[..., 0]
+
 
 class Element(Chain):
     """Links with coordinates: positions and gradients at two nodes; ``points`` and shape functions by the subclass."""
@@ -261,6 +265,10 @@ class Cable(Element):
     def slopes(self, e: Floats, xi, derivative: int = 1) -> Floats:
         """r_x or r_xx at fractions (p) of elements ``e`` (..., 4, 3): (..., p, 3)."""
         return np.einsum("pa,...ai->...pi", hermite(xi, self.pitch, derivative), e)
+
+    def gradients_at(self, xi: float) -> Floats:
+        """r_x of all links at a fraction of their length (T, n, 3)."""
+        return self.slopes(self.e, [xi])[:, :, 0]
 
     @property
     def stiffness(self) -> tuple[float, float]:
@@ -515,6 +523,10 @@ class Beam(Element):
         D = np.array([[C[0], C[1], -y / l, -z / l, C[2], C[3], y / l, z / l],
                       [0, 0, 1 - xi, 0, 0, 0, xi, 0], [0, 0, 0, 1 - xi, 0, 0, 0, xi]])  # fmt: skip
         return np.einsum("ja,...ai->...ij", D, e)
+
+    def gradients_at(self, xi: float) -> Floats:
+        """r_x of the axis of all links at a fraction of their length (T, n, 3)."""
+        return self.gradients(xi, 0.0, 0.0)[..., 0]
 
     @property
     def young(self) -> float:

@@ -291,6 +291,11 @@ def fibre(view: View, names: Sequence[str]) -> Floats:
     return np.stack([c.fibres[name.endswith("inner")][:, link_number(name)] for name in names], axis=1)
 
 
+def gradients(view: View, names: Sequence[str]) -> Floats:
+    ends = {"first": view.chain.gradients_at(0.0), "last": view.chain.gradients_at(1.0)}
+    return np.stack([ends[name.split(".")[-2]][:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
 def joint_places(view: View, names: Sequence[str]) -> Floats:
     return np.stack([view.chain.pins[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
 
@@ -468,6 +473,7 @@ CHECKS = (
     Check(r"link\[\d+\]\.stress", "strain at the outer fibre", stress, 1e-4, 1e-2),
     Check(r"link\[\d+\]\.fibre\.(outer|inner)", "strain in the middle", fibre, 1e-4, 0.5),
     Check(r"joint\[\d+\]\.axis\.[xyz]", "coordinates", joint_axes, 1e-12, 1e-15),
+    Check(r"link\[\d+\]\.slope\.(first|last)\.[xyz]", "coordinates", gradients, 1e-12, 1e-15),
     Check(r"stress\.max", "of all links", stress_of_all, 1e-4, 1e-2),
     Check(r"joint\[\d+\]\.force\.[xyz]", "motion of the links", joint_forces, 2e-3, 4.0, applies=implicit),
     Check(r"joint\[\d+\]\.position\.[xyz]", "coordinates", joint_places, 1e-12),

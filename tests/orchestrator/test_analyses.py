@@ -14,6 +14,7 @@ from orchestrator.results import energy
 from orchestrator.results.analyses import (
     circuit,
     contact,
+    deformation,
     envelope,
     events,
     fatigue,
@@ -30,7 +31,7 @@ from orchestrator.scene.scene import load
 
 STEP = 1e-3
 E1049 = np.array([-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0])
-GROUPS = "['tension', 'position', 'force', 'ground', 'fibres']"
+GROUPS = "['tension', 'position', 'force', 'ground', 'fibres', 'slopes']"
 
 
 @pytest.fixture(scope="module")
@@ -407,6 +408,71 @@ def test_joints_are_the_extremes_of_links(driven):
         np.testing.assert_allclose(told, [[values.min() / 1e3, values.mean() / 1e3, values.max() / 1e3]], rtol=1e-9)
 
 
+# deformation
+
+ROD, GRADIENT = 0.2, (1.0 + 1e-5, 0.0, 2e-5)  # m; at the first pin of a made-up element
+
+
+def bent(path, turned=0.0, gradient=GRADIENT):
+    """One link of known shape, r = x + 1e-5 x + (2e-5 x, 0, 2e-5 x - 3e-4 x^2 + 1e-3 x^3), whole turned about y."""
+    x = np.array([0.0, ROD])
+    slope = np.stack([np.ones(2), np.zeros(2), -6e-4 * x + 3e-3 * x**2], axis=1) + np.array(gradient) - [1.0, 0.0, 0.0]
+    along, outwards = x * gradient[0], gradient[2] * x - 3e-4 * x**2 + 1e-3 * x**3
+    place = np.stack([5.0 + along, np.ones(2), 2.0 + outwards], axis=1)
+    c, s = np.cos(turned), np.sin(turned)
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    row = np.concatenate([(place @ turn.T).ravel(), (slope @ turn.T).ravel()])
+    names = [(f"joint[{i}].position.{axis}", "m") for i in (1, 2) for axis in "xyz"]
+    names += [(f"link[1].slope.{end}.{axis}", "1") for end in ("first", "last") for axis in "xyz"]
+    topics = {"/track/out": [("travel", "m")], "/track/links": names}
+    scene = {"vehicle": {"track": {"pitch": ROD}}, "start": {"heading": 0.0}}
+    t = np.array([0.0, 1.0])
+    return made(path, topics, {"/track/out": (t, [[0.0], [0.0]]), "/track/links": (t, [row, row])}, scene)
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.7, 3.0])
+def test_deformation_of_a_known_cubic_in_its_tangent_frame(tmp_path, turned):
+    """The tangent takes 2e-5 x off: what is left is the bending, and half of the angle's square along it."""
+    with Log(bent(tmp_path / "bent.mcap", turned)) as log:
+        found = deformation.of(RunData(log), at=[0.3])
+    x = found.x
+    assert found.t.tolist() == [0.0]
+    np.testing.assert_allclose(found.displacement[0, 0, :, 0], 1e-5 * x, atol=1e-3 * 2e-6)
+    outwards = -3e-4 * x**2 + 1e-3 * x**3  # along z: the pin's axis is y, so x cross y
+    np.testing.assert_allclose(found.displacement[0, 0, :, 1], outwards, atol=1e-4 * abs(outwards).max())
+    assert abs(found.displacement[..., 2]).max() < 1e-14
+    assert found.series().rows[-1][3] == pytest.approx(1e-5 * ROD, rel=1e-3)
+    with Log(bent(tmp_path / "other.mcap", turned, (1.0 + 1.03e-5, 0.0, 2e-5))) as log:
+        other = deformation.of(RunData(log)).displacement
+    assert abs(other[0, 0, -1, 0] / found.displacement[0, 0, -1, 0] - 1.0) > 0.02
+
+
+def test_links_in_tension_lengthen_by_their_strain(driven):
+    """Mean axial displacement of the far pin: tension l / E A, less what bending takes; nothing is lateral."""
+    with Log(driven) as log:
+        run = RunData(log)
+        found = deformation.of(run, at=[0.1, 0.2])
+        t, tension = run.signal("left_track.link[5].tension")
+    at = np.searchsorted(t, found.t - 1e-9)
+    stretched = tension[at] * 0.1524 / (2e11 * 0.01516)
+    bend = np.gradient(found.displacement[:, 4, :, 1], found.x, axis=1)
+    shortened = 0.5 * np.trapezoid(bend**2, found.x, axis=1)
+    np.testing.assert_allclose(found.displacement[:, 4, -1, 0] + shortened, stretched, rtol=1e-3)
+    assert np.abs(found.displacement[..., 2]).max() < 1e-12
+    assert 1e-8 < np.abs(found.displacement[..., 1]).max() < 1e-4
+    with Log(driven) as log, pytest.raises(Missing, match=r"in the window is at 0\.2 s"):
+        deformation.of(RunData(log), at=[0.3])
+
+
+def test_deformation_as_a_picture_and_as_numbers(cotrack, driven, tmp_path):
+    assert cotrack("analyse", driven, "deformation", "--at", "0.1", "--at", "0.2", "--link", "7", "-o", "d.png")[0] == 0
+    assert (tmp_path / "d.png").read_bytes()[:4] == b"\x89PNG"
+    assert cotrack("analyse", driven, "deformation", "-o", "d.csv")[0] == 0
+    assert len((tmp_path / "d.csv").read_text().splitlines()) == 1 + 64 * deformation.POINTS
+    status, _, err = cotrack("analyse", driven, "deformation", "--link", "65", "-o", "e.png")
+    assert (status, err) == (2, "cotrack: --link 65: left_track has the links 1 to 64\n")
+
+
 # wheels and ground
 
 
@@ -514,7 +580,18 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
 
 
 def test_analyse_prints_tables_and_json_and_files(cotrack, driven, tmp_path):
-    for what in ("power", "envelope", "fatigue", "wheel-loads", "contact", "slip", "joints", "links", "events"):
+    for what in (
+        "power",
+        "envelope",
+        "fatigue",
+        "wheel-loads",
+        "contact",
+        "slip",
+        "joints",
+        "links",
+        "deformation",
+        "events",
+    ):
         status, out, err = cotrack("analyse", driven, what)
         assert (status, err) == (0, ""), what
         assert out.count("\n") >= 3

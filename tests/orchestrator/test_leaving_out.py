@@ -98,7 +98,7 @@ def test_show_counts_pairs_outputs_and_modules():
     assert "left_track   60 a step; " in shown
     assert "planar" in loaded
     assert "planar" not in left
-    assert "fmus.physics.rigid: augmented, body, pin" in left
+    assert "fmus.physics.rigid: augmented, body, pin, recursive" in left
     assert "beams" in left
 
 

@@ -5,6 +5,7 @@ Monoliths with wheels or drives take half a minute to compile: they are a study.
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ from vehicle_in_process import InProcess
 
 from fmus.model import InvalidParameter
 from fmus.monolith.model import Monolith
+from fmus.physics.chain.report import KINETIC
 from fmus.vehicle import BadInput
 from orchestrator.cli import app
 from orchestrator.execution import monolithic
 from orchestrator.execution import truth as module
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.states import states_at
 from orchestrator.log.reader import Log
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import third_law
@@ -46,9 +49,72 @@ def test_monolith_is_of_order_four():
     assert abs(slope - 4.0) < 0.2, slope
 
 
-def test_energy_of_a_free_chain_closes(tmp_path):
+def test_adams_error_follows_its_tolerance_in_fewer_evaluations_than_runge_kutta():
+    """The soft chain: motion without kinks, one start, and steps as long as accuracy lets them be."""
+    assembly = assemble(load("hanging_chain", "flexible", SOFT))
+
+    def end(refine=1.0, **how):
+        whole = Monolith(monolithic.parts_of(assembly), assembly.connections, refine, **how)
+        for k in range(20):
+            whole.advance(k * 1e-3, 1e-3)
+        return whole.x.copy(), whole
+
+    exact, _ = end(100.0)
+    equal, runge_kutta = end(12.8)
+    off, evaluations = [], []
+    for tolerance in (1e-6, 1e-8, 1e-10):
+        x, whole = end(integrator="adams", rtol=tolerance, atol=tolerance)
+        off.append(np.sqrt(np.mean((x - exact) ** 2)))
+        evaluations.append(whole.effort.evaluations)
+        assert whole.effort.restarts == 1
+        assert whole.effort.evaluations == 2 * whole.effort.steps + whole.effort.rejected + 1
+        assert whole.models["chain"].counters.tolist() == [*whole.effort[:2], 0, whole.effort.rejected]
+    assert 2.0 < off[0] / 1e-6 < 500.0, off
+    assert all(one / 1000.0 < other < one / 10.0 for one, other in pairwise(off)), off
+    assert off[-1] < np.sqrt(np.mean((equal - exact) ** 2))
+    assert 2 * evaluations[-1] < runge_kutta.effort.evaluations, evaluations
+    with pytest.raises(InvalidParameter, match=r"rtol = 1: must be between 1e-13 and 0\.1"):
+        Monolith(monolithic.parts_of(assembly), assembly.connections, integrator="adams", rtol=1.0)
+    with pytest.raises(InvalidParameter, match=r"integrator = 'euler': a monolith has runge_kutta and adams"):
+        Monolith(monolithic.parts_of(assembly), assembly.connections, integrator="euler")
+
+
+def test_a_monolith_goes_on_from_the_states_of_a_co_simulation(tmp_path):
+    """A chain alone by Runge-Kutta is the same in both, so that it is to go on as if there had been no change."""
+    settings = (*SOFT, "track.integrator=runge_kutta", "run.step=1 ms", "run.stop=0.03")
+    scene = load("hanging_chain", "flexible", settings)
+    states = states_at(scene, 0.02)
+    assert states.time == 0.02
+    assembly = assemble(scene)
+    straight = Monolith(monolithic.parts_of(assembly), assembly.connections)
+    for k in range(30):
+        straight.advance(k * 1e-3, 1e-3)
+    outcome, cost = monolithic.run(scene, tmp_path / "a.mcap", begun=states)
+    assert (outcome.status, outcome.steps, cost["steps"]) == ("ok", 30, straight.effort.steps / 3)
+    adams, _ = monolithic.run(scene, tmp_path / "b.mcap", integrator="adams", rtol=1e-9, atol=1e-9, begun=states)
+    assert adams.status == "ok"
+    for name, allowed in (("a", 1e-12), ("b", 1e-7)):
+        with Log(tmp_path / f"{name}.mcap") as log:
+            times, kinetic = log.signal("chain.energy.kinetic")
+        assert times[[0, -1]] == pytest.approx([0.021, 0.03])
+        assert kinetic[-1] == pytest.approx(straight.models["chain"].report[KINETIC], rel=allowed)
+        assert kinetic[-1] != pytest.approx(kinetic[-2], rel=1e-3)
+    again = states_at(scene, 0.02)
+    assert np.array_equal(again.parts["chain"], states.parts["chain"])
+    with pytest.raises(BadInput, match=r"must be a multiple of run\.step"):
+        states_at(scene, 0.0205)
+    with pytest.raises(BadInput, match=r"run\.stop = 0\.02 s must be after the states of 0\.02 s"):
+        short = load("hanging_chain", "flexible", (*settings, "run.stop=0.02"))
+        monolithic.run(short, tmp_path / "c.mcap", begun=states)
+    other = Monolith(monolithic.parts_of(assembly), assembly.connections)
+    with pytest.raises(InvalidParameter, match="chain: the state that it is to begin with"):
+        other.begin_at(0.0, {})
+
+
+@pytest.mark.parametrize("how", [{"refine": 4.0}, {"integrator": "adams"}], ids=["runge-kutta", "adams"])
+def test_energy_of_a_free_chain_closes(tmp_path, how):
     settings = (*SOFT, "vehicle.material.relaxation_time=1e-4", "run.stop=0.1", "track.start=polygon")
-    monolithic.run(load("hanging_chain", "flexible", settings), tmp_path / "a.mcap", 4.0)
+    monolithic.run(load("hanging_chain", "flexible", settings), tmp_path / "a.mcap", **how)
     with Log(tmp_path / "a.mcap") as log:
         parts = energies(log)
     total = sum(parts.values())

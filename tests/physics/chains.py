@@ -24,12 +24,18 @@ from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
 from fmus.physics.chain.state import begin, size
+from fmus.physics.integrate import adams, generalized_alpha, hht, runge_kutta
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
 from orchestrator.studies.rods import EXPLICIT, IMPLICIT, P, Rods, of_angles  # noqa: F401 - for tests
 
 AREA, SECOND = 0.01516, 2.03e-6  # of the link's section
 STEEL = Cable(P, 7800 * AREA, 2e11 * AREA, 2e11 * SECOND, 0.0, 0.0)
-INTEGRATORS = {"generalized_alpha": 2, "runge_kutta": 4}  # and their orders
+INTEGRATORS = {  # and their orders
+    "generalized_alpha": generalized_alpha.order,
+    "hht": hht.order,
+    "runge_kutta": runge_kutta.RK4.order,
+    "adams": adams.order,
+}
 NO_INPUTS = np.zeros(0)
 
 
@@ -51,6 +57,8 @@ class Rigid(Rods):
         assert factor_mass(self.links, self.env, self.s, self.w) == -1
 
     def run(self, time, h, integrator="generalized_alpha"):
+        if integrator == "hht":
+            self.method = self.method._replace(alpha=hht.coefficients(0.8))
         return super().run(time, h, EXPLICIT if integrator == "runge_kutta" else IMPLICIT)
 
     def release(self):
@@ -103,6 +111,8 @@ class Flexible:
 
     def run(self, time, h, integrator="generalized_alpha"):
         step, scheme = track_steps.implicit, self.method
+        if integrator == "hht":
+            scheme = self.method._replace(alpha=hht.coefficients(0.8))
         if integrator == "runge_kutta":
             self.factor()
             step, scheme = track_steps.explicit, slopes(self.s)

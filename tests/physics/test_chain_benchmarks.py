@@ -269,12 +269,22 @@ def test_every_integrator_is_here():
     ("kind", "cable", "integrator", "steps", "energy", "angular"),
     [
         (Rigid, None, "generalized_alpha", (5e-3, 2.5e-3, 1.25e-3), 2.0, 2.0),
+        (Rigid, None, "hht", (5e-3, 2.5e-3, 1.25e-3), 2.0, 2.0),
         (Rigid, None, "runge_kutta", (2e-2, 1e-2, 5e-3), 4.8, 5.0),
         (Flexible, STEEL, "generalized_alpha", (2.5e-3, 1.25e-3, 6.25e-4), 2.0, 2.0),
+        (Flexible, SOFT, "hht", (2.5e-3, 1.25e-3, 6.25e-4), 2.2, 2.0),
         (Flexible, SOFT, "generalized_alpha", (2.5e-3, 1.25e-3, 6.25e-4), 2.2, 2.0),
         (Flexible, SOFT, "runge_kutta", (1e-3, 5e-4, 2.5e-4), 5.0, 4.3),
     ],
-    ids=["rigid-implicit", "rigid-explicit", "steel-implicit", "soft-implicit", "soft-explicit"],
+    ids=[
+        "rigid-implicit",
+        "rigid-hht",
+        "rigid-explicit",
+        "steel-implicit",
+        "soft-hht",
+        "soft-implicit",
+        "soft-explicit",
+    ],
 )
 def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, energy, angular):
     """Two-sided rates; Runge-Kutta of order 4 loses energy at order 5. Rigid links turn about all three axes."""

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fmus.physics.integrate.generalized_alpha import auxiliary, coefficients, slopes
+from fmus.physics.integrate import generalized_alpha, hht
+from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary, coefficients, slopes
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import Ends
 
@@ -200,9 +201,8 @@ def test_coefficients_of_generalized_alpha():
         assert c.gamma == pytest.approx(0.5 + c.alpha_f - c.alpha_m, abs=1e-15)  # second order
 
 
-def oscillate(radius: float, omega: float, h: float, steps: int) -> tuple[float, float]:
+def oscillate(c: GeneralizedAlpha, omega: float, h: float, steps: int) -> tuple[float, float]:
     """q'' = -omega^2 q from (1, 0), one linear solve a step."""
-    c = coefficients(radius)
     s = slopes(c, h)
     q, v, vdot = 1.0, 0.0, -(omega**2)
     a = vdot
@@ -215,14 +215,38 @@ def oscillate(radius: float, omega: float, h: float, steps: int) -> tuple[float,
     return q, v
 
 
-@pytest.mark.parametrize("radius", [0.0, 0.5, 0.8, 1.0])
-def test_generalized_alpha_is_of_second_order(radius: float):
-    errors = [abs(oscillate(radius, 2.0, 1.0 / n, n)[0] - np.cos(2.0)) for n in (40, 80, 160)]
+ALPHA = generalized_alpha.coefficients
+
+
+@pytest.mark.parametrize(
+    ("method", "radius"),
+    [(ALPHA, 0.0), (ALPHA, 0.5), (ALPHA, 0.8), (ALPHA, 1.0), *((hht.coefficients, r) for r in (0.5, 0.8, 1.0))],
+)
+def test_implicit_methods_are_of_second_order(method, radius: float):
+    assert generalized_alpha.order == hht.order == 2
+    c = method(radius)
+    errors = [abs(oscillate(c, 2.0, 1.0 / n, n)[0] - np.cos(2.0)) for n in (40, 80, 160)]
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all((rates > 1.9) & (rates < 2.1))
 
 
-@pytest.mark.parametrize("radius", [0.3, 0.8])
-def test_spectral_radius_at_infinite_frequency(radius: float):
-    sizes = [abs(oscillate(radius, 1e6, 1.0, n)[0]) for n in (40, 80)]
+def test_a_gamma_that_is_off_by_some_per_cent_is_of_first_order():
+    c = hht.coefficients(0.8)
+    errors = [abs(oscillate(c._replace(gamma=1.04 * c.gamma), 2.0, 1.0 / n, n)[0] - np.cos(2.0)) for n in (40, 80, 160)]
+    assert np.log2(errors[1] / errors[2]) < 1.3
+
+
+def test_hht_is_newmarks_method_with_averaged_forces():
+    """Hilber, Hughes, Taylor 1977: alpha = -0.1 has beta = 0.3025 and gamma = 0.6."""
+    c = hht.coefficients(9.0 / 11.0)
+    assert c == pytest.approx((0.0, 0.1, 0.3025, 0.6), rel=1e-12)
+    assert hht.coefficients(1.0) == pytest.approx((0.0, 0.0, 0.25, 0.5))  # the trapezoidal rule
+    assert hht.coefficients(hht.LEAST).alpha_f == pytest.approx(1.0 / 3.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "radius"), [(ALPHA, 0.3), (ALPHA, 0.8), (hht.coefficients, 0.6), (hht.coefficients, 0.8)]
+)
+def test_spectral_radius_at_infinite_frequency(method, radius: float):
+    sizes = [abs(oscillate(method(radius), 1e6, 1.0, n)[0]) for n in (40, 80)]
     assert (sizes[1] / sizes[0]) ** (1 / 40) == pytest.approx(radius, rel=0.08)

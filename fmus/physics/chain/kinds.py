@@ -13,6 +13,10 @@ def _of(links: type) -> Any:
         from fmus.physics.chain.rigid import dynamics as rigid
 
         return rigid
+    if links.__name__ == "JointedLinks":
+        from fmus.physics.chain.rigid import jointed
+
+        return jointed
     from fmus.physics.chain.flexible import dynamics as flexible
 
     return flexible
@@ -74,6 +78,14 @@ def links_shown(links, env, s, w, tension, stress, place, force):
 @door(_of, shared=True)
 def pin_axes(links, s, w, axis):
     """Unit vectors along the pins into ``axis`` (nodes, 3)."""
+
+
+@door(_of, shared=True)
+def slopes(links, s, w, found):
+    """Position gradients along each link at its first and at its last pin into ``found`` (n, 6).
+
+    Rigid links have the unit vector along them at both.
+    """
 
 
 @door(_of, shared=True)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-# Newton did not converge; the iteration matrix is singular; the motion is no longer finite; the pins came apart
-DONE, STALLED, SINGULAR, UNSTABLE, APART = range(5)
+# Newton did not converge; the iteration matrix is singular; the motion is no longer finite; the pins came apart; no
+# step is short enough for its tolerances
+DONE, STALLED, SINGULAR, UNSTABLE, APART, TOO_SHARP = range(6)
 
 
 class Outcome(NamedTuple):

@@ -3,7 +3,8 @@
 Every kind of link has its own State and Work (arrays made once). Both have, for n links and m wheels:
 
     State   flat; q, v: coordinates and rates, first in ``flat``, after them axes, where the axes of the coordinates
-            turn; a, vdot: auxiliary and true accelerations;
+            turn; joints: coordinates that q and v follow from, before them (rigid links, or of size 0);
+            a, vdot: auxiliary and true accelerations;
             wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground: now, auxiliary, mean over the
             communication step; on_links, on_links_aux, on_links_mean (k, c): likewise what touches each link, k = n,
             or k = 0 where nobody asks for it (``on_links``); sums: of the last evaluation (``sums``)
@@ -37,7 +38,8 @@ def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
 
 def moving(s: Any) -> dict[str, np.ndarray]:
     """The views that an explicit integrator moves, in order from the first of ``flat`` on."""
-    return {name: getattr(s, name) for name in ("q", "v", "axes") if name in s._fields}
+    jointed = "joints" in s._fields and s.joints.size > 0
+    return {name: getattr(s, name) for name in (("joints",) if jointed else ("q", "v", "axes")) if name in s._fields}
 
 
 @kernel

@@ -12,6 +12,8 @@ first and the last hold it to the ground, or are absent (their blocks then hold 
 close a chain by three equations too many (320 of rank 317 for 64 links): the closing pin, 0 of a closed
 chain and the last of an open one held at both ends, is compliant along its axis and in tilting. The others
 close the chain in these directions too, so that this spring stays unloaded.
+Paper 8.1 closes a chain by a stiff spring instead: the closing pin then gives way in its three position rows
+and has no others (``Spring``), or is no part of the system where the spring is an explicit force.
 """
 
 from __future__ import annotations
@@ -53,6 +55,31 @@ class Ends(NamedTuple):
     closed: bool
     first: bool  # an open chain's first pin holds it to the ground
     last: bool  # and its last
+    cut: bool = False  # the closing pin is no part of the system
+
+
+class Spring(NamedTuple):
+    """Between two points in the place of the closing pin: no moments. A stiffness of 0: there is a pin."""
+
+    stiffness: float  # N/m
+    damping: float  # N s/m
+
+
+PIN = Spring(0.0, 0.0)
+
+
+@kernel
+def closing(ends, n):
+    """The closing pin of ``n`` links; -1 where none is held by all others."""
+    if ends.closed:
+        return 0
+    return n if ends.first and ends.last else -1
+
+
+@kernel
+def give(spring, by_v):
+    """Compliance of the spring over a step, m/N, 0 of a pin; its damping pulls by ``by_v`` = d velocity / d place."""
+    return 1.0 / (spring.stiffness + by_v * spring.damping) if spring.stiffness > 0.0 else 0.0
 
 
 def system(n: int, closed: bool) -> System:
@@ -105,11 +132,12 @@ def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
 
 @kernel
 @apart
-def factor(half, ends, s, scale):
+def factor(half, ends, s, scale, spring=0.0):
     """Factor the system whose A, WP, WQ and K are set. Returns -1, or the index of what is singular.
 
     ``scale`` multiplies the compliance of the closing pin: 1 where dl are forces of a spring; where K is the bare
     mass, ``REGULAR`` makes it as large as the links' own, and the unloaded spring shows as little.
+    ``spring`` is the compliance of the spring that is there instead (``give``), 0 for a pin.
     """
     n, p = s.K.shape[0], s.C.shape[0]
     SA, SU, SL = s.S[0], s.S[1], s.S[2]
@@ -124,30 +152,34 @@ def factor(half, ends, s, scale):
             _absent(0, SA, SU, SL)
         if not ends.last:
             _absent(n, SA, SU, SL)
-    if ends.closed or (ends.first and ends.last):
+    close = closing(ends, n)
+    if close >= 0:
         link = 0 if ends.closed else n - 1
-        close = 0 if ends.closed else n
-        for i in range(3):
-            for k in range(3):
-                SA[close, i, k] += s.A[link, i, 1] * s.A[link, k, 1] * scale / STIFFNESS
-        SA[close, 3, 3] += scale / TILTING
-        SA[close, 4, 4] += scale / TILTING
+        if ends.cut:
+            _absent(close, SA, SU, SL)
+        elif spring > 0.0:
+            for k in range(5):
+                SA[close, k, k] += spring if k < 3 else 1.0  # tilting is left out: its rows are empty
+        else:
+            for i in range(3):
+                for k in range(3):
+                    SA[close, i, k] += s.A[link, i, 1] * s.A[link, k, 1] * scale / STIFFNESS
+            SA[close, 3, 3] += scale / TILTING
+            SA[close, 4, 4] += scale / TILTING
     return block_cyclic.factor(SA, SU, SL, s.factors, ends.closed)
 
 
 @kernel
 def _absent(j, SA, SU, SL):
-    """Pin ``j`` of an open chain holds nothing: ones on its diagonal, no coupling."""
+    """Pin ``j`` holds nothing: ones on its diagonal, no coupling."""
     p = SA.shape[0]
     SA[j] = 0.0
     for k in range(5):
         SA[j, k, k] = 1.0
     SU[j] = 0.0
     SL[j] = 0.0
-    if j > 0:
-        SU[j - 1] = 0.0
-    if j < p - 1:
-        SL[j + 1] = 0.0
+    SU[j - 1] = 0.0
+    SL[(j + 1) % p] = 0.0
 
 
 @kernel
@@ -180,12 +212,7 @@ def solve(half, ends, s):
                 y += s.K[i, a, c] * s.r[i, c]
             dx[i, a] = y
         _apply(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], dx[i], dl[i], dl[(i + 1) % p])
-    if not ends.closed:
-        for k in range(5):
-            if not ends.first:
-                dl[0, k] = 0.0
-            if not ends.last:
-                dl[n, k] = 0.0
+    _nothing(ends, n, dl)
     block_cyclic.solve(s.S[0], s.S[1], s.factors, ends.closed, dl)
     f = s.P[0]
     for i in range(n):
@@ -220,9 +247,17 @@ def rates(half, ends, s, v):
             s.C[j, k] = 0.0
     for i in range(n):
         _apply(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], v[i], s.C[i], s.C[(i + 1) % p])
-    if not ends.closed:
-        for k in range(5):
-            if not ends.first:
-                s.C[0, k] = 0.0
-            if not ends.last:
-                s.C[n, k] = 0.0
+    _nothing(ends, n, s.C)
+
+
+@kernel
+def _nothing(ends, n, rows):
+    """Zero the rows (p, 5) of pins that hold nothing."""
+    close = closing(ends, n)
+    for k in range(5):
+        if not (ends.closed or ends.first):
+            rows[0, k] = 0.0
+        if not (ends.closed or ends.last):
+            rows[n, k] = 0.0
+        if ends.cut and close >= 0:
+            rows[close, k] = 0.0

@@ -45,6 +45,19 @@ def advance(q0, x, q1):
 
 
 @kernel
+def pose_rate(q, v, k):
+    """Time derivative of the pose ``q`` (7) with the velocity ``v`` (6), into ``k``; the turning is from the right."""
+    w, x, y, z = q[3], q[4], q[5], q[6]
+    a, b, c = 0.5 * v[3], 0.5 * v[4], 0.5 * v[5]
+    for j in range(3):
+        k[j] = v[j]
+    k[3] = -x * a - y * b - z * c
+    k[4] = w * a + y * c - z * b
+    k[5] = w * b - x * c + z * a
+    k[6] = w * c + x * b - y * a
+
+
+@kernel
 def turn_rate(x, d, out):
     """``out`` (3) = T^-1(x) d: the change of the rotation vector ``x`` that turns its end by ``d``.
 

@@ -25,6 +25,8 @@ GROUPS = {  # signals by the groups of ``track.link_outputs`` that record them
     "joint[*].axis": "axis",
     "link[*].fibre.outer": "fibres",
     "link[*].fibre.inner": "fibres",
+    "link[*].slope.first": "slopes",
+    "link[*].slope.last": "slopes",
 }
 
 

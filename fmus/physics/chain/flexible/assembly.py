@@ -17,9 +17,11 @@ from fmus.physics.chain.flexible.axes import (
     sideways,
     sideways_energy,
 )
+from fmus.physics.chain.flexible.closing import stored
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.elements import axial, gather, layout
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
+from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.sums import POWER
 from fmus.physics.chain.touch import roll
 
@@ -33,8 +35,8 @@ def evaluate(links, contacts, env, x, by, w, fresh):
 
     Returns the largest entry of the residual, N, and the link it belongs to.
     """
-    n, c, rows, dims = links.n, links.element, vectors(links.element), axes(links.element)
-    weight, whole = matter(c) * env.gravity, rows * dims + len(layout(links).common)
+    n, c, rows, dims, at = links.n, links.element, vectors(links.element), axes(links.element), layout(links)
+    weight, whole = matter(c) * env.gravity, rows * dims + len(at.common)
     clear(w, fresh)
     mass(c, w.M)
     if contacts is not None:
@@ -42,10 +44,10 @@ def evaluate(links, contacts, env, x, by, w, fresh):
         roll(links, contacts, x, w, w.flat, by.v, fresh)
         homeward(links, x, w)
     for i in range(n):
-        j = i + 1 if i + 1 < x.q.shape[0] else 0
-        gather(links, x.q, i, j, w.e)
-        gather(links, x.v, i, j, w.v)
-        gather(links, x.vdot, i, j, w.dv)
+        first, second = ends(at, x.q.shape[0], i)
+        gather(links, x.q, first, second, w.e)
+        gather(links, x.v, first, second, w.v)
+        gather(links, x.vdot, first, second, w.dv)
         r = w.R[i]
         burden(links, x, w, weight, r)
         if fresh:
@@ -64,8 +66,8 @@ def evaluate(links, contacts, env, x, by, w, fresh):
                         for k in range(whole):
                             w.K[a, k] += w.stiffening[i, a, k]
         if fresh:
-            condense(links, w, i, j)
-            border(links, w, i, j)
+            condense(links, w, i, first, second)
+            border(links, w, first, second)
     return reduce(links, env, x, w, by.v, fresh)
 
 
@@ -74,12 +76,13 @@ def totals(links, env, x, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, q = links.n, links.element, x.q
     weight = matter(c) * env.gravity
-    kinetic = strain_energy = gravity = 0.0
+    kinetic = gravity = 0.0
+    strain_energy = stored(links.closing, axes(c), q)
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
-        j = i + 1 if i + 1 < q.shape[0] else 0
-        gather(links, q, i, j, w.e)
-        gather(links, x.v, i, j, w.v)
+        first, second = ends(layout(links), q.shape[0], i)
+        gather(links, q, first, second, w.e)
+        gather(links, x.v, first, second, w.v)
         absolute(links, x, w)
         kinetic = add_kinetic(kinetic, w.M, w.v)
         strain_energy += energy(c, w.e) + sideways_energy(links, w)
@@ -94,5 +97,6 @@ def totals(links, env, x, w):
 def axials(links, q, w, tension, stress):
     """Tension, N, and largest axial stress, Pa, of all links into ``tension`` and ``stress`` (n)."""
     for i in range(links.n):
-        gather(links, q, i, i + 1 if i + 1 < q.shape[0] else 0, w.e)
+        first, second = ends(layout(links), q.shape[0], i)
+        gather(links, q, first, second, w.e)
         tension[i], stress[i] = axial(links, w)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.ancf.beam import shape
+from fmus.physics.chain.flexible.elements import layout
+from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
     begin,
     count,
     enter,
     from_ground,
-    last,
     length,
     pin_rates,
     pins,
@@ -32,7 +33,8 @@ def across(links):
 @kernel
 def lift(links, x, i):
     """A pin's ends hang by the rise of its axis."""
-    lean = links.lateral * max(abs(x.q[i, 5]), abs(x.q[last(x, i), 5]))
+    first, second = ends(layout(links), x.q.shape[0], i)
+    lean = links.lateral * max(abs(x.q[first, 5]), abs(x.q[second, 5]))
     return lean + 1.1 * links.face + 0.1 * links.element.l
 
 

@@ -18,6 +18,7 @@ from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, seen
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
 from fmus.physics.chain.flexible.beam_nodes import gather as coordinates
+from fmus.physics.chain.flexible.closing import Spring
 from fmus.physics.chain.flexible.link_layout import arranged
 from fmus.physics.vector import dot, scale, vector
 
@@ -45,6 +46,7 @@ class Beams(NamedTuple):
     outer_fibre: float  # m
     area: float  # m2
     young: float  # Young's modulus, Pa
+    closing: Spring | None = None  # of a loop whose mesh is open
 
 
 @kernel

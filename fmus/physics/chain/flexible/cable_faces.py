@@ -11,7 +11,8 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import axes, shape, shape_slope
-from fmus.physics.chain.flexible.elements import in_space
+from fmus.physics.chain.flexible.elements import in_space, layout
+from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
     begin,
     count,
@@ -140,13 +141,14 @@ def _axis(k, dims):
 @kernel
 def locate_pin(links, x, w, i, y):
     """See ``faces``."""
+    i = node(layout(links), x.q.shape[0], i)
     return in_space(links, x.q[i]), in_space(links, x.v[i])
 
 
 @kernel
 def push_pin(links, x, w, i, y, push, tangent):
     """Residual into ``w.b``, matrix into ``w.A``."""
-    f, g, dims = push.f, push.g, axes(links.element)
+    f, g, dims, i = push.f, push.g, axes(links.element), node(layout(links), x.q.shape[0], i)
     for a in range(dims):
         w.b[i, a] -= f[_axis(a, dims)]
     if tangent:

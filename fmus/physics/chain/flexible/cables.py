@@ -19,6 +19,7 @@ from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, tension
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
+from fmus.physics.chain.flexible.closing import Spring
 from fmus.physics.chain.flexible.link_layout import arranged
 
 LAYOUT = arranged(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10], fixed=3)
@@ -39,6 +40,7 @@ class Cables(NamedTuple):
     outer_fibre: float  # m
     area: float  # m2
     second_moment: float  # m4
+    closing: Spring | None = None  # of a loop whose mesh is open
 
 
 @kernel

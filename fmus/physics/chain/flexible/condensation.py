@@ -14,8 +14,11 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import apart, kernel
+from fmus.physics.ancf.element import axes
 from fmus.physics.chain.environment import HELD, PINNED
+from fmus.physics.chain.flexible.closing import pull
 from fmus.physics.chain.flexible.elements import layout, lever
+from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.inverse import invert
 
@@ -68,9 +71,9 @@ def eliminate(links, w, i):
 
 @kernel
 @apart
-def condense(links, w, i, j):
-    """``eliminate``, and scatter what is left to the pins ``i``, ``j`` of the link."""
-    eliminate(links, w, i)
+def condense(links, w, link, i, j):
+    """``eliminate``, and scatter what is left to the pins ``i``, ``j`` of the ``link``."""
+    eliminate(links, w, link)
     m, rest = len(layout(links).shared), w.rest
     for a in range(m):
         for b in range(m):
@@ -90,7 +93,7 @@ def _spread(at, R, inner, own, b, x):
     flat = R.reshape(links, R.shape[1] * R.shape[2])
     worst, where = 0.0, 0
     for i in range(links):
-        j = i + 1 if i + 1 < nodes else 0
+        first, second = ends(at, nodes, i)
         r = flat[i]
         for k in range(n):
             x[k] = r[at.inner[k]]
@@ -101,8 +104,8 @@ def _spread(at, R, inner, own, b, x):
                 s += inner[i, k, a] * x[a]
             own[i, k] = s
         for k in range(m):
-            b[i, k] += r[at.outer[k]]
-            b[j, k] += r[at.outer[m + k]]
+            b[first, k] += r[at.outer[k]]
+            b[second, k] += r[at.outer[m + k]]
     return worst, where
 
 
@@ -116,14 +119,14 @@ def _reduce(at, env, left, own, b, worst, where):
     for i in range(nodes):
         for k in range(m):
             if abs(b[i, k]) > worst:
-                worst, where = abs(b[i, k]), min(i, links - 1)
-    for i in range(links):
-        j = i + 1 if i + 1 < nodes else 0
+                worst, where = abs(b[i, k]), min(i // len(at.pins), links - 1)
+    for link in range(links):
+        i, j = ends(at, nodes, link)
         for k in range(m):
             first, second = b[i, k], b[j, k]
             for a in range(n):
-                first -= left[i, k, a] * own[i, a]
-                second -= left[i, m + k, a] * own[i, a]
+                first -= left[link, k, a] * own[link, a]
+                second -= left[link, m + k, a] * own[link, a]
             b[i, k], b[j, k] = first, second
     if env.ends == PINNED or env.ends == HELD:
         b[0, : at.fixed] = 0.0
@@ -140,7 +143,8 @@ def reduce(links, env, x, w, by_rate, tangent):
     """
     at = layout(links)
     worst, where = _spread(at, w.R, w.inner, w.own, w.b, w.swap)
-    pin_loads(links.closed, env, at.fixed, x, w, by_rate, tangent)
+    pin_loads(links, env, x, w, by_rate, tangent)
+    pull(links.closing, at, axes(links.element), x, w, by_rate, tangent)
     return _reduce(at, env, w.left, w.own, w.b, worst, where)
 
 
@@ -160,12 +164,12 @@ def correct(links, w, x, by, longest):
                 return np.inf
             size = max(size, change)
     scale = -1.0 if size <= longest else -longest / size
-    for i in range(links):
-        j = i + 1 if i + 1 < nodes else 0
+    for link in range(links):
+        i, j = ends(at, nodes, link)
         for k in range(n):
-            s = own[i, k]
+            s = own[link, k]
             for a in range(m):
-                s -= right[i, k, a] * b[i, a] + right[i, k, m + a] * b[j, a]
+                s -= right[link, k, a] * b[i, a] + right[link, k, m + a] * b[j, a]
             node, place = (i if 2 * k < n else j), at.slope[k]
             q[node, place] += scale * s
             v[node, place] += scale * by.v * s

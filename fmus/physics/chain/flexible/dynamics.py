@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
-from fmus.physics.ancf.element import axes
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
+from fmus.physics.chain.flexible import joints
 from fmus.physics.chain.flexible.assembly import axials, totals
 from fmus.physics.chain.flexible.axes import directed, placed
-from fmus.physics.chain.flexible.elements import gather, in_space, outer_and_inner, pin_axis
+from fmus.physics.chain.flexible.elements import gather, in_space, layout, outer_and_inner, pin_axis
 from fmus.physics.chain.flexible.explicit import close, derivative, keep_residuals, settle_forces  # noqa: F401
+from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import SPEED, write
-from fmus.physics.chain.speed import chain_speed
 from fmus.physics.vector import put
 
 
@@ -30,8 +30,7 @@ def end_work(links, env, h, s, w):
 @kernel
 def speed(links, env, s, w):
     """See ``kinds``."""
-    n = axes(links.element)
-    return chain_speed(s.q[:, :n], s.v[:, :n], links.closed == 1, carrier(w.flat, env.mount))
+    return joints.speed(links, carrier(w.flat, env.mount), s, w)
 
 
 @kernel
@@ -51,23 +50,37 @@ def observe(links, env, s, w, report):
 @kernel
 def pin_places(links, s, w, place):
     """See ``kinds``."""
-    for i in range(s.q.shape[0]):
-        put(place[i], 0, placed(links, s, in_space(links, s.q[i])))
+    for i in range(place.shape[0]):
+        at = node(layout(links), s.q.shape[0], i)
+        put(place[i], 0, placed(links, s, in_space(links, s.q[at])))
 
 
 @kernel
 def pin_axes(links, s, w, axis):
     """See ``kinds``."""
-    for i in range(s.q.shape[0]):
-        put(axis[i], 0, directed(links, s, pin_axis(links, s.q[i])))
+    for i in range(axis.shape[0]):
+        at = node(layout(links), s.q.shape[0], i)
+        put(axis[i], 0, directed(links, s, pin_axis(links, s.q[at])))
 
 
 @kernel
 def fibres(links, s, w, stress):
     """See ``kinds``."""
     for i in range(links.n):
-        gather(links, s.q, i, i + 1 if i + 1 < s.q.shape[0] else 0, w.e)
+        first, second = ends(layout(links), s.q.shape[0], i)
+        gather(links, s.q, first, second, w.e)
         stress[i, 0], stress[i, 1] = outer_and_inner(links, w)
+
+
+@kernel
+def slopes(links, s, w, found):
+    """See ``kinds``."""
+    rows = s.residual.shape[1]
+    for i in range(links.n):
+        first, second = ends(layout(links), s.q.shape[0], i)
+        gather(links, s.q, first, second, w.e)
+        put(found[i], 0, directed(links, s, in_space(links, w.e[1])))
+        put(found[i], 3, directed(links, s, in_space(links, w.e[rows // 2 + 1])))
 
 
 @kernel
@@ -77,6 +90,6 @@ def links_shown(links, env, s, w, tension, stress, place, force):
     pin_places(links, s, w, place)
     for i in range(links.n):
         put(force[i], 0, directed(links, s, in_space(links, s.residual[i, 0])))
-    if s.q.shape[0] > links.n:
+    if force.shape[0] > links.n:
         last = directed(links, s, in_space(links, s.residual[links.n - 1, s.residual.shape[1] // 2]))
         put(force[links.n], 0, (-last[0], -last[1], -last[2]))

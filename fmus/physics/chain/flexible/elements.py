@@ -25,6 +25,10 @@ def kit(links: type) -> Any:
         from fmus.physics.chain.flexible import turning
 
         return turning
+    if links.__name__ == "ConstrainedCables":
+        from fmus.physics.chain.flexible import constrained
+
+        return constrained
     from fmus.physics.chain.flexible import cables
 
     return cables

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import allocating
-from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.condensation import correct
+from fmus.physics.chain.flexible.joints import factor, solve
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, STALLED, Outcome
 from fmus.physics.chain.state import copy
@@ -32,9 +32,9 @@ def settle(links, contacts, env, rows, tolerance, longest, s, w):
         converged, size = False, np.inf
         for _ in range(12):
             worst, where = evaluate(links, contacts, env, x, by, w, True)
-            if factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
+            if factor(links, w) >= 0:
                 break
-            solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+            solve(links, w)
             last, size = size, correct(links, w, x, by, 2e-2)
             if not size < 0.5:
                 break

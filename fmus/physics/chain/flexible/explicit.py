@@ -13,7 +13,10 @@ from fmus.jit import kernel
 from fmus.physics.ancf.element import highest_frequency
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes import follow, rates, sideways_frequency, square, swing
+from fmus.physics.chain.flexible.closing import square_of_frequency
 from fmus.physics.chain.flexible.condensation import correct
+from fmus.physics.chain.flexible.joints import close as join
+from fmus.physics.chain.flexible.joints import misfit
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.integrate.generalized_alpha import Slopes
 
@@ -24,7 +27,8 @@ NOTHING = Slopes(0.0, 0.0, 0.0)  # no matrix is asked for
 
 def stable(links: Any) -> float:
     """The longest step of the explicit method, s, contacts apart."""
-    return LIMIT / max(highest_frequency(links.element), float(sideways_frequency(links)))
+    fastest = max(highest_frequency(links.element), float(sideways_frequency(links)))
+    return LIMIT / float(np.hypot(fastest, np.sqrt(square_of_frequency(links.closing, links.element))))
 
 
 @kernel
@@ -33,8 +37,9 @@ def accelerations(links, contacts, env, s, w):
     change, x = w.change[0], Motion(s.q, s.v, w.still, s.axes)
     follow(links, x, w)
     evaluate(links, contacts, env, x, NOTHING, w, False)
-    swing(links, x, w)
     change[:] = 0.0
+    misfit(links, change, w)
+    swing(links, x, w)
     correct(links, w, Motion(change, w.change[1], w.change[1], s.axes), NOTHING, np.inf)
 
 
@@ -70,6 +75,7 @@ def keep_residuals(s, w):
 
 @kernel
 def close(links, s, w):
-    """The pins are eliminated and do not drift."""
+    """See ``kinds``."""
     square(links, s)
+    join(links, s, w)
     return -1

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.ancf.element import axes, vectors
-from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.elements import flatten
+from fmus.physics.chain.flexible.joints import solve
 
 
 @kernel
@@ -51,7 +51,7 @@ def foresee(links, method, h, s, w):
 @kernel
 def resolve(links, w, fresh):
     """See ``axes``."""
-    solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+    solve(links, w)
 
 
 @kernel

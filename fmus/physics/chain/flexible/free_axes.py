@@ -329,7 +329,7 @@ def square(links, s):
 
 def sideways_frequency(links):
     """See ``axes``: EI w^4 / rho A of cubic elements that share their slopes; one alone (the ends) is stiffer."""
-    c, most = links.element, 2520.0 if links.closed else 8400.0
+    c, most = links.element, 2520.0 if links.closed and links.closing is None else 8400.0
     return np.sqrt(most * (c.EI + links.sideways) / c.rhoA) / c.l**2
 
 

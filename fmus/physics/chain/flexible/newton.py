@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import allocating, apart
-from fmus.physics.block_cyclic import factor
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes import arrive, bend, foresee, resolve
 from fmus.physics.chain.flexible.condensation import correct
+from fmus.physics.chain.flexible.joints import factor, misfit
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
@@ -40,8 +40,9 @@ def newton(links, contacts, env, method, h, s, w, counters):
         fresh = size > CHORD or sharp[0] == 1  # close to the solution the last matrix serves once more
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)
         counters[EVALUATIONS] += 1
-        if fresh and factor(w.A, w.U, w.L, w.factors, links.closed == 1) >= 0:
+        if fresh and factor(links, w) >= 0:
             return SINGULAR, where, worst
+        misfit(links, x.q, w)
         resolve(links, w, fresh)
         counters[ITERATIONS] += 1
         bent = bend(links, x, w, by)

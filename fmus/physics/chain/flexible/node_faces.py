@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
-from fmus.physics.chain.flexible.elements import gather, in_space
+from fmus.physics.chain.flexible.elements import gather, in_space, layout
+from fmus.physics.chain.flexible.link_layout import ends
 
 
 @kernel
 def count(links, x):
     """See ``faces``."""
-    return links.n, x.q.shape[0]
-
-
-@kernel
-def last(x, i):
-    """The pin where link ``i`` ends."""
-    return i + 1 if i + 1 < x.q.shape[0] else 0
+    return links.n, links.n if links.closed == 1 else links.n + 1
 
 
 @kernel
 def pins(links, x, w, i):
     """See ``faces``."""
-    return in_space(links, x.q[i]), in_space(links, x.q[last(x, i)])
+    first, second = ends(layout(links), x.q.shape[0], i)
+    return in_space(links, x.q[first]), in_space(links, x.q[second])
 
 
 @kernel
 def pin_rates(links, x, w, i):
     """See ``faces``."""
-    return in_space(links, x.v[i]), in_space(links, x.v[last(x, i)])
+    first, second = ends(layout(links), x.q.shape[0], i)
+    return in_space(links, x.v[first]), in_space(links, x.v[second])
 
 
 @kernel
@@ -45,9 +42,9 @@ def begin(links, x, w):
 @kernel
 def enter(links, x, w, i):
     """Coordinates and rates of the link into ``w.e``, ``w.v``; its loads are zeroed at its first contact."""
-    j = last(x, i)
-    gather(links, x.q, i, j, w.e)
-    gather(links, x.v, i, j, w.v)
+    first, second = ends(layout(links), x.q.shape[0], i)
+    gather(links, x.q, first, second, w.e)
+    gather(links, x.v, first, second, w.v)
     if not w.touched[i]:
         w.touched[i] = True
         w.load[i] = 0.0

@@ -6,23 +6,26 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.chain.environment import HELD, PINNED, PULLED
+from fmus.physics.chain.flexible.elements import layout
+from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.sums import END_POWER, POWER
 
 
 @kernel
-def pin_loads(closed, env, held, x, w, by_rate, tangent):
+def pin_loads(links, env, x, w, by_rate, tangent):
     """Transverse damping and end loads on the pins; the residual goes into ``w.b``, the matrix into ``w.A``.
 
-    Pinned ends keep the first ``held`` coordinates of their pins. A pin whose position is held by two of them moves in
-    the plane x, z, else in space.
+    A pin whose position is held by two coordinates moves in the plane x, z, else in space.
     """
-    q, v, nodes = x.q, x.v, x.q.shape[0]
+    at, q, v, nodes = layout(links), x.q, x.v, x.q.shape[0]
+    held, pins = at.fixed, links.n if links.closed == 1 else links.n + 1
     z = 1 if held == 2 else 2
     if env.transverse > 0.0:
-        for i in range(nodes):
-            before, after = max(i - 1, 0), min(i + 1, nodes - 1)
-            if closed:
-                before, after = (i - 1) % nodes, (i + 1) % nodes
+        for pin in range(pins):
+            before, after = max(pin - 1, 0), min(pin + 1, pins - 1)
+            if links.closed == 1:
+                before, after = (pin - 1) % pins, (pin + 1) % pins
+            i, before, after = node(at, nodes, pin), node(at, nodes, before), node(at, nodes, after)
             t0, t2 = q[after, 0] - q[before, 0], q[after, z] - q[before, z]
             size = np.sqrt(t0 * t0 + t2 * t2)
             n0, n2 = -t2 / size, t0 / size

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.jit import plain
 from fmus.physics.arrays import Floats
+from fmus.physics.chain.flexible.link_layout import ends
 
 
 def places(kit: Any, q: Floats, rows: int, links: int) -> NDArray[np.int64]:
@@ -17,7 +19,7 @@ def places(kit: Any, q: Floats, rows: int, links: int) -> NDArray[np.int64]:
     """
     numbers, e = np.arange(q.size, dtype=float).reshape(q.shape), np.empty((links, rows, len(kit.AXES)))
     for i in range(links):
-        kit.coordinates(numbers, i, (i + 1) % len(q), e[i])
+        kit.coordinates(numbers, *plain(ends)(kit.LAYOUT, len(q), i), e[i])
     return e.astype(np.int64)
 
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from fmus.jit import allocating, kernel
 from fmus.physics.ancf.element import axes, mass, vectors
-from fmus.physics.block_cyclic import factor
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.condensation import clear, condense, reduce
+from fmus.physics.chain.flexible.condensation import clear, condense
 from fmus.physics.chain.flexible.dynamics import observe
+from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.equilibrium import settle
 from fmus.physics.chain.flexible.explicit import NOTHING, accelerations
 from fmus.physics.chain.flexible.inertia import add_mass
+from fmus.physics.chain.flexible.joints import factor
+from fmus.physics.chain.flexible.link_layout import ends
+from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.chain.report import SUMMED
@@ -31,9 +34,9 @@ def factor_mass(links, env, s, w):
     for i in range(links.n):
         w.K[:] = 0.0
         add_mass(rows, dims, w.M, 1.0, w.K)
-        condense(links, w, i, i + 1 if i + 1 < s.q.shape[0] else 0)
-    reduce(links, env, Motion(s.q, w.still, w.still, s.axes), w, 0.0, True)
-    return factor(w.A, w.U, w.L, w.factors, links.closed == 1)
+        condense(links, w, i, *ends(layout(links), s.q.shape[0], i))
+    pin_loads(links, env, Motion(s.q, w.still, w.still, s.axes), w, 0.0, True)
+    return factor(links, w)
 
 
 @kernel

@@ -2,7 +2,8 @@
 
 A regular polygon stays one, its links all alike, so a few unknowns are all: the radius, the coordinates that are one
 link's own, and those that links share besides the positions. Shapes that nothing resists are not among them: rounding
-would let a long or slow loop wander along them.
+would let a long or slow loop wander along them. Where a spring closes the loop, it gives way and the links are no
+longer alike: Newton's iteration then goes over all coordinates in the plane.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from scipy.sparse import bmat, coo_array
+from scipy.sparse.linalg import spsolve
 
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.places import across, in_plane, places
@@ -22,14 +25,14 @@ ROUNDS = 60
 Residuals = Callable[[Floats], Floats]  # of the loop (links, rows, axes), by its accelerations (nodes, width)
 
 
-def stretch(kit: Any, q: Floats, rows: int, spin: float, residuals: Residuals, tolerance: float) -> bool:
+def stretch(kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: Residuals, tolerance: float) -> bool:
     """Deform a regular polygon of straight links ``q`` (nodes, width) about the origin until Q = spin^2 M q.
 
     To ``tolerance``, N; ``kit`` is the module of the links, ``rows`` the number of their vectors. False: not found.
     """
-    at, flat, plane = places(kit, q, rows, len(q)), q.reshape(-1), kit.PLANE.ravel()
+    at, flat, plane = places(kit, q, rows, links), q.reshape(-1), kit.PLANE.ravel()
     axes, m, second = len(kit.AXES), len(kit.LAYOUT.shared), rows // 2
-    turn = -2.0 * np.pi * np.arange(len(q))[:, None, None] / len(q)
+    turn = -2.0 * np.pi * np.arange(links)[:, None, None] / links
     own, shared, beside = kit.LAYOUT.inner, kit.LAYOUT.outer[axes:m], kit.LAYOUT.outer[m + axes :]
 
     def deformed(link: Floats, change: Floats) -> Floats:
@@ -63,4 +66,62 @@ def stretch(kit: Any, q: Floats, rows: int, spin: float, residuals: Residuals, t
         if np.abs(now).max() < tolerance:  # the step above was the last: pins of a long loop turn by little
             lacks(link)
             return True
+    return False
+
+
+def part(
+    kit: Any,
+    q: Floats,
+    rows: int,
+    links: int,
+    spin: float,
+    stiffness: float,
+    residuals: Residuals,
+    tolerance: float,
+) -> bool:
+    """The same of a loop whose first and last pin a spring of ``stiffness``, N/m, joins, from where ``stretch`` ends.
+
+    The answers of the links are found by probing every third pin at a time. No turn about the origin is taken.
+    """
+    at, flat, plane = places(kit, q, rows, links), q.reshape(-1), kit.PLANE
+    width, place, pins = q.shape[1], plane[0], np.arange(links + 1)
+    ends = np.stack([place, links * width + place])  # of the spring, in ``flat``
+    there = np.intersect1d(at, (width * pins[:, None] + plane.ravel()))
+    spring = coo_array(
+        (np.tile([stiffness, -stiffness, -stiffness, stiffness], 2),
+         (ends[[0, 0, 1, 1]].T.ravel(), ends[[0, 1, 0, 1]].T.ravel())),
+        shape=(q.size, q.size),
+    )  # fmt: skip
+
+    def of_links() -> Floats:
+        """Residuals of the links."""
+        a = np.zeros_like(q)
+        a[:, plane] = -(spin**2) * q[:, plane]
+        return residuals(a).copy()
+
+    for _ in range(ROUNDS):
+        now = of_links()
+        lacks = np.bincount(at.ravel(), now.ravel(), q.size) + spring @ flat
+        if np.abs(lacks[there]).max() < tolerance:
+            return True
+        entries = []
+        for coordinate in plane.ravel():
+            for first in range(3):
+                moved = pins[first::3]
+                flat[width * moved + coordinate] += PROBE
+                answer = (of_links() - now) / PROBE
+                flat[width * moved + coordinate] -= PROBE
+                of = np.arange(links)  # a link has one of these pins, or none
+                pin = np.where(of % 3 == first, of, of + 1)
+                has = pin % 3 == first
+                columns = np.broadcast_to((width * pin + coordinate)[:, None, None], at.shape)
+                entries.append((answer[has], at[has], columns[has]))
+        values, one, other = (np.concatenate([entry[k].ravel() for entry in entries]) for k in range(3))
+        K = (coo_array((values, (one, other)), shape=(q.size, q.size)) + spring).tocsr()[there][:, there]
+        turned = np.zeros_like(q)
+        turned[:, plane] = across(q[:, plane])
+        turn = turned.reshape(-1)[there]
+        bordered = bmat([[K, turn[:, None]], [turn[None], None]]).tocsc()
+        change = spsolve(bordered, -np.append(lacks[there], 0.0))[:-1]
+        flat[there] += change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST))
     return False

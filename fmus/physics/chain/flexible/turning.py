@@ -16,6 +16,7 @@ from fmus.physics.chain.flexible.axes_state import SIZE
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever, pin_axis  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.closing import Spring
 from fmus.physics.chain.flexible.link_layout import joined
 
 LAYOUT = joined(cables.LAYOUT, 2)  # the turning of the axes: roll and yaw
@@ -35,6 +36,7 @@ class TurningCables(NamedTuple):
     lateral: float  # of the contact points from the middle, m
     sideways: float  # bending stiffness about the normal beyond that about the pin, N m2
     twist: float  # moment of inertia of all links about their own lines, kg m2
+    closing: Spring | None = None  # of a loop whose mesh is open
 
 
 @kernel

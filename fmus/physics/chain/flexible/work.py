@@ -52,6 +52,7 @@ class Work(NamedTuple):
     contact: Memory
     near: Near
     axes: Axes | None  # of coordinates along axes that turn
+    joints: Any  # the ``Joints`` of links that share no pins, else None
     still: np.ndarray  # (nodes, width) zeros
     change: np.ndarray  # (2, nodes, width) accelerations that are looked for; what comes with them and is not
 
@@ -77,5 +78,12 @@ def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Wo
         wrench=z((wheels + 1, 6)), on_links=z(felt), sums=z(SUMS), contact=memory(points(wheels, nodes)),
         near=near(links),
         axes=axes(nodes, m, whole) if kit.FREE else None,
+        joints=_joints(links, m) if len(at.pins) == 2 else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
     )  # fmt: skip
+
+
+def _joints(links: int, m: int) -> Any:
+    from fmus.physics.chain.flexible.constrained_joints import joints
+
+    return joints(links, m)

@@ -7,6 +7,7 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.report import write
+from fmus.physics.chain.rigid.closing import strain
 from fmus.physics.chain.rigid.explicit import close, derivative, settle_forces  # noqa: F401 - behind the door
 from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.speed import chain_speed
@@ -43,7 +44,7 @@ def observe(links, env, s, w, report):
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         kinetic += body.kinetic(links.mass, links.inertia, s.v[i])
         height += s.q[i, 2]
-    energy = kinetic, 0.0, links.mass * env.gravity * height
+    energy = kinetic, strain(links, s, w), links.mass * env.gravity * height
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], (low, mean, high, 0.0), energy)
 
 
@@ -114,6 +115,16 @@ def pin_axes(links, s, w, axis):
         body.rotation(s.q[min(j, n - 1)], A)
         for k in range(3):
             axis[j, k] = A[k, 1]
+
+
+@kernel
+def slopes(links, s, w, found):
+    """See ``kinds``."""
+    for i in range(found.shape[0]):
+        A = w.system.A[i]
+        body.rotation(s.q[i], A)
+        for k in range(3):
+            found[i, k] = found[i, 3 + k] = A[k, 0]
 
 
 @kernel

@@ -11,16 +11,27 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import allocating, kernel
+from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.links import pins, residual
 from fmus.physics.chain.rigid.newton import GAP
 from fmus.physics.chain.state import add_share, copy, put
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
+from fmus.physics.rigid.augmented import Spring
 
 LIMIT = 5e-5  # largest step, s
 CORRECTIONS = 4  # of the projection at most
 OPEN = 1e-8  # misfit of a pin after the projection that is a failure, m and rad
+STABLE = 2.4  # step times the highest rate of a closing spring
 ANY = Slopes(0.0, 0.0, 0.0)  # no matrix is asked for
+
+
+def longest(spring: Spring, half: float, mass: float, inertia: float) -> float:
+    """The longest step, s, that a closing spring bears: two free links that lie across it give way most."""
+    if spring.stiffness == 0.0:
+        return np.inf
+    gives = 2.0 * (1.0 / mass + half * half / inertia)  # acceleration by a force, 1/kg
+    return STABLE / (float(np.sqrt(spring.stiffness * gives)) + spring.damping * gives)
 
 
 @allocating
@@ -28,9 +39,10 @@ def accelerations(links, contacts, env, s, w):
     """Accelerations and multipliers that belong to poses and velocities; wrenches with them. Returns -1, or the link
     where the system is singular.
     """
-    n, y = s.q.shape[0], w.system
+    n, y, ends = s.q.shape[0], w.system, closing.unclosed(links)
     s.vdot[:] = 0.0
     s.lam[:] = 0.0
+    spring = closing.load(links, s, w) if ends.cut else (0.0, 0.0, 0.0)
     w.x[:] = 0.0
     residual(links, contacts, env, s, w, ANY, False)
     y.K[:] = 0.0
@@ -47,13 +59,16 @@ def accelerations(links, contacts, env, s, w):
             pin.velocity_terms(links.half, w.still, 0.0 * s.v[0, 3:], y.A[0], s.v[0, 3:], y.C[0])
         elif j == n and links.ends.last:
             pin.velocity_terms(links.half, y.A[n - 1], s.v[n - 1, 3:], w.still, 0.0 * s.v[0, 3:], y.C[n])
-    failed = augmented.factor(links.half, links.ends, y, augmented.REGULAR)
+    failed = augmented.factor(links.half, ends, y, augmented.REGULAR)
     if failed >= 0:
         return failed
-    augmented.solve(links.half, links.ends, y)
+    augmented.solve(links.half, ends, y)
     put(y.dx, s.vdot)
     put(y.dx, s.a)
     put(y.dl, s.lam)
+    if ends.cut:
+        j = augmented.closing(ends, n)
+        s.lam[j, 0], s.lam[j, 1], s.lam[j, 2] = spring
     return -1
 
 
@@ -68,17 +83,10 @@ def derivative(links, contacts, env, s, w, k):
 
 @kernel
 def rates(s, k):
-    """Time derivative of poses and velocities, into ``k`` (13 n); the angular velocity turns from the right."""
+    """Time derivative of poses and velocities, into ``k`` (13 n)."""
     n = s.q.shape[0]
     for i in range(n):
-        w, x, y, z = s.q[i, 3], s.q[i, 4], s.q[i, 5], s.q[i, 6]
-        a, b, c = 0.5 * s.v[i, 3], 0.5 * s.v[i, 4], 0.5 * s.v[i, 5]
-        for j in range(3):
-            k[7 * i + j] = s.v[i, j]
-        k[7 * i + 3] = -x * a - y * b - z * c
-        k[7 * i + 4] = w * a + y * c - z * b
-        k[7 * i + 5] = w * b - x * c + z * a
-        k[7 * i + 6] = w * c + x * b - y * a
+        body.pose_rate(s.q[i], s.v[i], k[7 * i : 7 * i + 7])
         for j in range(6):
             k[7 * n + 6 * i + j] = s.vdot[i, j]
 
@@ -97,14 +105,24 @@ def settle_forces(links, contacts, env, s, w):
     """See ``kinds``."""
 
 
+@kernel
+def displace(s, w):
+    """Move the links by the increments of the system."""
+    for i in range(s.q.shape[0]):
+        body.advance(s.q[i], w.system.dx[i], w.before.q[i])
+        copy(w.before.q[i], s.q[i])
+
+
 @allocating
 def close(links, s, w):
     """Close the pins in position, then in velocity, with the factors of the last stage; see ``kinds``."""
-    y, gap, worst = w.system, np.inf, 0
+    y, ends, gap, worst = w.system, closing.unclosed(links), np.inf, 0
     normalise(s)
     y.r[:] = 0.0
     for _ in range(CORRECTIONS):
         pins(links, s, w)
+        if ends.cut:
+            y.C[augmented.closing(ends, s.q.shape[0])] = 0.0
         gap = 0.0
         for j in range(y.C.shape[0]):
             for k in range(5):
@@ -112,11 +130,9 @@ def close(links, s, w):
                     gap, worst = abs(y.C[j, k]), j
         if gap <= GAP:
             break
-        augmented.solve(links.half, links.ends, y)
-        for i in range(s.q.shape[0]):
-            body.advance(s.q[i], y.dx[i], w.before.q[i])
-            copy(w.before.q[i], s.q[i])
-    augmented.rates(links.half, links.ends, y, s.v)
-    augmented.solve(links.half, links.ends, y)
+        augmented.solve(links.half, ends, y)
+        displace(s, w)
+    augmented.rates(links.half, ends, y, s.v)
+    augmented.solve(links.half, ends, y)
     add_share(1.0, y.dx, s.v)
     return -1 if gap <= OPEN else worst

@@ -13,13 +13,14 @@ import numpy as np
 
 from fmus.jit import apart, kernel
 from fmus.physics.arrays import Floats
+from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.arms import act, lever, rate
 from fmus.physics.chain.rigid.state import State
 from fmus.physics.chain.rigid.work import Work
 from fmus.physics.chain.sums import END_POWER, POWER
 from fmus.physics.chain.touch import roll
 from fmus.physics.rigid import augmented, body, pin
-from fmus.physics.rigid.augmented import Ends
+from fmus.physics.rigid.augmented import PIN, Ends, Spring
 from fmus.physics.vector import add, dot, scale, vector
 
 NONE = (0.0,) * 9  # the matrix of a constant force
@@ -34,6 +35,7 @@ class RigidLinks(NamedTuple):
     mass: float  # kg
     inertia: np.ndarray  # (3) about a link's own axes, kg m2
     ends: Ends  # what the chain is joined to
+    spring: Spring = PIN  # what closes it, if it is no pin
 
 
 def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:
@@ -107,6 +109,8 @@ def pins(links, s, w):
         elif j == n and links.ends.last:
             pin.equations(links.half, s.q[n - 1], y.A[n - 1], w.ground[1], w.still, y.C[n])
             pin.axis_rows(y.A[n - 1], w.still, y.WP[n], y.WQ[n])
+    if links.spring.stiffness > 0.0:
+        closing.untilted(links, y)
 
 
 @kernel
@@ -154,11 +158,21 @@ def _inertia(links, gravity, s, w, by, tangent):
 @apart
 def residual(links, contacts, env, s, w, by, tangent):
     """Residuals of links and pins into the system, with ``tangent`` also its K; wrenches and sums."""
+    pins(links, s, w)
+    loads(links, contacts, env, s, w, by, tangent)
+    if links.spring.stiffness > 0.0:
+        closing.stretch(links, s, w, by.v)
+    else:
+        augmented.compliance(links.ends, w.system, s.lam)
+
+
+@kernel
+@apart
+def loads(links, contacts, env, s, w, by, tangent):
+    """The residuals of the links alone, with the rotations and axis rows in the system."""
     w.sums[:] = 0.0
     w.wrench[:] = 0.0
     s.load[:] = 0.0
-    pins(links, s, w)
-    augmented.compliance(links.ends, w.system, s.lam)
     _inertia(links, env.gravity, s, w, by, tangent)
     if contacts is not None:
         roll(links, contacts, s, w, w.moved, by.v, tangent)

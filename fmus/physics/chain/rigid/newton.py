@@ -57,7 +57,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
             residual(links, contacts, env, s, w, by, fresh)
             counters[EVALUATIONS] += 1
         if fresh:
-            failed = augmented.factor(links.half, links.ends, y, 1.0)
+            failed = augmented.factor(links.half, links.ends, y, 1.0, augmented.give(links.spring, by.v))
             if failed >= 0:
                 return SINGULAR, failed, _largest(y.r)
         augmented.solve(links.half, links.ends, y)

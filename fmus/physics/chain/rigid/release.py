@@ -5,8 +5,10 @@ from __future__ import annotations
 from fmus.jit import allocating, kernel
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.rigid.dynamics import observe
-from fmus.physics.chain.rigid.explicit import accelerations
+from fmus.physics.chain.rigid.explicit import CORRECTIONS, accelerations, close, displace
+from fmus.physics.chain.rigid.links import pins
 from fmus.physics.chain.state import begin
+from fmus.physics.rigid import augmented
 
 
 @kernel
@@ -16,6 +18,29 @@ def show(links, env, s, w, report):
     observe(links, env, s, w, report)
     for k in SUMMED:
         report[k] = 0.0
+
+
+@allocating
+def stretch(pinned, links, contacts, env, s, w):
+    """Open the closing pin by what it carries over the stiffness of the spring that takes its place.
+
+    ``pinned``: the ``links`` with the pin. The spring then begins with its force and does not ring. Returns as
+    ``let_go``.
+    """
+    failed = accelerations(pinned, contacts, env, s, w)
+    if failed >= 0:
+        return failed
+    y = w.system
+    j = augmented.closing(pinned.ends, s.q.shape[0])
+    y.r[:] = 0.0
+    for _ in range(CORRECTIONS):
+        pins(pinned, s, w)
+        for k in range(3):
+            y.C[j, k] += s.lam[j, k] / links.spring.stiffness
+        augmented.solve(pinned.half, pinned.ends, y)
+        displace(s, w)
+    failed = accelerations(links, contacts, env, s, w)
+    return failed if failed >= 0 else close(links, s, w)
 
 
 @allocating

@@ -16,6 +16,7 @@ class State(NamedTuple):
     """Views into the flat state: n links, p pins, m wheels."""
 
     flat: np.ndarray
+    joints: np.ndarray  # (k) joint coordinates and their rates (``joints``), k = 0 in the augmented formulation
     q: np.ndarray  # (n, 7) poses: centre of mass, quaternion
     v: np.ndarray  # (n, 6) velocity, angular velocity in body axes
     a: np.ndarray  # (n, 6) auxiliary accelerations
@@ -31,11 +32,12 @@ class State(NamedTuple):
     load: np.ndarray  # (p, 3) force of teeth and damping on each pin now: half of it on either of its links, N
 
 
-def shapes(links: int, closed: bool, wheels: int, felt: Felt = NONE) -> state.Shapes:
-    """Of the views; ``felt``: of what touches each link."""
+def shapes(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int = 0) -> state.Shapes:
+    """Of the views; ``felt``: of what touches each link; ``joints``: numbers of the joint coordinates."""
     pins, on = (links if closed else links + 1), (wheels + 1, 6)
     motion = links, 6
     return {
+        "joints": (joints,),
         "q": (links, 7), "v": motion, "a": motion, "vdot": motion, "wrench": on, "aux": on, "mean": on,
         "on_links": felt, "on_links_aux": felt, "on_links_mean": felt, "sums": (SUMS,),
         "lam": (pins, 5), "load": (pins, 3),

@@ -12,8 +12,9 @@ from fmus.physics.chain.rigid.state import State, shapes, views
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
-from fmus.physics.rigid import augmented
+from fmus.physics.rigid import augmented, recursive
 from fmus.physics.rigid.augmented import System
+from fmus.physics.rigid.recursive import Tree
 from fmus.physics.wheels import WIDTH
 
 
@@ -22,6 +23,7 @@ class Work(NamedTuple):
 
     before: State  # at the beginning of a step
     system: System
+    tree: Tree  # of the recursive formulation; without links in the augmented one
     contact: Memory
     near: Near
     x: np.ndarray  # (n, 6) increments over the step
@@ -36,14 +38,15 @@ class Work(NamedTuple):
     still: np.ndarray  # (3, 3) their rotation matrix, ones
 
 
-def work(links: int, closed: bool, wheels: int, felt: Felt = NONE) -> Work:
+def work(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int = 0) -> Work:
     """Zeroed."""
     z, pins = np.zeros, links if closed else links + 1
-    sizes, ground = shapes(links, closed, wheels, felt), z((2, 7))
+    sizes, ground = shapes(links, closed, wheels, felt, joints), z((2, 7))
     ground[:, 3] = 1.0
     return Work(
         before=views(z(size(sizes)), sizes),
         system=augmented.system(links, closed),
+        tree=recursive.tree(links if joints else 0),
         contact=memory(points(wheels, pins)),
         near=near(links),
         x=z((links, 6)),

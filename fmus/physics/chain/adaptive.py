@@ -1,0 +1,99 @@
+"""A chain over a communication step by Adams' methods of variable order and step, whatever its links are.
+
+What the wheels do changes with each communication step: the methods forget their past there, so that a saved state
+holds all. Impulses and books are quadratures beside the state.
+"""
+
+from __future__ import annotations
+
+from fmus.jit import allocating
+from fmus.physics.chain.explicit import FAR
+from fmus.physics.chain.kinds import close, derivative, observe, settle_forces, speed
+from fmus.physics.chain.outcome import APART, DONE, SINGULAR, TOO_SHARP, UNSTABLE, Outcome
+from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, PATCH_DEFECT, REJECTED, STEPS, TRAVEL, WORK
+from fmus.physics.chain.state import copy, moving, take
+from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
+from fmus.physics.integrate import adams as methods
+from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct, length, predict, restart
+from fmus.physics.wheels import move
+
+BOOKS = DISSIPATED, PATCH_DEFECT, WORK, TRAVEL  # of the report, which are summed up
+
+
+def adams(s, rtol: float, atol: float) -> Adams:
+    """What the methods work in, for a State ``s``."""
+    return methods.adams(
+        sum(part.size for part in moving(s).values()), s.mean.size + s.on_links_mean.size + len(BOOKS), rtol, atol
+    )
+
+
+@allocating
+def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
+    """Integrate over ``h`` s with the wheels ``rows`` (m, 15) of its beginning, in steps of ``longest`` s at most.
+
+    ``m`` from ``adams``; flexible links want their mass factored in ``w`` (``flexible.release``). Returns an Outcome;
+    after a failure ``s`` is spoilt.
+    """
+    n, counts, done = m.controlled, m.counts, 0.0
+    x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
+    copy(x, m.x[:n])
+    copy(x, y)
+    m.x[n:] = 0.0
+    failed = _evaluate(links, contacts, env, m, rows, 0.0, s, w)
+    restart(m, min(longest, h))
+    while failed < 0 and done < h * (1.0 - 1e-12):
+        dt = length(m, h - done, longest)
+        if dt < LEAST:
+            return Outcome(TOO_SHARP, done, 0, 0.0)
+        predict(m, dt)
+        failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)
+        if failed >= 0 or not accurate(m, dt):
+            continue
+        correct(m, dt)
+        copy(y, x)
+        apart = close(links, s, w)
+        if apart >= 0:
+            return Outcome(APART, done, apart, 0.0)
+        copy(x, y)
+        failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)
+        accept(m, dt)
+        done += dt
+    if failed >= 0:
+        return Outcome(SINGULAR, done, failed, 0.0)
+    for i in range(n):
+        if not abs(x[i]) < FAR:
+            return Outcome(UNSTABLE, done, 0, 0.0)
+    counters[STEPS] += counts[methods.STEPS] - first[methods.STEPS]
+    counters[EVALUATIONS] += counts[methods.EVALUATIONS] - first[methods.EVALUATIONS]
+    counters[REJECTED] += counts[methods.REJECTED] - first[methods.REJECTED]
+    at = n
+    for mean in (s.mean, s.on_links_mean):
+        for i in range(mean.shape[0]):
+            for k in range(mean.shape[1]):
+                mean[i, k] = m.x[at] / h
+                at += 1
+    for k in BOOKS:
+        report[k] += m.x[at]
+        at += 1
+    take(s, w)
+    observe(links, env, s, w, report)
+    settle_forces(links, contacts, env, s, w)
+    return Outcome(DONE, h, 0, 0.0)
+
+
+@allocating
+def _evaluate(links, contacts, env, m, rows, t, s, w):
+    """Rates of ``m.y`` and of all sums into ``m.k``, ``t`` s after the beginning. Returns as ``derivative``."""
+    n = m.controlled
+    copy(m.y[:n], s.flat[:n])
+    move(rows, t, w.moved)
+    failed = derivative(links, contacts, env, s, w, m.k[:n])
+    at = n
+    for now in (w.wrench, w.on_links):
+        for i in range(now.shape[0]):
+            for k in range(now.shape[1]):
+                m.k[at] = now[i, k]
+                at += 1
+    m.k[at], m.k[at + 1], m.k[at + 2] = w.sums[POWER], w.sums[PATCH_POWER], w.sums[END_POWER]
+    m.k[at + 3] = speed(links, env, s, w)
+    return failed

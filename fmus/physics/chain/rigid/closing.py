@@ -1,0 +1,79 @@
+"""The stiff spring that may close a chain of rigid links in the place of its last pin (paper 8.1).
+
+It acts between the end of a link P and the beginning of the next one Q, or of the ground: f = -(k gap + c gap'), with
+gap = C[0:3] of the pin (``physics.rigid.pin``). All other pins being parallel, the gap lies in the chain's plane.
+Implicitly f is the multiplier of the pin, C + (c C' + lambda) / k = 0; explicitly it is a load.
+"""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.chain.rigid.arms import axis, rate
+from fmus.physics.chain.sums import POWER
+from fmus.physics.rigid import body
+from fmus.physics.rigid.augmented import Ends, closing
+from fmus.physics.vector import add, dot, scale, vector
+
+
+@kernel
+def opening(links, s, w):
+    """The gap, m, and its rate, m/s (3 each), of the closing pin."""
+    n = s.q.shape[0]
+    A, half, last = w.system.A, links.half, n - 1
+    body.rotation(s.q[last], A[last])
+    gap = add(vector(s.q[last], 0), scale(half, axis(A[last], 0)))
+    opens = rate(A[last], s.v[last], half, 0.0, 0.0)
+    if links.ends.closed:
+        body.rotation(s.q[0], A[0])
+        begin = add(vector(s.q[0], 0), scale(-half, axis(A[0], 0)))
+        opens = add(opens, scale(-1.0, rate(A[0], s.v[0], -half, 0.0, 0.0)))
+    else:
+        begin = add(vector(w.ground[1], 0), (-half, 0.0, 0.0))
+    return add(gap, scale(-1.0, begin)), opens
+
+
+@kernel
+def untilted(links, y):
+    """The closing pin has no axis: empty rows of tilting in the system ``y``."""
+    j = closing(links.ends, y.K.shape[0])
+    for k in range(2):
+        y.C[j, 3 + k] = 0.0
+        for i in range(3):
+            y.WP[j, k, i] = y.WQ[j, k, i] = 0.0
+
+
+@kernel
+def stretch(links, s, w, by_v):
+    """The equations of the spring, over what it gives way in a step, in the place of those of the closing pin."""
+    y, (k, c) = w.system, links.spring
+    j = closing(links.ends, y.K.shape[0])
+    _, opens = opening(links, s, w)
+    for i in range(3):
+        y.C[j, i] = (k * y.C[j, i] + c * opens[i] + s.lam[j, i]) / (k + by_v * c)
+    w.sums[POWER] += c * dot(opens, opens)
+
+
+@kernel
+def load(links, s, w):
+    """The force of the spring on P (3), into its multiplier, which ``links.loads`` takes for that of a pin."""
+    j, (gap, opens) = closing(links.ends, s.q.shape[0]), opening(links, s, w)
+    f = scale(-links.spring.stiffness, gap)
+    f = add(f, scale(-links.spring.damping, opens))
+    s.lam[j, 0], s.lam[j, 1], s.lam[j, 2] = f
+    return f
+
+
+@kernel
+def strain(links, s, w):
+    """Energy in the spring, J."""
+    if links.spring.stiffness == 0.0:
+        return 0.0
+    gap, _ = opening(links, s, w)
+    return 0.5 * links.spring.stiffness * dot(gap, gap)
+
+
+@kernel
+def unclosed(links):
+    """The ends of the chain for a system in which the spring is a load."""
+    e = links.ends
+    return Ends(e.closed, e.first, e.last, links.spring.stiffness > 0.0)

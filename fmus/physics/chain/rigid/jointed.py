@@ -1,0 +1,317 @@
+"""Rigid links in joint coordinates behind the door ``kinds``: the recursive formulation; sibling: ``dynamics``.
+
+A pin that closes the chain is a constraint between its first and its last link. Of its five equations two are
+independent: all pins being parallel, the gap along the pins and the two tilts are zero in any joint coordinates. The
+two in the plane of link 0 (or of the ground) are solved for by what unit forces there do (``recursive.mobility``).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.chain.rigid import closing, dynamics
+from fmus.physics.chain.rigid.arms import axis
+from fmus.physics.chain.rigid.explicit import ANY, CORRECTIONS, OPEN
+from fmus.physics.chain.rigid.joints import places, unfold
+from fmus.physics.chain.rigid.links import RigidLinks, loads
+from fmus.physics.chain.rigid.newton import GAP
+from fmus.physics.chain.sums import POWER
+from fmus.physics.rigid import augmented, body, recursive
+from fmus.physics.vector import dot
+
+
+class JointedLinks(NamedTuple):
+    """The links of a chain that moves in joint coordinates."""
+
+    rigid: RigidLinks
+
+
+@kernel
+def derivative(links, contacts, env, s, w, k):
+    """See ``kinds``."""
+    one = links.rigid
+    unfold(one, s, w)
+    failed = accelerations(one, contacts, env, s, w)
+    _rates(one, s, w, k)
+    return failed
+
+
+@kernel
+def accelerations(links, contacts, env, s, w):
+    """Accelerations and pin forces that belong to poses and velocities; wrenches with them. Returns -1, or a link."""
+    half, ends, t = links.half, links.ends, w.tree
+    pin = augmented.closing(ends, s.q.shape[0])
+    spring = pin >= 0 and links.spring.stiffness > 0.0
+    s.vdot[:] = 0.0
+    s.lam[:] = 0.0
+    if spring:
+        closing.load(links, s, w)
+    loads(links, contacts, env, s, w, ANY, False)
+    if spring:
+        _, opens = closing.opening(links, s, w)
+        w.sums[POWER] += links.spring.damping * dot(opens, opens)
+    _gather(links, s, w)
+    failed = recursive.factor(half, links.mass, links.inertia, ends.first, t)
+    if failed >= 0:
+        return failed
+    recursive.solve(half, ends.first, True, t, t.load[0], t.answer[0])
+    if pin >= 0 and not spring:
+        _hold(links, pin, s, w)
+    _show(links, s, w)
+    return -1
+
+
+@kernel
+def _gather(links, s, w):
+    """What acts on the links, from the residuals of links without acceleration, as loads at their first pins."""
+    half, m, A, r, p = links.half, links.mass, w.system.A, w.system.r, w.tree.load[0]
+    for i in range(s.q.shape[0]):
+        ox, oy, oz = s.v[i, 3], s.v[i, 4], s.v[i, 5]
+        f = r[i, 0], r[i, 1], r[i, 2]
+        f0 = dot(axis(A[i], 0), f) - m * half * (oy * oy + oz * oz)
+        f1 = dot(axis(A[i], 1), f) + m * half * ox * oy
+        f2 = dot(axis(A[i], 2), f) + m * half * ox * oz
+        p[i, 0], p[i, 1], p[i, 2] = r[i, 3], r[i, 4] - half * f2, r[i, 5] + half * f1
+        p[i, 3], p[i, 4], p[i, 5] = f0, f1, f2
+
+
+@kernel
+def _axes(ends, w):
+    """Along x and z of what the closing pin holds the last link to, in the axes of the last link: x and z of each."""
+    A, n = w.system.A, w.system.A.shape[0]
+    B, P = (A[0] if ends.closed else w.still), A[n - 1]
+    return (
+        (dot(axis(P, 0), axis(B, 0)), dot(axis(P, 2), axis(B, 0))),
+        (dot(axis(P, 0), axis(B, 2)), dot(axis(P, 2), axis(B, 2))),
+    )
+
+
+@kernel
+def _opens(half, ends, x, axes, w):
+    """Accelerations ``x`` (n, 6) of the last link's end against what holds it, along the two ``axes``."""
+    last = x[x.shape[0] - 1]
+    e0, e2 = last[3], last[5] - 2.0 * half * last[1]
+    a, b = axes[0][0] * e0 + axes[0][1] * e2, axes[1][0] * e0 + axes[1][1] * e2
+    if ends.closed:
+        a, b = a - x[0, 3], b - x[0, 5]
+    return a, b
+
+
+@kernel
+def _hold(links, pin, s, w):
+    """Add what the closing pin does: its two forces by which its sides accelerate alike."""
+    half, ends, t, n = links.half, links.ends, w.tree, s.q.shape[0]
+    axes = _axes(ends, w)
+    for k in range(2):
+        p, (fx, fz) = t.load[1 + k], axes[k]
+        p[:] = 0.0
+        p[n - 1, 1], p[n - 1, 3], p[n - 1, 5] = 2.0 * half * fz, -fx, -fz
+        if ends.closed:
+            p[0, 3 + 2 * k] += 1.0
+        recursive.solve(half, ends.first, False, t, p, t.answer[1 + k])
+        t.mobility[0, k], t.mobility[1, k] = _opens(half, ends, t.answer[1 + k], axes, w)
+    a, b = _opens(half, ends, t.answer[0], axes, w)
+    # the end of the last link goes round too
+    ox, oy, oz = s.v[n - 1, 3], s.v[n - 1, 4], s.v[n - 1, 5]
+    e0, e2 = -2.0 * half * (oy * oy + oz * oz), 2.0 * half * ox * oz
+    f = _against(t.mobility, a + axes[0][0] * e0 + axes[0][1] * e2, b + axes[1][0] * e0 + axes[1][1] * e2)
+    _add(f, t)
+    for i in range(3):
+        x, z = (w.system.A[0, i, 0], w.system.A[0, i, 2]) if ends.closed else (w.still[i, 0], w.still[i, 2])
+        s.lam[pin, i] = f[0] * x + f[1] * z
+
+
+@kernel
+def _against(mobility, a, b):
+    """The two forces (or impulses) that take the motion (a, b) back."""
+    det = mobility[0, 0] * mobility[1, 1] - mobility[0, 1] * mobility[1, 0]
+    return (mobility[0, 1] * b - mobility[1, 1] * a) / det, (mobility[1, 0] * a - mobility[0, 0] * b) / det
+
+
+@kernel
+def _add(f, t):
+    """Accelerations by the two forces onto those without them."""
+    x, a, b = t.answer[0], t.answer[1], t.answer[2]
+    for i in range(x.shape[0]):
+        for k in range(6):
+            x[i, k] += f[0] * a[i, k] + f[1] * b[i, k]
+
+
+@kernel
+def _centre(half, A, x):
+    """World acceleration of a link's centre by that of its first pin ``x`` (6), without what goes round."""
+    e = x[3], x[4] + half * x[2], x[5] - half * x[1]
+    return dot((A[0, 0], A[0, 1], A[0, 2]), e), dot((A[1, 0], A[1, 1], A[1, 2]), e), dot((A[2, 0], A[2, 1], A[2, 2]), e)
+
+
+@kernel
+def _show(links, s, w):
+    """Accelerations of the links' centres, and from them what the pins pass on, from the last link to the first."""
+    half, m, n, p, x = links.half, links.mass, s.q.shape[0], s.lam.shape[0], w.tree.answer[0]
+    for i in range(n):
+        A, ox, oy, oz = w.system.A[i], s.v[i, 3], s.v[i, 4], s.v[i, 5]
+        whirl = -half * (oy * oy + oz * oz), half * ox * oy, half * ox * oz
+        centre = _centre(half, A, x[i])
+        for k in range(3):
+            s.vdot[i, k] = centre[k] + A[k, 0] * whirl[0] + A[k, 1] * whirl[1] + A[k, 2] * whirl[2]
+            s.vdot[i, 3 + k] = x[i, k]
+        for k in range(6):
+            s.a[i, k] = s.vdot[i, k]
+    sprung = links.spring.stiffness > 0.0
+    closed = links.ends.closed
+    for i in range(n - 1, -1, -1):
+        if i == 0 and (closed or not links.ends.first):
+            break
+        j = (i + 1) % p
+        for k in range(3):
+            s.lam[i, k] = s.lam[j, k] - m * s.vdot[i, k] - w.system.r[i, k]
+            # the residual holds the spring's pull already
+            if sprung and i == n - 1:
+                s.lam[i, k] -= s.lam[j, k]
+
+
+@kernel
+def _rates(links, s, w, k):
+    """Time derivative of the joint coordinates and their rates, into ``k``."""
+    n, held, x = s.q.shape[0], links.ends.first, s.joints
+    angle, rates, rate = places(held, n)
+    if not held:
+        body.pose_rate(s.q[0], s.v[0], k)
+        for i in range(6):
+            k[rates + i] = s.vdot[0, i]
+    for i in range(0 if held else 1, n):
+        k[angle + i] = x[rate + i]
+        k[rate + i] = s.vdot[i, 4] - (s.vdot[i - 1, 4] if i > 0 else 0.0)
+
+
+@kernel
+def close(links, s, w):
+    """Close the loop in position, then in velocity, by impulses in its pin at the last stage; see ``kinds``.
+
+    Joint coordinates close all other pins by themselves.
+    """
+    one = links.rigid
+    unfold(one, s, w)
+    pin = augmented.closing(one.ends, s.q.shape[0])
+    if pin < 0 or one.spring.stiffness > 0.0:
+        return -1
+    most = np.inf
+    for _ in range(CORRECTIONS):
+        gap, _ = closing.opening(one, s, w)
+        a, b = _in_plane(one.ends, gap, w)
+        most = max(abs(a), abs(b))
+        if most <= GAP:
+            break
+        _move(one, _against(w.tree.mobility, a, b), s, w)
+        unfold(one, s, w)
+    _, opens = closing.opening(one, s, w)
+    a, b = _in_plane(one.ends, opens, w)
+    _push(one, _against(w.tree.mobility, a, b), s, w)
+    unfold(one, s, w)
+    return -1 if most <= OPEN else pin
+
+
+@kernel
+def _in_plane(ends, g, w):
+    """A world vector along the two axes of the closing pin's forces."""
+    B = w.system.A[0] if ends.closed else w.still
+    return dot(axis(B, 0), g), dot(axis(B, 2), g)
+
+
+@kernel
+def _answer(f, t, i, k):
+    """What the two impulses do to row ``k`` of link ``i``."""
+    return f[0] * t.answer[1, i, k] + f[1] * t.answer[2, i, k]
+
+
+@kernel
+def _base(links, f, w):
+    """And to the centre of link 0, in w.x[0]: as an increment of its pose or of its velocity."""
+    t, x = w.tree, w.x[0]
+    for k in range(6):
+        x[k] = _answer(f, t, 0, k)
+    centre = _centre(links.half, w.system.A[0], x)
+    for k in range(3):
+        x[3 + k] = x[k]
+        x[k] = centre[k]
+
+
+@kernel
+def _move(links, f, s, w):
+    """The coordinates by the two impulses ``f``."""
+    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.tree
+    angle, _, _ = places(held, n)
+    if not held:
+        _base(links, f, w)
+        body.advance(s.q[0], w.x[0], x)
+    for i in range(0 if held else 1, n):
+        x[angle + i] += _answer(f, t, i, 1) - (_answer(f, t, i - 1, 1) if i > 0 else 0.0)
+
+
+@kernel
+def _push(links, f, s, w):
+    """And their rates."""
+    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.tree
+    _, rates, rate = places(held, n)
+    if not held:
+        _base(links, f, w)
+        for k in range(6):
+            x[rates + k] += w.x[0, k]
+    for i in range(0 if held else 1, n):
+        x[rate + i] += _answer(f, t, i, 1) - (_answer(f, t, i - 1, 1) if i > 0 else 0.0)
+
+
+@kernel
+def settle_forces(links, contacts, env, s, w):
+    """See ``kinds``."""
+
+
+@kernel
+def speed(links, env, s, w):
+    """See ``kinds``."""
+    return dynamics.speed(links.rigid, env, s, w)
+
+
+@kernel
+def first_speed(links, env, s, w, report):
+    """See ``kinds``."""
+    return dynamics.speed(links.rigid, env, s, w)
+
+
+@kernel
+def observe(links, env, s, w, report):
+    """See ``kinds``."""
+    dynamics.observe(links.rigid, env, s, w, report)
+
+
+@kernel
+def pin_places(links, s, w, place):
+    """See ``kinds``."""
+    dynamics.pin_places(links.rigid, s, w, place)
+
+
+@kernel
+def pin_axes(links, s, w, axis):
+    """See ``kinds``."""
+    dynamics.pin_axes(links.rigid, s, w, axis)
+
+
+@kernel
+def slopes(links, s, w, found):
+    """See ``kinds``."""
+    dynamics.slopes(links.rigid, s, w, found)
+
+
+@kernel
+def fibres(links, s, w, stress):
+    """See ``kinds``."""
+    dynamics.fibres(links.rigid, s, w, stress)
+
+
+@kernel
+def links_shown(links, env, s, w, tension, stress, place, force):
+    """See ``kinds``."""
+    dynamics.links_shown(links.rigid, env, s, w, tension, stress, place, force)

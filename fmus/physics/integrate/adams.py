@@ -1,0 +1,256 @@
+"""Adams' predictor-corrector methods of variable order and step, as the formulas of a step (PECE).
+
+Shampine, Gordon, Computer Solution of Ordinary Differential Equations, Freeman, 1975, chapters 5 to 10; Krogh's
+modified divided differences also in Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.5. For
+n + 1, of order k, with the sums of the last steps psi_i(n + 1) = h_{n+1} + ... + h_{n+2-i}:
+
+    beta_1 = 1, beta_i = prod_{j<i} psi_j(n + 1) / psi_j(n),  phi*_i = beta_i phi_i(n)
+    p = x + h sum_{i<=k} g_i phi*_i                              Adams-Bashforth, then f_p = f(t + h, p)
+    x(n + 1) = p + h g_{k+1} (f_p - sum_{i<=k} phi*_i)           Adams-Moulton, of order k + 1
+    phi_1(n + 1) = f(t + h, x(n + 1)),  phi_{i+1}(n + 1) = phi_i(n + 1) - phi*_i
+
+An error is the root mean square of what it is of ``rtol`` |x| + ``atol``, in the numbers that are controlled;
+quadratures behind them run through the same formulas, so that the impulse of a force is what the momentum gets of it,
+to rounding. The model owns the compiled loop (kernels call kernels by import); f of ``m.y`` goes into ``m.k``:
+
+    restart(m, longest)                  # with f(x) in m.k
+    while t < end:
+        h = length(m, end - t, longest)
+        predict(m, h)                    # then f
+        if not accurate(m, h):           # else once more, with a smaller h
+            continue
+        correct(m, h)                    # then, perhaps, a projection of m.y, and f
+        accept(m, h)
+        t += h
+
+A projection after each step does no harm to the past that a method remembers: Eich, Convergence results for a
+coordinate projection method applied to mechanical systems with algebraic constraints, SIAM J. Numer. Anal. 30, 1993,
+doi:10.1137/0730076.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+
+order = 12  # the highest one of the predictor; a start is of order 1
+LEAST = 1e-13  # of a second: no step is shorter
+CAUTION = 0.5  # of the error that is allowed, at which the next step aims
+
+ORDER, SAME, RISING, FAILED = range(4)  # of ``at``
+NEXT, LAST, RTOL, ATOL, ERROR, LOWER, LOWEST = range(7)  # of ``size``
+STEPS, EVALUATIONS, REJECTED, RESTARTS, ORDERS = range(5)  # of ``counts``
+
+# Adams-Moulton's error constants |gamma*_k|, k = 0 to 13 (Hairer, Norsett, Wanner, III.1): the factors of an error
+GAMMA = np.array([1.0, 1 / 2, 1 / 12, 1 / 24, 19 / 720, 3 / 160, 863 / 60480, 275 / 24192, 33953 / 3628800,
+                  8183 / 1036800, 3250433 / 479001600, 4671 / 788480, 13695779093 / 2615348736000,
+                  2224234463 / 475517952000])  # fmt: skip
+
+
+class Adams(NamedTuple):
+    """What a method remembers; N numbers, of which the first ``controlled`` have an error."""
+
+    controlled: int
+    x: np.ndarray  # (N) at the end of the last step
+    y: np.ndarray  # (N) the argument of an evaluation
+    k: np.ndarray  # (N) and its rates
+    phi: np.ndarray  # (order + 2, N) modified divided differences of the rates, the last ones first
+    psi: np.ndarray  # (2, order + 1) sums of the last steps, s: of those that are done, and with the next one
+    beta: np.ndarray  # (order + 1)
+    g: np.ndarray  # (order + 1)
+    sigma: np.ndarray  # (order + 1) factors of an error by unequal steps
+    c: np.ndarray  # (order + 2) scratch
+    at: np.ndarray  # int: order of the next step; steps of the last length; 1 while a start rises; failures in a row
+    size: np.ndarray  # s, of the next step and the last one; tolerances; errors of this order, and of one and two less
+    counts: np.ndarray  # int: steps, evaluations, rejected steps, restarts, sum of the orders of all steps
+
+
+def adams(controlled: int, besides: int, rtol: float, atol: float) -> Adams:
+    """Zeroed, for so many numbers with an error and so many quadratures."""
+    n, k, z = controlled + besides, order + 1, np.zeros
+    return Adams(
+        controlled, z(n), z(n), z(n), z((k + 1, n)), z((2, k)), z(k), z(k), z(k), z(k + 1),
+        z(4, dtype=np.int64), np.array([0.0, 0.0, rtol, atol, 0.0, 0.0, 0.0]), z(5, dtype=np.int64),
+    )  # fmt: skip
+
+
+@kernel
+def restart(m, longest):
+    """Forget the past; ``m.k`` holds the rates of ``m.x``."""
+    total = 0.0
+    for l in range(m.x.size):
+        m.phi[0, l] = m.k[l]
+        m.phi[1, l] = m.phi[2, l] = 0.0
+    for l in range(m.controlled):
+        e = m.k[l] / (m.size[RTOL] * abs(m.x[l]) + m.size[ATOL])
+        total += e * e
+    rate = np.sqrt(total / m.controlled)  # a first step that is too long fails, and says how long it may be
+    m.size[NEXT] = min(longest, 0.25 / np.sqrt(rate)) if rate > 0.0 else longest
+    m.size[LAST] = 0.0
+    m.at[ORDER], m.at[SAME], m.at[RISING], m.at[FAILED] = 1, 0, 1, 0
+    for i in range(m.psi.shape[1]):
+        m.psi[0, i] = (i + 1.0) * m.size[NEXT]
+    m.counts[RESTARTS] += 1
+    m.counts[EVALUATIONS] += 1
+
+
+@kernel
+def length(m, left, longest):
+    """Of the next step, s; the last two before the end share what is ``left``, so that none is very short."""
+    h = min(m.size[NEXT], longest)
+    if h >= left:
+        return left
+    return 0.5 * left if 2.0 * h > left else h
+
+
+@kernel
+def _coefficients(m, h):
+    """beta, g and sigma of a step of ``h`` s, from the steps before."""
+    k, past, now = m.at[ORDER], m.psi[0], m.psi[1]
+    m.beta[0] = m.sigma[0] = m.g[0] = 1.0
+    now[0] = h
+    for i in range(1, k + 1):
+        now[i] = h + past[i - 1]
+        m.beta[i] = m.beta[i - 1] * now[i - 1] / past[i - 1]
+        m.sigma[i] = i * h / now[i - 1] * m.sigma[i - 1]
+    for q in range(1, k + 1):
+        m.c[q] = 1.0 / (q * (q + 1.0))
+    m.g[1] = m.c[1]
+    for i in range(2, k + 1):
+        for q in range(1, k + 2 - i):
+            m.c[q] -= h / now[i - 1] * m.c[q + 1]
+        m.g[i] = m.c[1]
+
+
+@kernel
+def predict(m, h):
+    """The argument ``m.y`` of the first evaluation of a step of ``h`` s."""
+    _coefficients(m, h)
+    for l in range(m.x.size):
+        m.y[l] = m.x[l]
+    for i in range(m.at[ORDER]):
+        share = h * m.g[i] * m.beta[i]
+        for l in range(m.x.size):
+            m.y[l] += share * m.phi[i, l]
+
+
+@kernel
+def _surprise(m, l):
+    """Rate less the predicted one, f_p - sum phi*."""
+    d = m.k[l]
+    for i in range(m.at[ORDER]):
+        d -= m.beta[i] * m.phi[i, l]
+    return d
+
+
+@kernel
+def accurate(m, h):
+    """Whether the step holds its tolerances; else the next one is shorter."""
+    k, n = m.at[ORDER], m.controlled
+    m.counts[EVALUATIONS] += 1
+    same = less = least = 0.0
+    for l in range(n):
+        per = 1.0 / (m.size[RTOL] * abs(m.x[l]) + m.size[ATOL])
+        e = _surprise(m, l)
+        same += (per * e) * (per * e)
+        if k > 1:
+            e += m.beta[k - 1] * m.phi[k - 1, l]
+            less += (per * e) * (per * e)
+        if k > 2:
+            e += m.beta[k - 2] * m.phi[k - 2, l]
+            least += (per * e) * (per * e)
+    same = h * np.sqrt(same / n)
+    m.size[ERROR] = GAMMA[k] * m.sigma[k] * same
+    m.size[LOWER] = h * GAMMA[k - 1] * m.sigma[k - 1] * np.sqrt(less / n) if k > 1 else 0.0
+    m.size[LOWEST] = h * GAMMA[k - 2] * m.sigma[k - 2] * np.sqrt(least / n) if k > 2 else 0.0
+    if (m.g[k - 1] - m.g[k]) * same <= 1.0:
+        m.at[FAILED] = 0
+        return True
+    m.counts[REJECTED] += 1
+    m.at[RISING] = 0
+    m.at[FAILED] += 1
+    m.size[NEXT] = 0.5 * h
+    if _lower(m):
+        m.at[ORDER] -= 1
+    if m.at[FAILED] > 2:  # the past is of no use
+        m.at[ORDER] = 1
+    if m.at[ORDER] == 1 and m.size[ERROR] < np.inf:
+        m.size[NEXT] = h * min(0.5, np.sqrt(CAUTION / m.size[ERROR]))
+    return False
+
+
+@kernel
+def _lower(m):
+    """Whether the step had been better with one order less."""
+    if m.at[ORDER] == 2:
+        return m.size[LOWER] <= 0.5 * m.size[ERROR]
+    return m.at[ORDER] > 2 and max(m.size[LOWER], m.size[LOWEST]) <= m.size[ERROR]
+
+
+@kernel
+def correct(m, h):
+    """The end of the step into ``m.y``, the argument of the second evaluation."""
+    k = m.at[ORDER]
+    for l in range(m.x.size):
+        step = m.g[k] * _surprise(m, l)
+        for i in range(k):
+            step += m.g[i] * m.beta[i] * m.phi[i, l]
+        m.y[l] = m.x[l] + h * step
+
+
+@kernel
+def accept(m, h):
+    """Take the step, with the rates of ``m.y`` in ``m.k``, and choose order and length of the next one."""
+    k = m.at[ORDER]
+    for l in range(m.x.size):
+        m.x[l] = m.y[l]
+        new = m.k[l]
+        for i in range(k + 1):
+            old = m.beta[i] * m.phi[i, l]
+            m.phi[i, l] = new
+            new -= old
+        m.phi[k + 1, l] = new
+    for i in range(k + 1):
+        m.psi[0, i] = m.psi[1, i]
+    m.counts[STEPS] += 1
+    m.counts[EVALUATIONS] += 1
+    m.counts[ORDERS] += k
+    m.at[SAME] = min(m.at[SAME] + 1, k + 1) if h == m.size[LAST] else 1
+    m.size[LAST] = h
+    error = _choose(m, h)
+    if m.at[RISING] == 1 or error * 2.0 ** (m.at[ORDER] + 1) <= CAUTION:
+        m.size[NEXT] = 2.0 * h
+    elif error <= CAUTION:
+        m.size[NEXT] = h
+    else:
+        m.size[NEXT] = h * max(0.5, min(0.9, (CAUTION / error) ** (1.0 / (m.at[ORDER] + 1))))
+
+
+@kernel
+def _choose(m, h):
+    """The order of the next step; returns the error that it would have had in this one."""
+    k, error = m.at[ORDER], m.size[ERROR]
+    down = _lower(m)
+    if down or k == order:
+        m.at[RISING] = 0
+    if m.at[RISING] == 1:
+        m.at[ORDER] = k + 1
+        return 0.0
+    if not down and k < order and m.at[SAME] > k:  # after k + 1 equal steps the next difference is known
+        total = 0.0
+        for l in range(m.controlled):
+            e = m.phi[k + 1, l] / (m.size[RTOL] * abs(m.x[l]) + m.size[ATOL])
+            total += e * e
+        higher = h * GAMMA[k + 1] * np.sqrt(total / m.controlled)
+        if k > 1 and m.size[LOWER] <= min(error, higher):
+            down = True
+        elif higher < (error if k > 1 else 0.5 * error):
+            m.at[ORDER] = k + 1
+            return higher
+    if down:
+        m.at[ORDER] = k - 1
+        return m.size[LOWER]
+    return error

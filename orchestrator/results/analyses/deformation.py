@@ -1,0 +1,157 @@
+"""How links are deformed along their length (figures 18 and 19 of the paper), in the tangent frame of section 8.3.
+
+The frame of a link stands at its first pin, its longitudinal axis parallel to the position gradient there; its
+transverse axis points outwards, away from the wheels, and its lateral one along the pin. In it an undeformed link is
+(x, 0, 0). Between its pins the axis of an element is the cubic through both places and gradients; of rigid links the
+gradients are unit vectors along them, so they show no deformation but rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.link_axes import link_axes
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+POINTS = 21  # along a link, both pins among them
+MAGNIFIED = 1e5  # in pictures, as in the paper's
+AXES = ("axial", "transverse", "lateral")
+
+
+class Deformation(NamedTuple):
+    """Displacements of the points of links from where they are without deformation, in the links' tangent frames."""
+
+    track: str
+    t: Floats  # (m,) s
+    x: Floats  # (k,) m, along an undeformed link
+    displacement: Floats  # (m, links, k, 3) m: axial, transverse (outwards), lateral (left)
+
+    def table(self) -> Table:
+        """A row for each instant and link: at its far end, and the largest transverse one with its place."""
+        rows = []
+        for t, links in zip(self.t, self.displacement, strict=True):
+            at = np.abs(links[..., 1]).argmax(axis=1)
+            for i, k in enumerate(at):
+                axial, transverse, _ = links[i, -1] * 1e6
+                most = links[i, k, 1] * 1e6
+                rows.append((float(t), i + 1, float(axial), float(transverse), float(most), float(self.x[k])))
+        columns = (
+            ("at", "s"), ("link", ""), ("axial at its end", "um"), ("transverse at its end", "um"),
+            ("largest transverse", "um"), ("there", "m"),
+        )  # fmt: skip
+        return Table(f"Deformation of the links of {self.track} in their tangent frames", columns, rows)
+
+    def series(self) -> Table:
+        """A row for each instant, link and point along it."""
+        columns = (("at", "s"), ("link", ""), ("x", "m"), *((axis, "m") for axis in AXES))
+        rows = [
+            (float(t), i + 1, float(x), *(float(value) for value in point))
+            for t, links in zip(self.t, self.displacement, strict=True)
+            for i, along in enumerate(links)
+            for x, point in zip(self.x, along, strict=True)
+        ]
+        return Table(f"Deformation along the links of {self.track}", columns, rows)
+
+    def draw(self, panes: Sequence[Axes], link: int = 1, label: str = "", **style: object) -> None:
+        """Add link ``link`` (from 1), as it was at each instant, to two panes: axial and transverse, magnified."""
+        for t, links in zip(self.t, self.displacement, strict=True):
+            axial, transverse, _ = MAGNIFIED * links[link - 1].T
+            told = " ".join(filter(None, [label, f"t = {t:g} s"]))
+            panes[0].plot(self.x, self.x + axial, label=told, **style)  # type: ignore[arg-type]
+            panes[1].plot(self.x, transverse, label=told, **style)  # type: ignore[arg-type]
+
+
+def framed(panes: Sequence[Axes], length: float) -> None:
+    """The undeformed link of ``length``, m, and the words of two panes."""
+    along = np.array([0.0, length])
+    panes[0].plot(along, along, "k--", linewidth=1, label="undeformed")
+    panes[1].plot(along, np.zeros(2), "k--", linewidth=1, label="undeformed")
+    for pane, what in zip(panes, ("place along the tangent", "displacement outwards"), strict=True):
+        pane.set_xlabel("along the undeformed link, m")
+        pane.set_ylabel(f"{what}, m; deformation x {MAGNIFIED:g}")
+        pane.grid(True, color="0.9")
+        pane.legend(fontsize=8)
+
+
+def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float] = ()) -> Deformation:
+    """Of a track, by default the first, at the records nearest to ``at``, s, by default the last one of the window.
+
+    Raises Missing where it has no place or gradient of links.
+    """
+    track = hull.tracks(run, track)[0]
+    length = hull.number(run, "track", "pitch")
+    wanted = ["joint[*].position", "link[*].slope.first", "link[*].slope.last"]
+    turning = of_links.has(run, track, "joint[*].axis")
+    times, found = _nearest(run, track, window, at, [*wanted, *["joint[*].axis"] * turning])
+    pins, first, last = found[:3]
+    across = found[3] if turning else hull.poses(run, track, times).axes[:, None, :, 1]
+    links = first.shape[1]
+    axes = link_axes(pins, across, links)
+    x = np.linspace(0.0, length, POINTS)
+    far = np.roll(pins, -1, axis=1)[:, :links] - pins[:, :links]
+    shape = _cubic(x, length)
+    arm = np.einsum("k,mni->mnki", shape[2], far)
+    arm += np.einsum("k,mni->mnki", shape[1], first) + np.einsum("k,mni->mnki", shape[3], last)
+    tangent = first / np.linalg.norm(first, axis=2, keepdims=True)
+    outwards = np.cross(tangent, axes[..., 1])
+    outwards /= np.linalg.norm(outwards, axis=2, keepdims=True)
+    frame = np.stack([tangent, outwards, np.cross(outwards, tangent)], axis=-1)
+    moved = np.einsum("mnki,mnij->mnkj", arm, frame)
+    moved[..., 0] -= x
+    return Deformation(track, times, x, moved)
+
+
+def picture(found: Deformation, output: Path, link: int) -> None:
+    """Figures 18 and 19 of one link, at each instant; raises BadInput."""
+    from matplotlib.figure import Figure
+
+    from orchestrator.results.picture import saved
+
+    if not 1 <= link <= found.displacement.shape[1]:
+        raise BadInput(f"--link {link}: {found.track} has the links 1 to {found.displacement.shape[1]}")
+    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    panes = figure.subplots(1, 2)
+    found.draw(panes, link)
+    framed(panes, float(found.x[-1]))
+    figure.suptitle(f"{found.track}, link {link}", fontsize=10, parse_math=False)
+    saved(figure, output)
+
+
+def _cubic(x: Floats, length: float) -> Floats:
+    """Shape functions (4, k) of place and gradient at both ends of an element of ``length`` at ``x``, m. Paper 2."""
+    s = x / length
+    return np.stack(
+        [1 - 3 * s**2 + 2 * s**3, length * (s - 2 * s**2 + s**3), 3 * s**2 - 2 * s**3, length * (s**3 - s**2)]
+    )
+
+
+def _nearest(
+    run: RunData, track: str, window: Window, at: Sequence[float], signals: Sequence[str]
+) -> tuple[Floats, list[Floats]]:
+    """Times (m,) and signals of the records nearest to the instants ``at``, or of the last one; raises Missing."""
+    best: dict[float, tuple[float, tuple[Floats, ...]]] = {}
+    last = -np.inf
+    for block in of_links.records(run, track, window, *signals):
+        last = float(block.t[-1])
+        for t in at or (np.inf,):
+            near = int(np.abs(block.t - min(t, last)).argmin())
+            if t not in best or not at or abs(block.t[near] - t) < abs(best[t][0] - t):
+                best[t] = (float(block.t[near]), tuple(values[near] for values in block.values))
+    late = [t for t in at if t > last + 1e-9]
+    if late:
+        raise Missing(
+            f"{run.log.path}: the last record of links in the window is at {last:.9g} s, before {late[0]:g} s"
+        )
+    times, values = zip(*best.values(), strict=True)
+    return np.array(times), [np.stack(each) for each in zip(*values, strict=True)]

@@ -1,0 +1,31 @@
+"""The figure of the singularity: conditions along the motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.studies.tables import Row
+
+
+def draw(loop: Row, folder: Path) -> list[Path]:
+    """Conditions over time as PNG and SVG; the files."""
+    from matplotlib.figure import Figure
+
+    page = Figure(figsize=(9.0, 4.5), layout="constrained")
+    pane = page.subplots()
+    t = np.array(loop["t"])
+    pane.semilogy(t, loop["fixed"], color="C3", linewidth=1, label="one fixed set of independent coordinates")
+    pane.semilogy(t, loop["chosen"], color="C0", linewidth=1, label=f"chosen again {loop['choices']} times")
+    pane.semilogy(t, loop["cut"], "--", color="C1", label="mass matrix of the chain cut at a joint (spring)")
+    pane.semilogy(t, np.full(len(t), loop["mesh"]), "-", color="k", label="mass matrix of the ANCF mesh")
+    pane.set_xlabel("time, s")
+    pane.set_ylabel("condition number")
+    pane.set_title("Closed chain of the vehicle in its plane: what has to be inverted", fontsize=10, loc="left")
+    pane.grid(True, color="0.9")
+    pane.legend(fontsize=8)
+    paths = [folder / f"conditions.{suffix}" for suffix in ("png", "svg")]
+    for path in paths:
+        page.savefig(path, dpi=120)
+    return paths

@@ -1,0 +1,111 @@
+"""How the cost of a step and the storage grow with the links, for each formulation: free loops without a vehicle.
+
+They spin and become oval and round again, so that there is something to iterate on.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.studies.paper.models import named, scene
+from orchestrator.studies.paper.states import model
+from orchestrator.studies.tables import Row
+
+SCENE = "spinning_loop"
+LINKS, QUICK = (16, 32, 64, 128, 256, 512), (16, 64, 256)
+SPIN, OVALLING, AT = 5.0, 4.0, 64  # rad/s of so many links; the pins of other loops are as fast
+STEP = 1e-3  # s
+STEPS, REPEATS = 100, 3
+
+
+def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
+    """A row a size, and the fitted exponents of times and storage."""
+    label, found = named(name).label, []
+    for links in numbers:
+        try:
+            explicit = chain_of(name, links, "track.integrator=runge_kutta")
+            figures = {"model": name, "links": links, "evaluation": evaluation_time(explicit), **storage(explicit)}
+            found.append(Row("links", label, figures, True))
+        except (BadInput, RuntimeError, ValueError) as failure:
+            return [*found, Row("links", label, {"model": name, "links": links}, note=f"not there: {failure}")]
+        with suppress(BadInput, RuntimeError, ValueError):  # a formulation that has no implicit steps
+            found[-1] = found[-1].having(step=step_time(chain_of(name, links, "track.integrator=generalized_alpha")))
+    exponents = {f"exponent_{key}": exponent(found, key) for key in ("evaluation", "step", "bytes")}
+    return [*found, Row("exponent", label, {"model": name, **exponents}, True)]
+
+
+def chain_of(name: str, links: int, *settings: str) -> Any:
+    """The model of a loop of so many links; raises BadInput, InvalidParameter or StepFailed."""
+    share = AT / links
+    wanted = scene(
+        named(name), f"chain.links={links}", f"chain.spin={SPIN * share!r}", f"chain.ovalling={OVALLING * share!r}",
+        "track.start=polygon", "track.link_outputs=false", *settings, of=SCENE,
+    )  # fmt: skip
+    if isinstance(wanted, str):
+        raise BadInput(wanted)
+    return model(wanted, "chain")
+
+
+def exponent(rows: Sequence[Row], key: str) -> float:
+    """Slope of the logarithm of a figure over that of the links, by least squares; NaN where one lacks it."""
+    points = np.array([[row["links"], row[key]] for row in rows], dtype=float)
+    if not np.isfinite(points).all():
+        return float("nan")
+    across, up = np.log(points).T
+    return float(np.polyfit(across, up, 1)[0])
+
+
+def step_time(chain: Any) -> float:
+    """CPU time of an implicit step, s: the least of the repeats' medians."""
+    return _least(chain, STEP, STEPS)
+
+
+def evaluation_time(chain: Any) -> float:
+    """CPU time of an explicit step over its evaluations, s, likewise."""
+    before = int(chain.counters[1])
+    steps = STEPS // 10
+    time_of_step = _least(chain, 5.0 * chain.stable, steps)
+    return time_of_step * (REPEATS * steps + 1) / (int(chain.counters[1]) - before)
+
+
+def _least(chain: Any, h: float, steps: int) -> float:
+    """CPU time of a step of ``h``, s; the first one, which may compile, does not count."""
+    times, t = [], 0.0
+    chain.advance(t, h)
+    for _ in range(REPEATS):
+        own = []
+        for _ in range(steps):
+            t += h
+            began = time.thread_time()
+            chain.advance(t, h)
+            own.append(time.thread_time() - began)
+        times.append(float(np.median(own)))
+    return min(times)
+
+
+def storage(chain: Any) -> dict[str, float]:
+    """Numbers that describe the motion, multipliers, and bytes of all arrays that a chain steps with."""
+    multipliers = getattr(chain.s, "lam", None)
+    return {
+        "coordinates": float(chain.s.q.size),
+        "multipliers": float(0 if multipliers is None else multipliers.size),
+        "bytes": float(sum(array.nbytes for array in {id(a): a for a in _arrays(chain.s, chain.work)}.values())),
+    }
+
+
+def _arrays(*things: Any) -> Iterator[np.ndarray]:
+    """The arrays below, each as the whole that it looks into."""
+    for thing in things:
+        if isinstance(thing, np.ndarray):
+            whole = thing
+            while isinstance(whole.base, np.ndarray):
+                whole = whole.base
+            yield whole
+        elif isinstance(thing, tuple | list):
+            yield from _arrays(*thing)

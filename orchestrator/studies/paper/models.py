@@ -1,0 +1,59 @@
+"""The models of tracked vehicles that the paper compares, and those that it argues about: one row each."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fmus.vehicle import BadInput
+from orchestrator.scene.scene import TrackScene, load
+
+SCENE = "straight"  # rest, half-cosine to 20 rad/s at both sprockets, and on: figure 10
+CONSTRAINED = ("track.joints=constrained",)
+SPRING = ("track.closure=spring",)
+
+
+class Model(NamedTuple):
+    """One kind of track."""
+
+    name: str  # of its files
+    label: str  # in tables and pictures
+    track: str  # model of the scene
+    settings: tuple[str, ...]  # of its tracks
+    line: str  # style of its curves
+    colour: str
+    in_paper: bool  # one of the three of section 8
+
+
+RIGID = Model("rigid", "rigid, augmented, closed by a pin", "rigid", (), ":", "C0", False)
+RIGID_SPRING = Model("rigid-spring", "rigid, augmented, closed by a spring", "rigid", SPRING, "--", "C4", True)
+RECURSIVE = Model(
+    "rigid-recursive",
+    "rigid, recursive, closed by a spring",
+    "rigid",
+    ("track.formulation=recursive", "track.integrator=runge_kutta", *SPRING),  # it has no implicit steps
+    "-.",
+    "C2",
+    True,
+)
+CLOSED = Model("flexible-closed", "flexible, closed mesh", "flexible", (), "-", "C3", True)
+OPEN = Model("flexible-open", "flexible, open mesh, closed by a spring", "flexible", SPRING, "--", "C1", True)
+CONVENTIONAL = Model(
+    "flexible-constrained", "flexible, joints as constraints", "flexible", CONSTRAINED, "-.", "C5", False
+)
+MODELS = (RIGID, RIGID_SPRING, RECURSIVE, CLOSED, OPEN, CONVENTIONAL)
+REFERENCE = CLOSED  # that the others are compared with
+
+
+def named(name: str) -> Model:
+    """A model by its name."""
+    return next(model for model in MODELS if model.name == name)
+
+
+def scene(model: Model, *settings: str, of: str = SCENE) -> TrackScene | str:
+    """A scene of the gallery with this model, or the sentence that says why there is none."""
+    try:
+        found = load(of, model.track, (*model.settings, *settings))
+    except BadInput as refusal:
+        return str(refusal)
+    assert isinstance(found, TrackScene)
+    return found

@@ -1,0 +1,93 @@
+"""Logs of whole runs: made, or taken where one that fits is there already.
+
+A log fits when its run ended ok and its scene is, number by number, the one that this model would run here, whatever
+version of the sources made it; which one did stands in the row. Anything else is made anew.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fmus.build import BuildFailed
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.scene.assembly import placed
+from orchestrator.scene.scene import TrackScene
+from orchestrator.studies.paper.models import Model, scene
+
+LOGS = "logs"
+SHOWN = ("tension", "position", "force", "slopes")
+RECORDED = (f"track.link_outputs={json.dumps(SHOWN)}", "run.links=4", "run.checkpoints=0.25 s", "expect={}")
+
+
+class NotThere(RuntimeError):
+    """A model that cannot be run here; the message says why."""
+
+
+def path(folder: Path, model: Model) -> Path:
+    """The log of a model below the folder of the study."""
+    return folder / LOGS / f"{model.name}.mcap"
+
+
+def ensure(model: Model, folder: Path, stop: float) -> str:
+    """See that the log of a model is there; how it came. Raises NotThere, and RuntimeError for a run that failed."""
+    wanted = scene(model, *RECORDED, f"run.stop={stop!r} s")
+    if isinstance(wanted, str):
+        raise NotThere(wanted)
+    file = path(folder, model)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    if fits(file, wanted):
+        return f"taken as it was, made of {_commit(file)}"
+    try:
+        told = simulate(wanted, file)
+    except (BuildFailed, ComponentFailed) as failure:
+        raise NotThere(str(failure)) from None
+    if told["status"] != "ok":
+        raise RuntimeError(told["message"])
+    return "made now"
+
+
+def fits(file: Path, wanted: TrackScene) -> bool:
+    """Whether the log of a run that ended ok is there, of this very scene."""
+    try:
+        with Log(file) as log:
+            ended = log.complete and log.closing is not None and log.closing["status"] == "ok"
+            return ended and _alike(log.table("scene.json"), placed(wanted).resolved())
+    except (OSError, ValueError, LookupError, LogUnreadable):
+        return False
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Whether two tables hold the same, whatever their order; solved places to rounding."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_alike(one[key], other[key]) for key in one)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_alike, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-9, abs_tol=1e-12)
+    return bool(one == other)
+
+
+def costs(file: Path) -> dict[str, float]:
+    """Of a run: time of the tracks, s, evaluations and steps of both, time of all components."""
+    found = {"track_time": 0.0, "time": 0.0, "evaluations": 0.0, "steps": 0.0}
+    with Log(file) as log:
+        for topic in (topic for topic in log.topics if topic.startswith("/stats/")):
+            series = log.read(topic)
+            last = dict(zip(series.names, series.values[-1].tolist(), strict=True))
+            found["time"] += last["wall_time"]
+            if topic.endswith("track"):
+                found["track_time"] += last["wall_time"]
+                found["evaluations"] += last["solver.evaluations"]
+                found["steps"] += last["solver.steps"]
+    return found
+
+
+def _commit(file: Path) -> str:
+    with Log(file) as log:
+        return str(log.metadata.get("provenance", {}).get("commit") or "an unknown commit")[:12]

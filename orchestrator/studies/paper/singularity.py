@@ -1,0 +1,133 @@
+"""Why a closed rigid chain needs its independent coordinates chosen again and again (sections 1 and 6, point 3).
+
+A loop of n links in the plane, joined by n pins, has 3 n coordinates (places and angles of the links) under 2 n
+equations. Coordinate partitioning (Wehage and Haug 1982, doi:10.1115/1.3256318) chooses n independent ones at the
+start, here by QR with pivoting, and solves for the others with the square Jacobian of those. Its condition is followed
+while the loop runs round its wheels, with the one set that was best at the start, and with a set that is chosen again
+whenever the condition has grown by ``AGAIN``. Beside it the matrices that other ways have to
+invert: the mass matrix of the chain that is cut at one joint, a tree with n + 2 coordinates of its own (the spring that
+closes it is a force), and that of the ANCF mesh, whose joints are gone and which is the same at every instant.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from orchestrator.log.time_series import Floats
+
+AGAIN = 10.0  # times the condition of the set when it was chosen
+BISECTIONS = 45
+
+
+class Loop(NamedTuple):
+    """What was found along the motion, by instant."""
+
+    t: Floats  # (m,) s
+    fixed: Floats  # (m,) condition of the dependent Jacobian, the set chosen at the start
+    flips: int  # how often its determinant changes its sign: a singular configuration lies between
+    closest: float  # condition at the first of them; 0 without one
+    chosen: Floats  # (m,) the same with sets chosen again
+    choices: int  # how often
+    cut: Floats  # (m,) condition of the mass matrix of the tree
+    mesh: float  # of the ANCF mesh
+
+
+def followed(t: Floats, pins: Floats, inertia: float, mass: float) -> Loop:
+    """Of pins (m, n, 2) of a closed chain at the times (m,); a link's ``inertia`` about its middle, kg m2, and mass."""
+    length = float(np.linalg.norm(np.roll(pins[0], -1, axis=0) - pins[0], axis=1).mean())
+    angle = _angles(pins)
+    first = dependent(jacobian(angle[0], length))
+    now, limit, choices = first, AGAIN * _condition(jacobian(angle[0], length)[:, first]), 0
+    fixed, chosen, cut, signs = [], [], [], []
+    for each in angle:
+        B = jacobian(each, length)
+        fixed.append(_condition(B[:, first]))
+        signs.append(float(np.linalg.slogdet(B[:, first])[0]))
+        if _condition(B[:, now]) > limit:
+            now, choices = dependent(B), choices + 1
+            limit = AGAIN * _condition(B[:, now])
+        chosen.append(_condition(B[:, now]))
+        cut.append(_condition(tree(each, length, inertia, mass)))
+    flips = np.flatnonzero(np.diff(signs))
+    closest = nearest(angle[flips[0]], angle[flips[0] + 1], length, first) if len(flips) else 0.0
+    return Loop(
+        t, np.array(fixed), len(flips), closest, np.array(chosen), choices, np.array(cut),
+        _condition(mesh(pins.shape[1], length, mass)),
+    )  # fmt: skip
+
+
+def _angles(pins: Floats) -> Floats:
+    """Of the links (m, n) of closed chains (m, n, 2)."""
+    along = np.roll(pins, -1, axis=1) - pins
+    return np.asarray(np.arctan2(along[..., 1], along[..., 0]))
+
+
+def jacobian(angle: Floats, length: float) -> Floats:
+    """(2 n, 3 n) of the pins of a closed chain; columns x, z, of all links, then their angles times the length.
+
+    Pin i joins the end of link i with the beginning of the next one. A length makes all entries of a size.
+    """
+    n, half = len(angle), 0.5
+    B = np.zeros((n, 2, 3, n))
+    turned = np.stack([-np.sin(angle), np.cos(angle)])
+    for i in range(n):
+        j = (i + 1) % n
+        for k in range(2):
+            B[i, k, k, i], B[i, k, k, j] = 1.0, -1.0
+            B[i, k, 2, i], B[i, k, 2, j] = half * turned[k, i], half * turned[k, j]
+    return B.reshape(2 * n, 3 * n)
+
+
+def dependent(B: Floats) -> NDArray[np.int64]:
+    """Columns that Householder's QR with pivoting takes first, as many as there are rows."""
+    return np.sort(qr(B, mode="r", pivoting=True)[1][: len(B)])
+
+
+def nearest(one: Floats, other: Floats, length: float, columns: NDArray[np.int64]) -> float:
+    """Condition where the determinant of the columns changes its sign between two instants, by bisection."""
+    turn = np.angle(np.exp(1j * (other - one)))
+
+    def chosen(share: float) -> Floats:
+        return jacobian(one + share * turn, length)[:, columns]
+
+    low, high = 0.0, 1.0
+    sign = np.linalg.slogdet(chosen(low))[0]
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if np.linalg.slogdet(chosen(middle))[0] == sign else (low, middle)
+    return _condition(chosen(low))
+
+
+def tree(angle: Floats, length: float, inertia: float, mass: float) -> Floats:
+    """Mass matrix (n + 2, n + 2) of the chain cut at the beginning of its first link: its place there, the angles."""
+    n = len(angle)
+    turned = length * np.stack([-np.sin(angle), np.cos(angle)])
+    arms = np.tril(np.ones((n, n)), -1) + 0.5 * np.eye(n)  # of the middle of link i by the angle of link j
+    move = np.concatenate([np.concatenate([np.ones((n, 1)), np.zeros((n, 1)), arms * turned[0]], axis=1),
+                           np.concatenate([np.zeros((n, 1)), np.ones((n, 1)), arms * turned[1]], axis=1)])  # fmt: skip
+    M = mass * move.T @ move
+    M[2:, 2:] += inertia * np.eye(n)
+    scale = np.concatenate([np.ones(2), np.full(n, 1.0 / length)])
+    return np.asarray(scale[:, None] * M * scale)
+
+
+def mesh(n: int, length: float, mass: float) -> Floats:
+    """Mass matrix (3 n, 3 n) of one component of n cable elements in a loop: place, slope ending, slope beginning.
+
+    Slopes times the length; the element's is the integral of the cubic shape functions' products. Constant: paper 6.
+    """
+    own = mass / 420.0 * np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
+    M = np.zeros((3 * n, 3 * n))
+    for i in range(n):
+        j = (i + 1) % n
+        at = [3 * i, 3 * i + 2, 3 * j, 3 * j + 1]
+        M[np.ix_(at, at)] += own
+    return M
+
+
+def _condition(A: Floats) -> float:
+    return float(np.linalg.cond(A))

@@ -1,0 +1,380 @@
+"""Each statement of the paper (sections 1, 6, 8 and 9) beside what was measured; verdicts by rules.
+
+A rule looks at the rows of the study and says "holds", "holds in part", "does not hold" or "not measured", with the
+figures that it looked at. A statement that does not hold is a result, no failure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from orchestrator.studies.paper import modulus, pieces, whole_runs
+from orchestrator.studies.paper.models import CLOSED, CONVENTIONAL, MODELS, OPEN, RECURSIVE, RIGID, RIGID_SPRING, Model
+from orchestrator.studies.tables import Row
+
+HOLDS, PART, NOT, UNMEASURED = VERDICTS = "holds", "holds in part", "does not hold", "not measured"
+CPU, EVALUATIONS = 4.0, 8.5  # flexible over rigid, section 8.3
+NEAR = 0.25  # relative: as near as a ratio of costs counts as the paper's
+SIMILAR = 1.5  # ratio of CPU times that are similar
+LINEAR = 1.1  # exponent up to which a cost grows as the links do
+ROUNDING = 1e-11  # of what is violated by rounding alone: m, rad
+SETTLED = 0.03  # m, section 8.2
+DEFORMED = 1e-9  # m: less is no deformation
+
+
+class Found(NamedTuple):
+    """What the study has found."""
+
+    rows: Sequence[Row]
+
+    def of(self, item: str, model: Model | None = None, **figures: object) -> list[Row]:
+        """Rows of a kind that were measured, of a model, with these figures."""
+        return [
+            row
+            for row in self.rows
+            if row.item == item
+            and not row.note.startswith("not there")
+            and (model is None or row.figures.get("model") == model.name)
+            and all(row.figures.get(key) == value for key, value in figures.items())
+        ]
+
+    def one(self, item: str, model: Model | None = None, **figures: object) -> Row | None:
+        """The first of them; None where there is none."""
+        return next(iter(self.of(item, model, **figures)), None)
+
+    def models(self, item: str) -> list[tuple[Model, Row]]:
+        """Models with their row of a kind."""
+        found = [(model, self.one(item, model)) for model in MODELS]
+        return [(model, row) for model, row in found if row is not None and row.ok]
+
+
+class Verdict(NamedTuple):
+    """Of a statement."""
+
+    verdict: str
+    measured: str
+
+
+class Statement(NamedTuple):
+    """One of the paper's."""
+
+    where: str  # sections
+    text: str
+    rule: Callable[[Found], Verdict]
+    seen: str = ""  # figures and tables that show it
+
+
+NONE = Verdict(UNMEASURED, "a model that it needs is not there")
+
+
+def graded(good: Sequence[bool], measured: str) -> Verdict:
+    """Holds where all is good, in part where some is."""
+    if not good:
+        return NONE
+    return Verdict(HOLDS if all(good) else PART if any(good) else NOT, measured)
+
+
+# --- joints --------------------------------------------------------------------------------------------------------
+
+
+def modes(found: Found) -> Verdict:
+    """The links of flexible chains are deformed, those of rigid ones are not."""
+    rows = found.models("deformation")
+    told = "; ".join(f"{m.label} {1e6 * row['axial']:.3g} / {1e6 * row['transverse']:.3g} um" for m, row in rows)
+    good = [(row["transverse"] > DEFORMED) == (m.track == "flexible") for m, row in rows]
+    return graded(good, f"largest axial / transverse displacement along links at 5 s: {told}")
+
+
+def dimension(found: Found) -> Verdict:
+    """The mesh without joints has fewer unknowns and less storage than the same mesh with multipliers."""
+    rows = {m.name: found.one("links", m, links=64) for m in MODELS}
+    own, other = rows[CLOSED.name], rows[CONVENTIONAL.name] or rows[RIGID.name]
+    if own is None or other is None:
+        return NONE
+    sizes = [row["coordinates"] + row["multipliers"] for row in (own, other)]
+    told = f"64 links: {sizes[0]:.0f} unknowns and {own['bytes'] / 1e3:.0f} kB without joints, {sizes[1]:.0f} and "
+    return graded(
+        [sizes[0] < sizes[1], own["bytes"] < other["bytes"]],
+        f"{told}{other['bytes'] / 1e3:.0f} kB of {other.case}",
+    )
+
+
+def violated(found: Found) -> Verdict:
+    """Joints that are eliminated are violated by 0 at all three levels; those that are kept are not."""
+    own, rigid = found.one("violation", CLOSED), found.one("violation", RIGID)
+    if own is None or rigid is None:
+        return NONE
+    keys = [f"{level}_gap" for level in ("position", "velocity", "acceleration")]
+    told = " / ".join(f"{own[key]:.1g}" for key in keys), " / ".join(f"{rigid[key]:.2g}" for key in keys)
+    text = f"largest gap of joints, m / m/s / m/s2: {told[0]} ({CLOSED.label}), {told[1]} ({RIGID.label})"
+    return graded([own[key] == 0.0 for key in keys], text)
+
+
+def similar(found: Found) -> Verdict:
+    """Without joints, chains take as long by either school, whatever their length."""
+    told, ratios = [], []
+    for one, other in ((RIGID_SPRING, RECURSIVE), (CONVENTIONAL, CLOSED)):
+        pairs = [
+            (row["links"], row["evaluation"] / twin["evaluation"])
+            for row in found.of("links", one)
+            if (twin := found.one("links", other, links=row["links"])) is not None
+        ]
+        if pairs:
+            ends = f"{pairs[0][1]:.2g} ({pairs[0][0]} links) to {pairs[-1][1]:.2g} ({pairs[-1][0]})"
+            told.append(f"{one.label} over {other.label}: {ends}")
+            ratios.append([1.0 / SIMILAR <= ratio <= SIMILAR for _, ratio in pairs])
+    own = found.one("exponent", CLOSED)
+    if own is None or not told:
+        return NONE
+    told.append(f"exponent of {CLOSED.label} {own['exponent_evaluation']:.2f}")
+    return graded(
+        [own["exponent_evaluation"] < LINEAR, *map(all, ratios)], "CPU time of an evaluation: " + "; ".join(told)
+    )
+
+
+def singular(found: Found) -> Verdict:
+    """One fixed set of coordinates becomes singular as the loop turns; the mesh and the cut chain do not."""
+    row = found.one("singularity", CLOSED)
+    if row is None or not row.ok:
+        return NONE
+    fixed, cut = max(row["fixed"]), max(row["cut"]) / min(row["cut"])
+    told = (
+        f"the determinant of the dependent Jacobian changes its sign {row['flips']} times, condition "
+        f"{row['closest']:.0e} where it does, {fixed:.1e} at recorded instants; "
+        f"with {row['choices']} new sets {max(row['chosen']):.0f} at most; "
+        f"of the cut chain it varies by a factor of {cut:.2f}, of the ANCF mesh it is {row['mesh']:.0f} always"
+    )
+    return graded([row["flips"] > 0 and row["closest"] > 1e3 * min(row["fixed"]), cut < 10.0], told)
+
+
+def no_singularity(found: Found) -> Verdict:
+    """The closed ANCF chain is integrated to the end."""
+    row = found.one("run", CLOSED)
+    return NONE if row is None else graded([bool(row.ok)], "8 s without a step given up for good")
+
+
+def counted(found: Found) -> Verdict:
+    """126 pins, 630 equations."""
+    rows = found.of("count")
+    return graded(
+        [bool(row.ok) for row in rows],
+        "; ".join(f"{row.case}: {row['value']:.0f} ({row['reference']:.0f})" for row in rows),
+    )
+
+
+# --- motion --------------------------------------------------------------------------------------------------------
+
+
+def follows(found: Found) -> Verdict:
+    """The chassis follows the sprockets."""
+    rows = found.models("motion")
+    told = "; ".join(f"{m.label} {100 * row['follows']:.2g} %" for m, row in rows)
+    return graded([row["follows"] < 0.05 for _, row in rows], f"speed less teeth x pitch x turns, RMS: {told}")
+
+
+def settled(found: Found) -> Verdict:
+    """0.03 m."""
+    rows = found.models("motion")
+    told = "; ".join(f"{m.label} {1e3 * row['settled']:.2f} mm" for m, row in rows)
+    return graded([abs(row["settled"] / SETTLED - 1.0) < 0.1 for _, row in rows], told)
+
+
+def alike(found: Found) -> Verdict:
+    """Chassis motions of all models, 0 to 8 s."""
+    rows = [(m, row) for m, row in found.models("motion") if m is not whole_runs.REFERENCE]
+    told = "; ".join(
+        f"{m.label} " + " / ".join(f"{100 * row[name]:.2g}" for name in whole_runs.MOTION) + " %" for m, row in rows
+    )
+    good = [row[name] < whole_runs.ALIKE for _, row in rows for name in whole_runs.MOTION]
+    return graded(good, f"position / velocity / pitch from those of {whole_runs.REFERENCE.label}: {told}")
+
+
+def visited(found: Found) -> Verdict:
+    """From the ground to the idler, and on till it comes to the ground again."""
+    rows = found.models("node")
+    good = [row.figures["visited"].startswith("ground, idler, upper run, sprocket, ground") for _, row in rows]
+    return graded(good, rows[0][1].figures["visited"] if rows else "")
+
+
+# --- forces and costs ----------------------------------------------------------------------------------------------
+
+
+def sections(found: Found) -> Verdict:
+    """Tight before the sprocket, slack after it, transition between, at 5 s."""
+    rows = found.models("sections")
+    told = "; ".join(
+        f"{m.label} {row['top'] / 1e3:.1f} > {row['rear'] / 1e3:.1f} > {row['front'] / 1e3:.1f} kN" for m, row in rows
+    )
+    return graded(
+        [row["top"] > row["rear"] > row["front"] for _, row in rows],
+        f"upper run, before the idler, after the sprocket: {told}",
+    )
+
+
+def ratios(found: Found) -> Verdict:
+    """Flexible over rigid by Adams' methods at equal error: 4 in CPU time, 8.5 in evaluations."""
+    told, near, order = [], [], []
+    for rigid in (RIGID, RIGID_SPRING, RECURSIVE):
+        for flexible in (CLOSED, OPEN):
+            rows = [found.one("cost", model, method=pieces.ADAMS) for model in (flexible, rigid)]
+            if any(row is None or not row.ok for row in rows):
+                continue
+            one, other = rows
+            assert one is not None
+            assert other is not None
+            cpu, count = (one[key] / other[key] for key in ("cpu", "evaluations"))
+            told.append(f"{flexible.name} / {rigid.name} {cpu:.3g} and {count:.3g}")
+            near.append(abs(cpu / CPU - 1.0) < NEAR and abs(count / EVALUATIONS - 1.0) < NEAR)
+            order.append(count > cpu > 1.0)
+    if not told:
+        return NONE
+    text = f"CPU and evaluations at an error of {pieces.EQUAL:g}: {'; '.join(told)}; paper {CPU:g} and {EVALUATIONS:g}"
+    own = found.one("cost", CLOSED, method=pieces.ADAMS)
+    wanted = [(key, ratio) for key, ratio in (("cpu", CPU), ("evaluations", EVALUATIONS)) if own is not None and own.ok]
+    springs = [
+        modulus.crossing([(row["stiffness"], row[key]) for row in found.of("stiffness") if row.ok], own[key] / ratio)
+        for key, ratio in wanted
+        if own is not None
+    ]
+    if springs and all(0.0 < spring < math.inf for spring in springs):
+        text += f"; these would be those of a spring of {springs[0]:.2g} and {springs[1]:.2g} N/m"
+    return Verdict(HOLDS if any(near) else PART if all(order) else NOT, text)
+
+
+def soft(found: Found) -> Verdict:
+    """Below some modulus flexible chains cost less than rigid ones, explicit and implicit."""
+    crossings = crossed(found)
+    if not crossings:
+        return NONE
+    words = [
+        f"{name} {'never' if crossing == 0.0 else 'always' if math.isinf(crossing) else f'below {crossing:.2g} Pa'}"
+        for name, crossing in crossings.items()
+    ]
+    good = [crossing > 0.0 for crossing in crossings.values()]
+    return graded(good, f"the flexible chain takes less CPU time than the rigid one: {', '.join(words)}")
+
+
+def crossed(found: Found) -> dict[str, float]:
+    """By method and rigid model the modulus below which the closed mesh costs less; what is not known is left out."""
+    crossings = {}
+    for method, key in (
+        (pieces.ADAMS, "cpu_adams"),
+        (pieces.RUNGE_KUTTA, "cpu_runge_kutta"),
+        ("implicit", "implicit"),
+    ):
+        points = [(row["modulus"], row[key]) for row in found.of("modulus", CLOSED) if row[key] > 0.0]
+        for model in (RIGID, RIGID_SPRING, RECURSIVE):
+            one = found.one("modulus", model) if method == "implicit" else found.one("cost", model, method=method)
+            cost = math.nan if one is None else one["implicit" if method == "implicit" else "cpu"]
+            crossing = modulus.crossing(points, cost)
+            if not math.isnan(crossing):
+                crossings[f"{method}, {model.label}:"] = crossing
+    return crossings
+
+
+def detail(found: Found) -> Verdict:
+    """A flexible chain costs no more per step than a rigid one."""
+    told, good = [], []
+    for links in sorted({row["links"] for row in found.of("links", CLOSED)}):
+        own, rigid = (found.one("links", model, links=links) for model in (CLOSED, RIGID))
+        if own and rigid and math.isfinite(own["step"]) and math.isfinite(rigid["step"]):
+            told.append(f"{links}: {own['step'] / rigid['step']:.2f}")
+            good.append(own["step"] <= rigid["step"])
+    return graded(good, f"time of an implicit step, {CLOSED.label} over {RIGID.label}, by links: {', '.join(told)}")
+
+
+def conventional(found: Found) -> Verdict:
+    """What eliminating the joints saves, where the conventional chain is there."""
+    run, told, ratios = found.one("run", CONVENTIONAL), [], []
+    for row in found.of("links", CONVENTIONAL):
+        own = found.one("links", CLOSED, links=row["links"])
+        for key in ("evaluation", "step"):
+            if own is not None and math.isfinite(row[key]) and math.isfinite(own[key]):
+                ratios.append(row[key] / own[key])
+                told.append(f"{row['links']} links, {key} {ratios[-1]:.2f}")
+    if not ratios:
+        return NONE
+    arrives = "" if run is None else f"; its own 8 s {'end well' if run.ok else 'do not end well'}"
+    return graded(
+        [min(ratios) > 1.0, run is not None and not run.ok],
+        f"CPU time, joints as constraints over eliminated: {', '.join(told)}{arrives}",
+    )
+
+
+STATEMENTS = (
+    Statement(
+        "1 (1), 9",
+        "Ideal compliant joints capture modes of deformation that rigid triads cannot.",
+        modes,
+        "figures 18, 19",
+    ),
+    Statement(
+        "1 (2), 6 (2), 9",
+        "Linear connectivity eliminates dependent variables before the run: fewer unknowns, less storage.",
+        dimension,
+        "table of links",
+    ),
+    Statement(
+        "1 (3), 9",
+        "Joints are satisfied at position, velocity and acceleration level of themselves.",
+        violated,
+        "table of violations",
+    ),
+    Statement(
+        "1 (3), 9",
+        "Augmented and recursive methods take similar CPU times, regardless of the size.",
+        similar,
+        "table of links",
+    ),
+    Statement(
+        "1 (4), 6 (3), 9",
+        "Closed rigid chains become singular with one set of independent coordinates; the spring"
+        " and the ANCF mesh do not.",
+        singular,
+        "figure of conditions",
+    ),
+    Statement("8.1", "The third model, a closed ANCF loop, meets no singularity.", no_singularity),
+    Statement("8.1", "126 pin joints and 630 constraint equations are eliminated.", counted, "table of counts"),
+    Statement("8.2", "The velocity of the chassis follows the pattern of the sprockets.", follows, "figures 10, 11"),
+    Statement("8.2", "The chassis settles by 0.03 m.", settled, "figure 13"),
+    Statement("8.2", "The rigid body motion of the models agrees.", alike, "figures 11 to 13"),
+    Statement("8.2", "A point on the ground comes to the idler and to the ground again.", visited, "figures 14, 15"),
+    Statement(
+        "8.3",
+        "At 5 s the chain is tight before the sprocket, slack after it, with a transition between.",
+        sections,
+        "figures 20, 21",
+    ),
+    Statement(
+        "8.3",
+        "The flexible model takes four times the CPU time of the rigid one, and 8.5 times its evaluations.",
+        ratios,
+        "table of costs",
+    ),
+    Statement("8.3", "With a low modulus flexible chains are more efficient than rigid ones.", soft, "table of moduli"),
+    Statement(
+        "8.3, 1 (7)",
+        "Eliminating the joints saves much; without it such a vehicle is very challenging.",
+        conventional,
+        "table of links",
+    ),
+    Statement("9", "Flexibility does not make the algorithm more complex.", detail, "table of links"),
+    Statement(
+        "1 (6), 6, 9",
+        "ANCF solves small deformation problems better than the floating frame of reference.",
+        lambda found: Verdict(UNMEASURED, "there is no floating frame of reference here"),
+    ),
+)
+
+
+def judged(rows: Sequence[Row]) -> list[Row]:
+    """A row for each statement."""
+    found = Found(rows)
+    return [
+        Row("statement", each.text, {"where": each.where, "verdict": told.verdict, "measured": told.measured,
+                                     "seen": each.seen})
+        for each in STATEMENTS
+        if (told := each.rule(found))
+    ]  # fmt: skip

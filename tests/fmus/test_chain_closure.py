@@ -1,0 +1,228 @@
+"""Loops of flexible links that a stiff spring closes at a cut (paper 8.1), and the conventional chain: pins as equations.
+
+What an exact solution, a conserved quantity or the chain with eliminated pins says of them.
+"""
+
+import numpy as np
+import pytest
+from test_free_chains import TABLE, Flexible, P, made, per_link
+
+from fmus.model import InvalidParameter
+from fmus.physics.chain.flexible.places import places
+from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.scene import load
+
+N, SPIN = 16, 20.0  # links, rad/s
+LINKS = 64
+CLOSURES = pytest.mark.parametrize("closure", ["pin", "spring"])
+INTEGRATORS = pytest.mark.parametrize("integrator", ["generalized_alpha", "runge_kutta"])
+SHARED = [0, 1, 2, 4]  # of a link's own pin: position, slope along the joint axis
+
+
+def loop(links=N, **changes):
+    changes = {name.replace("_of_", "."): value for name, value in changes.items()}
+    return made(Flexible, links, gravity=0.0, **changes)
+
+
+def gap(model):
+    return np.linalg.norm(model.s.q[-1, :3] - model.s.q[0, :3])
+
+
+def run(model, time, h=1e-3):
+    for i in range(round(time / h)):
+        model.advance(i * h, h)
+    return model
+
+
+def dofs(model):
+    return np.unique(places(model.kit, model.s.q, 4, model.links_count)).size
+
+
+# --- closed by a spring ------------------------------------------------------------------------------------
+
+
+def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
+    """Relative equilibrium: m w^2 Rc / (2 sin(pi/N)) of rigid links, of steel ones 3e-6 more."""
+    rigid = TABLE["track"]["mass"] * SPIN**2 * P / (2.0 * np.tan(np.pi / N)) / (2.0 * np.sin(np.pi / N))
+    closed = np.linalg.norm(per_link(loop(start_of_spin=SPIN))[1], axis=1)
+    assert closed == pytest.approx(np.full(N, rigid), rel=1e-5)
+    off = []
+    for k in (1e8, 1e9, 1e10):
+        model = loop(start_of_spin=SPIN, closure="spring", closure_of_stiffness=k)
+        force = np.linalg.norm(per_link(model)[1], axis=1)
+        # the first pin's force is the spring's
+        assert gap(model) * k == pytest.approx(force[0], rel=1e-9)
+        assert gap(model) * 1.03 * k != pytest.approx(force[0], rel=1e-2)
+        off.append(np.abs(force - closed).max())
+    assert off[0] < 2e-4 * rigid
+    assert np.log10(np.divide(off[:-1], off[1:])) == pytest.approx([1.0, 1.0], abs=0.02)
+
+
+@INTEGRATORS
+def test_a_loop_that_a_spring_closes_moves_like_a_closed_one_as_the_spring_stiffens(integrator):
+    """It begins closed; how far its pins are from those of the closed mesh falls as 1 / k."""
+    start = {"start_of_spin": 5.0, "start_of_ovalling": 4.0, "start": "polygon", "integrator": integrator}
+    closed = run(loop(**start), 0.02).pins()
+    off = []
+    for k in (1e8, 1e9, 1e10):
+        there = run(loop(**start, closure="spring", closure_of_stiffness=k), 0.02).pins()
+        off.append(np.abs(there - closed).max())
+    assert 1e-7 < off[0] < 1e-4
+    assert np.log10(np.divide(off[:-1], off[1:])) == pytest.approx([1.0, 1.0], abs=0.1)
+
+
+def momentum(model):
+    """Linear, and angular about y, of the coordinates: the mass of the closed mesh, link by link."""
+    at = places(model.kit, model.s.q, 4, model.links_count)
+    e, v, M = model.s.q.reshape(-1)[at], model.s.v.reshape(-1)[at], model.work.M
+    p = np.einsum("ab,ibk->iak", M, v)
+    turned = e[..., 2] * p[..., 0] - e[..., 0] * p[..., 2]
+    return np.array([p[:, [0, 2], 0].sum(), p[:, [0, 2], 2].sum(), turned.sum()])
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e4])
+def test_energy_and_momentum_of_a_loop_that_a_spring_closes(damping):
+    """The spring's energy is strain, what its damper takes is dissipated; equal and opposite forces keep momentum."""
+    k = 1e8
+    model = loop(
+        start_of_spin=SPIN, start_of_ovalling=10.0, closure="spring", closure_of_stiffness=k, closure_of_damping=damping,
+        material_of_relaxation_time=0.0, integrator="runge_kutta",
+    )  # fmt: skip
+    before, moving = model.report.copy(), momentum(model)
+    stored = [0.5 * k * gap(model) ** 2]
+    run(model, 0.02)
+    stored.append(0.5 * k * gap(model) ** 2)
+    balance = [r[KINETIC] + r[STRAIN] + r[DISSIPATED] for r in (before, model.report)]
+    exchanged = np.abs(np.diff(stored))[0]
+    assert np.ptp(balance) < 1e-4 * exchanged  # a spring 5 % off would be seen
+    assert (model.report[DISSIPATED] > 1e-4 * exchanged) == (damping > 0.0)
+    now = momentum(model)
+    assert now[:2] == pytest.approx(moving[:2], abs=1e-9 * moving[2])
+    assert now[2] == pytest.approx(moving[2], rel=1e-10)
+
+
+# --- pins as equations -------------------------------------------------------------------------------------
+
+
+def both(**changes):
+    """The same loop with eliminated pins and with equations of its pins, and where their links' coordinates are."""
+    models = [loop(joints=joints, **changes) for joints in ("eliminated", "constrained")]
+    return models, [places(model.kit, model.s.q, 4, model.links_count) for model in models]
+
+
+def opened(vectors, closure):
+    """What each pin leaves of its equations (2); that of the spring apart."""
+    first = 1 if closure == "spring" else 0
+    return np.abs(vectors[::2, SHARED] - np.roll(vectors[1::2, SHARED], 1, axis=0))[first:].max()
+
+
+@CLOSURES
+def test_accelerations_with_equations_are_those_without(closure):
+    """Of a random shape in random motion; they satisfy the equations too."""
+    (whole, own), (at, mine) = both(closure=closure, start="polygon")
+    random = np.random.default_rng(15)
+    used = np.unique(at)
+    for array, size in ((whole.s.q, 1e-4), (whole.s.v, 1.0)):
+        array.reshape(-1)[used] += size * random.standard_normal(used.size)
+    own.s.q.reshape(-1)[mine], own.s.v.reshape(-1)[mine] = whole.s.q.reshape(-1)[at], whole.s.v.reshape(-1)[at]
+    for model in (whole, own):
+        model._let_go()
+    there, here = whole.s.vdot.reshape(-1)[at], own.s.vdot.reshape(-1)[mine]
+    largest = np.abs(there).max()
+    assert largest > 1e4
+    assert np.abs(here - there).max() < 1e-11 * largest
+    assert opened(own.s.vdot, closure) < 1e-11 * largest
+    assert np.abs(own.s.residual - whole.s.residual).max() < 1e-11 * np.abs(whole.s.residual).max()
+    own.s.q.reshape(-1)[mine[3, 0, 0]] += 1e-6  # a pin that is open by a micrometre is no such chain
+    own._let_go()
+    assert np.abs(own.s.vdot.reshape(-1)[mine] - there).max() > 1e-6 * largest
+
+
+@INTEGRATORS
+@CLOSURES
+def test_a_chain_with_equations_moves_like_one_without(closure, integrator):
+    models, where = both(closure=closure, integrator=integrator, start_of_spin=SPIN, start_of_ovalling=2.0)
+    for model in models:
+        run(model, 0.02)
+    for name, tolerance in (("q", 1e-12), ("v", 1e-8)):
+        there, here = (getattr(m.s, name).reshape(-1)[at] for m, at in zip(models, where, strict=True))
+        assert np.abs(here - there).max() < tolerance * np.abs(there).max()
+    there, here = (np.concatenate([each.ravel() for each in per_link(model)]) for model in models)
+    assert np.abs(here - there).max() < 1e-7 * np.abs(there).max()
+    assert models[0].counters.tolist() == models[1].counters.tolist()
+    own = models[1].s
+    assert opened(own.q, closure) < 1e-15
+    assert opened(own.v, closure) < 1e-12 * SPIN
+    assert (opened(own.q, "pin") > 1e-7) == (closure == "spring")  # the spring gives way
+
+
+def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
+    """Position and velocity, along what the pins' forces would do: the linear momentum stays."""
+    model = loop(joints="constrained", integrator="runge_kutta", start="polygon")
+    model.s.q[5, 0] += 1e-9
+    model.s.v[5, 0] += 1e-6
+    before = momentum(model)
+    model.advance(0.0, 1e-5)
+    assert opened(model.s.q, "pin") < 1e-15
+    assert opened(model.s.v, "pin") < 1e-14
+    assert momentum(model)[:2] == pytest.approx(before[:2], abs=1e-13)
+
+
+# --- how many, and on wheels -------------------------------------------------------------------------------
+
+
+def test_counts_of_coordinates_and_equations():
+    """Paper (2): 64 links of 12 coordinates, 4 equations a pin; 63 pins where the loop is cut, 126 of a vehicle."""
+    for joints, closure, coordinates, equations in (
+        ("eliminated", "pin", 512, 0), ("eliminated", "spring", 516, 0),
+        ("constrained", "pin", 768, 256), ("constrained", "spring", 768, 252),
+    ):  # fmt: skip
+        model = loop(LINKS, joints=joints, closure=closure, start="polygon")
+        assert dofs(model) == coordinates
+        if equations:
+            assert model.work.joints.multipliers[int(closure == "spring") :].size == equations
+            # one Schur block row a pin and one inverse a link: storage grows with the links, not with their square
+            assert model.work.joints.S.size == 3 * LINKS * 16
+        assert model.nodes == LINKS  # joints that are shown
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            {"element": "beam"},
+            "joints = 'constrained' needs element = 'cable' and axes = 'fixed', not 'beam' and 'fixed'",
+        ),
+        ({"element": "planar"}, "needs element = 'cable' .* not 'planar'"),
+    ],
+)
+def test_what_has_no_equations_of_its_pins_is_refused(changes, sentence):
+    with pytest.raises(InvalidParameter, match=sentence):
+        loop(joints="constrained", **changes)
+
+
+def on_wheels(*settings):
+    """A track of the vehicle in ``straight``, at rest, that then follows wheels which run away."""
+    scene = load("straight", "flexible", ["placed=true", *settings])
+    part = next(part for part in assemble(scene)[0] if part.name == "left_track")
+    model = Flexible(part.config)
+    model.initialise({p.name: p.start for p in model.ports if p.causality == "parameter"} | part.parameters)
+    model.rows[:] = model.start_rows
+    return model
+
+
+def test_a_track_on_wheels_that_a_spring_closes():
+    """It opens by the tension there; as the spring stiffens, tensions become those of the closed track as 1 / k."""
+    closed = on_wheels()
+    tension, joints = per_link(closed)[0], closed.pins()
+    off = []
+    for k in (1e8, 1e9, 1e10):
+        model = on_wheels("track.closure=spring", f"track.closure_stiffness={k}")
+        near, force = per_link(model)[0], np.linalg.norm(per_link(model)[1][0])
+        assert gap(model) * k == pytest.approx(np.abs(near[-1]), rel=5e-3)
+        assert force == pytest.approx(np.abs(near[0]), rel=0.05)
+        off.append(np.abs(near - tension).max())
+        assert model.pins().shape == joints.shape
+    assert np.log10(np.divide(off[:-1], off[1:])) == pytest.approx([1.0, 1.0], abs=0.05)
+    assert off[1] < 20.0  # N, of 15 kN

@@ -1,0 +1,189 @@
+"""Adams' methods: the order of each, error against tolerance, quadratures, jumps; beside scipy's VODE."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import ode
+
+from fmus.physics.integrate import adams as module
+from fmus.physics.integrate.adams import (
+    ERROR,
+    EVALUATIONS,
+    GAMMA,
+    NEXT,
+    ORDER,
+    ORDERS,
+    REJECTED,
+    RESTARTS,
+    RISING,
+    STEPS,
+    accept,
+    accurate,
+    adams,
+    correct,
+    length,
+    predict,
+    restart,
+)  # fmt: skip
+
+RATES = np.array([1.0, 3.0, 7.0])  # rad/s
+
+
+def oscillators(t, x):
+    return np.concatenate([x[3:], -(RATES**2) * x[:3]])
+
+
+START, END = np.array([1.0, 1, 1, 0, 0, 0]), 10.0
+EXACT = np.concatenate([np.cos(END * RATES), -RATES * np.sin(END * RATES)])
+
+
+def run(f, start, end, tolerance, besides=0, stops=()):
+    """From 0 to ``end`` s; f gives the rates of the state and, after them, of the quadratures; anew at ``stops``."""
+    n = len(start)
+    m, t = adams(n, besides, tolerance, tolerance), 0.0
+    m.x[:n] = m.y[:n] = start
+    for stop in (*stops, end):
+        m.k[:] = f(t, m.x[:n])
+        restart(m, stop - t)
+        while t < stop * (1.0 - 1e-13):
+            h = length(m, stop - t, end)
+            predict(m, h)
+            m.k[:] = f(t + h, m.y[:n])
+            if accurate(m, h):
+                correct(m, h)
+                m.k[:] = f(t + h, m.y[:n])
+                accept(m, h)
+                t += h
+    return m
+
+
+def circle(t, x):
+    """x' = -x y, y' = x^2: x = 1/cosh t, y = tanh t."""
+    return np.array([-x[0] * x[1], x[0] ** 2])
+
+
+def on_circle(t):
+    return np.array([1.0 / np.cosh(t), np.tanh(t)])
+
+
+def in_equal_steps(k, steps, off=1.0):
+    """Error of order k in equal steps, from an exact past; ``off`` times the last coefficient."""
+    h, end = 2.0 / steps, 2.0
+    m = adams(2, 0, 1e3, 1e3)
+    past = [circle(0.0, on_circle(-i * h)) for i in range(k + 1)]
+    for i in range(k + 1):
+        m.phi[i] = past[0]
+        past = [one - other for one, other in pairwise(past)]
+    m.psi[0] = h * np.arange(1, m.psi.shape[1] + 1)
+    m.x[:] = on_circle(0.0)
+    for _ in range(round(end / h)):
+        m.at[ORDER], m.at[RISING] = k, 0
+        predict(m, h)
+        m.k[:] = circle(0.0, m.y)
+        assert accurate(m, h)
+        m.g[k] *= off
+        correct(m, h)
+        m.k[:] = circle(0.0, m.y)
+        accept(m, h)
+    return np.linalg.norm(m.x - on_circle(end))
+
+
+@pytest.mark.parametrize(("k", "steps"), [(1, 128), (2, 64), (3, 64), (4, 64), (6, 64), (8, 48)])
+def test_a_corrector_is_of_one_order_more_than_its_predictor(k, steps):
+    slope = np.log2(in_equal_steps(k, steps) / in_equal_steps(k, 2 * steps))
+    assert abs(slope - (k + 1)) < 0.35, slope
+    spoilt = np.log2(in_equal_steps(k, steps, 1.03) / in_equal_steps(k, 2 * steps, 1.03))
+    assert k == 1 or abs(spoilt - (k + 1)) > 0.35, "a twin with a coefficient that is off by 3 %"
+
+
+def test_unequal_steps_of_order_k_are_exact_for_polynomials_of_degree_k():
+    rng, k = np.random.default_rng(3), 7
+    m, t = adams(k + 1, 0, 1e9, 1e9), 0.0
+    power = np.arange(k + 1)
+    m.k[:] = 0.0**power
+    restart(m, 1.0)
+    for _ in range(12):
+        h = rng.uniform(0.05, 0.2)
+        m.at[ORDER] = min(m.at[ORDER], k)
+        order, before = int(m.at[ORDER]), m.x.copy()
+        for phase in (predict, correct):
+            phase(m, h)
+            m.k[:] = (t + h) ** power
+            assert phase is correct or accurate(m, h)
+        gained = ((t + h) ** (power + 1) - t ** (power + 1)) / (power + 1)
+        assert np.allclose((m.y - before)[: order + 1], gained[: order + 1], rtol=1e-11, atol=1e-13)
+        if order < k:
+            assert abs(m.y - before - gained)[order + 1] > 1e-9
+        accept(m, h)
+        t += h
+    assert order == k
+
+
+def test_factors_of_an_error_are_those_of_the_generating_function():
+    """sum_{m <= j} gamma*_m / (j - m + 1) = 0 for j > 0: Hairer, Norsett, Wanner, III.1."""
+    signed = np.where(np.arange(len(GAMMA)) == 0, 1.0, -1.0) * GAMMA
+    for j in range(1, len(GAMMA)):
+        assert abs(sum(signed[m] / (j - m + 1) for m in range(j + 1))) < 1e-14
+        signed[j] *= 1.03
+        assert abs(sum(signed[m] / (j - m + 1) for m in range(j + 1))) > 1e-5
+        signed[j] /= 1.03
+
+
+def test_error_follows_the_tolerance_in_few_evaluations():
+    found = {}
+    for tolerance in 10.0 ** -np.arange(4, 13, 2):
+        m = run(oscillators, START, END, tolerance)
+        found[tolerance] = abs(m.x - EXACT).max(), int(m.counts[EVALUATIONS])
+        assert m.counts[EVALUATIONS] == 2 * m.counts[STEPS] + m.counts[REJECTED] + 1
+        assert m.counts[RESTARTS] == 1
+    for tolerance, (error, _) in found.items():
+        assert tolerance < error < 500.0 * tolerance, found
+    evaluations = [count for _, count in found.values()]
+    assert evaluations == sorted(evaluations)
+    assert evaluations[-1] < 5 * evaluations[0], "eight digits more for five times the evaluations"
+    assert m.counts[ORDERS] / m.counts[STEPS] > 8.0
+
+
+def test_no_worse_than_vode():
+    """scipy's translation of another code for the same methods: of equal error, no more evaluations."""
+    for tolerance in (1e-5, 1e-8):
+        calls = []
+        other = ode(lambda t, x, calls=calls: (calls.append(t), oscillators(t, x))[1])
+        other.set_integrator("vode", method="adams", rtol=tolerance, atol=tolerance, nsteps=10**6)
+        off = abs(other.set_initial_value(START, 0.0).integrate(END) - EXACT).max()
+        m = run(oscillators, START, END, tolerance)
+        assert abs(m.x - EXACT).max() < off
+        assert m.counts[EVALUATIONS] < len(calls)
+
+
+def test_an_impulse_is_what_the_momentum_gets():
+    def with_impulse(t, x):
+        rates = oscillators(t, x)
+        return np.append(rates, rates[5])
+
+    m = run(with_impulse, START, END, 1e-6, besides=1)
+    assert m.x[6] == pytest.approx(m.x[5] - START[5], abs=1e-12)
+    alone = run(oscillators, START, END, 1e-6)
+    assert np.array_equal(alone.x, m.x[:6]), "a quadrature has no part in the steps"
+    assert abs(m.x[6] - EXACT[5]) > 1e-6, "as wrong as the momentum"
+
+
+def test_a_kink_costs_rejected_steps_unless_the_past_is_forgotten_there():
+    def kinked(t, x):
+        return np.array([20.0 * abs(t - 0.3)])
+
+    exact = 10.0 * (0.3**2 + 0.7**2)
+    through, anew = run(kinked, [0.0], 1.0, 1e-9), run(kinked, [0.0], 1.0, 1e-9, stops=(0.3,))
+    assert through.x[0] == pytest.approx(exact, abs=1e-7)
+    assert through.counts[REJECTED] > 2
+    assert anew.x[0] == pytest.approx(exact, abs=1e-12)
+    assert anew.counts[REJECTED] < through.counts[REJECTED]
+    assert (through.counts[RESTARTS], anew.counts[RESTARTS]) == (1, 2)
+
+
+def test_orders_and_steps_stay_where_they_are_allowed():
+    m = run(oscillators, START, END, 1e-13)
+    assert 1 <= m.at[ORDER] <= module.order
+    assert m.size[ERROR] < 1.0
+    assert m.size[NEXT] > 0.0
