@@ -15,7 +15,7 @@ from orchestrator.scene.scene import load
 
 N, SPIN = 16, 20.0  # links, rad/s
 LINKS = 64
-CLOSURES = pytest.mark.parametrize("closure", ["pin", "spring"])
+CLOSURES = pytest.mark.parametrize("closure", ["pin", pytest.param("spring", marks=pytest.mark.study)])
 INTEGRATORS = pytest.mark.parametrize("integrator", ["generalized_alpha", "runge_kutta"])
 SHARED = [0, 1, 2, 4]  # of a link's own pin: position, slope along the joint axis
 
