@@ -289,7 +289,11 @@ def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Ca
         def chosen(*args: Any) -> Any:
             namesake = getattr(module_of(args[0].instance_class), stub.__name__)
             if shared:
-                return eval(f"lambda {names}: namesake({names})", {"namesake": namesake})
+                call = eval(f"lambda {names}: namesake({names})", {"namesake": namesake})
+                # numba numbers functions as a process meets them: of two processes' kernels in one, a number and the
+                # name <lambda> may mean two functions, and the linker takes the one for the other
+                call.__name__ = call.__qualname__ = f"{namesake.__module__}.{stub.__name__}".replace(".", "_")
+                return call
             return getattr(namesake, "py_func", namesake)
 
         signature = inspect.signature(stub)

@@ -49,6 +49,8 @@ COMPUTED = (
 )  # fmt: skip
 # what a drive in mode controller may say beside a driver
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
+# what a planar scene asks of its links
+PLANAR = {"element": "cable", "elasticity": "small_deformation", "axes": "fixed", "joints": "eliminated"}
 OUTSIDE = 1.2  # of a vehicle's speed: that of its outer track in a turn
 SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of theirs
 
@@ -110,12 +112,7 @@ class TrackScene(Scene):
             return self
         if self.track.model == "rigid":
             raise ValueError("planar = true needs track.model = 'flexible': rigid links keep their six coordinates")
-        for key, only in (
-            ("element", "cable"),
-            ("elasticity", "small_deformation"),
-            ("axes", "fixed"),
-            ("joints", "eliminated"),
-        ):
+        for key, only in PLANAR.items():
             if getattr(self.track, key) not in (None, only):
                 raise ValueError(f"planar = true needs track.{key} = '{only}', not '{getattr(self.track, key)}'")
         return self

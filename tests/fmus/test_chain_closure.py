@@ -1,4 +1,4 @@
-"""Loops of flexible links that a stiff spring closes at a cut (paper 8.1), and the conventional chain: pins as equations.
+"""Loops of flexible links that a stiff spring closes at a cut (paper 8.1), and chains with equations of their pins.
 
 What an exact solution, a conserved quantity or the chain with eliminated pins says of them.
 """
@@ -15,7 +15,7 @@ from orchestrator.scene.scene import load
 
 N, SPIN = 16, 20.0  # links, rad/s
 LINKS = 64
-CLOSURES = pytest.mark.parametrize("closure", ["pin", "spring"])
+CLOSURES = pytest.mark.parametrize("closure", ["pin", pytest.param("spring", marks=pytest.mark.study)])
 INTEGRATORS = pytest.mark.parametrize("integrator", ["generalized_alpha", "runge_kutta"])
 SHARED = [0, 1, 2, 4]  # of a link's own pin: position, slope along the joint axis
 
@@ -49,7 +49,7 @@ def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
     assert closed == pytest.approx(np.full(N, rigid), rel=1e-5)
     off = []
     for k in (1e8, 1e9, 1e10):
-        model = loop(start_of_spin=SPIN, closure="spring", closure_of_stiffness=k)
+        model = loop(start_of_spin=SPIN, closure="spring", closure_of_stiffness=k, closure_of_damping=0.0)
         force = np.linalg.norm(per_link(model)[1], axis=1)
         # the first pin's force is the spring's
         assert gap(model) * k == pytest.approx(force[0], rel=1e-9)
@@ -86,8 +86,8 @@ def test_energy_and_momentum_of_a_loop_that_a_spring_closes(damping):
     """The spring's energy is strain, what its damper takes is dissipated; equal and opposite forces keep momentum."""
     k = 1e8
     model = loop(
-        start_of_spin=SPIN, start_of_ovalling=10.0, closure="spring", closure_of_stiffness=k, closure_of_damping=damping,
-        material_of_relaxation_time=0.0, integrator="runge_kutta",
+        start_of_spin=SPIN, start_of_ovalling=10.0, closure="spring", closure_of_stiffness=k,
+        closure_of_damping=damping, material_of_relaxation_time=0.0, integrator="runge_kutta",
     )  # fmt: skip
     before, moving = model.report.copy(), momentum(model)
     stored = [0.5 * k * gap(model) ** 2]
@@ -99,7 +99,7 @@ def test_energy_and_momentum_of_a_loop_that_a_spring_closes(damping):
     assert (model.report[DISSIPATED] > 1e-4 * exchanged) == (damping > 0.0)
     now = momentum(model)
     assert now[:2] == pytest.approx(moving[:2], abs=1e-9 * moving[2])
-    assert now[2] == pytest.approx(moving[2], rel=1e-10)
+    assert now[2] == pytest.approx(moving[2], rel=1e-6 if damping else 1e-11)  # it resists the turning of the gap
 
 
 # --- pins as equations -------------------------------------------------------------------------------------
@@ -190,10 +190,7 @@ def test_counts_of_coordinates_and_equations():
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        (
-            {"element": "beam"},
-            "joints = 'constrained' needs element = 'cable' and axes = 'fixed', not 'beam' and 'fixed'",
-        ),
+        ({"element": "beam"}, "joints = 'constrained' needs element = 'cable' and axes = 'fixed', not 'beam'"),
         ({"element": "planar"}, "needs element = 'cable' .* not 'planar'"),
     ],
 )
@@ -212,16 +209,23 @@ def on_wheels(*settings):
     return model
 
 
+def shown(model):
+    """Tensions of the links, forces of the pins."""
+    y = np.zeros(model.link_ports)
+    model.link_outputs(y)
+    return y[:LINKS], y[5 * LINKS : 8 * LINKS].reshape(-1, 3)
+
+
 def test_a_track_on_wheels_that_a_spring_closes():
     """It opens by the tension there; as the spring stiffens, tensions become those of the closed track as 1 / k."""
     closed = on_wheels()
-    tension, joints = per_link(closed)[0], closed.pins()
+    tension, joints = shown(closed)[0], closed.pins()
     off = []
     for k in (1e8, 1e9, 1e10):
         model = on_wheels("track.closure=spring", f"track.closure_stiffness={k}")
-        near, force = per_link(model)[0], np.linalg.norm(per_link(model)[1][0])
-        assert gap(model) * k == pytest.approx(np.abs(near[-1]), rel=5e-3)
-        assert force == pytest.approx(np.abs(near[0]), rel=0.05)
+        near, force = shown(model)
+        assert gap(model) * k == pytest.approx(near[-1], rel=0.02)
+        assert np.linalg.norm(force[0]) == pytest.approx(near[0], rel=0.02)
         off.append(np.abs(near - tension).max())
         assert model.pins().shape == joints.shape
     assert np.log10(np.divide(off[:-1], off[1:])) == pytest.approx([1.0, 1.0], abs=0.05)

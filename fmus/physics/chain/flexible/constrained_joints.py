@@ -64,7 +64,7 @@ def _first(links):
 @kernel
 def factor(links, w):
     """See ``joints``."""
-    at, (D, U, L), n = layout(links), w.joints.S, links.n
+    at, D, U, L, n = layout(links), w.joints.S[0], w.joints.S[1], w.joints.S[2], links.n
     m, last = len(at.shared), 2 * n - 1
     for i in range(n):
         W, a, b = w.joints.W[i], 2 * i, 2 * i + 1
