@@ -45,10 +45,7 @@ from orchestrator.scene.tables import (
 # how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
 COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name",
-    *(f"track.{key}" for key in (
-        "model", "element", "elasticity", "axes", "formulation", "closure", "closure_stiffness", "closure_damping",
-        "integrator", "step", "link_outputs",
-    )),
+    *(f"track.{key}" for key in Track.model_fields if key != "start"),
 )  # fmt: skip
 # what a drive in mode controller may say beside a driver
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
