@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_free_chains import HOLD, P, Rigid, made
+from test_free_chains import HOLD, TABLE, P, Rigid, made
 from vehicle_in_process import InProcess
 
 from fmus.model import InvalidParameter
 from fmus.physics.chain.report import CONTACT, COUNTERS, DISSIPATED, KINETIC, STRAIN
 from fmus.physics.chain.rigid.closing import opening
 from fmus.physics.chain.rigid.explicit import LIMIT
+from fmus.vehicle import BadInput
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
 NONE = np.zeros(0)
@@ -18,7 +20,7 @@ EXPLICIT = {"integrator": "runge_kutta"}
 RECURSIVE = {**EXPLICIT, "formulation": "recursive"}
 SPRING = {"closure": "spring"}
 OVAL = {"start.spin": 3.0, "start.ovalling": 2.0}
-PINNED = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 16 * P, 0.0]}
+PINNED = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 8 * P, 0.0]}
 
 
 def gap(model) -> float:
@@ -35,7 +37,7 @@ def energy(model) -> float:
 @pytest.mark.parametrize(
     ("links", "ends", "start", "grown"),
     [
-        (16, PINNED, {"start": "displaced"}, 1e-12),
+        (8, PINNED, {"start": "displaced"}, 1e-12),
         pytest.param(2, HOLD, {"start": "straight"}, 1e-12, marks=pytest.mark.study),
         pytest.param(8, HOLD, {"start": "straight"}, 1e-10, marks=pytest.mark.study),
         pytest.param(64, HOLD, {"start": "straight"}, 1e-9, marks=pytest.mark.study),
@@ -75,6 +77,22 @@ def test_recursive_links_are_integrated_explicitly():
         made(Rigid, 8, HOLD, formulation="recursive")
     with pytest.raises(InvalidParameter, match=r"formulation"):
         made(Rigid, 8, HOLD, formulation="other")
+
+
+def test_scenes_say_the_formulation_of_rigid_links_alone():
+    with pytest.raises(BadInput, match=r"formulation = 'recursive' needs model = 'rigid': flexible links have none$"):
+        load("hanging_chain", "flexible", ["track.formulation=recursive"])
+    part = assemble(load("hanging_chain", "rigid", ["track.formulation=recursive"])).parts[0]
+    assert part.parameters["formulation"] == "recursive"
+    assert "formulation" not in assemble(load("hanging_chain", "rigid")).parts[0].parameters
+
+
+def test_a_chain_at_rest_stays_there_in_joint_coordinates():
+    model = made(Rigid, 8, PINNED, **RECURSIVE)
+    before = model.pins()
+    model.step(0.0, 0.05, NONE)
+    assert np.abs(model.pins() - before).max() < 1e-9
+    assert np.abs(model.s.lam[[0, -1], 2]).max() == pytest.approx(4 * TABLE["track"]["mass"] * 9.81, rel=1e-6)
 
 
 # Closures ------------------------------------------------------------------------------------------------------
