@@ -105,6 +105,14 @@ CASES = {
     "hanging": Case("hanging_chain", ("chain.links=8", "track.start=displaced")),
     "released": Case("released_chain", ("chain.links=8",)),
     "ovalling": Case("spinning_loop", ("chain.links=16", "chain.ovalling=1"), ulp="chain.spin"),
+    "sprung": Case(
+        "spinning_loop",
+        (
+            "chain.links=16", "chain.ovalling=1", "track.closure=spring", "track.closure_stiffness=1e5",
+            "track.closure_damping=100",
+        ),
+        ulp="chain.spin",
+    ),
     "spinning": Case("spinning_loop", ("chain.links=16",), ulp="chain.spin"),
     "bench": Case("sprocket_bench", ("drive.speed=2", "drive.ramp_time=0.01"), ulp="bench.upper"),
     "rig": Case("rig", RIG, ulp="drive.speed"),
@@ -182,6 +190,7 @@ KEYS: dict[str, Acts] = {
     "driver.ramp_*": Acts("driven", ("rigid",), 0.03),
     "driver.*": Acts("driven", ("rigid",)),
     "ground.bump.*": Acts("over a bump", ALL),
+    "track.closure_*": Acts("sprung", ("rigid",)),
     "track.step": Acts("released", value=5e-5),
     "run.variable.shortest": Acts("follows an error", value=1.9e-3),
     "run.variable.*": Acts("follows an error"),

@@ -11,6 +11,7 @@ from fmus.physics.chain.flexible.state import State as Flexible
 from fmus.physics.chain.kinds import observe, settle_forces
 from fmus.physics.chain.on_links import MIRRORED
 from fmus.physics.chain.report import GROUND, SUMMED
+from fmus.physics.chain.rigid.joints import fold
 from fmus.physics.chain.rigid.state import State as Rigid
 from fmus.physics.chain.state import moving
 from fmus.physics.chain.state import take as take_evaluated
@@ -98,6 +99,8 @@ def mirror(of: TrackModel, model: TrackModel) -> None:
             signs = OWN
         size = min(signs.size, shown.shape[-1])
         mine[..., :size] = shown[..., :size] * signs[:size]
+    if "joints" in moving(s):
+        fold(model.link.rigid, s)
     s.on_links_mean[:] = theirs.on_links_mean * MIRRORED[: theirs.on_links_mean.shape[1]]
     s.wrench[:], s.mean[:], s.sums[:] = theirs.wrench * WRENCH, theirs.mean * WRENCH, theirs.sums
     model.report[:] = of.report

@@ -91,6 +91,7 @@ def _size(scene: TrackScene, part: Part) -> str:
             size += " and 2 of their axes" if scene.track.axes == "free" else ""
         else:
             size = f"{links} bodies, {pins} pins"
+            size += ", joint coordinates" if scene.track.formulation == "recursive" else ""
         count = len(track["wheels"])
         wheels = "1 wheel" if count == 1 else f"{count} wheels"
         return f"{size}, {wheels}, {'ground' if track['ground'] else 'no ground'}"

@@ -91,6 +91,10 @@ def _round_wheels(n: float) -> list[str]:
     return [f"rig.links={n:.0f}", f"rig.axle_distance={distance}", "run.stop=4 s", "track.link_outputs=false"]
 
 
+def _sprung(k: float) -> list[str]:
+    return [*SHORT, "track.closure=spring", f"track.closure_stiffness={k}"]
+
+
 FAMILIES = (
     Family("Young's modulus, Pa", "settle", "flexible", tuple(2.0 * 10.0**k for k in range(6, 14)),
            lambda E: [*SHORT, f"vehicle.material.youngs_modulus={E}"], sensible=(2e9, 2e13), quick=(2e6, 2e11, 2e13)),
@@ -112,6 +116,10 @@ FAMILIES = (
            "speed", quick=(), seconds=25.0),
     Family("material damping, s", "straight", "flexible", (0.0, 1e-6, 1e-4),
            lambda tau: [*DRIVING, f"vehicle.material.relaxation_time={tau}"], "speed", quick=(0.0,), seconds=25.0),
+    Family("stiffness of a closing spring, N/m, rigid", "settle", "rigid", (1e7, 1e9, 1e11, 1e13), _sprung, quick=()),
+    Family("stiffness of a closing spring, N/m, rigid in joint coordinates", "settle", "rigid", (1e7, 1e9, 1e11),
+           lambda k: [*_sprung(k), "track.formulation=recursive", "track.integrator=runge_kutta"], quick=(),
+           seconds=60.0),
     Family("link mass, factor", "settle", "flexible", (0.01, 0.1, 1.0, 10.0, 100.0),
            lambda f: [*SHORT, *_heavy(f)], sensible=(0.1, 3.0), quick=(0.01, 100.0)),
     Family("link mass, factor, rigid", "settle", "rigid", (0.01, 0.1, 1.0, 10.0, 100.0),

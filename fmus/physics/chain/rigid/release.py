@@ -39,8 +39,13 @@ def stretch(pinned, links, contacts, env, s, w):
             y.C[j, k] += s.lam[j, k] / links.spring.stiffness
         augmented.solve(pinned.half, pinned.ends, y)
         displace(s, w)
-    failed = accelerations(links, contacts, env, s, w)
-    return failed if failed >= 0 else close(links, s, w)
+    for _ in range(2):  # the second time with the factors of where it has come to
+        failed = accelerations(links, contacts, env, s, w)
+        if failed < 0:
+            failed = close(links, s, w)
+        if failed >= 0:
+            break
+    return failed
 
 
 @allocating

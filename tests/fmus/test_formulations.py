@@ -1,0 +1,233 @@
+"""Rigid tracks in both formulations, with both closures, behind the ports of a track."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_free_chains import HOLD, TABLE, P, Rigid, made
+from vehicle_in_process import InProcess
+
+from fmus.model import InvalidParameter
+from fmus.monolith.model import Monolith
+from fmus.physics.chain.report import CONTACT, COUNTERS, DISSIPATED, KINETIC, STRAIN
+from fmus.physics.chain.rigid.closing import opening
+from fmus.physics.chain.rigid.explicit import LIMIT
+from fmus.vehicle import BadInput
+from orchestrator.execution import monolithic
+from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.scene import load
+
+NONE = np.zeros(0)
+EXPLICIT = {"integrator": "runge_kutta"}
+RECURSIVE = {**EXPLICIT, "formulation": "recursive"}
+SPRING = {"closure": "spring"}
+OVAL = {"start.spin": 3.0, "start.ovalling": 2.0}
+PINNED = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 8 * P, 0.0]}
+
+
+def gap(model) -> float:
+    return float(np.linalg.norm(opening(model.rigid, model.s, model.work)[0]))
+
+
+def energy(model) -> float:
+    return float(model.report[KINETIC : CONTACT + 1].sum())
+
+
+# Formulations --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("links", "ends", "start", "grown"),
+    [
+        (8, PINNED, {"start": "displaced"}, 1e-12),
+        pytest.param(2, HOLD, {"start": "straight"}, 1e-12, marks=pytest.mark.study),
+        pytest.param(8, HOLD, {"start": "straight"}, 1e-10, marks=pytest.mark.study),
+        pytest.param(64, HOLD, {"start": "straight"}, 1e-9, marks=pytest.mark.study),
+        pytest.param(16, None, OVAL, 1e-11, marks=pytest.mark.study),
+        pytest.param(16, None, OVAL | SPRING, 1e-10, marks=pytest.mark.study),
+    ],
+)
+def test_two_seconds_are_the_same_to_rounding(links, ends, start, grown):
+    """The same method and step: what rounding grows to is m on chains of 0.3 to 10 m, whips of 40 rad/s included."""
+    models = [made(Rigid, links, ends, **given, **start) for given in (EXPLICIT, RECURSIVE)]
+    before = models[0].pins()
+    for model in models:
+        model.step(0.0, 2.0, NONE)
+    one, other = (model.pins() for model in models)
+    assert np.abs(one - other).max() < grown
+    assert np.abs(one - before).max() > 1e-3
+    coarse = made(Rigid, links, ends, gravity=9.81 * (1.0 + 1e-9), **RECURSIVE, **start)
+    coarse.step(0.0, 2.0, NONE)
+    if ends:
+        assert np.abs(coarse.pins() - one).max() > grown, "gravity off by 1e-9"
+
+
+def test_a_loop_of_joint_coordinates_stays_closed_and_keeps_its_energy():
+    model = made(Rigid, 16, **RECURSIVE, **OVAL)
+    assert model.s.joints.size == 2 * 16 + 11
+    start = energy(model)
+    model.step(0.0, 0.2, NONE)
+    assert gap(model) < 1e-11
+    assert abs(energy(model) - start) < 1e-9 * abs(start)
+
+
+def test_recursive_links_are_integrated_explicitly():
+    text = (
+        r"^formulation = 'recursive' is integrated explicitly: integrator = 'generalized_alpha' must be 'runge_kutta'$"
+    )
+    with pytest.raises(InvalidParameter, match=text):
+        made(Rigid, 8, HOLD, formulation="recursive")
+    with pytest.raises(InvalidParameter, match=r"formulation"):
+        made(Rigid, 8, HOLD, formulation="other")
+
+
+def test_scenes_say_the_formulation_of_rigid_links_alone():
+    with pytest.raises(BadInput, match=r"formulation = 'recursive' needs model = 'rigid': flexible links have none$"):
+        load("hanging_chain", "flexible", ["track.formulation=recursive"])
+    part = assemble(load("hanging_chain", "rigid", ["track.formulation=recursive"])).parts[0]
+    assert part.parameters["formulation"] == "recursive"
+    assert "formulation" not in assemble(load("hanging_chain", "rigid")).parts[0].parameters
+
+
+def test_a_chain_at_rest_stays_there_in_joint_coordinates():
+    model = made(Rigid, 8, PINNED, **RECURSIVE)
+    before = model.pins()
+    model.step(0.0, 0.05, NONE)
+    assert np.abs(model.pins() - before).max() < 1e-9
+    assert np.abs(model.s.lam[[0, -1], 2]).max() == pytest.approx(4 * TABLE["track"]["mass"] * 9.81, rel=1e-6)
+
+
+# Closures ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("given", [{}, EXPLICIT, RECURSIVE])
+def test_a_spring_goes_to_the_pin_as_its_stiffness_grows(given):
+    """Error and gap fall as 1/k, at one step and so without its error; the energy is kept but for what is lost."""
+    pin = made(Rigid, 16, **given, **OVAL)
+    pin.step(0.0, 0.1, NONE)
+    off, gaps = [], []
+    for k in (1e7, 1e8, 1e9):
+        model = made(Rigid, 16, **given, **OVAL, **SPRING, **{"closure.stiffness": k, "closure.damping": 1e3})
+        start = energy(model)
+        model.step(0.0, 0.1, NONE)
+        off.append(np.abs(model.pins() - pin.pins()).max())
+        gaps.append(gap(model))
+        pull = np.linalg.norm(model.s.lam[0, :3])
+        assert gaps[-1] * k == pytest.approx(pull, rel=1e-3)
+        assert pull == pytest.approx(np.linalg.norm(pin.s.lam[0, :3]), rel=1e-3)
+        assert model.report[STRAIN] == pytest.approx(0.5 * pull * gaps[-1], rel=1e-3)
+        assert not model.s.lam[0, 3:].any()
+        if given:
+            assert abs(energy(model) + model.report[DISSIPATED] - start) < 1e-9 * start
+    orders = np.log10(np.array([off, gaps])[:, :-1] / np.array([off, gaps])[:, 1:])
+    assert np.abs(orders - 1.0).max() < 0.02
+
+
+def test_a_soft_spring_swings_and_loses_what_its_damper_takes():
+    """Both integrators at their orders, and the ledger of an explicit one."""
+    soft = {**OVAL, **SPRING, "closure.stiffness": 1e3, "closure.damping": 50.0}
+    exact = made(Rigid, 8, **RECURSIVE, **soft)
+    start = energy(exact)
+    exact.step(0.0, 0.2, NONE)
+    lost = exact.report[DISSIPATED]
+    assert lost > 3e-4 * start
+    assert abs(energy(exact) + lost - start) < 1e-8 * start
+    assert abs(energy(exact) + 1.02 * lost - start) > 5e-6 * start
+    off, open_ = [], []
+    for h in (1e-3, 5e-4, 2.5e-4):
+        model = made(Rigid, 8, **soft, step=h)
+        model.step(0.0, 0.2, NONE)
+        off.append(np.abs(model.pins() - exact.pins()).max())
+        open_.append(abs(energy(model) + model.report[DISSIPATED] - start))
+    for errors in (off, open_):
+        assert np.abs(np.log2(np.array(errors[:-1]) / errors[1:]) - 2.0).max() < 0.3, errors
+
+
+def test_a_stiffer_spring_takes_shorter_explicit_steps():
+    steps = [made(Rigid, 8, **RECURSIVE, **SPRING, **{"closure.stiffness": k}).stable for k in (1e9, 1e11, 1e13)]
+    assert steps[0] == LIMIT
+    assert steps[1] / steps[2] == pytest.approx(10.0, rel=0.05)
+
+
+def test_what_has_no_loop_has_no_closure():
+    with pytest.raises(AssertionError):
+        made(Rigid, 8, HOLD, **SPRING)
+    with pytest.raises(InvalidParameter, match=r"closure"):
+        made(Rigid, 8, closure="glue")
+    with pytest.raises(InvalidParameter, match=r"closure.stiffness"):
+        made(Rigid, 8, **SPRING, **{"closure.stiffness": 0.0})
+
+
+# Vehicles ------------------------------------------------------------------------------------------------------
+
+
+def driven(*settings):
+    scene = load("straight", "rigid", ["placed=true", "drive.ramp_start=0", "drive.ramp_time=0.1", *settings])
+    return InProcess(scene)
+
+
+SIDES = ("left", "right")
+TRACK = ("track.integrator=runge_kutta", "track.formulation=recursive")
+
+
+@pytest.mark.parametrize("closure", ["pin", "spring"])
+def test_a_vehicle_on_joint_coordinates(closure):
+    """From rest: the same as in the augmented formulation; a saved state goes on to the same bits."""
+    ends = []
+    for settings in (TRACK, TRACK[:1]):
+        vehicle = driven(*settings, f"track.closure={closure}")
+        track = vehicle["left_track"]
+        rest = track.model.pins().copy()
+        vehicle.run(0.01)
+        ends.append((track.y.copy(), track.model.pins().copy()))
+        if settings is TRACK:
+            saved, t = track.model.state.copy(), 0.01
+            track.step(t, 1e-3)
+            after = track.model.state.copy()
+            track.model.state[:] = saved
+            track.step(t, 1e-3)
+            assert np.array_equal(track.model.state, after)
+            assert track.model.counters[:COUNTERS][3] == 0
+    (one, place), (other, there) = ends
+    assert np.abs(place - there).max() < 1e-10
+    assert np.abs(one - other).max() < 1e-6 * np.abs(one).max()
+    assert 1e-5 < np.abs(place - rest).max() < 1e-2
+
+
+# Monolith ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.study
+def test_a_loop_as_monolith():
+    """Joint coordinates are what moves there too; the loop is closed after each of its steps."""
+    ends = []
+    for formulation in ("recursive", "augmented"):
+        settings = ["chain.links=16", "chain.ovalling=1", "track.integrator=runge_kutta"]
+        assembly = assemble(load("spinning_loop", "rigid", [*settings, f"track.formulation={formulation}"]))
+        whole = Monolith(monolithic.parts_of(assembly), assembly.connections)
+        for k in range(20):
+            whole.advance(k * 1e-3, 1e-3)
+        (model,) = whole.models.values()
+        ends.append(model)
+        assert whole.x.size == (2 * 16 + 11 if formulation == "recursive" else 13 * 16)
+    one, other = ends
+    assert gap(one) < 1e-11
+    assert np.abs(one.pins() - other.pins()).max() < 1e-12
+    assert np.abs(one.report - other.report).max() < 1e-9 * np.abs(one.report).max()
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("closure", ["pin", "spring"])
+def test_a_vehicle_as_monolith(closure):
+    """The same motion and forces, the mirrored side included."""
+    shown = []
+    for formulation in ("recursive", "augmented"):
+        settings = ["drive.ramp_start=0", "drive.ramp_time=0.5", *TRACK[:1], f"track.closure={closure}"]
+        assembly = assemble(placed(load("straight", "rigid", [*settings, f"track.formulation={formulation}"])))
+        whole = Monolith(monolithic.parts_of(assembly), assembly.connections)
+        for k in range(10):
+            whole.advance(k * 1e-3, 1e-3)
+        shown.append([(whole.models[f"{side}_track"].pins(), whole.models[f"{side}_track"].report) for side in SIDES])
+    for (one, report), (other, theirs) in zip(*shown, strict=True):
+        assert np.abs(one - other).max() < 1e-10
+        assert np.abs(report - theirs).max() < 1e-6 * np.abs(report).max()

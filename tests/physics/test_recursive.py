@@ -1,0 +1,296 @@
+"""Joint coordinates of rigid chains: against textbook cases, dense matrices, and the augmented formulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from fmus.jit import plain
+from fmus.physics.chain.environment import HELD, LOOP, Environment
+from fmus.physics.chain.explicit import march, slopes
+from fmus.physics.chain.rigid import jointed
+from fmus.physics.chain.rigid.explicit import accelerations
+from fmus.physics.chain.rigid.joints import count, fold, unfold
+from fmus.physics.chain.rigid.links import RigidLinks, place
+from fmus.physics.chain.rigid.state import shapes, views
+from fmus.physics.chain.rigid.work import work
+from fmus.physics.chain.state import size
+from fmus.physics.rigid import pin, recursive
+from fmus.physics.rigid.augmented import PIN, Ends, Spring
+
+P, MASS, G = 0.1524, 18.0, 9.81
+ROD = (0.25, MASS * P**2 / 12.0, MASS * P**2 / 12.0)
+BODY = (0.04, 0.22, 0.25)  # no two alike: motion across the plane couples with motion in it
+HANGS = Ends(False, True, False)
+FLOATS = Ends(False, False, False)
+LOOPED = Ends(True, False, False)
+BETWEEN = Ends(False, True, True)
+LOOPS = {"pin": PIN, "spring": Spring(1e9, 1e4)}
+
+
+class Chain:
+    """Links on the pins (nodes, 2) in joint coordinates, which can be asked in both formulations."""
+
+    def __init__(self, pins, ends, inertia=BODY, spring=PIN, gravity=G, pitch=P):
+        n = len(pins) if ends.closed else len(pins) - 1
+        self.rigid = RigidLinks(0.5 * pitch, 0.029, 0.1, MASS, np.array(inertia, float), ends, spring)
+        self.links = jointed.JointedLinks(self.rigid)
+        self.env = Environment(gravity, HELD if ends.first else LOOP, np.zeros((2, 3)), 0.0, -1)
+        joints = count(n, ends.first)
+        sizes = shapes(n, ends.closed, 0, joints=joints)
+        self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0, joints=joints)
+        self.report, self.counters = np.zeros(18), np.zeros(4, np.int64)
+        place(self.rigid, np.asarray(pins, float), self.s, self.w)
+        fold(self.rigid, self.s)
+        unfold(self.rigid, self.s, self.w)
+        self.n, self.speeds = n, joints // 2 if ends.first else n + 5
+
+    def moving(self, rng, speed=3.0):
+        """Random rates; and, of a chain that floats, out of every plane."""
+        x = self.s.joints
+        x[-self.speeds :] = speed * rng.normal(size=self.speeds)
+        if not self.rigid.ends.first:
+            x[:3] = rng.normal(size=3)
+            turned = Rotation.from_rotvec(rng.normal(size=3)).as_quat()
+            x[3:7] = turned[[3, 0, 1, 2]]
+        unfold(self.rigid, self.s, self.w)
+        return self
+
+    def recursive(self):
+        """Accelerations (n, 6) and multipliers (p, 3)."""
+        assert jointed.accelerations(self.rigid, None, self.env, self.s, self.w) == -1
+        return self.s.vdot.copy(), self.s.lam[:, :3].copy()
+
+    def augmented(self):
+        assert accelerations(self.rigid, None, self.env, self.s, self.w) == -1
+        return self.s.vdot.copy(), self.s.lam[:, :3].copy()
+
+    def jacobian(self):
+        """Velocities of the links (6 n) by those of the joints."""
+        x, columns = self.s.joints, []
+        before = x.copy()
+        for k in range(self.speeds):
+            x[-self.speeds :] = 0.0
+            x[len(x) - self.speeds + k] = 1.0
+            unfold(self.rigid, self.s, self.w)
+            columns.append(self.s.v.ravel().copy())
+        x[:] = before
+        unfold(self.rigid, self.s, self.w)
+        return np.stack(columns, axis=1)
+
+    def run(self, time, h):
+        parts = self.links, None, self.env, slopes(self.s), np.zeros((0, 15)), time, h
+        assert not march(*parts, self.s, self.w, self.report, self.counters)[0]
+        return self
+
+    def energy(self):
+        s = self.s
+        kinetic = 0.5 * MASS * (s.v[:, :3] ** 2).sum() + 0.5 * (s.v[:, 3:] ** 2 * self.rigid.inertia).sum()
+        return kinetic + MASS * self.env.gravity * s.q[:, 2].sum()
+
+    def momenta(self):
+        """Linear and angular about the origin (6)."""
+        s = self.s
+        spin = np.einsum("nij,nj->ni", self.w.system.A, self.rigid.inertia * s.v[:, 3:])
+        linear = MASS * s.v[:, :3]
+        return np.concatenate([linear.sum(0), (np.cross(s.q[:, :3], linear) + spin).sum(0)])
+
+
+def of_angles(angles, pitch=P):
+    steps = pitch * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+
+
+def ring(n):
+    angle = -2.0 * np.pi * np.arange(n) / n
+    return P / (2.0 * np.sin(np.pi / n)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def loop(n, spring=PIN, seed=4, speed=2.0):
+    """A regular polygon in motion that its pins allow, turning about all axes."""
+    chain = Chain(ring(n), LOOPED, spring=spring)
+    s, rng = chain.s, np.random.default_rng(seed)
+    chain.moving(rng, 0.0)
+    s.joints[-chain.speeds : len(s.joints) - chain.speeds + 6] = speed * rng.normal(size=6)
+    sway = np.linalg.svd(_closing(chain))[2][2:]  # the rates that leave the gap as it is
+    s.joints[len(s.joints) - chain.speeds :] += speed * sway.T @ rng.normal(size=len(sway)) / np.sqrt(n)
+    unfold(chain.rigid, s, chain.w)
+    return chain
+
+
+def _closing(chain):
+    """The closing pin's five equations by the rates of the joints (5, speeds), dense."""
+    A, n = chain.w.system.A, chain.n
+    B = np.zeros((5, 6 * n))
+    pin.jacobian(chain.rigid.half, A[n - 1], A[0], B[:, 6 * n - 6 :], B[:, :6])
+    return B @ chain.jacobian()
+
+
+def test_released_chain_of_thin_rods():
+    """64 rods let go from the horizontal: the tip after 0.5 s is at 9.413161 m."""
+    chain = Chain(of_angles(np.zeros(64)), HANGS, ROD).run(0.5, 1e-4)
+    tip = chain.s.q[-1, :3] + 0.5 * P * chain.w.system.A[-1, :, 0]
+    assert abs(tip[0] - 9.413161) < 5e-7
+    assert abs(chain.energy()) < 1e-9
+    heavy = Chain(of_angles(np.zeros(64)), HANGS, (0.25, 1.05 * ROD[1], ROD[2])).run(0.5, 1e-4)
+    assert abs(heavy.s.q[-1, 0] + 0.5 * P * heavy.w.system.A[-1, 0, 0] - 9.413161) > 1e-6
+
+
+def pendulum(J):
+    """Lagrange's equations of three equal links in a plane, by their angles over x, with the inertia ``J`` of each."""
+    c, links = 0.5 * P, np.arange(3)
+    # a joint carries the centre of its own link at c, those of all later ones at P
+    M = np.array(
+        [
+            [MASS * sum((P if k > i else c) * (P if k > j else c) for k in links if k >= max(i, j)) for j in links]
+            for i in links
+        ]
+    )
+    lever = MASS * np.array([c + P * (2 - i) for i in links])
+
+    def rates(_, y):
+        angle, rate = y[:3], y[3:]
+        between = angle[:, None] - angle
+        mass = M * np.cos(between) + J * np.eye(3)
+        return np.concatenate(
+            [rate, np.linalg.solve(mass, -(M * np.sin(between)) @ rate**2 - G * lever * np.cos(angle))]
+        )
+
+    return rates
+
+
+def test_three_links_by_lagrange():
+    angles = np.array([-0.4, 0.3, 0.9])
+    chain = Chain(of_angles(angles), HANGS).run(1.0, 1e-4)
+
+    def found(J):
+        end = solve_ivp(pendulum(J), (0.0, 1.0), [*angles, 0, 0, 0], method="DOP853", rtol=1e-13, atol=1e-13).y[:3, -1]
+        return np.column_stack([np.cos(end), np.sin(end)])
+
+    along = chain.w.system.A[:, [0, 2], 0]
+    assert np.abs(along - found(BODY[1])).max() < 1e-9
+    assert np.abs(along - found(1.01 * BODY[1])).max() > 1e-3
+
+
+@pytest.mark.parametrize("ends", [HANGS, FLOATS])
+def test_dense_mass_matrix_of_five_links(ends):
+    """M(q) q'' = Q at rest in any shape, to rounding."""
+    rng = np.random.default_rng(1)
+    chain = Chain(of_angles(rng.uniform(-2.0, 2.0, 5)), ends).moving(rng, 0.0)
+    J = chain.jacobian()
+    mass = np.tile(np.concatenate([np.full(3, MASS), chain.rigid.inertia]), 5)
+    weight = np.zeros((5, 6))
+    weight[:, 2] = -MASS * G
+    weight[3, 3:] = 0.0
+    chain.env = chain.env._replace(gravity=G, pull=np.array([[0.0, 0, 0], [50.0, 20.0, -30.0]]))
+    A = chain.w.system.A[4]
+    weight[4, :3] += chain.env.pull[1]
+    weight[4, 3:] += np.cross([0.5 * P, 0, 0], A.T @ chain.env.pull[1])
+    if not ends.first:
+        assert not chain.env.pull[0].any()
+    vdot, _ = chain.recursive()
+    dense = J @ np.linalg.solve(J.T @ (mass[:, None] * J), J.T @ weight.ravel())
+    assert np.abs(vdot.ravel() - dense).max() < 1e-12 * np.abs(dense).max()
+    mass[12:15] *= 1.01
+    off = J @ np.linalg.solve(J.T @ (mass[:, None] * J), J.T @ weight.ravel())
+    assert np.abs(vdot.ravel() - off).max() > 1e-4 * np.abs(off).max()
+
+
+@pytest.mark.parametrize("ends", [HANGS, FLOATS])
+def test_moving_chain_has_the_accelerations_of_the_augmented_formulation(ends):
+    rng = np.random.default_rng(2)
+    chain = Chain(of_angles(rng.uniform(-2.0, 2.0, 12)), ends).moving(rng)
+    (found, force), (expected, pull) = chain.recursive(), chain.augmented()
+    assert np.abs(found - expected).max() < 1e-11 * np.abs(expected).max()
+    assert np.abs(force - pull).max() < 1e-11 * np.abs(pull).max()
+    chain.s.joints[-chain.speeds :] *= 1.01
+    unfold(chain.rigid, chain.s, chain.w)
+    assert np.abs(chain.recursive()[0] - expected).max() > 1e-4 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("closure", LOOPS)
+def test_moving_loop_has_them_too(closure):
+    chain = loop(12, LOOPS[closure])
+    (found, force), (expected, pull) = chain.recursive(), chain.augmented()
+    assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
+    # the spring takes rounding of its gap for force
+    assert np.abs(force - pull).max() < 1e-10 * np.abs(pull).max()
+
+
+def test_chain_between_two_pins():
+    shape = of_angles(np.array([-0.9, -0.5, -0.1, 0.3, 0.5, 0.8]))
+    chain = Chain(shape, BETWEEN)
+    (found, force), (expected, pull) = chain.recursive(), chain.augmented()
+    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+    assert np.abs(force - pull).max() < 1e-12 * np.abs(pull).max()
+    energy = chain.energy()
+    chain.run(0.5, 1e-4)
+    end = chain.s.q[-1, :3] + 0.5 * P * chain.w.system.A[-1, :, 0]
+    assert np.abs(end - [shape[-1, 0], 0.0, shape[-1, 1]]).max() < 1e-11
+    assert abs(chain.energy() - energy) < 1e-9
+
+
+def test_closing_pin_has_five_equations_of_rank_two():
+    """In joint coordinates; its mobility B M^-1 B^T has the two that the solver takes, in the plane of link 0."""
+    chain = loop(12)
+    A = chain.w.system.A
+    B = _closing(chain)
+    values = np.linalg.svd(B, compute_uv=False)
+    assert values[1] > 0.1
+    assert values[2] < 1e-14
+    J = chain.jacobian()
+    mass = np.tile(np.concatenate([np.full(3, MASS), chain.rigid.inertia]), chain.n)
+    mobility = B @ np.linalg.solve(J.T @ (mass[:, None] * J), B.T)
+    assert np.linalg.matrix_rank(mobility, tol=1e-12) == 2
+    chain.recursive()
+    plane = A[0][:, [0, 2]]
+    assert np.abs(chain.w.tree.mobility - plane.T @ mobility[:3, :3] @ plane).max() < 1e-12
+
+
+def test_thrown_loop_keeps_momentum_and_energy():
+    """At order 4: poses are no sums of what moves, so not to rounding as in the augmented formulation."""
+    errors = []
+    for h in (2e-3, 1e-3):
+        chain = loop(8)
+        chain.env = chain.env._replace(gravity=0.0)
+        before = np.array([*chain.momenta(), chain.energy()])
+        chain.run(0.5, h)
+        errors.append(np.abs(np.array([*chain.momenta(), chain.energy()]) - before))
+        assert chain.w.tree.mobility.any()
+    orders = np.log2(errors[0] / errors[1])
+    assert np.abs(orders - 4.0).max() < 0.3
+    assert errors[1].max() < 1e-9
+
+
+class Counted(np.ndarray):
+    """Counts what is read and written."""
+
+    touched = 0
+
+    def __getitem__(self, k):
+        Counted.touched += 1
+        return super().__getitem__(k)
+
+    def __setitem__(self, k, value):
+        Counted.touched += 1
+        super().__setitem__(k, value)
+
+
+def test_cost_grows_with_the_number_of_links():
+    """Entries that factorisation and solution touch: a fixed number a link."""
+
+    def touched(n):
+        tree = recursive.Tree(*(part.view(Counted) for part in recursive.tree(n)))
+        rng = np.random.default_rng(n)
+        angle = rng.uniform(-1.0, 1.0, n)
+        tree.turn[:] = np.column_stack([np.cos(angle), np.sin(angle)])
+        Counted.touched = 0
+        assert plain(recursive.factor)(0.5 * P, MASS, np.array(BODY), True, tree) == -1
+        plain(recursive.solve)(0.5 * P, True, True, tree, tree.load[0], tree.answer[0])
+        return Counted.touched
+
+    counts = np.array([touched(n) for n in (8, 16, 24, 48)])
+    assert counts[2] - counts[1] == counts[1] - counts[0] > 8 * 50
+    assert counts[3] - counts[2] == 3 * (counts[1] - counts[0])
