@@ -1,5 +1,7 @@
 """Cables in axes that turn with them: what turns a chain, momentum, order, energy, states."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import test_track_flexible
@@ -305,7 +307,7 @@ def test_adams_methods_keep_a_tumble_to_their_tolerance():
         assert np.abs(p1 - p).max() < 1e-9
         assert np.abs(l1 - l).max() < 1e3 * tolerance
         assert abs(e1 - e) < 1e3 * tolerance
-    assert all(1e-4 * one < other < 0.1 * one for one, other in zip(off, off[1:], strict=False)), off
+    assert all(1e-4 * one < other < 0.1 * one for one, other in pairwise(off)), off
     assert 1e-5 < off[0] / 1e-6 < 1e-1
 
 

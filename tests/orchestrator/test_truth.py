@@ -103,8 +103,8 @@ def test_a_monolith_goes_on_from_the_states_of_a_co_simulation(tmp_path):
     assert np.array_equal(again.parts["chain"], states.parts["chain"])
     with pytest.raises(BadInput, match=r"must be a multiple of run\.step"):
         states_at(scene, 0.0205)
+    short = load("hanging_chain", "flexible", (*settings, "run.stop=0.02"))
     with pytest.raises(BadInput, match=r"run\.stop = 0\.02 s must be after the states of 0\.02 s"):
-        short = load("hanging_chain", "flexible", (*settings, "run.stop=0.02"))
         monolithic.run(short, tmp_path / "c.mcap", begun=states)
     other = Monolith(monolithic.parts_of(assembly), assembly.connections)
     with pytest.raises(InvalidParameter, match="chain: the state that it is to begin with"):
