@@ -393,6 +393,7 @@ def test_key_is_the_physics():
 
     plain = key()
     assert plain == key("run.step=2ms") == key("track.integrator=runge_kutta") == key("track.step=1e-4")
+    assert plain == key("track.integrator=adams", "track.rtol=1e-8") == key("track.spectral_radius=0.7")
     assert len({plain, key("vehicle.gravity=9.82"), key("track.start=displaced"), key("run.stop=2")}) == 4
 
 
