@@ -1,5 +1,7 @@
 """Cables in axes that turn with them: what turns a chain, momentum, order, energy, states."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import test_track_flexible
@@ -287,12 +289,26 @@ def test_a_loop_that_tumbles_keeps_momentum_and_energy():
 def test_orders_of_the_integrators_in_a_tumble():
     """Explicit 4, implicit 2, to the same motion; one of links that are 2 % stiffer is far off."""
     truth = tumbling(2.5e-5)[0].pins()
-    for integrator, order, largest in ((EXPLICIT, 4, 1e-10), (IMPLICIT, 2, 3e-7)):
+    for integrator, order, largest in ((EXPLICIT, 4, 1e-10), (IMPLICIT, 2, 3e-7), ("hht", 2, 4e-7)):
         errors = [np.abs(tumbling(step, integrator)[0].pins() - truth).max() for step in (5e-4, 2.5e-4)]
         assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
         assert errors[1] < largest
     stiffer = tumbling(2.5e-4, **{"material.youngs_modulus": 2.04e6})[0]
     assert np.abs(stiffer.pins() - truth).max() > 1e-4
+
+
+@pytest.mark.study  # compiles them
+def test_adams_methods_keep_a_tumble_to_their_tolerance():
+    truth, _, (p, l, e) = tumbling(2.5e-5)
+    off = []
+    for tolerance in (1e-6, 1e-8, 1e-10):
+        model, _, (p1, l1, e1) = tumbling(1.0, "adams", **{"adams.rtol": tolerance, "adams.atol": tolerance})
+        off.append(np.abs(model.pins() - truth.pins()).max())
+        assert np.abs(p1 - p).max() < 1e-9
+        assert np.abs(l1 - l).max() < 1e3 * tolerance
+        assert abs(e1 - e) < 1e3 * tolerance
+    assert all(1e-4 * one < other < 0.1 * one for one, other in pairwise(off)), off
+    assert 1e-5 < off[0] / 1e-6 < 1e-1
 
 
 def test_the_origin_goes_where_it_will():

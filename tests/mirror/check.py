@@ -68,7 +68,8 @@ class View:
 
     @cached_property
     def recursion(self) -> Recursion:
-        return Recursion.of(float(self.part.parameters["spectral_radius"]))
+        p = self.part.parameters
+        return Recursion.of(float(p["spectral_radius"]), p["integrator"] == "hht")
 
     @cached_property
     def accelerations(self) -> Floats:

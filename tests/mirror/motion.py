@@ -67,7 +67,7 @@ def wheels(part: Part) -> Wheels:
 
 
 class Recursion(NamedTuple):
-    """Generalised-alpha, by which forces become impulses: Chung and Hulbert 1993, Arnold and Bruels 2007.
+    """Generalised-alpha, by which forces become impulses: Chung and Hulbert 1993, Arnold and Bruels 2007; or HHT.
 
     (1 - alpha_m) W1 + alpha_m W0 = (1 - alpha_f) F1 + alpha_f F0; the mean over the step is (1 - gamma) W0 + gamma W1.
     """
@@ -77,8 +77,10 @@ class Recursion(NamedTuple):
     gamma: float
 
     @classmethod
-    def of(cls, radius: float) -> Recursion:
+    def of(cls, radius: float, hht: bool = False) -> Recursion:
         alpha_m, alpha_f = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
+        if hht:
+            alpha_m, alpha_f = 0.0, (1 - radius) / (1 + radius)
         return cls(alpha_m, alpha_f, 0.5 + alpha_f - alpha_m)
 
     def means(self, F: Floats) -> Floats:

@@ -126,6 +126,7 @@ RUNS = {
     "thrown": Run(thrown),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
     "driven": Run(driven, ("left_track", "right_track", "left_drive", "right_drive", "chassis")),
+    "hht rigid": Run(partial(drawn, "rigid", "track.integrator=hht", "track.spectral_radius=0.8")),
     "explicit rigid": Run(partial(drawn, "rigid", *EXPLICIT, "bench.transverse_damping=0 N s/m", duration=0.02)),
     "explicit cable": Run(partial(swinging, *SOFT_LINKS["cable"], *EXPLICIT, *UNDAMPED, duration=0.05)),
     **{f"{name} {kind}": Run(partial(make, *settings))

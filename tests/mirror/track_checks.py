@@ -405,7 +405,7 @@ def on_wheels(view: View) -> bool:
 def implicit(view: View) -> bool:
     """Whether impulses come of forces by the recursion: one implicit internal step a communication step."""
     p = view.part.parameters
-    return p["integrator"] == "generalized_alpha" and bool((view.part.h < 1.001 * float(p["step"])).all())
+    return p["integrator"] in ("generalized_alpha", "hht") and bool((view.part.h < 1.001 * float(p["step"])).all())
 
 
 def implicit_on_wheels(view: View) -> bool:

@@ -75,6 +75,18 @@ def test_settings_reach_scene_vehicle_and_track():
     assert load("straight").vehicle.contact.ground.friction == 0.3, "the twin is as the file has it"
 
 
+def test_integrators_reach_the_tracks():
+    def parameters(*settings):
+        scene = load("straight", "rigid", settings)
+        return next(part.parameters for part in assemble(placed(scene)).parts if part.name == "left_track")
+
+    assert "spectral_radius" not in parameters("track.integrator=generalized_alpha")
+    assert parameters("track.integrator=hht")["spectral_radius"] == 0.5, "the strongest damping that it has"
+    assert parameters("track.integrator=hht", "track.spectral_radius=0.9")["spectral_radius"] == 0.9
+    told = parameters("track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-7")
+    assert (told["adams.rtol"], told["adams.atol"]) == (1e-8, 1e-7)
+
+
 def test_vehicle_over_a_base(tmp_path):
     over = '[vehicle]\nbase = "m113"\nchassis = { mass = "6 t" }\n'
     file = tmp_path / "own.toml"
@@ -98,6 +110,8 @@ def test_vehicle_over_a_base(tmp_path):
         ("vehicle.gravity=inf", "finite"),
         ("vehicle=leopard", "no vehicle 'leopard'"),
         ("track=soft", "'flexible' or 'rigid'"),
+        ("track.rtol=1e-8", "rtol = 1e-08 needs integrator = 'adams': others take equal steps"),
+        ("track.atol=1", "less than or equal to 0.1"),
         (
             "track.elasticity=large",
             "track.elasticity = 'large': input should be 'small_deformation', 'general' or",

@@ -103,8 +103,8 @@ def test_a_monolith_goes_on_from_the_states_of_a_co_simulation(tmp_path):
     assert np.array_equal(again.parts["chain"], states.parts["chain"])
     with pytest.raises(BadInput, match=r"must be a multiple of run\.step"):
         states_at(scene, 0.0205)
+    short = load("hanging_chain", "flexible", (*settings, "run.stop=0.02"))
     with pytest.raises(BadInput, match=r"run\.stop = 0\.02 s must be after the states of 0\.02 s"):
-        short = load("hanging_chain", "flexible", (*settings, "run.stop=0.02"))
         monolithic.run(short, tmp_path / "c.mcap", begun=states)
     other = Monolith(monolithic.parts_of(assembly), assembly.connections)
     with pytest.raises(InvalidParameter, match="chain: the state that it is to begin with"):
@@ -393,6 +393,7 @@ def test_key_is_the_physics():
 
     plain = key()
     assert plain == key("run.step=2ms") == key("track.integrator=runge_kutta") == key("track.step=1e-4")
+    assert plain == key("track.integrator=adams", "track.rtol=1e-8") == key("track.spectral_radius=0.7")
     assert len({plain, key("vehicle.gravity=9.82"), key("track.start=displaced"), key("run.stop=2")}) == 4
 
 

@@ -272,7 +272,7 @@ def test_every_integrator_is_here():
         (Rigid, None, "hht", (5e-3, 2.5e-3, 1.25e-3), 2.0, 2.0),
         (Rigid, None, "runge_kutta", (2e-2, 1e-2, 5e-3), 4.8, 5.0),
         (Flexible, STEEL, "generalized_alpha", (2.5e-3, 1.25e-3, 6.25e-4), 2.0, 2.0),
-        (Flexible, SOFT, "hht", (2.5e-3, 1.25e-3, 6.25e-4), 2.2, 2.0),
+        (Flexible, SOFT, "hht", (2.5e-3, 1.25e-3, 6.25e-4), 2.6, 2.0),  # half of it is damping, of order 3
         (Flexible, SOFT, "generalized_alpha", (2.5e-3, 1.25e-3, 6.25e-4), 2.2, 2.0),
         (Flexible, SOFT, "runge_kutta", (1e-3, 5e-4, 2.5e-4), 5.0, 4.3),
     ],

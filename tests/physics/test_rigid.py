@@ -242,6 +242,8 @@ def test_hht_is_newmarks_method_with_averaged_forces():
     assert c == pytest.approx((0.0, 0.1, 0.3025, 0.6), rel=1e-12)
     assert hht.coefficients(1.0) == pytest.approx((0.0, 0.0, 0.25, 0.5))  # the trapezoidal rule
     assert hht.coefficients(hht.LEAST).alpha_f == pytest.approx(1.0 / 3.0)
+    assert hht.coefficients(0.5) == pytest.approx(ALPHA(0.5), abs=1e-15), "there the two families meet"
+    assert hht.coefficients(0.51) != pytest.approx(ALPHA(0.51), abs=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 Improved numerical dissipation for time integration algorithms in structural dynamics, Earthquake Engineering and
 Structural Dynamics 5, 1977, doi:10.1002/eqe.4290050306; as a member of the family: Chung, Hulbert, Journal of Applied
 Mechanics 60, 1993, doi:10.1115/1.2900803. The average over a step is of forces alone, that of inertia forces is of its
-end: alpha_m = 0, and alpha_f is their -alpha.
+end: alpha_m = 0, and alpha_f is their -alpha. At LEAST it is the generalised-alpha method of the same radius.
 """
 
 from __future__ import annotations
