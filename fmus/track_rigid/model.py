@@ -22,7 +22,7 @@ from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD, coefficients
 from fmus.physics.rigid.augmented import PIN, Ends, Spring
 from fmus.ports import Port
-from fmus.track import EXPLICIT, IMPLICIT, TrackModel, spectral_radius
+from fmus.track import EXPLICIT, TrackModel, spectral_radius
 from fmus.track_closure import SPRING, closure
 
 FORMULATIONS = AUGMENTED, RECURSIVE = "augmented", "recursive"
@@ -53,9 +53,10 @@ class Model(TrackModel):
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from the vehicle table; raises InvalidParameter."""
-        if p["formulation"] == RECURSIVE and p["integrator"] == IMPLICIT:
+        how = p["integrator"]
+        if p["formulation"] == RECURSIVE and how != EXPLICIT:
             raise InvalidParameter(
-                f"formulation = '{RECURSIVE}' is integrated explicitly: integrator = '{IMPLICIT}' must be '{EXPLICIT}'"
+                f"formulation = '{RECURSIVE}' is integrated explicitly: integrator = '{how}' must be '{EXPLICIT}'"
             )
         if p["formulation"] != self.formulation:
             self.formulation = p["formulation"]
