@@ -167,9 +167,7 @@ def test_adams_methods_drive_a_vehicle_to_their_tolerance(links, tmp_path):
     assert off[0].max() < 1e-2
     assert off[2].max() < min(5e-5, off[0].max()), off
     assert cost["evaluations"] < 0.7 * equal["evaluations"]
-    faster = load(
-        "straight", links, ("run.step=1ms", "run.stop=0.03", "track.link_outputs=false", *ramp, "drive.speed=20.4")
-    )
+    faster = load("straight", links, (*settings, "drive.speed=20.4"))
     monolithic.run(faster, tmp_path / "twin.mcap", integrator="adams")
     with Log(tmp_path / "twin.mcap") as log:
         assert abs(log.signal("left_track.tension.mean")[1][-1] - fine[2]) > 1.0, "a twin that is 2 % faster"
