@@ -143,6 +143,36 @@ def test_the_ledger_of_a_whole_vehicle_closes(driven):
     assert abs(books.covered) > 0.02
 
 
+@pytest.mark.study  # compiles a monolith with both integrators
+@pytest.mark.parametrize("links", ["flexible", "rigid"])
+def test_adams_methods_drive_a_vehicle_to_their_tolerance(links, tmp_path):
+    """Contacts begin and end inside of steps; a ramp of the drives does where the past is forgotten."""
+    settings = ("run.step=1ms", "run.stop=0.03", "track.link_outputs=false", "drive.ramp_start=0.0105",
+                "drive.ramp_time=0.01")  # fmt: skip
+    scene, off = load("straight", links, settings), []
+
+    def run(name, **how):
+        outcome, cost = monolithic.run(scene, tmp_path / name, **how)
+        assert outcome.status == "ok"
+        with Log(tmp_path / name) as log:
+            names = ("chassis.chassis.position.x", "chassis.chassis.position.z", "left_track.tension.mean")
+            return np.array([log.signal(one)[1][-1] for one in names]), cost, ledger(RunData(log))
+
+    fine, equal, _ = run("fine.mcap", refine=4.0)
+    for tolerance, left in ((1e-4, 2.0), (1e-6, 0.1), (1e-8, 0.01)):
+        x, cost, books = run("adams.mcap", integrator="adams", rtol=tolerance, atol=tolerance)
+        off.append(abs(x - fine) / [1e-3, 1e-3, 1e3])
+        assert cost["restarts"] == 3
+        assert abs(books.residual) < left < 0.01 * books.dissipated
+    assert off[0].max() < 1e-2
+    assert off[2].max() < min(5e-5, off[0].max()), off
+    assert cost["evaluations"] < 0.7 * equal["evaluations"]
+    faster = load("straight", links, (*settings, "drive.speed=20.4"))
+    monolithic.run(faster, tmp_path / "twin.mcap", integrator="adams")
+    with Log(tmp_path / "twin.mcap") as log:
+        assert abs(log.signal("left_track.tension.mean")[1][-1] - fine[2]) > 1.0, "a twin that is 2 % faster"
+
+
 def open_part(log, instance, gains, losses):
     """What the books of a component leave open, over the range of its port's work."""
     parts = {name: log.signal(f"{instance}.{name}")[1] for name in (*gains, *losses)}
