@@ -194,7 +194,7 @@ def alike(found: Found) -> Verdict:
 def visited(found: Found) -> Verdict:
     """From the ground to the idler, and on till it comes to the ground again."""
     rows = found.models("node")
-    good = [row.figures["visited"].startswith("ground, idler, upper run, sprocket, ground") for _, row in rows]
+    good = ["ground, idler, upper run, sprocket, ground" in row.figures["visited"] for _, row in rows]
     return graded(good, rows[0][1].figures["visited"] if rows else "")
 
 
