@@ -3,7 +3,8 @@
 The frame of a link stands at its first pin, its longitudinal axis parallel to the position gradient there; its
 transverse axis points outwards, away from the wheels, and its lateral one along the pin. In it an undeformed link is
 (x, 0, 0). Between its pins the axis of an element is the cubic through both places and gradients; of rigid links the
-gradients are unit vectors along them, so they show no deformation but rounding.
+gradients are unit vectors along them, so they show no deformation but rounding. Of a loop that a spring closes the last
+link seems to reach to the first one: the gap of the cut is added to it.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ TABLES = {  # item: title, columns
 }  # fmt: skip
 REMARKS = {
     "cost": "Paper, section 8.3: CPU time 4, evaluations 8.5 times those of the rigid model. "
-    + pieces.__doc__.split("\n\n")[1],
+    + str(pieces.__doc__).split("\n\n")[1].replace("``BEGIN``", f"t = {pieces.BEGIN:g} s").replace("``EQUAL``", "this"),
     "run": "Implicit at the scene's own steps, recursive links by Runge-Kutta.",
     "violation": "At the checkpoints of the run; what is eliminated has one number for both sides.",
     "sections": "Top: before the sprocket; rear: before the idler; front: after the sprocket.",

@@ -113,25 +113,23 @@ def violated(found: Found) -> Verdict:
 
 
 def similar(found: Found) -> Verdict:
-    """Without joints, chains take as long by either school, whatever their length."""
-    told, ratios = [], []
-    for one, other in ((RIGID_SPRING, RECURSIVE), (CONVENTIONAL, CLOSED)):
+    """A chain without joints takes as long as a recursive one, whatever its length; told beside it: the two schools."""
+    told = {}
+    for one, other in ((CLOSED, RECURSIVE), (RIGID_SPRING, RECURSIVE), (CONVENTIONAL, CLOSED)):
         pairs = [
             (row["links"], row["evaluation"] / twin["evaluation"])
             for row in found.of("links", one)
             if (twin := found.one("links", other, links=row["links"])) is not None
         ]
         if pairs:
-            ends = f"{pairs[0][1]:.2g} ({pairs[0][0]} links) to {pairs[-1][1]:.2g} ({pairs[-1][0]})"
-            told.append(f"{one.label} over {other.label}: {ends}")
-            ratios.append([1.0 / SIMILAR <= ratio <= SIMILAR for _, ratio in pairs])
+            shown = ", ".join(f"{ratio:.2f} ({links} links)" for links, ratio in pairs)
+            told[one.name] = f"{one.label} over {other.label} {shown}", [ratio for _, ratio in pairs]
     own = found.one("exponent", CLOSED)
-    if own is None or not told:
+    if own is None or CLOSED.name not in told:
         return NONE
-    told.append(f"exponent of {CLOSED.label} {own['exponent_evaluation']:.2f}")
-    return graded(
-        [own["exponent_evaluation"] < LINEAR, *map(all, ratios)], "CPU time of an evaluation: " + "; ".join(told)
-    )
+    words = "; ".join([*(text for text, _ in told.values()), f"exponent {own['exponent_evaluation']:.2f}"])
+    good = [1.0 / SIMILAR <= ratio <= SIMILAR for ratio in told[CLOSED.name][1]]
+    return graded([own["exponent_evaluation"] < LINEAR, all(good)], f"CPU time of an evaluation: {words}")
 
 
 def singular(found: Found) -> Verdict:
@@ -194,7 +192,7 @@ def alike(found: Found) -> Verdict:
 def visited(found: Found) -> Verdict:
     """From the ground to the idler, and on till it comes to the ground again."""
     rows = found.models("node")
-    good = [row.figures["visited"].startswith("ground, idler, upper run, sprocket, ground") for _, row in rows]
+    good = ["ground, idler, upper run, sprocket, ground" in row.figures["visited"] for _, row in rows]
     return graded(good, rows[0][1].figures["visited"] if rows else "")
 
 

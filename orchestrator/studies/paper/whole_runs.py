@@ -99,7 +99,7 @@ def _sections(run: RunData) -> dict[str, float]:
 
 def _deformed(run: RunData) -> dict[str, float]:
     """Largest displacements of points of the right chain's links in their tangent frames at the instant, m."""
-    found = deformation.of(run, f"{SIDE}_track", at=[INSTANT]).displacement
+    found = deformation.of(run, f"{SIDE}_track", at=[INSTANT]).displacement[:, :-1]  # the last link ends at the cut
     return {axis: float(np.abs(found[..., k]).max()) for k, axis in enumerate(deformation.AXES)}
 
 
