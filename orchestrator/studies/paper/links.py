@@ -91,7 +91,9 @@ def _least(chain: Any, h: float, steps: int) -> float:
 
 def storage(chain: Any) -> dict[str, float]:
     """Numbers that describe the motion, multipliers, and bytes of all arrays that a chain steps with."""
-    multipliers = getattr(chain.s, "lam", None)
+    joints = getattr(chain.work, "joints", None)  # of flexible links: None where they are eliminated
+    multipliers = None if hasattr(chain.s, "joints") and chain.s.joints.size else getattr(chain.s, "lam", None)
+    multipliers = getattr(joints, "multipliers", multipliers)
     return {
         "coordinates": float(chain.s.q.size),
         "multipliers": float(0 if multipliers is None else multipliers.size),
