@@ -11,7 +11,16 @@ from fmus.physics.ancf import cable
 from orchestrator.execution.simulate import simulate
 from orchestrator.scene.scene import load
 from orchestrator.studies import find, paper
-from orchestrator.studies.paper import counts, modulus, pieces, recorded, singularity, statements, violation
+from orchestrator.studies.paper import (
+    counts,
+    modulus,
+    pieces,
+    recorded,
+    singularity,
+    statements,
+    through_fmus,
+    violation,
+)
 from orchestrator.studies.paper.models import CLOSED, MODELS, RIGID, Model, scene
 from orchestrator.studies.paper.statements import HOLDS, NOT, PART, STATEMENTS, UNMEASURED, Found, judged
 from orchestrator.studies.tables import Row
@@ -278,8 +287,16 @@ def test_the_command_writes_the_page_and_a_statement_that_does_not_hold_is_exit_
 def test_both_forms_have_the_same_cases(tmp_path):
     quick, full = paper.cases(True, tmp_path), paper.cases(False, tmp_path)
     assert [case.name for case in quick] == [case.name for case in full]
-    assert {case.item for case in full} == {"run", "count", "piece", "stiffness", "modulus", "links"}
+    assert {case.item for case in full} == {"run", "count", "piece", "stiffness", "modulus", "fmus", "links"}
     assert sum(case.item == "piece" for case in full) == len(MODELS)
+
+
+@pytest.mark.study
+def test_fmus_begin_anew_at_each_communication_step():
+    (row,) = through_fmus.rows(RIGID.name, 0.025)
+    assert row.ok
+    assert row["restarts"] == pytest.approx(2 * 800)
+    assert row["evaluations"] > 2.0 * row["steps"] > 2.0 * row["restarts"]
 
 
 @pytest.mark.study

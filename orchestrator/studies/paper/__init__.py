@@ -1,9 +1,9 @@
 """The paper's comparison: its figures, its costs and its statements, by the models of this project side by side.
 
 ``models`` has a row for each of them. ``whole_runs`` are the 8 s of ``straight``, logs of which lie below the folder of
-the study and are taken from there where they fit (``recorded``); ``pieces``, ``modulus`` and ``links`` time, ``counts``
-counts. ``statements`` judges by rules, ``page`` writes. A row misses where the study itself fails: a run that does not
-end, a count that is off. A statement that does not hold does not.
+the study and are taken from there where they fit (``recorded``); ``pieces``, ``modulus`` and ``links`` time,
+``through_fmus`` and ``counts`` count. ``statements`` judges by rules, ``page`` writes. A row misses where the study
+itself fails: a run that does not end, a count that is off. A statement that does not hold does not.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from orchestrator.studies import Case
-from orchestrator.studies.paper import counts, figures, links, modulus, page, pieces, recorded, whole_runs
+from orchestrator.studies.paper import counts, figures, links, modulus, page, pieces, recorded, through_fmus, whole_runs
 from orchestrator.studies.paper.conditions import draw as conditions
 from orchestrator.studies.paper.models import CLOSED, MODELS, RIGID
 from orchestrator.studies.paper.statements import judged
@@ -36,6 +36,8 @@ def cases(quick: bool, folder: Path) -> list[Case]:
           for k in pieces.STIFFNESSES),
         *(Case("modulus", f"{name}, {E:g} Pa", modulus.rows, (name, E, piece), 900 * piece, 7200.0)
           for name, E in moduli),
+        *(Case("fmus", model.label, through_fmus.rows, (model.name, 2 * piece), 500 * piece, 7200.0)
+          for model in MODELS),
         *(Case("links", model.label, links.rows, (model.name, numbers), 5.0, 3600.0) for model in MODELS),
     ]  # fmt: skip
 

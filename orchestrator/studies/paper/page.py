@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from orchestrator.studies.paper import figures, pieces, whole_runs
+from orchestrator.studies.paper import figures, pieces, through_fmus, whole_runs
 from orchestrator.studies.paper.statements import Found, crossed
 from orchestrator.studies.tables import Column, Row, Table, to_csv, to_markdown
 
@@ -30,6 +30,10 @@ TABLES = {  # item: title, columns
         CASE, Column("method", "method"), Column("setting", "tolerance, or part of the stable step", ".3g"),
         Column("cpu", "CPU time, s", ".3f"), Column("evaluations", "evaluations", ".0f"),
         Column("error", "error of pins", ".1e"), Column("order", "mean order", ".1f"), NOTE,
+    )),
+    "fmus": (f"Adams' methods inside FMUs, which restart at each communication step, at {through_fmus.TOLERANCE:g}", (
+        CASE, Column("stop", "first s of a drive", "g"), Column("evaluations", "evaluations a simulated second", ".0f"),
+        Column("steps", "steps", ".0f"), Column("restarts", "restarts", ".0f"), NOTE,
     )),
     "stiffness": ("Rigid links closed by springs, the cheapest run by Adams' methods", (
         CASE, Column("stiffness", "spring, N/m", ".0e"), Column("cpu", "CPU time, s", ".3f"),
@@ -76,6 +80,7 @@ TABLES = {  # item: title, columns
 REMARKS = {
     "cost": "Paper, section 8.3: CPU time 4, evaluations 8.5 times those of the rigid model. "
     + str(pieces.__doc__).split("\n\n")[1].replace("``BEGIN``", f"t = {pieces.BEGIN:g} s").replace("``EQUAL``", "this"),
+    "fmus": "Both tracks together. The paper's ratios are those of the table above, of one differential equation.",
     "run": "Implicit at the scene's own steps, recursive links by Runge-Kutta.",
     "violation": "At the checkpoints of the run; what is eliminated has one number for both sides.",
     "sections": "Top: before the sprocket; rear: before the idler; front: after the sprocket.",
