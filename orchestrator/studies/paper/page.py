@@ -47,7 +47,7 @@ TABLES = {  # item: title, columns
     )),
     "links": ("Cost and storage by links, no vehicle", (
         CASE, Column("links", "links", ".0f"), Column("evaluation", "CPU time of an evaluation, s", ".2e"),
-        Column("step", "of an implicit step, s", ".2e"), Column("coordinates", "coordinates", ".0f"),
+        Column("step", "of an implicit step, s", ".2e"), Column("coordinates", "numbers of a position", ".0f"),
         Column("multipliers", "multipliers", ".0f"), Column("bytes", "bytes of arrays", ".0f"), NOTE,
     )),
     "exponent": ("Fitted exponents over the links", (
