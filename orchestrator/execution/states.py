@@ -46,8 +46,7 @@ def states_at(scene: TrackScene, time: float, narration: Narration | None = None
     if not steps or abs(time / run.step - steps) > 1e-6:
         raise BadInput(f"states at {time:g} s: that must be a multiple of run.step = {run.step:g} s")
     wanted = scene.model_copy(update={"run": run, "expect": {}})
-    place = cache_folder() / "states" / f"{_key(wanted)}.npz"
-    own(place.parent)
+    place = own(cache_folder() / "states" / _key(wanted)) / "states.npz"
     content = kept(place)
     if content is None:
         content = _made(wanted, steps, narration)

@@ -16,11 +16,11 @@ def refuse(path: Path, suffixes: Sequence[str], besides: str = "") -> None:
     ``besides``: what a name with another ending may ask for instead.
     """
     folder = path.absolute().parent
-    if path.suffix.lower() not in suffixes:
+    if path.is_dir():
+        why = "it is a directory"
+    elif path.suffix.lower() not in suffixes:
         *others, last = suffixes
         why = f"its name must end in {', '.join(others)}{' or ' if others else ''}{last}{besides}"
-    elif path.is_dir():
-        why = "it is a directory"
     elif not folder.is_dir():
         why = f"there is no folder {path.parent}"
     elif not os.access(folder, os.W_OK):

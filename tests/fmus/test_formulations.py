@@ -72,11 +72,11 @@ def test_a_loop_of_joint_coordinates_stays_closed_and_keeps_its_energy():
 
 
 def test_recursive_links_are_integrated_explicitly():
-    text = (
-        r"^formulation = 'recursive' is integrated explicitly: integrator = 'generalized_alpha' must be 'runge_kutta'$"
-    )
-    with pytest.raises(InvalidParameter, match=text):
-        made(Rigid, 8, HOLD, formulation="recursive")
+    text = r"^formulation = 'recursive' is integrated explicitly: integrator = '{}' must be 'runge_kutta' or 'adams'$"
+    for integrator in ("generalized_alpha", "hht"):
+        with pytest.raises(InvalidParameter, match=text.format(integrator)):
+            made(Rigid, 8, HOLD, formulation="recursive", integrator=integrator, spectral_radius=0.8)
+    made(Rigid, 8, HOLD, formulation="recursive", integrator="adams")
     with pytest.raises(InvalidParameter, match=r"formulation"):
         made(Rigid, 8, HOLD, formulation="other")
 
