@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 INSTANTS = 3  # of the part of a run in which something moves; its start is shown besides
 MOVES = 0.05  # of the largest speed
 WHEELS = ("sprocket", "road_wheel", "idler")
+UPRIGHT = 0.7  # height over width beyond which instants stand beside each other
 MARGIN = 0.25  # m round what is drawn
 
 
@@ -48,16 +49,23 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
             raise BadInput(f"{path}: places of links are no finite numbers at one of these instants")
         shown = np.array([links.tension[0] for links in found]) / 1e3
         scale = ScalarMappable(Normalize(min(0.0, float(shown.min())), float(shown.max())), "viridis")
-        figure = Figure(figsize=(9.0, 2.1 * len(found) + 0.4), layout="constrained")
-        FigureCanvasAgg(figure)
-        panes = figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
         corners = tuple(
             (min(float(part.min()) for part in parts) - MARGIN, max(float(part.max()) for part in parts) + MARGIN)
             for parts in ([links.forward for links in found], [links.up for links in found])
         )  # what all panes show
+        wide, high = (end - begin for begin, end in corners)
+        upright = high > UPRIGHT * wide  # then beside each other: none is a sliver
+        across = max(9.0, 2.1 * len(found) + 2.0) if upright else 9.0
+        figure = Figure(figsize=(across, 5.5 if upright else 2.1 * len(found) + 0.4), layout="constrained")
+        FigureCanvasAgg(figure)
+        shape = (1, len(found)) if upright else (len(found), 1)
+        panes = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
         for pane, links in zip(panes, found, strict=True):
             add(pane, run, track, links, scale, corners)
-        panes[-1].set_xlabel("ahead of the sprocket axle, m")
+            if upright:
+                pane.locator_params(axis="x", nbins=2)
+        driven = run.has(f"{track}.sprocket.force.x")
+        panes[-1].set_xlabel("ahead of the sprocket axle, m" if driven else "x of the start, m")
         figure.colorbar(scale, ax=list(panes), label="link tension, kN", shrink=0.8)
         title = f"{run.scene['title']} ({run.scene['track']['model']} links)"
         figure.suptitle(f"{title}\n{track}, seen from the right", fontsize=10, parse_math=False)
