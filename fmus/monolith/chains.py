@@ -42,9 +42,7 @@ class Place(NamedTuple):
     frame: np.ndarray  # (5) of the track, see fmus.physics.wheels
     impulse: np.ndarray  # (m + 1, 6) of its wrenches over the step
     on_links: np.ndarray  # (k, c) likewise of what touches each link
-    books: (
-        np.ndarray
-    )  # (BOOKS) dissipated, work of the loads on its ends, lost by covered parts, J; travel m; of the step
+    books: np.ndarray  # (BOOKS) of the step: dissipated, work of loads on ends, lost by covered parts, J; travel, m
 
 
 class Chain(NamedTuple):

@@ -246,9 +246,9 @@ def test_every_statement_has_a_verdict_even_where_nothing_was_measured():
 
 def test_models_are_told_apart_and_one_that_is_missing_is_a_sentence():
     assert len({model.name for model in MODELS}) == len({model.label for model in MODELS}) == len(MODELS)
-    assert {model.track for model in MODELS if model.in_paper} == {"rigid", "flexible"}
+    assert {model.track for model in MODELS} == {"rigid", "flexible"}
     assert not isinstance(scene(RIGID), str)
-    absent = Model("a", "b", "rigid", ("track.nonsense=1",), "-", "k", False)
+    absent = Model("a", "b", "rigid", ("track.nonsense=1",), "-", "k")
     assert "unknown key 'track.nonsense'" in scene(absent)
 
 

@@ -21,11 +21,10 @@ class Model(NamedTuple):
     settings: tuple[str, ...]  # of its tracks
     line: str  # style of its curves
     colour: str
-    in_paper: bool  # one of the three of section 8
 
 
-RIGID = Model("rigid", "rigid, augmented, closed by a pin", "rigid", (), ":", "C0", False)
-RIGID_SPRING = Model("rigid-spring", "rigid, augmented, closed by a spring", "rigid", SPRING, "--", "C4", True)
+RIGID = Model("rigid", "rigid, augmented, closed by a pin", "rigid", (), ":", "C0")
+RIGID_SPRING = Model("rigid-spring", "rigid, augmented, closed by a spring", "rigid", SPRING, "--", "C4")
 RECURSIVE = Model(
     "rigid-recursive",
     "rigid, recursive, closed by a spring",
@@ -33,13 +32,10 @@ RECURSIVE = Model(
     ("track.formulation=recursive", "track.integrator=runge_kutta", *SPRING),  # it has no implicit steps
     "-.",
     "C2",
-    True,
 )
-CLOSED = Model("flexible-closed", "flexible, closed mesh", "flexible", (), "-", "C3", True)
-OPEN = Model("flexible-open", "flexible, open mesh, closed by a spring", "flexible", SPRING, "--", "C1", True)
-CONVENTIONAL = Model(
-    "flexible-constrained", "flexible, joints as constraints", "flexible", CONSTRAINED, "-.", "C5", False
-)
+CLOSED = Model("flexible-closed", "flexible, closed mesh", "flexible", (), "-", "C3")
+OPEN = Model("flexible-open", "flexible, open mesh, closed by a spring", "flexible", SPRING, "--", "C1")
+CONVENTIONAL = Model("flexible-constrained", "flexible, joints as constraints", "flexible", CONSTRAINED, "-.", "C5")
 MODELS = (RIGID, RIGID_SPRING, RECURSIVE, CLOSED, OPEN, CONVENTIONAL)
 REFERENCE = CLOSED  # that the others are compared with
 
