@@ -62,7 +62,7 @@ SETTERS: dict[str, tuple[str, Any, Any]] = {  # of a type: the function, what it
     "String": ("fmi2SetString", c_char_p, str),
 }
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
-KEPT, SPENT = (Board._fields.index(name) for name in ("kept", "spent"))
+T, KEPT, SPENT, LINKS = (Board._fields.index(name) for name in ("t", "kept", "spent", "n_links"))
 _BYTECODE = "__pycache__"
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
@@ -204,7 +204,7 @@ class Component(AbstractContextManager["Component"]):
         self._logger = logger
         self._messages: list[tuple[int, str]] = []
         self._warnings = Warnings(name)
-        self._time = 0.0  # s, where the last step began
+        self._clock = np.zeros(1)  # s, where the last step began
         self._states: list[State] = []
         self._handle: Any = None
         self._board: NDArray[np.int64] | None = None
@@ -313,7 +313,7 @@ class Component(AbstractContextManager["Component"]):
         self._warnings = Warnings(self.name, earlier)
 
     def _receive(self, status: int, message: str, category: str) -> None:
-        if status == _WARNING and not self._warnings.add(message, self._time):
+        if status == _WARNING and not self._warnings.add(message, float(self._clock[0])):
             return
         if status >= _DISCARD and category != "traceback":
             self._messages.append((status, message))
@@ -356,7 +356,7 @@ class Component(AbstractContextManager["Component"]):
             self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
             self._warnings = Warnings(self.name)
-        self._time = start
+        self._clock[0] = start
         for name, value in parameters.items():
             self._set_parameter(name, value)
         fmu = self._library
@@ -393,7 +393,7 @@ class Component(AbstractContextManager["Component"]):
 
     def step(self, t: float, h: float) -> None:
         """From t to t + h, both in s."""
-        self._time = t
+        self._clock[0] = t
         self._call(self._library.fmi2DoStep, t, h, not self._states)
 
     def read(self) -> None:
@@ -411,14 +411,20 @@ class Component(AbstractContextManager["Component"]):
             at = int(self._handle)
             inputs = write, addressof(u_at), n_u, self.u.ctypes.data
             outputs = read, addressof(y_at), n_y, self.y.ctypes.data
-            self._board = laid_out(Board(at, *inputs, step, *outputs, 0.0, 0.0, not self._states))
+            self._board = laid_out(Board(at, *inputs, step, *outputs, float(self._clock[0]), 0.0, not self._states))
+            self._clock = self._board.view(np.float64)[T : T + 1]
         return self._board
+
+    def show_links(self, due: int) -> None:
+        """``read_links`` is part of each step by ``board`` after which the word at the address ``due`` is not zero."""
+        links_at, n_links, _ = self._y_links
+        self.board[LINKS:] = n_links, addressof(links_at), self.y_links.ctypes.data, due
 
     def begin(self, t: float) -> None:
         """What comes before a step by ``board``; raises ComponentFailed."""
         if self._handle is None:
             raise ComponentFailed(f"{self.name}: the component is closed")
-        self._time = t
+        self._clock[0] = t
         if self._messages:
             self._messages.clear()
 

@@ -4,7 +4,8 @@ In Python every array that is handed over and every call cost microseconds, and 
 its end is noticed 20 us late. This code runs without Python's lock, and its threads look for their next errand all the
 time; after a millisecond without one they sleep in the kernel. It calls what FMI prescribes for a step.
 
-All is laid out in words of 8 bytes: a board for each component, a desk for each thread, and the plan of a step.
+All is laid out in words of 8 bytes: a board for each component, a desk for each thread, the plan of a step, and rows of
+what came of it.
 """
 
 from __future__ import annotations
@@ -48,6 +49,10 @@ class Board(NamedTuple):
     begun_ns: int = 0
     over: int = 0
     over_ns: int = 0
+    n_links: int = 0  # 0 where nobody records them
+    links: int = 0  # value references
+    y_links: int = 0
+    links_due: int = 0  # a word: whether they are read after this step
 
 
 class Desk(NamedTuple):
@@ -83,10 +88,20 @@ class Group(NamedTuple):
     boards: int  # addresses
 
 
+class Rows(NamedTuple):
+    """A table of values that grows by a row: parts that lie anywhere, one after the other."""
+
+    n_parts: int
+    parts: int  # addresses
+    sizes: int  # bytes
+    next: int  # where the next row begins
+
+
 CODE = """
 declare i32 @sched_yield()
 declare i32 @clock_gettime(i32, ptr)
 declare i64 @syscall(i64, ...)
+declare ptr @memcpy(ptr, ptr, i64)
 
 ; does nothing, as any of FMI's functions
 define i32 @nothing() {
@@ -193,7 +208,7 @@ there:
   ret void
 }
 
-; a step of a component: write inputs, step, read outputs
+; a step of a component: write inputs, step, read outputs, those of links where they are due
 define void @do(ptr %board) {
 entry:
 {BOARD}  %begun.at = call i32 @clock_gettime(i32 1, ptr %at.begun)
@@ -211,15 +226,26 @@ step:
 read:
   %s3 = call i32 %get_real(ptr %instance, ptr %outputs, i64 %n_outputs, ptr %y)
   %b3 = icmp sgt i32 %s3, 1
-  br i1 %b3, label %bad, label %ended
+  br i1 %b3, label %bad, label %more
+more:
+  %linked = icmp ne i64 %n_links, 0
+  br i1 %linked, label %ask, label %ended
+ask:
+  %due = load i64, ptr %links_due
+  %now = icmp ne i64 %due, 0
+  br i1 %now, label %show, label %ended
+show:
+  %s4 = call i32 %get_real(ptr %instance, ptr %links, i64 %n_links, ptr %y_links)
+  %b4 = icmp sgt i32 %s4, 1
+  br i1 %b4, label %bad, label %ended
 bad:
-  %which = phi i64 [1, %write], [5, %step], [6, %read]
-  %status.of = phi i32 [%s1, %write], [%s2, %step], [%s3, %read]
+  %which = phi i64 [1, %write], [5, %step], [6, %read], [6, %show]
+  %status.of = phi i32 [%s1, %write], [%s2, %step], [%s3, %read], [%s4, %show]
   %wide = zext i32 %status.of to i64
   store i64 %wide, ptr %at.status
   br label %ended
 ended:
-  %failed.at = phi i64 [0, %read], [%which, %bad]
+  %failed.at = phi i64 [0, %more], [0, %ask], [0, %show], [%which, %bad]
   store i64 %failed.at, ptr %at.failed
   %over.at = call i32 @clock_gettime(i32 1, ptr %at.over)
   %last = load <2 x i64>, ptr %at.over, align 8
@@ -355,6 +381,64 @@ group:
 out:
   ret i64 %failed
 }
+
+; another row of what its parts hold now
+define void @put(ptr %rows) {
+entry:
+{ROWS}  br label %one
+one:
+  %i = phi i64 [0, %entry], [%j, %copy]
+  %to = phi ptr [%next, %entry], [%behind, %copy]
+  %on = icmp ult i64 %i, %n_parts
+  br i1 %on, label %copy, label %out
+copy:
+  %part.at = getelementptr ptr, ptr %parts, i64 %i
+  %size.at = getelementptr i64, ptr %sizes, i64 %i
+  %part = load ptr, ptr %part.at
+  %size = load i64, ptr %size.at
+  %same = call ptr @memcpy(ptr %to, ptr %part, i64 %size)
+  %behind = getelementptr i8, ptr %to, i64 %size
+  %j = add i64 %i, 1
+  br label %one
+out:
+  store ptr %to, ptr %at.next
+  ret void
+}
+
+; steps k + 1 to k + n, of h s each, with a row after each, and one of links after each whose number is a multiple of
+; `every`; how many were done before a component failed
+define i64 @march(ptr %plan, ptr %rows, ptr %of.links, ptr %due, i64 %every, i64 %k, i64 %n, double %h) {
+entry:
+  br label %next
+next:
+  %i = phi i64 [0, %entry], [%done, %over]
+  %on = icmp ult i64 %i, %n
+  br i1 %on, label %step, label %out
+step:
+  %before = add i64 %k, %i
+  %number = add i64 %before, 1
+  %rest = urem i64 %number, %every
+  %is.due = icmp eq i64 %rest, 0
+  %is.due.word = zext i1 %is.due to i64
+  store i64 %is.due.word, ptr %due
+  %count = uitofp i64 %before to double
+  %t = fmul double %count, %h
+  %failed = call i64 @advance(ptr %plan, double %t, double %h)
+  %fine = icmp eq i64 %failed, 0
+  br i1 %fine, label %keep, label %out
+keep:
+  call void @put(ptr %rows)
+  br i1 %is.due, label %keep.links, label %over
+keep.links:
+  call void @put(ptr %of.links)
+  br label %over
+over:
+  %done = add i64 %i, 1
+  br label %next
+out:
+  store i64 0, ptr %due
+  ret i64 %i
+}
 """
 
 
@@ -371,7 +455,7 @@ def _loads(words: type, base: str, prefix: str = "") -> str:
 def _source() -> str:
     """The code with the words of the tables."""
     text = CODE.replace("{BOARD}", _loads(Board, "board")).replace("{PLAN}", _loads(Plan, "plan"))
-    text = text.replace("{GROUP}", _loads(Group, "one", "g."))
+    text = text.replace("{GROUP}", _loads(Group, "one", "g.")).replace("{ROWS}", _loads(Rows, "rows"))
     numbers = {"FREE": FREE, "ASKED": ASKED, "BUSY": BUSY, "ASLEEP": ASLEEP, "ENDED": ENDED}
     numbers |= {name.upper(): Board._fields.index(name) for name in ("t", "h", "seconds", "failed")}
     for name, number in (numbers | {"GROUP_WORDS": len(Group._fields)}).items():
@@ -394,6 +478,7 @@ class Machine(NamedTuple):
 
     engine: Any
     advance: Any
+    march: Any
     do: Any
     serve: Any
     turn: Any
@@ -415,6 +500,7 @@ def machine() -> Machine:
     at, word, real = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
     kinds: dict[str, Any] = {
         "advance": (word, at, real, real),
+        "march": (word, at, at, at, at, word, word, word, real),
         "do": (None, at),
         "serve": (None, at, word),
         "turn": (None, at, word),

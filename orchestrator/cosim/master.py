@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple, Protocol
 
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
 
-Observer = Callable[[int, float, float], None]  # (k, t, h): k steps are done, time is t, the last step took h
+# (k, t, h): k steps are done, time is t, the last step took h. One that need not look after every step has a method
+# patience(k): after the first k steps it looks again after so many, at the latest.
+Observer = Callable[[int, float, float], None]
+UNHURRIED = 1 << 30  # steps: it may look whenever someone else does
+
+
+def patience(observers: Sequence[Observer], k: int) -> int:
+    """Steps after the first k that all of them let pass unseen, and the one that they look at."""
+    return min((one.patience(k) if hasattr(one, "patience") else 1 for one in observers), default=UNHURRIED)
 
 
 class Pace(Protocol):
@@ -18,8 +27,11 @@ class Pace(Protocol):
     def step(self) -> float:
         """Length of the first one, s."""
 
-    def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
-        """Step to the end; yields t and the length of the step that led there, once it is done for good."""
+    def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
+        """Step to the end; yields how many more steps are done for good, t, and the length of the last one.
+
+        ``most``: the steps that can be done together after so many.
+        """
 
 
 class Clock(NamedTuple):
@@ -29,11 +41,13 @@ class Clock(NamedTuple):
     steps: int
     done: int = 0  # steps that an earlier run has done
 
-    def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
-        """Step after step."""
-        for k in range(self.done, self.steps):
-            scheme.advance(k * self.step, self.step)
-            yield (k + 1) * self.step, self.step
+    def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
+        """Step after step, or some at once."""
+        k = self.done
+        while k < self.steps:
+            done = scheme.march(k, min(most(k), self.steps - k), self.step)
+            k += done
+            yield done, k * self.step, self.step
 
 
 class Outcome(NamedTuple):
@@ -59,7 +73,7 @@ def run(
     k, t = begun or (0, 0.0)
     h, seen = pace.step, begun is not None
     with scheme:
-        steps = pace.walk(scheme)
+        steps = pace.walk(scheme, partial(patience, observers))
         while True:
             for observer in () if seen else observers:
                 observer(k, t, h)
@@ -67,9 +81,9 @@ def run(
             if interrupted():
                 return Outcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
             try:
-                t, h = next(steps, (t, 0.0))
+                done, t, h = next(steps, (0, t, 0.0))
             except (ComponentFailed, CouplingFailed) as failure:
                 return Outcome("failed", str(failure), k, t)
-            if not h:
+            if not done:
                 return Outcome("ok", "", k, t)
-            k += 1
+            k += done

@@ -7,14 +7,18 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from orchestrator.cosim import checkpoint
 from orchestrator.cosim.between import Between
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import Recorded
+from orchestrator.cosim.graph import Floats, Recorded
+from orchestrator.cosim.master import UNHURRIED
 from orchestrator.cosim.narration import Narration
+from orchestrator.cosim.tape import Tape
 from orchestrator.log.log_format import CHECKPOINT
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.wire import Rule, Wire
@@ -44,6 +48,7 @@ class Logging:
     """Hands what happened to the recorder: inputs at the step's beginning, outputs and links at its end.
 
     ``between``: links are read at every step; what they did between two records goes to "/<instance>/links/between".
+    It records what is on its ``tape``, where steps are done together, else what the components show.
     """
 
     def __init__(
@@ -61,6 +66,16 @@ class Logging:
         if self._linked:
             self._links = recorder.together([], [f"/{component.name}/links" for component in self._linked])
         self._between = [Between(len(component.links)) for component in self._linked if between]
+        self._last = np.cumsum([len(component.links) for component in self._linked])
+        self.tape = self._tape(1 if between else recorder.stride(self._links) if self._linked else 1)
+
+    def _tape(self, every: int) -> Tape | None:
+        loaded = [component for component in self.components if isinstance(component, Component)]
+        return Tape(loaded, every) if len(loaded) == len(self.components) else None
+
+    def patience(self, k: int) -> int:
+        """Counters have a time."""
+        return self.stats_every - k % self.stats_every
 
     def begin(self, k: int, t: float, h: float) -> None:
         """Go on after step k, whose record is there."""
@@ -68,21 +83,52 @@ class Logging:
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Record step k - 1's inputs and the outputs that belong to time t."""
-        recorder, components = self.recorder, self.components
-        recorder.write(self._step, k, t, h, *self._values)
-        if self._linked and (self._between or recorder.due(self._links, k)):
-            for component in self._linked:
-                component.read_links()
-            recorder.write(self._links, k, t, h, *(component.y_links for component in self._linked))
-            for component, between in zip(self._linked, self._between, strict=False):
-                between.add(component.y_links, h)
-                if recorder.due(self._links, k):
-                    recorder.write(f"/{component.name}/links/between", k, t, h, between.take())
+        taken = self.tape.take() if self.tape else None
+        if taken is None:
+            self._record(k, t, h)
+        else:
+            self.recorder.write_rows(self._step, taken.numbers, taken.t, h, taken.rows)
+            if self._linked and self.tape:
+                due = taken.numbers % self.tape.every == 0
+                self._record_links(taken.numbers[due], taken.t[due], h, taken.links)
         if k % self.stats_every == 0:
-            for component in components:
+            for component in self.components:
                 component.read_counters()
                 cost = np.append(component.counters.astype(float), component.wall_time)
-                recorder.stats(component.name, k, t, h, cost)
+                self.recorder.stats(component.name, k, t, h, cost)
+
+    def _record(self, k: int, t: float, h: float) -> None:
+        """What the components show now."""
+        self.recorder.write(self._step, k, t, h, *self._values)
+        if self._linked and (self._between or self.recorder.due(self._links, k)):
+            for component in self._linked:
+                component.read_links()
+            shown = np.concatenate([component.y_links for component in self._linked])
+            self._record_links(np.array([k]), np.array([t]), h, shown[None])
+
+    def _record_links(self, numbers: NDArray[np.int64], t: Floats, h: float, rows: Floats) -> None:
+        """Outputs of all links (m, n) after some steps, those of all where they are watched between records."""
+        self.recorder.write_rows(self._links, numbers, t, h, rows)
+        parts = np.split(rows, self._last[:-1], axis=1)
+        for component, between, part in zip(self._linked, self._between, parts, strict=False):
+            for row, number, at in zip(part, numbers.tolist(), t.tolist(), strict=True):
+                between.add(row, h)
+                if self.recorder.due(self._links, number):
+                    self.recorder.write(f"/{component.name}/links/between", number, at, h, between.take())
+
+
+class Reached:
+    """How far the run is: ``k`` steps are done, the time is ``t``, s."""
+
+    k, t = 0, 0.0
+
+    def patience(self, k: int) -> int:
+        """It has time."""
+        return UNHURRIED
+
+    def __call__(self, k: int, t: float, h: float) -> None:
+        """So far."""
+        self.k, self.t = k, t
 
 
 class Checkpoints:
@@ -90,6 +136,10 @@ class Checkpoints:
 
     def __init__(self, recorder: Recorder, scheme: Scheme, every: int) -> None:
         self.recorder, self.scheme, self.every = recorder, scheme, every
+
+    def patience(self, k: int) -> int:
+        """They have a time."""
+        return self.every - k % self.every
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """A checkpoint, where one is due."""
@@ -123,6 +173,10 @@ class ProgressBar:
 
     def __exit__(self, *ended: object) -> None:
         self._shown.close()
+
+    def patience(self, k: int) -> int:
+        """It looks at the clock."""
+        return UNHURRIED
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Show time t, a few times a second."""

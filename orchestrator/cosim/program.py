@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.component import Component
+from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.graph import Floats, Indices
 from orchestrator.cosim.machine import ENDED, LOOKS, Desk, Group, Plan, laid_out, machine
+from orchestrator.cosim.tape import Tape
 from orchestrator.log.wire import Rule
 
 LONG = 5e-5  # s: in a shorter step an FMU of ours is mostly Python, which runs in one thread at a time
@@ -63,7 +64,23 @@ class Program:
         for component in self._components:
             component.begin(t)
         if self._machine.advance(self._plan, t, h):
-            raise next(failure for component in self._components if (failure := component.failure()) is not None)
+            raise self.failure()
+
+    def march(self, tape: Tape, k: int, n: int, h: float) -> int:
+        """The steps k + 1 to k + n of ``h`` s; returns how many were done before a component failed, which are on
+        the tape.
+        """
+        for component in self._components:
+            component.begin(k * h)
+        for component in tape.linked:
+            component.show_links(tape.due)
+        done = int(self._machine.march(self._plan, *tape.wound(), tape.due, tape.every, k, n, h))
+        tape.hold(k, done, h)
+        return done
+
+    def failure(self) -> ComponentFailed:
+        """Of the components that failed in the last step at once, the first one's."""
+        return next(failure for component in self._components if (failure := component.failure()) is not None)
 
     def _group(self, stage: Stage) -> Group:
         ends, means = ([move for move in stage.moves if move.rule == rule] for rule in ("end", "middle"))

@@ -24,7 +24,7 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, n
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar
+from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, Reached
 from orchestrator.execution import estimate, summary
 from orchestrator.execution.manifest import NATIVE, STATS_PERIOD, open_log
 from orchestrator.log.reader import Log, LogUnreadable
@@ -107,12 +107,7 @@ def _simulate(
             if logger:
                 logger("log", 1, aliases)
         outcome, startup, wall, spent = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0, 0.0
-        done, reached = 0, 0.0
-
-        def count(k: int, t: float, h: float) -> None:
-            nonlocal done, reached
-            done, reached = k, t
-
+        reached = Reached()
         try:
             about, more = {"fmus": NATIVE} if native else {}, begun.metadata if begun else {}
             with open_log(path, scene, graph, components, scheme, about, more) as recorder:
@@ -120,10 +115,11 @@ def _simulate(
                     begun.copy(recorder)
                 recorded = list(components.values())
                 logging = Logging(recorder, recorded, max(1, round(STATS_PERIOD / pace.step)), bool(scene.folded))
-                observers: list[master.Observer] = [count, logging]
+                observers: list[master.Observer] = [reached, logging]
+                scheme.tape = logging.tape
                 if at is not None:
                     logging.begin(*at)
-                    count(*at)
+                    reached(*at)
                 if scene.run.checkpoints and isinstance(pace, master.Clock) and checkpoint.possible(scheme):
                     every = max(1, round(scene.run.checkpoints / pace.step))
                     if scene.folded:  # between two records of links there is what no checkpoint holds
@@ -154,7 +150,7 @@ def _simulate(
                         result["error"] = estimate.estimate(scene, path, result, _companion(interrupt))
                 recorder.close(outcome.status, outcome.message, outcome.steps, _results(result), result["warnings"])
         except LogFailed as failure:
-            outcome = master.Outcome("failed", f"{failure}, at t = {reached:.6g} s", done, reached)
+            outcome = master.Outcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
             result |= _how_it_ended(outcome, startup, wall) | {"warnings": [*told, *warnings(components)]}
         interrupt.gentle = False
     return result | {"log": str(path), "log_bytes": path.stat().st_size if path.exists() else 0}

@@ -163,6 +163,20 @@ class Page:
         block.sequence[row], block.t[row], block.h[row] = sequence, t, h
         block.count = row + 1
 
+    @property
+    def room(self) -> int:
+        """Rows that the block has room for."""
+        return self.capacity + 1 - self.block.count
+
+    def add_rows(self, sequence: NDArray[np.int64], t: Floats, h: float, values: Floats) -> None:
+        """As many rows as there is room for, at most: numbers and times (m,), the values of all topics (m, n)."""
+        if values.shape != (len(t), sum(self.widths)):
+            raise ValueError(f"{', '.join(self.topics)} have {sum(self.widths)} variables, not {values.shape[1]}")
+        block = self.block
+        rows = slice(block.count, block.count + len(t))
+        block.values[rows], block.sequence[rows], block.t[rows], block.h[rows] = values, sequence, t, h
+        block.count = rows.stop
+
     def turn(self) -> Block:
         """The filled block; another one takes its place."""
         filled = self.block

@@ -111,9 +111,13 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._pages = {topic: other for topic, other in self._pages.items() if topic not in topics} | {name: page}
         return name
 
+    def stride(self, topic: str) -> int:
+        """One step in so many is recorded."""
+        return self._pages[topic].every
+
     def due(self, topic: str, sequence: int) -> bool:
         """Whether ``write`` would record this step: what is not due need not be fetched."""
-        return sequence % self._pages[topic].every == 0
+        return sequence % self.stride(topic) == 0
 
     def write(self, topic: str, sequence: int, t: float, h: float, *values: NDArray[np.float64]) -> None:
         """Record a topic's values at time t (s, 0 to LONGEST) of step ``sequence``, h (s) being the step's length.
@@ -124,20 +128,52 @@ class Recorder(AbstractContextManager["Recorder"]):
         page = self._pages[topic]
         if sequence % page.every:
             return
+        self._check(topic, t)
+        with self._turn:
+            self._ready()
+            page.add(sequence, t, h, values)
+            self._added(page, 1, sequence)
+
+    def write_rows(
+        self, topic: str, sequence: NDArray[np.int64], t: NDArray[np.float64], h: float, values: NDArray[np.float64]
+    ) -> None:
+        """Record many steps of one length, numbers and times (m,): ``values`` (m, n), topics ``together`` in a row."""
+        page = self._pages[topic]
+        if page.every > 1:
+            due = sequence % page.every == 0
+            sequence, t, values = sequence[due], t[due], values[due]
+        if not len(t):
+            return
+        self._check(topic, float(t[0]))
+        self._check(topic, float(t[-1]))
+        with self._turn:
+            self._ready()
+            done = 0
+            while done < len(t):
+                some = slice(done, done + page.room)
+                page.add_rows(sequence[some], t[some], h, values[some])
+                done = min(some.stop, len(t))
+                self._added(page, len(t[some]), int(sequence[done - 1]))
+
+    def _check(self, topic: str, t: float) -> None:
         if not 0.0 <= t < LONGEST:
             raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {LONGEST:g}")
-        with self._turn:
-            if self._failure is not None:
-                raise self._failure
-            if self._closing:
-                raise ValueError(f"the log {self.path} is closed")
-            page.add(sequence, t, h, values)
-            self._last = sequence
-            self._bytes += page.size
-            if self._bytes >= CHUNK or page.block.count > page.capacity:
-                self._hand_over()
-                while len(self._backlog) > BACKLOG and self._failure is None:
-                    self._turn.wait()
+
+    def _ready(self) -> None:
+        """Raises what has gone wrong; the caller holds the lock, here and below."""
+        if self._failure is not None:
+            raise self._failure
+        if self._closing:
+            raise ValueError(f"the log {self.path} is closed")
+
+    def _added(self, page: Page, rows: int, sequence: int) -> None:
+        """A chunk is handed over where it is full; waits where the disk is far behind."""
+        self._last = sequence
+        self._bytes += rows * page.size
+        if self._bytes >= CHUNK or not page.room:
+            self._hand_over()
+            while len(self._backlog) > BACKLOG and self._failure is None:
+                self._turn.wait()
 
     def begin(self, topic: str, sequence: int, t: float, h: float, *values: NDArray[np.float64]) -> None:
         """Topics that are written ``together`` go on after a step whose messages are there already."""

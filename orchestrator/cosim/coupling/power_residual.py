@@ -104,7 +104,7 @@ class PowerResidual:
         self.shortest, self.longest, self.energy = shortest, longest, energy
         self.forced = 0  # shortest steps with too large a residual
 
-    def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
+    def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Step after step to the end; raises CouplingFailed where there is no bond."""
         found = bonds(scheme.members)
         if not found:
@@ -125,7 +125,7 @@ class PowerResidual:
             error = float(np.abs(work[:, 0] - work[:, 1]).sum()) / (size * self.tolerance)
             self.forced += error > 1.0 and h <= self.shortest
             t += h
-            yield t, h
+            yield 1, t, h
             error = max(error, TINY)
             wanted = SAFETY * error**-I_GAIN * (before / error) ** P_GAIN
             h, before = h * min(max(wanted, LEAST), MOST), error

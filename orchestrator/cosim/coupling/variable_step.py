@@ -8,7 +8,7 @@ their state, and with the coupling's own past at uneven steps.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class VariableStep:
         self.rejected = 0  # pairs of steps that were taken back
         self.forced = 0  # pairs kept with too large an error
 
-    def walk(self, scheme: Scheme) -> Iterator[tuple[float, float]]:
+    def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Pairs of steps to the end; both are shown when both are good."""
         t, h = 0.0, self.step
         largest: dict[tuple[str, str, int], float] = {}
@@ -66,11 +66,11 @@ class VariableStep:
                 assert middle is not None
                 end = scheme.save()
                 scheme.restore(middle)
-                yield t + h, h
+                yield 1, t + h, h
                 scheme.restore(end)
                 scheme.free(end)
                 t = t + h + h
-                yield t, h
+                yield 1, t, h
             for saved in (start, middle):
                 if saved is not None:
                     scheme.free(saved)
