@@ -32,6 +32,7 @@ GENERIC = (
     "cosim/graph.py",
     "cosim/machine.py",
     "cosim/program.py",
+    "cosim/tape.py",
     "cosim/master.py",
     "cosim/coupling/input_hold.py",
     "cosim/coupling/scheme.py",

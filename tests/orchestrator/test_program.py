@@ -14,6 +14,7 @@ from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.machine import ASKED, ASLEEP, FREE, KNOWN, Board, laid_out, machine
 from orchestrator.cosim.program import Helper, Move, Program, Stage, spare_processors
+from orchestrator.cosim.tape import Tape
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.wire import RULES, handed_over
@@ -194,13 +195,100 @@ def test_the_time_is_that_of_the_calls():
     assert 0.02 <= slow.told("seconds") < 1.0
 
 
+class Linked(Instance):
+    """One with outputs of links, which are how often they were read; its step ``failing`` fails."""
+
+    def __init__(self, failing=0):
+        super().__init__()
+        self.name, self.links, self.y_links, self.reads = f"{id(self)}", ("a", "b"), np.zeros(2), 0
+        at, (_, step, read) = self.board, self._functions
+
+        def shown(instance, references, n, values):
+            if references != 55:
+                return read(instance, references, n, values)
+            self.reads += 1
+            self.y_links[:] = self.reads, -self.reads
+            return 0
+
+        def stepped(*given):
+            return 3 if self.steps + 1 == failing else step(*given)
+
+        self._more = EXCHANGE(shown), STEP(stepped)
+        for name, function in zip(("get_real", "do_step"), self._more, strict=True):
+            at[Board._fields.index(name)] = cast(function, c_void_p).value
+
+    def show_links(self, due):
+        self.board[Board._fields.index("n_links") :] = 2, 55, self.y_links.ctypes.data, due
+
+
+def marched(n, failing=0):
+    """A pair that feeds one another: as many steps at once, and the rows that single steps show."""
+    pairs = [[Linked(failing), Linked()] for _ in range(2)]
+    programs = []
+    for one, other in pairs:
+        one.y[:], other.y[:] = range(4), range(4, 8)
+        there, back = (
+            [Move(a.u, np.arange(3), b.y, np.arange(1, 4), "start")] for a, b in ((one, other), (other, one))
+        )
+        programs.append(program_of(([one], there), ([other], back)))
+    tape = Tape(pairs[0], every=3)
+    rows = []
+    for k in range(4, 4 + n):
+        try:
+            programs[1].run(k * 0.1, 0.1)
+        except ComponentFailed:
+            break
+        rows.append(np.concatenate([a for which in ("u", "y") for a in (getattr(one, which) for one in pairs[1])]))
+    return pairs[0], programs[0].march(tape, 4, n, 0.1), tape, np.array(rows)
+
+
+def test_many_steps_at_once_are_the_steps_one_by_one():
+    pair, done, tape, rows = marched(5)
+    steps = [call for call in pair[0].called if call[0] == "step"]
+    assert steps == [("step", 11, k * 0.1, 0.1, 1) for k in range(4, 9)]
+    taken = tape.take()
+    assert (done, taken.numbers.tolist(), taken.t.tolist()) == (5, [5, 6, 7, 8, 9], [k * 0.1 for k in range(5, 10)])
+    assert taken.rows.tobytes() == rows.tobytes()
+    assert len(np.unique(rows[:, -1])) == 5, "they change"
+    assert taken.links.tolist() == [[1.0, -1.0, 1.0, -1.0], [2.0, -2.0, 2.0, -2.0]], "after the steps 6 and 9 alone"
+    assert np.array_equal(tape.shown(3)[pair[1].name], rows[3, -4:])
+    assert tape.take() is None
+
+
+@pytest.mark.parametrize("failing", [1, 4])
+def test_of_many_steps_those_before_a_failure_are_kept(failing):
+    pair, done, tape, rows = marched(6, failing)
+    taken = tape.take()
+    assert (done, len(taken.rows)) == (failing - 1, failing - 1)
+    assert taken.rows.tobytes() == rows.tobytes()
+    assert (pair[0].told("failed"), pair[1].steps) == (Board._fields.index("do_step"), failing - 1)
+
+
+def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monkeypatch):
+    """No step is found for a wild sprocket, one by one or many at once: the record, where it ended, what it says."""
+    settings = ("run.stop=0.1", "expect={}", "drive.speed=1e5 rad/s", "drive.ramp_start=0", "drive.ramp_time=0.05")
+    told = []
+    for together in (0.0, 10.0):
+        monkeypatch.setattr(scheme, "TOGETHER", together)
+        path = tmp_path / f"{together}.mcap"
+        result = simulate(load("rig", "rigid", settings), path)
+        with Log(path) as log:
+            told.append((result["status"], result["message"], result["communication_steps"], log.digest()))
+    assert told[0] == told[1]
+    status, message, steps, _ = told[0]
+    assert (status, "link" in message) == ("failed", True)
+    assert 10 < steps < 90
+
+
 @pytest.mark.parametrize("coupling", ["tracks_first", "jacobi", "iterative"])
 def test_python_does_the_same_where_there_is_no_machine_code(tmp_path, monkeypatch, coupling):
     settings = ("run.stop=0.03", "expect={}", "drive.ramp_start=0", f"run.coupling={coupling}")
-    digests = []
-    for known in (True, False):
+    digests = set()
+    for known, together in ((True, 0.05), (True, 0.0), (False, 0.0)):
         monkeypatch.setattr(scheme, "KNOWN", known)
-        assert simulate(load("rig", "rigid", settings), tmp_path / f"{known}.mcap")["status"] == "ok"
-        with Log(tmp_path / f"{known}.mcap") as log:
-            digests.append(log.digest())
-    assert digests[0] == digests[1]
+        monkeypatch.setattr(scheme, "TOGETHER", together)  # many steps at once, or one by one
+        path = tmp_path / f"{known}{together}.mcap"
+        assert simulate(load("rig", "rigid", settings), path)["status"] == "ok"
+        with Log(path) as log:
+            digests.add(log.digest())
+    assert len(digests) == 1

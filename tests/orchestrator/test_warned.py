@@ -11,6 +11,7 @@ from conftest import build_toy, messages
 
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Iterative
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.program import Program
@@ -167,6 +168,7 @@ def test_a_failed_run_tells_its_warnings(cotrack, creaking, monkeypatch):
             raise ComponentFailed("chain: the spring broke")
 
     monkeypatch.setattr(Program, "run", failing)
+    monkeypatch.setattr(scheme, "TOGETHER", 0.0)  # one by one
     status, out, _ = cotrack(*SHORT, "--json")
     assert status == 1
     assert told(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 12}]
