@@ -19,6 +19,9 @@ STANDS = 0.1  # rad/s: a sprocket that turns more slowly stands: there brakes fa
 TURNS = 0.2  # rad/s: one that turns faster is let go
 
 
+WARNINGS = ("step", "warning")  # kinds that tell of the simulation, not of the vehicle
+
+
 class Event(NamedTuple):
     """Something that happened."""
 

@@ -1,4 +1,4 @@
-"""A run as a file for Foxglove: bodies in space, forces of the ground, curves, and a layout that shows them.
+"""A run as a file for Foxglove: bodies in space, forces of the ground, curves, events, and a layout that shows them.
 
 Shapes that do not change are one message on a topic of their own, in frames that move: a viewer that jumps in time asks
 for the last message of each topic.
@@ -19,6 +19,8 @@ from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import events
+from orchestrator.results.analyses.events import WARNINGS, Event
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import ground_arrows
@@ -30,6 +32,7 @@ from orchestrator.results.whole_file import fresh
 
 RATE = 50.0  # instants a second
 WORLD = "world"
+EVENTS = "/events"
 NUMBER = {"type": "object", "properties": {"value": {"type": "number"}}}
 DAMAGING = re.compile(r"\W")
 
@@ -66,6 +69,9 @@ def _write(bodies: Bodies, beside: list[Plot], scale: tuple[float, float], outpu
             for plot in beside
             for signal in plot.signals
         }
+        told = channels.LogChannel(EVENTS, context=context)
+        for event in events.of(bodies.run).events:
+            told.log(_entry(kinds, event), log_time=_nanoseconds(event.t))
         begin = float(bodies.t[0])
         shapes.log(kinds.SceneUpdate(entities=[*_shapes(kinds, bodies, begin)]), log_time=_nanoseconds(begin))
         after = -np.inf
@@ -81,6 +87,11 @@ def _write(bodies: Bodies, beside: list[Plot], scale: tuple[float, float], outpu
                     if np.isfinite(value):  # JSON has no other numbers
                         numbers[signal].log({"value": float(value)}, log_time=_nanoseconds(t))
             after = last + 1e-6
+
+
+def _entry(kinds: ModuleType, event: Event) -> Any:
+    level = kinds.LogLevel.Warning if event.kind in WARNINGS else kinds.LogLevel.Info
+    return kinds.Log(timestamp=_stamp(kinds, event.t), level=level, message=event.text, name=event.component)
 
 
 def _nanoseconds(t: float) -> int:
@@ -242,11 +253,12 @@ def _layout(bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> d
             "isSynced": True, "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False,
             "showXAxisLabels": True, "showYAxisLabels": True, "xAxisVal": "timestamp", "sidebarDimension": 240,
         }  # fmt: skip
+    panels["RosOut!events"] = {"foxglovePanelTitle": "events", "topicToRender": EVENTS, "minLogLevel": 1}
     rows = list(panels)[1:]
-    stack: Any = rows[-1] if rows else None
+    stack: Any = rows[-1]
     for number, row in enumerate(reversed(rows[:-1]), 2):
         stack = {"direction": "column", "first": row, "second": stack, "splitPercentage": 100.0 / number}
-    whole: Any = {"direction": "row", "first": space, "second": stack, "splitPercentage": 60.0} if rows else space
+    whole = {"direction": "row", "first": space, "second": stack, "splitPercentage": 60.0}
     return {
         "configById": panels,
         "globalVariables": {},

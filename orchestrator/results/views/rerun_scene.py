@@ -1,10 +1,10 @@
-"""A run in the viewer Rerun, or as its file: bodies in space, forces of the ground, curves beside."""
+"""A run in the viewer Rerun, or as its file: bodies in space, forces of the ground, curves and events beside."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +17,8 @@ from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
+from orchestrator.results.analyses import events
+from orchestrator.results.analyses.events import WARNINGS, Event
 from orchestrator.results.ground_profile import Ground
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
@@ -40,6 +42,7 @@ from orchestrator.results.whole_file import fresh
 
 RATE = 50.0  # instants a second
 TIMELINE = "time"
+EVENTS = "events"
 
 
 def show(path: Path, output: Path | None = None, colour: str | None = None) -> None:
@@ -48,12 +51,14 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
     Raises BadInput for what cannot be shown or written, and NotInstalled.
     """
     with opened(path, output) as scene, Log(path) as log:
-        bodies, beside = Bodies(RunData(log), RATE, colour), plots(log)
+        run = RunData(log)
+        bodies, beside, happened = Bodies(run, RATE, colour), plots(log), events.of(run).events
         scale = bodies.range()
-        scene.begin(bodies, beside, scale)
+        scene.begin(bodies, beside, scale, bool(happened))
         scene.shapes(bodies, Reach().with_bodies(bodies))
         scene.poses(bodies, scale)
         scene.curves(log, beside)
+        scene.events(happened)
 
 
 @contextmanager
@@ -86,9 +91,9 @@ class Scene:
         self._rerun, self._blueprints, self._recording = rerun, blueprints, recording
         self._name, self._file = name, file
 
-    def begin(self, bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> None:
-        """Where views stand; from here on there is a viewer, or a file."""
-        arranged = _arranged(self._blueprints, bodies, beside, scale)
+    def begin(self, bodies: Bodies, beside: list[Plot], scale: tuple[float, float], told: bool = False) -> None:
+        """Where views stand, one of them for events (``told``); from here on there is a viewer, or a file."""
+        arranged = _arranged(self._blueprints, bodies, beside, scale, told)
         self._recording.send_recording_name(f"{self._name}: {bodies.title}")
         if self._file is None:
             self._recording.spawn(default_blueprint=arranged)
@@ -118,6 +123,14 @@ class Scene:
             times = [rerun.TimeColumn(TIMELINE, duration=t)]
             place = path_of("plots", plot.name, signal)
             self._recording.send_columns(place, times, rerun.Scalars.columns(scalars=values))
+
+    def events(self, happened: Sequence[Event]) -> None:
+        """What happened, as text."""
+        if happened:
+            times = [self._rerun.TimeColumn(TIMELINE, duration=[event.t for event in happened])]
+            texts = [f"{event.component}: {event.text}" for event in happened]
+            levels = ["WARN" if event.kind in WARNINGS else "INFO" for event in happened]
+            self._recording.send_columns(EVENTS, times, self._rerun.TextLog.columns(text=texts, level=levels))
 
 
 def path_of(*names: str) -> str:
@@ -202,7 +215,9 @@ def _move(
     recording.send_columns(place, times, rerun.Transform3D.columns(translation=position, quaternion=turned))
 
 
-def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> Any:
+def _arranged(
+    blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale: tuple[float, float], told: bool
+) -> Any:
     """Space to the left, curves to the right; the eye goes with the hull where there is one."""
     eye, target = _eye(bodies)
     controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
@@ -211,6 +226,7 @@ def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale:
     name = f"links by {bodies.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if bodies.colour else "links"
     space = blueprints.Spatial3DView(origin="world", name=name, eye_controls=blueprints.EyeControls3D(**controls))
     views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in beside]
+    views += [blueprints.TextLogView(origin=EVENTS, name="events")] if told else []
     panes = [space, blueprints.Vertical(*views)] if views else [space]
     shares = [3, 2][: len(panes)]
     return blueprints.Blueprint(
