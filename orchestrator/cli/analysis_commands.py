@@ -27,6 +27,7 @@ class What(StrEnum):
     envelope = "envelope"
     fatigue = "fatigue"
     wheel_loads = "wheel-loads"
+    patches = "patches"
     contact = "contact"
     slip = "slip"
     joints = "joints"
@@ -97,6 +98,7 @@ def analyse(
     envelope     least, mean, largest tension by place on the circuit
     fatigue      rainflow cycles and damage of links
     wheel-loads  of road wheels, and how long they are lifted off
+    patches      contact patches of road wheels and idlers on links
     contact      pressure under links
     slip         and thrust of tracks
     joints       extremes of joint forces, where and when

@@ -20,6 +20,7 @@ from orchestrator.results.analyses import (
     fatigue,
     joints,
     links,
+    patches,
     power,
     slip,
     spectrum,
@@ -27,6 +28,7 @@ from orchestrator.results.analyses import (
 )
 from orchestrator.results.analyses.asked import NAMES, analyse
 from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.views.bodies import Bodies
 from orchestrator.scene.scene import load
 
 STEP = 1e-3
@@ -522,6 +524,53 @@ def test_loads_of_wheels_are_counted_by_time(tmp_path):
     np.testing.assert_allclose([found.least, found.most], [[7e3, 0.0], [13e3, 8e3]], rtol=1e-9)
 
 
+def test_a_wheel_on_a_flat_face_has_the_patch_of_a_circle():
+    """A chord of the rim, or what of it lies on the link; its depth is the circle's to some per mille."""
+    radius, face, sunk, pitch = 0.3, 0.03, 0.004, 0.15
+    pins = np.array([[0.0, 0.0, 0.0], [pitch, 0.0, 0.0], [2 * pitch, 0.0, 0.0]])
+    normals = np.tile([0.0, 0.0, -1.0], (1, 2, 1))  # outwards: the wheel stands on it
+    height, half = radius - sunk, np.sqrt(radius**2 - (radius - sunk) ** 2)
+
+    def depths(low, high):
+        """Mean of the exact depth."""
+        s = np.linspace(low, high, 20001)
+        return radius - np.trapezoid(np.hypot(height, s), s) / (high - low)
+
+    def found(place, high=0.0):
+        centre = np.array([[place, 0.0, height + face + high]])
+        return (each[0] for each in patches.patch(pins[None], normals, centre, radius, face))
+
+    length, depth = found(0.075)
+    np.testing.assert_allclose(length, [2 * half, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(depth, [depths(-half, half), 0.0], rtol=2e-3)
+    length, depth = found(pitch + 0.01)
+    np.testing.assert_allclose(length, [half - 0.01, half + 0.01], rtol=1e-12)
+    np.testing.assert_allclose(depth, [depths(-half, -0.01), depths(-0.01, half)], rtol=2e-3)
+    assert not any(each.any() for each in found(0.075, sunk + 1e-9))
+
+
+@pytest.mark.parametrize(("face", "fits"), [(0.029, True), (0.030, False)])
+def test_patches_at_rest_carry_what_wheels_are_loaded_by(driven, face, fits):
+    """Stiffness times depth, along the normals of the links: some per mille more, as those of the rim fan out."""
+    with Log(driven) as log:
+        run, start = RunData(log), Window(-1.0, 1e-6)
+        bodies, vehicle = Bodies(run, patches.FASTEST, window=start), run.scene["vehicle"]
+        poses, found = next(bodies.blocks()), patches.of(run, start)
+        links, pairs = poses.links["left_track"], []
+        for wheel in bodies.wheels:
+            if wheel.kind == "road_wheel":
+                at = poses.wheels[wheel.name].position
+                length, depth = patches.patch(links.pins, links.axes[..., 2], at, wheel.radius, face)
+                share = length[0] * depth[0] * vehicle["contact"]["wheel"]["stiffness"] / vehicle["track"]["pitch"]
+                force = run.vectors("left_track", "out", f"{wheel.name.partition('/')[2]}.force", window=start)[1][0]
+                pairs.append((-(share @ links.axes[0, :, 2, 2]), force[2]))
+                if fits:
+                    assert found.length[0, found.wheels.index(wheel.name.replace("/", "."))] == length.sum()
+    carried, load = np.transpose(pairs)
+    assert len(load) == 5
+    assert bool(np.all(np.abs(carried - load) <= 0.015 * np.abs(load))) == fits, pairs
+
+
 # events
 
 
@@ -585,6 +634,7 @@ def test_analyse_prints_tables_and_json_and_files(cotrack, driven, tmp_path):
         "envelope",
         "fatigue",
         "wheel-loads",
+        "patches",
         "contact",
         "slip",
         "joints",

@@ -11,8 +11,8 @@ from orchestrator.log.reader import Log
 from orchestrator.results.run_data import EVER, RunData, Window
 
 NAMES = (
-    "power", "spectrum", "envelope", "fatigue", "wheel-loads", "contact", "slip", "joints", "links", "deformation",
-    "events",
+    "power", "spectrum", "envelope", "fatigue", "wheel-loads", "patches", "contact", "slip", "joints", "links",
+    "deformation", "events",
 )  # fmt: skip
 
 

@@ -1,0 +1,89 @@
+"""Contact patches of wheels: the part of the links' inner faces that lies inside a rim, and how deep.
+
+A face is straight from pin to pin, moved inwards from the pins (the vehicle table's ``track.face``): of flexible links,
+whose faces bend between their pins, the depth is some per cent of itself off.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.views.bodies import Bodies
+
+GAUSS = 0.5 / np.sqrt(3.0)  # two points on a unit interval lie so far off its middle
+FASTEST = 1e6  # records a second: all of them
+KINDS = ("road_wheel", "idler")  # smooth ones
+
+
+class Patches(NamedTuple):
+    """Of each wheel at each record of links."""
+
+    wheels: tuple[str, ...]  # "left_track.road_wheel[1]"
+    t: Floats  # (m,) s
+    length: Floats  # (m, wheels) m, along the links
+    depth: Floats  # (m, wheels) m, mean over the patch; 0 without one
+    links: Floats  # (m, wheels) how many links have a part in it
+
+    def table(self) -> Table:
+        """A row for each wheel: over the records of the window."""
+        values = (
+            1e3 * self.length.mean(axis=0), 1e3 * self.length.max(axis=0), 1e3 * self.depth.mean(axis=0),
+            1e3 * self.depth.max(axis=0), self.links.mean(axis=0),
+        )  # fmt: skip
+        columns = (
+            ("wheel", ""), ("length", "mm"), ("longest", "mm"), ("depth", "mm"), ("deepest", "mm"), ("links", "mean"),
+        )  # fmt: skip
+        rows = list(zip(self.wheels, *(each.tolist() for each in values), strict=True))
+        return Table("Contact patches: links inside the rims of wheels", columns, rows)
+
+
+def patch(pins: Floats, normals: Floats, centre: Floats, radius: float, face: float) -> tuple[Floats, Floats]:
+    """Length of the part of each link's inner face inside a rim (m, links), m, and its mean depth there (m, links), m.
+
+    ``pins`` (m, nodes, 3), as many nodes as links in a closed chain; ``normals`` (m, links, 3) of the faces, outwards;
+    ``centre`` (m, 3) of the wheel. Stiffness times length over pitch times depth is the force of a linear contact
+    (``fmus/physics/contact/wheel.py``: two Gauss points).
+    """
+    links = normals.shape[1]
+    along = np.roll(pins, -1, axis=1)[:, :links] - pins[:, :links]
+    pitch = np.linalg.norm(along, axis=2)
+    to = centre[:, None] - pins[:, :links]
+    foot = np.einsum("mnk,mnk->mn", to, along) / pitch
+    height = -np.einsum("mnk,mnk->mn", to, normals) - face
+    half = np.sqrt(np.maximum(radius * radius - height * height, 0.0)) * (height > 0.0)
+    low, high = (np.clip(foot + side * half, 0.0, pitch) for side in (-1.0, 1.0))
+    length = high - low
+    points = (0.5 * (low + high) + side * GAUSS * length - foot for side in (-1.0, 1.0))
+    depth = radius - 0.5 * sum(np.hypot(height, point) for point in points)
+    return length, np.where(length > 0.0, depth, 0.0)
+
+
+def of(run: RunData, window: Window = EVER) -> Patches:
+    """Of all road wheels and idlers; raises Missing."""
+    bodies = Bodies(run, FASTEST, window=window)
+    wheels = [wheel for wheel in bodies.wheels if wheel.kind in KINDS and wheel.track in run.tracks]
+    if not wheels or not bodies.tracks:
+        raise Missing(f"{run.log.path} holds no links on wheels")
+    face = hull.number(run, "track", "face")
+    parts = []
+    for poses in bodies.blocks():
+        found = np.zeros((3, len(poses.t), len(wheels)))
+        for k, wheel in enumerate(wheels):
+            links = poses.links[wheel.track]
+            centre = poses.wheels[wheel.name].position
+            length, depth = patch(links.pins, links.axes[..., 2], centre, wheel.radius, face)
+            whole = length.sum(axis=1)
+            found[:, :, k] = (
+                whole,
+                (length * depth).sum(axis=1) / np.where(whole, whole, 1.0),
+                (length > 0.0).sum(axis=1),
+            )
+        parts.append(found)
+    names = tuple(wheel.name.replace("/", ".") for wheel in wheels)
+    return Patches(names, bodies.t, *np.concatenate(parts, axis=1))
