@@ -109,8 +109,10 @@ class Logging:
     def _record_links(self, numbers: NDArray[np.int64], t: Floats, h: float, rows: Floats) -> None:
         """Outputs of all links (m, n) after some steps, those of all where they are watched between records."""
         self.recorder.write_rows(self._links, numbers, t, h, rows)
+        if not self._between:
+            return
         parts = np.split(rows, self._last[:-1], axis=1)
-        for component, between, part in zip(self._linked, self._between, parts, strict=False):
+        for component, between, part in zip(self._linked, self._between, parts, strict=True):
             for row, number, at in zip(part, numbers.tolist(), t.tolist(), strict=True):
                 between.add(row, h)
                 if self.recorder.due(self._links, number):

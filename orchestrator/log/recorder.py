@@ -141,7 +141,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         page = self._pages[topic]
         if page.every > 1:
             due = sequence % page.every == 0
-            sequence, t, values = sequence[due], t[due], values[due]
+            if not due.all():
+                sequence, t, values = sequence[due], t[due], values[due]
         if not len(t):
             return
         self._check(topic, float(t[0]))

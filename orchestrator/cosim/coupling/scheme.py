@@ -19,7 +19,7 @@ from orchestrator.cosim.program import Move, Program, Stage
 from orchestrator.cosim.tape import CAPACITY, Tape
 from orchestrator.log.wire import Rule, handed_over
 
-TOGETHER = 5e-3  # s of wall time: who looks on a run waits no longer
+TOGETHER = 1e-2  # s of wall time: who looks on a run waits no longer
 
 
 class CouplingFailed(RuntimeError):
