@@ -252,6 +252,10 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
         np.array(batch["Transform3D:translation"].to_pylist())[:, 0], poses.wheels[wheel].position, atol=1e-6
     )
     assert "/world/ground" in static
+    assert "LineStrips3D:strips" in static[f"/{rerun_scene.FOLLOWED}"][0].schema.names, "an eye follows shapes alone"
+    np.testing.assert_allclose(
+        np.array(found["/world/hull"][0]["Transform3D:translation"].to_pylist())[:, 0], poses.hull.position, atol=1e-6
+    )
     assert sum(piece.num_rows for piece in found["/plots/speed/chassis.speed"]) == 41  # every record
     (told,) = found["/events"]
     with Log(driven) as log:

@@ -43,6 +43,7 @@ from orchestrator.results.whole_file import fresh
 RATE = 50.0  # instants a second
 TIMELINE = "time"
 EVENTS = "events"
+FOLLOWED = "world/hull/shape"  # an eye goes with what has a shape of its own, not with a frame
 
 
 def show(path: Path, output: Path | None = None, colour: str | None = None) -> None:
@@ -149,7 +150,7 @@ def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
     if bodies.hull:
         lines = bodies.hull.corners[bodies.hull.edges]
         shape = rerun.LineStrips3D(lines, colors=[colours.HULL], radii=0.012)
-        recording.log(path_of("world", "hull", "shape"), shape, static=True)
+        recording.log(FOLLOWED, shape, static=True)
 
 
 def _send_ground(rerun: ModuleType, recording: Any, ground: Ground, reach: Reach) -> None:
@@ -222,7 +223,7 @@ def _arranged(
     eye, target = _eye(bodies)
     controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
     if bodies.hull:
-        controls["tracking_entity"] = "world/hull"
+        controls["tracking_entity"] = FOLLOWED
     name = f"links by {bodies.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if bodies.colour else "links"
     space = blueprints.Spatial3DView(origin="world", name=name, eye_controls=blueprints.EyeControls3D(**controls))
     views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in beside]
