@@ -26,7 +26,7 @@ from orchestrator.results.page.chain import chain
 from orchestrator.results.page.circuit import profile
 from orchestrator.results.page.document import document
 from orchestrator.results.page.embedded import floats, script, unpacked
-from orchestrator.results.page.envelope import Envelope
+from orchestrator.results.thinned import Envelope
 from orchestrator.results.page.events import events, lifted
 from orchestrator.results.page.pressure import pressure
 from orchestrator.results.page.side_view import UNIT, side_view

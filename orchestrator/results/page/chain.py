@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats, Series
-from orchestrator.results.page.envelope import Curve, Envelope, Peak
+from orchestrator.results.analyses import contact, of_links
 from orchestrator.results.page.signals import span
 from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.thinned import Curve, Envelope, Peak
 
 SLICES = 240  # of time, in the maps, at most
 ALIKE = 1e-9  # of two values that differ by rounding
-_MEMBER = re.compile(r"(link|joint)\[(\d+)\]\.(.+)")
 
 
 class Columns(NamedTuple):
@@ -56,25 +55,8 @@ class Chain(NamedTuple):
 
 def columns(names: tuple[str, ...]) -> Columns:
     """Of the names of a topic with outputs per link."""
-    members: dict[str, dict[int, int]] = {}
-    for column, name in enumerate(names):
-        if found := _MEMBER.fullmatch(name):
-            members.setdefault(f"{found[1]}.{found[3]}", {})[int(found[2])] = column
-
-    def one(what: str) -> list[int]:
-        return [column for _, column in sorted(members.get(what, {}).items())]
-
-    def three(what: str) -> list[list[int]]:
-        parts = [one(f"{what}.{axis}") for axis in "xyz"]
-        return [list(each) for each in zip(*parts, strict=True)] if len({len(part) for part in parts}) == 1 else []
-
-    return Columns(
-        one("link.tension"),
-        one("link.stress"),
-        three("joint.position"),
-        three("joint.force"),
-        three("link.ground.force"),
-    )
+    wanted = ("link[*].tension", "link[*].stress", "joint[*].position", "joint[*].force", contact.SIGNAL)
+    return Columns(*(of_links.columns(names, signal).tolist() for signal in wanted))
 
 
 def chain(run: RunData, track: str) -> Chain:

@@ -45,23 +45,34 @@
   const unit = (title) => (title.includes(", ") ? ` ${title.split(", ").pop()}` : ""); // of an axis
 
   const lines = (chart) => {
-    const traces = chart.traces.map((trace) => ({
-      type: "scatter", mode: trace.points ? "lines+markers" : "lines", name: trace.name,
-      x: Array.from(floats(trace.t)), y: Array.from(floats(trace.y)),
+    const curve = (trace, of, more) => ({
+      type: "scatter", mode: trace.points ? "lines+markers" : "lines", name: trace.name, legendgroup: trace.name,
+      x: Array.from(floats(of.t)), y: Array.from(floats(of.y)),
       line: trace.reference
         ? { color: colour("ink"), width: 1.2, dash: ["dash", "dot", "dashdot", "longdash"][trace.colour % 4] }
         : { color: colour(`c${trace.colour % 6}`), width: trace.behind ? 4 : 1.5 },
       marker: { size: 4 }, opacity: trace.behind ? 0.45 : 1,
       hovertemplate: `%{y:.4g}${unit(chart.y)}<br>${chart.x.split(",")[0]} %{x:.4g}${unit(chart.x)}<extra>${trace.name}</extra>`,
-    }));
+      ...more,
+    });
+    const bands = chart.traces.filter((trace) => trace.mean); // every recorded extreme, light, under the means
+    const traces = bands.map((trace) => curve({ ...trace, behind: false }, trace, { opacity: 0.3, showlegend: false }))
+      .concat(chart.traces.map((trace) => curve(trace, trace.mean || trace, trace.mean
+        ? { hovertemplate: `%{y:.4g}${unit(chart.y)}<br>time %{x:.4g} s<extra>${trace.name}, mean</extra>` } : {})));
+    if (chart.window) { // two entries of the legend that say what line and band are
+      const entry = (name, look) => traces.push({ type: "scatter", mode: "lines", name, x: [null], y: [null], hoverinfo: "skip",
+        line: { color: colour("muted"), width: 1.5 }, ...look });
+      entry(`line: mean over ${chart.window}`, {});
+      entry("light: least to most", { line: { color: colour("muted"), width: 6 }, opacity: 0.3 });
+    }
     if (chart.mark) {
       traces.push({ type: "scatter", mode: "markers", x: [chart.mark[0]], y: [chart.mark[1]], hoverinfo: "skip",
         showlegend: false, marker: { size: 10, color: "rgba(0,0,0,0)", line: { width: 2, color: colour("bad") } } });
     }
-    const range = chart.timed ? { range: data.span } : {};
+    const range = chart.timed ? { range: data.span } : {}, named = chart.traces.length > 1 || chart.window !== "";
     const y = chart.equal ? { scaleanchor: "x", scaleratio: 1 } : chart.flat ? { range: chart.flat } : {};
     return [traces, layout({ xaxis: axis(chart.x, range), yaxis: axis(chart.y, y), ...sectioned(chart),
-      showlegend: chart.traces.length > 1, margin: { l: 52, r: 12, t: chart.traces.length > 1 ? 28 : 10, b: 42 } })];
+      showlegend: named, margin: { l: 52, r: 12, t: named ? 28 : 10, b: 42 } })];
   };
 
   const waterfall = (chart) => {
@@ -117,6 +128,7 @@
   const draw = (name, chart) => {
     const place = document.getElementById(`chart-${name}`);
     if (!place) return;
+    place.classList.toggle("banded", Boolean(chart.window)); // its legend needs two more rows
     const [traces, look] = kinds[chart.kind](chart);
     Plotly.react(place, traces, look, config).then(() => {
       if (place.dataset.told || !(chart.timed || chart.kind === "heat")) return;

@@ -6,11 +6,11 @@ from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
-from orchestrator.results.page.envelope import BINS
 from orchestrator.results.page.sections import Pair, Section, table
 from orchestrator.results.page.study import attempt
 from orchestrator.results.page.words import number, percent, quantity, text
 from orchestrator.results.run_data import RunData
+from orchestrator.results.thinned import BINS
 
 WORDS = {"good": "complete", "fair": "not whole", "bad": "not complete"}
 RECOVERED = "recovered from a broken log"  # as ``cotrack log recover`` says

@@ -15,7 +15,6 @@ from orchestrator.results.page.balance import KINDS, sentence
 from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
-from orchestrator.results.page.envelope import Curve
 from orchestrator.results.page.events import Event, events, lifted
 from orchestrator.results.page.facts import COMING_TO_REST, unmade
 from orchestrator.results.page.pressure import pressure
@@ -23,10 +22,12 @@ from orchestrator.results.page.signals import Recorded
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import and_list, instance, number, percent, plain, quantity, text, wheel_name
 from orchestrator.results.run_data import EVER, Window
+from orchestrator.results.thinned import Curve
 
 INSTANTS = 4  # at which the chain is shown round its way
 SHOWN_EVENTS = 40
 AT_REST = 1e-6  # m/s
+DEGREES = 180.0 / np.pi
 LEAST_WAY = 0.5  # m beside the straight line: below, a way from above shows nothing
 
 
@@ -51,16 +52,22 @@ class Pair(NamedTuple):
         """Curves of signals, of each its name and what it is called, of both runs as far as they have them."""
         known = [(signal, name, k) for k, (signal, name) in enumerate(parts, colour) if signal in self.run.signals]
         alike = len(known) == 2 and _alike(*(self.run.signals[signal] for signal, *_ in known))
+        window = self.run.ripple.window
+        means = {signal: self.run.mean(signal, window) for signal, *_ in known}
         found = [
-            Line(name, self.run.signals[signal].curve, k, behind=alike and not place)
+            Line(name, self.run.signals[signal].curve, k, means[signal], behind=alike and not place)
             for place, (signal, name, k) in enumerate(known)
         ]
-        reference = self.reference.signals if self.reference else {}
-        return found + [
-            Line(f"{name}, reference", reference[signal].curve, k, reference=True)
-            for k, (signal, name) in enumerate(parts, colour)
-            if signal in reference and known
-        ]
+        others = self.reference.signals if self.reference and known else {}
+        for k, (signal, name) in enumerate(parts, colour):
+            if other := others.get(signal):  # one band is enough: of what is held against it the mean alone
+                curve = other.moving.over(window) if means.get(signal) else other.curve
+                found.append(Line(f"{name}, reference", curve, k, reference=True))
+        return found
+
+    def over_time(self, quantity: str, unit: str, drawn: Sequence[Line]) -> Chart:
+        """A chart of what ``drawn`` made."""
+        return lines(quantity, unit, drawn, window=self.run.ripple.words)
 
 
 def _alike(one: Recorded, other: Recorded) -> bool:
@@ -144,31 +151,26 @@ def motion(pair: Pair) -> Section | None:
     for key, title in (("speed", "Speed of the hull"), ("distance", "Way along the heading at the start")):
         signal = f"chassis.{key}"
         if drawn := pair.drawn([(signal, key)]):
-            charts[key] = lines(key, study.signals[signal].unit, drawn)
+            charts[key] = pair.over_time(key, study.signals[signal].unit, drawn)
             html += figure(key, title, _range(study.signals[signal]))
     angles = pair.drawn([("chassis.pitch", "pitch"), ("chassis.roll", "roll")])
     if angles:
-        degrees = [line._replace(curve=Curve(line.curve.t, np.degrees(line.curve.y))) for line in angles]
-        charts["pitch"] = lines("angle", "degrees", degrees)
+        charts["pitch"] = pair.over_time("angle", "degrees", [line.times(DEGREES) for line in angles])
         html += figure("pitch", "Pitch and roll", "Nose down and right side down are positive.")
     settled = pair.drawn([("chassis.settlement", "settlement")])
     if settled:
-        charts["settlement"] = lines("down", "mm", _times(settled, 1e3))
+        charts["settlement"] = pair.over_time("down", "mm", [line.times(1e3) for line in settled])
         html += figure("settlement", "Settlement", "Downward motion of the hull's centre of mass since the start.")
     if way := _way(pair):
         charts["way"] = way
         html += figure("way", "Way from above", "World axes; the centre of mass of the hull.")
     drawn = pair.drawn([(f"{track}.speed", plain(track)) for track in study.run.tracks])
     if any(np.abs(line.curve.y).max() > AT_REST for line in drawn):
-        charts["chain-speed"] = lines("speed", "m/s", drawn)
+        charts["chain-speed"] = pair.over_time("speed", "m/s", drawn)
         html += figure("chain-speed", "Speed of the chain", "Along itself, seen from the vehicle.")
     return (
         Section("motion", "Motion", "How did it move?", f'<div class="grid">{html}</div>', charts) if charts else None
     )
-
-
-def _times(drawn: list[Line], factor: float) -> list[Line]:
-    return [line._replace(curve=Curve(line.curve.t, factor * line.curve.y)) for line in drawn]
 
 
 def _range(signal: Recorded) -> str:
@@ -208,12 +210,12 @@ def drive(pair: Pair) -> Section | None:
         signals = [found for each in study.drives if (found := study.signals.get(f"{each}{what}"))]
         if signals:
             drawn = pair.drawn([(f"{each}{what}", plain(each.rstrip("."))) for each in study.drives])
-            charts[key] = lines(what, signals[0].unit, drawn)
+            charts[key] = pair.over_time(what, signals[0].unit, drawn)
             top = max(signals, key=lambda signal: abs(signal.largest.value)).largest
             html += figure(key, title, f"{note} Largest: {quantity(top.value, signals[0].unit)} at {number(top.t)} s.")
     slips = pair.drawn([(f"{track}.slip", plain(track)) for track in study.run.tracks])
     if any(np.any(line.curve.y) for line in slips):
-        charts["slip"] = lines("slip", "mm/s", _times(slips, 1e3))
+        charts["slip"] = pair.over_time("slip", "mm/s", [line.times(1e3) for line in slips])
         note = (
             "Rearward speed of the pads over the ground, weighted by their load. It may be below zero under a driven"
             " vehicle: wheels rock the loaded links forward about their pads, and the hull outruns the pin line."
@@ -281,7 +283,7 @@ def tension(pair: Pair) -> Section | None:
     if tracks:
         drawn = pair.drawn([(f"{track}.tension.max", f"largest, {plain(track)}") for track in tracks[:2]])
         drawn += pair.drawn([(f"{track}.tension.mean", f"mean, {plain(track)}") for track in tracks[:2]], 2)
-        charts["tension"] = lines("tension", "N", drawn)
+        charts["tension"] = pair.over_time("tension", "N", drawn)
         html += figure("tension", "Largest and mean tension", "Over all links of a track, at every step.", "wide")
     if study.chains:
         found = study.hardest
@@ -388,7 +390,7 @@ def loads(pair: Pair) -> Section | None:
         names = [name.removesuffix(".load") for name in study.signals if name.endswith(".load")]
         own = [name for name in names if name.partition(".")[0] == track]
         if drawn := pair.drawn([(f"{name}.load", wheel_name(name.partition(".")[2])) for name in own]):
-            charts[f"wheels-{side}"] = lines("force", "N", drawn)
+            charts[f"wheels-{side}"] = pair.over_time("force", "N", drawn)
             html += figure(f"wheels-{side}", f"Road wheels, {instance(track)}", _least_loaded(study, track))
     grounded = [
         track for track in study.run.tracks
@@ -396,7 +398,7 @@ def loads(pair: Pair) -> Section | None:
     ]  # fmt: skip
     if grounded:
         drawn = pair.drawn([(f"{track}.ground.force.z", plain(track)) for track in grounded])
-        charts["ground"] = lines("force", "N", drawn)
+        charts["ground"] = pair.over_time("force", "N", drawn)
         html += figure("ground", "Vertical force of the ground", "On each track.")
     html = f'<div class="grid">{html}</div>' if html else ""
     html += _of_wheels(study) if html else ""
