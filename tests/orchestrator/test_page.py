@@ -26,13 +26,13 @@ from orchestrator.results.page.chain import chain
 from orchestrator.results.page.circuit import profile
 from orchestrator.results.page.document import document
 from orchestrator.results.page.embedded import floats, script, unpacked
-from orchestrator.results.thinned import Envelope
 from orchestrator.results.page.events import events, lifted
 from orchestrator.results.page.pressure import pressure
 from orchestrator.results.page.side_view import UNIT, side_view
 from orchestrator.results.page.study import study
 from orchestrator.results.page.words import number, quantity, text
 from orchestrator.results.run_data import EVER, RunData, Window
+from orchestrator.results.thinned import Envelope
 from orchestrator.scene.scene import load
 
 PLOTS = "/* plotly.js v0 */"  # stands for the library

@@ -90,8 +90,15 @@ def waterfall(rows: Sequence[tuple[str, float, str]]) -> Chart:
     }
 
 
-def heat(quantity: str, unit: str, t: Floats, values: Floats, mark: tuple[float, int, str] | None = None) -> Chart:
-    """Values (m, links) over time and link; ``mark``: time, link and a word."""
+def heat(
+    quantity: str,
+    unit: str,
+    t: Floats,
+    values: Floats,
+    mark: tuple[float, int, str] | None = None,
+    reference: Floats | None = None,
+) -> Chart:
+    """Values (m, links) over time and link; ``mark``: time, link and a word; ``reference``: to be shown instead."""
     factor, name = scaled(float(np.nanmax(np.abs(values), initial=0.0)), unit)
     return {
         "kind": "heat",
@@ -101,5 +108,6 @@ def heat(quantity: str, unit: str, t: Floats, values: Floats, mark: tuple[float,
         "t": floats(t),
         "links": values.shape[1],
         "values": floats(values.T / factor),
+        "reference": None if reference is None else floats(reference.T / factor),
         "mark": [mark[0], mark[1], text(mark[2])] if mark else None,
     }
