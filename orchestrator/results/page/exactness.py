@@ -22,8 +22,8 @@ def exactness(pair: Pair) -> Section:
     found = result(pair.run, "error")
     rows = _rows(found.get("observables")) if isinstance(found, dict) else []
     if rows:
-        head = "Observable", "Estimated error", "Relative", "Coupling", "Integration", ""
-        html = f"<p>{ABOUT}</p>{table(head, rows)}"
+        head = "Observable", "Relative", "Coupling", "Integration", "Estimated error"
+        html = f"<p>{ABOUT}</p>{table(head, rows, 'numbers')}"
     else:
         said = text(found.get("message") or "") if isinstance(found, dict) else ""
         why = said or "no coarser run was made beside it (<code>cotrack run</code> makes one by default)"
@@ -37,13 +37,13 @@ def _rows(observables: Any) -> list[tuple[str, ...]]:
     found = [(name, one) for name, one in known if isinstance(one, dict) and _is_number(one.get("total"))]
     return [
         (
-            text(name.replace("_", " ")),
+            text(name.replace("_", " "))
+            + ("" if one.get("decisive") else f"<br><span class='muted'>{SENSITIVE}</span>"),
+            f"<b>{percent(one['total'], 2)}</b>" if one.get("decisive") else percent(one["total"], 2),
+            *(percent(one[part], 2) if _is_number(one.get(part)) else "" for part in ("coupling", "integration")),
             quantity(one["absolute"], str(one.get("unit", "")).replace("N m", "N.m"), 3)
             if _is_number(one.get("absolute"))
             else "",
-            f"<b>{percent(one['total'], 2)}</b>" if one.get("decisive") else percent(one["total"], 2),
-            *(percent(one[part], 2) if _is_number(one.get(part)) else "" for part in ("coupling", "integration")),
-            "" if one.get("decisive") else f"<span class='muted'>{SENSITIVE}</span>",
         )
         for name, one in sorted(found, key=lambda each: (not each[1].get("decisive"), -each[1]["total"]))
     ]

@@ -62,11 +62,11 @@
     if (chart.window) { // two entries of the legend that say what line and band are
       const entry = (name, look) => traces.push({ type: "scatter", mode: "lines", name, x: [null], y: [null], hoverinfo: "skip",
         line: { color: colour("muted"), width: 1.5 }, ...look });
-      entry(`line: mean over ${chart.window}`, {});
+      entry(`line: mean over ${narrow() ? chart.window.replace(" at top speed", "") : chart.window}`, {});
       entry("light: least to most", { line: { color: colour("muted"), width: 6 }, opacity: 0.3 });
     }
     if (chart.mark) {
-      traces.push({ type: "scatter", mode: "markers", x: [chart.mark[0]], y: [chart.mark[1]], hoverinfo: "skip",
+      traces.push({ type: "scatter", mode: "markers", x: [chart.mark[0]], y: [chart.mark[1]], hoverinfo: "skip", cliponaxis: false,
         showlegend: false, marker: { size: 10, color: "rgba(0,0,0,0)", line: { width: 2, color: colour("bad") } } });
     }
     const range = chart.timed ? { range: data.span } : {}, named = chart.traces.length > 1 || chart.window !== "";

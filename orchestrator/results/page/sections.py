@@ -301,17 +301,17 @@ def _losses(study: Study) -> str:
     whole = sum(loss.dissipated + loss.covered for loss in found.values())
     rows = [
         (
-            instance(name) + (", both sides" if study.run.copies(name) > 1 else ""),
+            f"{instance(name)}{', both sides' if study.run.copies(name) > 1 else ''}<br>"
+            f"<span class='muted'>{text(loss.parts) or 'its model description does not say'}</span>",
             quantity(loss.dissipated, "J"),
             quantity(loss.covered, "J", 3) if loss.covered else "",
             percent((loss.dissipated + loss.covered) / whole) if whole else "",
-            text(loss.parts) or "<span class='muted'>its model description does not say</span>",
         )
         for name, loss in found.items()
     ]
-    head = "Component", "Dissipated", "Contacts moving along links", "Of all losses", "What is dissipated, in its words"
-    told = "A component gives the sum of its losses, not its parts: what they are is told in the words of its FMU."
-    return f"<h3>What was lost where</h3><p class='muted'>{told}</p>{table(head, rows)}"
+    head = "Component, and what its losses are", "Dissipated", "Contacts moving<br>along links", "Of all losses"
+    told = "A component gives the sum of its losses, not their parts: what is in it is told in the words of its FMU."
+    return f"<h3>What was lost where</h3><p class='muted'>{told}</p>{table(head, rows, 'numbers')}"
 
 
 def tension(pair: Pair) -> Section | None:
