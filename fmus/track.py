@@ -66,7 +66,7 @@ OUTPUTS = (
     (
         "energy.dissipated",
         "J",
-        "energy lost so far by friction and damping of contacts (ground, wheels, guides, teeth), and by damping of links",
+        "energy lost by friction and damping of contacts (ground, wheels, guides, teeth), and by damping of links",
     ),
     ("energy.work", "J", "work done so far by the loads on the ends"),
     ("penetration.max", "m", "deepest penetration of any contact"),

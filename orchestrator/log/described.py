@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from fmus.vehicle import sentence
-from orchestrator.log.reader import Log, LogUnreadable, NoSuchSignal
+from orchestrator.log.reader import Log, LogUnreadable
 
 Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
 
@@ -60,11 +60,11 @@ def system_of(log: Log) -> dict[str, Any]:
 
 
 def said_of(log: Log, signal: str) -> str:
-    """What a component's own model description says of "instance.variable"; "" where it says nothing."""
+    """What a component's own model description says of "instance.variable"; "" where it says nothing or is damaged."""
     instance, _, variable = signal.partition(".")
     try:
         tree = ElementTree.fromstring(log.attachment(f"{instance}.modelDescription.xml"))
-    except (NoSuchSignal, ElementTree.ParseError):
+    except (LogUnreadable, ElementTree.ParseError, LookupError, ValueError):  # a LookupError too: there is none
         return ""
     found = (each.get("description", "") for each in tree.iter("ScalarVariable") if each.get("name") == variable)
     return next(found, "")

@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from hypothesis.extra import numpy as arrays
 from orchestrator.execution.again import command
 from orchestrator.execution.reported import _judged
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.reader import Log
+from orchestrator.log.described import said_of
+from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, contact, wheel_loads
@@ -223,7 +225,7 @@ def test_losses_are_those_of_the_components_in_their_words(vehicle):
     assert sum(loss.dissipated + loss.covered for loss in found.values()) == pytest.approx(
         books.dissipated + books.covered, rel=1e-12
     )
-    assert found["left_track"].parts.startswith("energy lost so far by friction and damping of contacts (ground, ")
+    assert found["left_track"].parts.startswith("energy lost by friction and damping of contacts (ground, ")
     assert found["chassis"].parts == "work done on the dampers of suspension and tensioners"
     assert "brake" in found["left_drive"].parts
     rows = re.search(r"What was lost where.*?</table>", html, re.S)[0]
@@ -232,6 +234,29 @@ def test_losses_are_those_of_the_components_in_their_words(vehicle):
         told = f"{found[name].parts}</span></td><td>{quantity(found[name].dissipated, 'J')}</td>"
         assert told in rows
         assert f"<td>{percent(share)}</td>" in rows
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"<a",
+        b'<?xml version="1.0" encoding="none"?><a/>',
+        b"<a><ScalarVariable name='x'/></a>",
+        b"\xff\xfe<",
+        None,
+    ],
+)
+def test_a_model_description_that_says_nothing_is_no_hindrance(content):
+    def attachment(name):
+        assert name == "a.modelDescription.xml"
+        if content is None:
+            raise LogUnreadable("it is damaged")
+        return content
+
+    assert said_of(SimpleNamespace(attachment=attachment), "a.x") == ""
+    whole = b"<a><ScalarVariable name='y' description='no'/><ScalarVariable name='x' description='this &lt;'/></a>"
+    assert said_of(SimpleNamespace(attachment=lambda name: whole), "a.x") == "this <"
 
 
 def test_bars_of_the_energy_add_up(vehicle):
