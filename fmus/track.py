@@ -63,7 +63,11 @@ OUTPUTS = (
     ("energy.strain", "J", "strain energy of the links and of a closing spring"),
     ("energy.gravity", "J", "potential energy of the links over the origin of the start frame"),
     ("energy.contact", "J", "energy stored in contact springs"),
-    ("energy.dissipated", "J", "energy lost so far in contacts, friction and material"),
+    (
+        "energy.dissipated",
+        "J",
+        "energy lost by friction and damping of contacts (ground, wheels, guides, teeth), and by damping of links",
+    ),
     ("energy.work", "J", "work done so far by the loads on the ends"),
     ("penetration.max", "m", "deepest penetration of any contact"),
     ("ground.force.x", "N", "force of the ground on the chain, x, world, mean over the step"),

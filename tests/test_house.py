@@ -255,6 +255,19 @@ def test_the_checks_see_forbidden_imports():
     assert ours({"fmus.chassis.model", "fmus.vehicle.BadInput"}, "fmus") == {"fmus.chassis.model"}
 
 
+def test_numbers_in_names_of_signals_are_read_in_one_place():
+    """``link[12].tension`` is a family and a number by ``schema.family`` alone."""
+    behind = [
+        file.relative_to(ORCHESTRATOR).as_posix()
+        for file in sources(ORCHESTRATOR)
+        if any(
+            isinstance(node, ast.Constant) and isinstance(node.value, str) and "\\[(\\d" in node.value
+            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        )
+    ]
+    assert behind == ["log/schema.py"]
+
+
 def test_physics_and_libraries_do_not_print():
     for file in [*sources(FMUS), *sources(ORCHESTRATOR)]:
         if file.is_relative_to(ORCHESTRATOR / "cli"):

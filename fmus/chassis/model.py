@@ -93,7 +93,8 @@ class Model(Component):
             Port("energy.kinetic", "output", "J", "kinetic energy"),
             Port("energy.gravity", "output", "J", "gravity energy since the start"),
             Port("energy.spring", "output", "J", "energy of suspension and tensioner springs"),
-            Port("energy.dissipated", "output", "J", "work done on the dampers since the start"),
+            Port("energy.dissipated", "output", "J", "work done on the dampers of suspension and tensioners" + (
+                ", and lost by friction and damping where it touches the ground" if self._ground else "")),
             Port("port.work", "output", "J", "work of the input wrenches since the start"),
             *(touch_ports() if self._ground else ()),
             Port("solver.steps", "output", "1", "internal steps since the start", 0),

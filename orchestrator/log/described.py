@@ -1,8 +1,9 @@
-"""What a log says of its system (``system.json``), checked: it may come from anyone."""
+"""What a log says of its system (``system.json``) and of its components, checked: it may come from anyone."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any
+from xml.etree import ElementTree
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -56,3 +57,14 @@ def system_of(log: Log) -> dict[str, Any]:
     except ValidationError as error:
         raise LogUnreadable(sentence(error, f"{log.path}: system.json")) from None
     return table
+
+
+def said_of(log: Log, signal: str) -> str:
+    """What a component's own model description says of "instance.variable"; "" where it says nothing or is damaged."""
+    instance, _, variable = signal.partition(".")
+    try:
+        tree = ElementTree.fromstring(log.attachment(f"{instance}.modelDescription.xml"))
+    except (LogUnreadable, ElementTree.ParseError, LookupError, ValueError):  # a LookupError too: there is none
+        return ""
+    found = (each.get("description", "") for each in tree.iter("ScalarVariable") if each.get("name") == variable)
+    return next(found, "")

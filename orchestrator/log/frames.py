@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,10 +10,8 @@ import numpy as np
 from orchestrator.log.export import side_by_side
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
+from orchestrator.log.schema import family
 from orchestrator.log.time_series import EVER, Floats
-
-_MEMBER = re.compile(r"\[(\d+)\]")
-
 
 Named = dict[str, tuple[str, Floats]]  # by signal its unit and values (m,)
 
@@ -68,16 +65,15 @@ def to_xarray(log: Log, *signals: str, window: tuple[float, float] = EVER) -> An
     t, columns = _table(log, signals, window)
     families: dict[str, dict[int, str]] = {}
     for name in columns:
-        found = _MEMBER.findall(name)
-        family = _MEMBER.sub("", name) if len(found) == 1 else name
-        families.setdefault(family, {})[int(found[0]) if len(found) == 1 else 0] = name
+        key, index = family(name)
+        families.setdefault(key.replace("[*]", ""), {})[index or 0] = name
     arrays = {}
-    for family, members in families.items():
+    for key, members in families.items():
         unit = {"units": columns[next(iter(members.values()))][0]}
         if 0 in members:
-            arrays[family] = xarray.DataArray(columns[members[0]][1], {"t": t}, ["t"], attrs=unit)
+            arrays[key] = xarray.DataArray(columns[members[0]][1], {"t": t}, ["t"], attrs=unit)
             continue
         of = next(iter(members.values())).partition("[")[0].rpartition(".")[2]
         values = np.stack([columns[name][1] for name in members.values()], axis=1)
-        arrays[family] = xarray.DataArray(values, {"t": t, of: [*members]}, ["t", of], attrs=unit)
+        arrays[key] = xarray.DataArray(values, {"t": t, of: [*members]}, ["t", of], attrs=unit)
     return xarray.Dataset(arrays)

@@ -98,7 +98,7 @@ def places(names: Sequence[str]) -> list[str]:
     """For each variable the place of its value: ``field``, or ``field[index]`` counted from 0."""
     families: dict[str, list[int]] = {}
     for name in names:
-        key, index = _family(name)
+        key, index = family(name)
         if index is not None:
             families.setdefault(key, []).append(index)
     whole = {
@@ -110,7 +110,7 @@ def places(names: Sequence[str]) -> list[str]:
     field_of: dict[str, str] = {}
     result = []
     for name in names:
-        key, index = _family(name)
+        key, index = family(name)
         folded = index is not None and key in whole
         label = key if folded else name
         if label not in field_of:
@@ -121,7 +121,7 @@ def places(names: Sequence[str]) -> list[str]:
     return result
 
 
-def _family(name: str) -> tuple[str, int | None]:
+def family(name: str) -> tuple[str, int | None]:
     """``link[3].tension`` -> ("link[*].tension", 3); a name without exactly one index -> (name, None)."""
     found = _INDEX.findall(name)
     return (_INDEX.sub("[*]", name), int(found[0])) if len(found) == 1 else (name, None)

@@ -193,7 +193,15 @@ def slip(run: RunData, of: str, window: Window) -> float:
 
 
 def speed_excess(run: RunData, of: str, window: Window) -> float:
-    """Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1."""
+    """Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1.
+
+    The sprocket is a polygon: its chain's speed rises and falls by some 2 % as each tooth passes, but the mean stays
+    one pitch a tooth. With pads on the line of the pins the hull runs at that mean less the slip, at -0.2 %. Pads lie
+    29 mm below the pins, though, and road wheels rock each loaded link forward about its pad: the hull runs ahead, by
+    1.4 % with contact spread along the link, by 2.4 % where two points bear it. So 0 to 5 % is that band and as much
+    again: a vehicle below it spins its tracks, one beyond it is not driven by its teeth. It cannot tell contact models
+    apart.
+    """
     vehicle = run.scene["vehicle"]
     omega = np.mean([run.mean(f"{_drive(run, side)}.speed", window) for side in run.sides])
     kinematic = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] * omega / (2 * np.pi)

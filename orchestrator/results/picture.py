@@ -25,6 +25,7 @@ MOVES = 0.05  # of the largest speed
 WHEELS = ("sprocket", "road_wheel", "idler")
 UPRIGHT = 0.7  # height over width beyond which instants stand beside each other
 MARGIN = 0.25  # m round what is drawn
+HIGH, NUMBER = 4.2, 0.6  # inches: of a pane beside others, and of the room that a number under it needs
 
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
@@ -63,9 +64,14 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         for pane, links in zip(panes, found, strict=True):
             add(pane, run, track, links, scale, corners)
             if upright:
-                pane.locator_params(axis="x", nbins=2)
+                pane.label_outer()
         driven = run.has(f"{track}.sprocket.force.x")
-        panes[-1].set_xlabel("ahead of the sprocket axle, m" if driven else "x of the start, m")
+        x_label = "ahead of the sprocket axle, m" if driven else "x of the start, m"
+        if upright:  # a pane is about as narrow as a number
+            panes[0].locator_params(axis="x", nbins=max(1, int(HIGH * wide / high / NUMBER) - 1), min_n_ticks=1)
+            figure.supxlabel(x_label, fontsize="medium")
+        else:
+            panes[-1].set_xlabel(x_label)
         figure.colorbar(scale, ax=list(panes), label="link tension, kN", shrink=0.8)
         title = f"{run.scene['title']} ({run.scene['track']['model']} links)"
         figure.suptitle(f"{title}\n{track}, seen from the right", fontsize=10, parse_math=False)

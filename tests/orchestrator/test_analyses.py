@@ -22,12 +22,14 @@ from orchestrator.results.analyses import (
     links,
     patches,
     power,
+    signal_picture,
     slip,
     spectrum,
     wheel_loads,
 )
 from orchestrator.results.analyses.asked import NAMES, analyse
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.thinned import Envelope
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.scene.scene import load
 
@@ -699,6 +701,22 @@ def test_plot_draws_every_kind(cotrack, driven, tmp_path, options):
     assert (status, out, err) == (0, "a.png\n", "")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_curves_of_long_records_are_thinned_as_those_of_the_page(tmp_path):
+    t = np.arange(20_001) * STEP
+    values = np.sin(3.0 * t)
+    values[7777], values[12345] = 9.0, -8.0
+    rows = {"/track/out": (t, np.stack([values, t], axis=1))}
+    path = made(tmp_path / "s.mcap", {"/track/out": [("force", "N"), ("travel", "m")]}, rows)
+    with Log(path) as log:
+        (found,) = signal_picture._curves(RunData(log), ["track.force"], EVER, False, False, 0, False)
+    assert (found.x[found.y.argmax()], found.x[found.y.argmin()]) == (t[7777], t[12345]), "each when it was"
+    assert {*zip(found.x, found.y, strict=True)} <= {*zip(t, values, strict=True)}
+    same = Envelope(0.0, float(t[-1]), 1, signal_picture.CURVE)
+    same.add(t, values[:, None])
+    assert np.array_equal(found.x, same.curve(0).t)
+    assert np.array_equal(found.y, same.curve(0).y)
 
 
 def test_plot_of_several_logs_names_them(cotrack, driven, spinning, tmp_path):

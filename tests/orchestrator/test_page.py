@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,24 +16,27 @@ from hypothesis.extra import numpy as arrays
 from orchestrator.execution.again import command
 from orchestrator.execution.reported import _judged
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.reader import Log
+from orchestrator.log.described import said_of
+from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
+from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, contact, wheel_loads
 from orchestrator.results.analyses import events as happened
 from orchestrator.results.energy import ledger
 from orchestrator.results.ground_profile import ground
 from orchestrator.results.page import ending
+from orchestrator.results.page.balance import balance
 from orchestrator.results.page.chain import chain
 from orchestrator.results.page.circuit import profile
 from orchestrator.results.page.document import document
 from orchestrator.results.page.embedded import floats, script, unpacked
-from orchestrator.results.page.envelope import Envelope
 from orchestrator.results.page.events import events, lifted
 from orchestrator.results.page.pressure import pressure
 from orchestrator.results.page.side_view import UNIT, side_view
-from orchestrator.results.page.study import study
-from orchestrator.results.page.words import number, quantity, text
+from orchestrator.results.page.study import Judged, study
+from orchestrator.results.page.words import number, percent, quantity, text
 from orchestrator.results.run_data import EVER, RunData, Window
+from orchestrator.results.thinned import Envelope
 from orchestrator.scene.scene import load
 
 PLOTS = "/* plotly.js v0 */"  # stands for the library
@@ -77,14 +81,17 @@ def signal(log, name):
     return series.t, series.values[:, column]
 
 
-def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=None, results=None):
-    """A log of outputs by instance and name, with a system and a scene."""
+def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=None, results=None, links=None):
+    """A log of outputs by instance and name, with a system and a scene; ``links``: of outputs of the links of "a"."""
     topics, instances = {}, []
     for name in columns:
         instance, _, variable = name.partition(".")
         topics.setdefault(f"/{instance}/out", []).append((variable, "N"))
         if instance not in instances:
             instances.append(instance)
+    if links:
+        topics["/a/links"] = [(name, "N") for name in links]
+        columns = columns | {f"a.{name}": values for name, values in links.items()}
     system = {"instances": [{"name": name} for name in instances], "connections": []}
     attachments = {"system.json": json.dumps(system).encode(), "scene.json": json.dumps(scene or {}).encode()}
     with Recorder(path, topics, attachments, metadata or {}) as recorder:
@@ -158,6 +165,98 @@ def test_curves_keep_the_extremes_of_the_log(vehicle):
             assert drawn.max() == pytest.approx(values.max(), rel=1e-6)
             assert drawn.min() == pytest.approx(values.min(), rel=1e-6)
     assert charts["ground"]["y"] == "force, kN"
+
+
+TEETH = {"vehicle": {"sprocket": {"teeth": 10}}}
+
+
+def rippling(path, teeth=TEETH, size=1.0):
+    """A log of a drive whose torque rises by 100 N m a second and ripples by 50 N m tooth by tooth, at 20 rad/s."""
+    t = np.linspace(0.0, 4.0, 3201)
+    torque = 100.0 * t + 50.0 * size * np.sin(200.0 * t)
+    columns = {"d.speed": np.full(3201, 20.0), "d.torque": torque, "a.travel": t, "d.power": 20.0 * t}
+    return written(path, columns, t, teeth), t, torque
+
+
+def test_a_band_has_the_line_of_its_mean_and_keeps_its_extremes(tmp_path):
+    path, t, torque = rippling(tmp_path / "a.mcap")
+    charts = embedded(page(path))["charts"]
+    assert charts["torque"]["window"] == "2 tooth passings at top speed, 62.8 ms", "one is less than 4 s / 100"
+    (trace,) = charts["torque"]["traces"]
+    band = {(float(x), float(y)) for x, y in zip(unpacked(trace["t"]), unpacked(trace["y"]), strict=True)}
+    assert band <= {*zip(map(float, t.astype("f4")), map(float, torque.astype("f4")), strict=True)}, "as recorded"
+    assert max(y for _, y in band) == np.float32(torque.max())
+    x, mean = unpacked(trace["mean"]["t"]), unpacked(trace["mean"]["y"])
+    inner = (x > 0.04) & (x < 3.96)
+    assert inner.sum() > 450
+    assert np.abs(mean - 100.0 * x)[inner].max() < 0.5
+    for key in ("power", "sprocket-speed"):
+        assert (charts[key]["window"], charts[key]["traces"][0]["mean"]) == ("", None), "a line is drawn as it is"
+    other = rippling(tmp_path / "b.mcap", {"vehicle": {"sprocket": {"teeth": 11}}})[0]
+    (trace,) = embedded(page(other))["charts"]["torque"]["traces"]
+    x, mean = unpacked(trace["mean"]["t"]), unpacked(trace["mean"]["y"])
+    assert np.abs(mean - 100.0 * x)[(x > 0.04) & (x < 3.96)].max() > 2.0, "teeth that are not those of the ripple"
+    plain = embedded(page(rippling(tmp_path / "c.mcap", {})[0]))["charts"]["torque"]
+    assert plain["window"] == "40 ms", "without a sprocket a hundredth of the run"
+
+
+def test_a_reference_to_a_band_is_its_mean_over_the_same_time(tmp_path):
+    path = rippling(tmp_path / "a.mcap")[0]
+    other = rippling(tmp_path / "b.mcap", size=0.001)[0]
+    own, reference = embedded(page(path, other))["charts"]["torque"]["traces"]
+    assert (own["reference"], reference["reference"]) == (False, True)
+    assert len(unpacked(reference["t"])) == 501
+    own, reference = embedded(page(other, path))["charts"]["torque"]["traces"]
+    assert own["mean"] is None, "this one is a line: against it all of the other is drawn"
+    assert np.ptp(unpacked(reference["y"]) - 100.0 * unpacked(reference["t"])) == pytest.approx(100.0, rel=0.05)
+
+
+def test_losses_are_those_of_the_components_in_their_words(vehicle):
+    html = page(vehicle)
+    with Log(vehicle) as log:
+        run = RunData(log)
+        books = ledger(run)
+        found = balance(run, books).losses
+        for name, loss in found.items():
+            ends = {kind: signal(log, f"{name}.energy.{kind}")[1][[0, -1]] for kind in ("dissipated", "covered")
+                    if run.has(f"{name}.energy.{kind}")}  # fmt: skip
+            assert loss.dissipated == pytest.approx(np.diff(ends["dissipated"])[0], rel=1e-12)
+            assert loss.covered == pytest.approx(np.diff(ends["covered"])[0] if "covered" in ends else 0.0, rel=1e-12)
+    assert sum(loss.dissipated + loss.covered for loss in found.values()) == pytest.approx(
+        books.dissipated + books.covered, rel=1e-12
+    )
+    assert found["left_track"].parts.startswith("energy lost by friction and damping of contacts (ground, ")
+    assert found["chassis"].parts == "work done on the dampers of suspension and tensioners"
+    assert "brake" in found["left_drive"].parts
+    rows = re.search(r"What was lost where.*?</table>", html, re.S)[0]
+    for name in ("left_track", "right_track", "chassis"):
+        share = (found[name].dissipated + found[name].covered) / (books.dissipated + books.covered)
+        told = f"{found[name].parts}</span></td><td>{quantity(found[name].dissipated, 'J')}</td>"
+        assert told in rows
+        assert f"<td>{percent(share)}</td>" in rows
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"<a",
+        b'<?xml version="1.0" encoding="none"?><a/>',
+        b"<a><ScalarVariable name='x'/></a>",
+        b"\xff\xfe<",
+        None,
+    ],
+)
+def test_a_model_description_that_says_nothing_is_no_hindrance(content):
+    def attachment(name):
+        assert name == "a.modelDescription.xml"
+        if content is None:
+            raise LogUnreadable("it is damaged")
+        return content
+
+    assert said_of(SimpleNamespace(attachment=attachment), "a.x") == ""
+    whole = b"<a><ScalarVariable name='y' description='no'/><ScalarVariable name='x' description='this &lt;'/></a>"
+    assert said_of(SimpleNamespace(attachment=lambda name: whole), "a.x") == "this <"
 
 
 def test_bars_of_the_energy_add_up(vehicle):
@@ -290,6 +389,47 @@ def test_the_side_view_shows_what_was_recorded(vehicle):
     assert len(view["wheels"]) == 7
 
 
+def bearing(change=0.0):
+    """Times and outputs of three links: the first is most tense at 0.3 s, the second most stressed at 0.7 s."""
+    t = np.linspace(0.0, 1.0, 101)
+    blow = {moment: np.exp(-(((t - moment) / 0.05) ** 2)) for moment in (0.3, 0.5, 0.7)}
+    links = {f"link[{i}].tension": np.full(101, 100.0 * i) for i in (1, 2, 3)}
+    links |= {f"link[{i}].stress": np.full(101, 1e6) for i in (1, 2, 3)}
+    links |= {
+        f"joint[{i}].{what}.{axis}": 1.0 * t for i in (1, 2, 3) for what in ("position", "force") for axis in "xyz"
+    }
+    links["link[1].tension"] = 100.0 + 5e3 * blow[0.3]
+    links["link[2].stress"] = 1e6 + 4e6 * blow[0.7]
+    links["joint[2].force.x"], links["joint[2].force.y"] = 3e3 * blow[0.5], 4e3 * blow[0.5]
+    links["joint[2].force.z"] = 0.0 * t
+    links["joint[3].force.x"] = change * blow[0.5]
+    return t, links
+
+
+def test_every_link_that_bears_the_most_has_its_curves(tmp_path):
+    t, links = bearing()
+    html = page(written(tmp_path / "a.mcap", {"a.travel": t}, t, links=links))
+    charts = embedded(html)["charts"]
+    assert "Link 1 of a, which bore the most tension</h3>" in html
+    assert "Link 2 of a, which had the most stress and had the most force in its pin</h3>" in html
+    assert {key for key in charts if key.startswith("link-")} == {
+        f"link-{link}-{key}" for link in (1, 2) for key in ("tension", "stress", "force")
+    }
+    force = np.linalg.norm([links[f"joint[2].force.{axis}"] for axis in "xyz"], axis=0)
+    for key, values, moment, size in (
+        ("link-1-tension", links["link[1].tension"], 0.3, 1e-3),
+        ("link-2-stress", links["link[2].stress"], 0.7, 1e-6),
+        ("link-2-force", force, 0.5, 1e-3),
+    ):
+        (trace,) = charts[key]["traces"]
+        assert unpacked(trace["t"]) == pytest.approx(t, abs=1e-6), "all samples: there is room for them"
+        assert unpacked(trace["y"]) == pytest.approx(size * values, rel=1e-6)
+        assert charts[key]["mark"] == pytest.approx([moment, size * values.max()])
+    t, links = bearing(5.2e3)  # 4 % more, in another pin
+    html = page(written(tmp_path / "b.mcap", {"a.travel": t}, t, links=links))
+    assert "Link 3 of a, which had the most force in its pin</h3>" in html
+
+
 # --- thinned curves --------------------------------------------------------------------------------
 
 
@@ -379,15 +519,32 @@ def test_an_estimated_error_and_rejected_steps_are_told(tmp_path):
     error = {
         "total": 0.0123,
         "message": "",
-        "observables": {"torque": one, "pitch": one | {"total": 0.5, "decisive": False}},
+        "observables": {
+            "tension_mean": one | {"total": 0.0005, "absolute": 7.5, "unit": "N", "coupling": 0.0003},
+            "torque": one | {"absolute": 1234.0, "unit": "N m", "coupling": 0.0101, "integration": None},
+            "pitch": one | {"total": 0.5, "decisive": False},
+            "odd": {"total": "1", "decisive": False},
+        },
     }
     results = {"error": json.dumps(error), "wall_time": "4.0"}
     html = page(written(tmp_path / "a.mcap", {"a.travel": t}, t, results=results))
     assert "1.2 %</div>" in html
     assert "of torque, the worst observable" in html
+    rows = re.findall(r"<tr><td>(.*?)</tr>", re.search(r'id="exactness".*?</table>', html, re.S)[0])
+    assert [row.partition("<")[0] for row in rows] == ["torque", "tension mean", "pitch"], (
+        "worst first, then what is sensitive"
+    )
+    assert rows[0] == "torque</td><td><b>1.2 %</b></td><td>1 %</td><td></td><td>1.23 kN m</td>"
+    assert rows[1] == "tension mean</td><td><b>0.05 %</b></td><td>0.03 %</td><td></td><td>7.5 N</td>"
+    assert "does not count" in rows[2]
+    assert "<b>" not in rows[2]
     assert ">0.25 \N{MULTIPLICATION SIGN}<" in html
     html = page(written(tmp_path / "b.mcap", {"a.travel": t}, t))
-    assert "not estimated" in html
+    assert "The error of this run was not estimated: no coarser run was made beside it" in html
+    unknown = {"error": json.dumps({"total": None, "message": HOSTILE, "observables": {}})}
+    assert f"was not estimated: {text(HOSTILE)}." in page(
+        written(tmp_path / "d.mcap", {"a.travel": t}, t, results=unknown)
+    )
     topics = {"/a/out": [("travel", "m")], "/stats/a": [("solver.rejected", "1")]}
     system = {"system.json": b'{"instances": [{"name": "a"}], "connections": []}'}
     with Recorder(tmp_path / "c.mcap", topics, system, {}) as recorder:
@@ -404,6 +561,23 @@ def test_an_estimated_error_and_rejected_steps_are_told(tmp_path):
         (0.2, "halved its step 2 times"),
         (0.4, "halved its step 3 times"),
     ]
+
+
+def test_a_check_says_why_its_bounds_are_what_they_are(tmp_path):
+    t = np.linspace(0.0, 1.0, 11)
+    expected = load("straight").expect["speed_excess"]
+    low, high = expected.expected - expected.tolerance, expected.expected + expected.tolerance
+    assert (low, high) == (0.0, 0.05), "as the measure says"
+    assert "So 0 to 5 % is" in " ".join(measures.speed_excess.__doc__.split())
+    scene = {"expect": {"speed_excess": {"measure": "speed_excess"}, "travel": {"signal": "a.travel"}}}
+    one = {"value": 0.014, "expected": 0.025, "tolerance": 0.025, "ok": True, "note": ""}
+    with Log(written(tmp_path / "a.mcap", {"a.travel": t}, t, scene)) as log:
+        html = document(study(RunData(log), Judged({"speed_excess": one, "travel": one}, {})), None, PLOTS)
+    checks = re.search(r'id="checks".*?</table>', html, re.S)[0]
+    assert "Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1" in checks
+    assert checks.count('class="muted why"') == 1
+    for words in ("The sprocket is a polygon", "So 0 to 5 % is", "It cannot tell contact models apart."):
+        assert words in checks
 
 
 # --- a page that stands alone ----------------------------------------------------------------------
@@ -535,6 +709,25 @@ def test_two_runs_stand_side_by_side(vehicle, tmp_path):
         assert unpacked(traces[1]["y"]).max() == pytest.approx(signal(log, "chassis.speed")[1].max(), rel=1e-6)
     assert "The reference is <b>vehicle.mcap</b>" in html
     assert "They part first in" in html
+    data = embedded(html)
+    shown, drawn = data["player"]["reference"], data["charts"]["tension-map"]
+    with Log(vehicle) as log:
+        run = RunData(log)
+        links, below = run.links("left_track", EVER), ground(run.scene)
+        axle = run.log.sample(["left_track.sprocket.position.z"], links.t)
+    rows = [np.abs(links.t - moment).argmin() for moment in unpacked(data["player"]["t"])]
+    raw = np.frombuffer(base64.b64decode(shown["pins"]), "<i2").reshape(len(rows), 64, 2) * UNIT
+    assert np.abs(raw[..., 0] - links.forward[rows]).max() <= 0.51 * UNIT
+    assert np.abs(raw[..., 1] - (links.up[rows] + axle[rows] - below.level)).max() <= 0.51 * UNIT
+    assert (shown["pictures"], shown["closed"]) == (len(rows), True)
+    edges = np.linspace(0.0, 0.06, len(unpacked(drawn["t"])) + 1)
+    k = np.clip((links.t * (len(edges) - 1) / 0.06).astype(int), 0, len(edges) - 2)
+    most = [links.tension[k == slice_].max(axis=0) for slice_ in range(len(edges) - 1)]
+    assert unpacked(drawn["reference"]).reshape(64, -1) == pytest.approx(1e-3 * np.array(most).T, rel=1e-6)
+    assert unpacked(drawn["values"]) != pytest.approx(unpacked(drawn["reference"]), rel=1e-3), "the run's own"
+    assert '<option value="difference">' in html
+    assert embedded(page(vehicle))["charts"]["tension-map"]["reference"] is None
+    assert "<select data-chart" not in page(vehicle)
     with Log(other) as one, Log(vehicle) as two:
         t, a = signal(one, "chassis.pitch")
         b = np.interp(t, *signal(two, "chassis.pitch"))

@@ -387,6 +387,23 @@ def foot():
     return 2 * 0.02 * np.sin(0.1) + straight / np.tan(0.1)
 
 
+def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
+    path, drawn = tmp_path / "folded.mcap", []
+    simulate(load("folded_chain", "rigid", ("run.stop=0.01", "chain.links=65", "expect={}")), path)
+    monkeypatch.setattr(picture, "saved", lambda figure, output: drawn.append(figure))
+    picture.draw(path, tmp_path / "x.png")
+    (figure,) = drawn
+    figure.canvas.draw()
+    panes = figure.axes[:-1]  # the last one is the scale of colours
+    assert len({pane.get_position().y0 for pane in panes}) == 1, "they stand beside each other"
+    for pane in panes:
+        low, high = pane.get_xlim()
+        labels = [each for each in pane.get_xticklabels() if low <= each.get_position()[0] <= high]
+        boxes = sorted((each.get_window_extent().x0, each.get_window_extent().x1) for each in labels)
+        assert len(boxes) >= 1
+        assert all(end < begin for (_, end), (begin, _) in pairwise(boxes))
+
+
 def test_pictures_are_of_instants_in_which_something_moves():
     recorded = np.arange(0, 10.01, 0.1)
     assert picture._instants(recorded, None, Window(1.0, 4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
-NUMBER = re.compile(r"link\[(\d{1,9})\]")
 SIZE = 200  # records that are in memory at once
 GROUPS = {  # signals by the groups of ``track.link_outputs`` that record them
     "link[*].tension": "tension",
@@ -47,8 +46,8 @@ def has(run: RunData, track: str, signal: str) -> bool:
 def count(run: RunData, track: str) -> int:
     """How many links of a track were recorded, by their signals; 0 without any."""
     topic = run.log.topics.get(f"/{track}/links")
-    found = [NUMBER.match(name) for name in topic.names] if topic else []
-    return max((int(each[1]) for each in found if each), default=0)
+    found = [family(name) for name in topic.names] if topic else []
+    return max((number for key, number in found if number and key.startswith("link[*]")), default=0)
 
 
 def unit(run: RunData, track: str, signal: str) -> str:
@@ -81,14 +80,20 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
 def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
     """Columns (n,) or, of a vector, (n, 3); raises Missing."""
     topic = f"/{track}/links"
-    names = run.log.topics[topic].names if topic in run.log.topics else ()
+    found = columns(run.log.topics[topic].names if topic in run.log.topics else (), signal)
+    if not found.size:
+        group = GROUPS.get(signal)
+        how = f"; record it with the group '{group}' of track.link_outputs in the scene" if group else ""
+        raise Missing(f"{run.log.path} holds no '{track}.{signal}'{how}")
+    return found
+
+
+def columns(names: Sequence[str], signal: str) -> np.ndarray:
+    """Where names of a topic hold a signal of links 1, 2, ...: (n,) or, of a vector, (n, 3); empty for none."""
     of = {name: column for column, name in enumerate(names)}
     parts = [""] if signal.replace("*", "1") in of else [".x", ".y", ".z"]
     found: list[list[int]] = []
     while all(signal.replace("*", str(len(found) + 1)) + part in of for part in parts):
         found.append([of[signal.replace("*", str(len(found) + 1)) + part] for part in parts])
-    if not found:
-        group = GROUPS.get(signal)
-        how = f"; record it with the group '{group}' of track.link_outputs in the scene" if group else ""
-        raise Missing(f"{run.log.path} holds no '{track}.{signal}'{how}")
-    return np.array(found)[:, 0] if parts == [""] else np.array(found)
+    whole = np.array(found, int).reshape(-1, len(parts))
+    return whole[:, 0] if len(parts) == 1 else whole

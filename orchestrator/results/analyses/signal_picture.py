@@ -1,12 +1,11 @@
 """Signals of logs as pictures: over time, by frequency or tooth order, or a family of them as a map.
 
-A picture has room for some thousand instants: of longer records it shows, for so many records at a time, the least and
-the largest value (curves) or the mean (maps). So a long log needs little memory.
+A picture has room for some thousand instants: of longer records it shows the least and the largest value of equal
+intervals of time (curves, by ``thinned.py``) or the mean of so many records (maps). So a long log needs little memory.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from itertools import takewhile
 from pathlib import Path
@@ -16,9 +15,11 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
+from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, spectrum
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window
+from orchestrator.results.thinned import Envelope
 from orchestrator.results.whole_file import fresh, refuse
 
 if TYPE_CHECKING:
@@ -26,13 +27,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KINDS = (".png", ".svg", ".pdf")
-CURVE, MAP = 4000, 1500  # instants that a picture shows
+CURVE, MAP = 2000, 1500  # intervals of time, and instants, that a picture shows
 PLACE = "along the chain from the sprocket, m"
 STYLES = (("-", "solid"), ("--", "dashed"), (":", "dotted"), ("-.", "dash-dotted"))  # by log
 INSIDE, LEGEND, BESIDE = 4, 10, 24  # curves: a legend in the pane, thick lines, a legend beside it; of more, none
 DECADES = 1e-4  # of the largest amplitude: smaller ones are below the picture
 LARGE = {"N": ("kN", 1e3), "W": ("kW", 1e3), "J": ("kJ", 1e3), "Pa": ("MPa", 1e6)}
-MEMBER = re.compile(r"\[(\d+)\]")
 
 
 class Curve(NamedTuple):
@@ -126,26 +126,19 @@ def _curves(
         if frequency:
             found = spectrum.of(run, names, window, orders=order)
             x, y = (found.order if order else found.frequency)[1:], found.amplitude[1:]
+            drawn = [(x, y[:, k]) for k in range(len(names))]
         else:
-            x, y = _thinned(run, topic, columns, window, -(-2 * len(t) // CURVE) if len(t) > CURVE else 1)
-        for k, name in enumerate(names):
-            yield Curve(labels[k], units[k], x, y[:, k], number, name)
+            drawn = _thinned(run, topic, columns, window, t)
+        for k, (x, y) in enumerate(drawn):
+            yield Curve(labels[k], units[k], x, y, number, names[k])
 
 
-def _thinned(run: RunData, topic: str, columns: list[int], window: Window, stride: int) -> tuple[Floats, Floats]:
-    """Times and values, or least and largest values of so many records at a time."""
-    times, values = [], []
-    for block in run.log.blocks({topic: columns}, stride * 100, window=window):
-        series = block[topic]
-        if stride == 1 or not len(series.t):
-            times.append(series.t)
-            values.append(series.values)
-            continue
-        at = np.arange(0, len(series.t), stride)
-        pair = [each.reduceat(series.values, at, axis=0) for each in (np.minimum, np.maximum)]
-        times.append(np.repeat(series.t[at], 2))
-        values.append(np.stack(pair, axis=1).reshape(2 * len(at), -1))
-    return np.concatenate(times), np.concatenate(values)
+def _thinned(run: RunData, topic: str, columns: list[int], window: Window, t: Floats) -> list[tuple[Floats, Floats]]:
+    """Of each column times and values; ``t`` (m,): of all records in the window, s."""
+    envelope = Envelope(float(t.min()), float(t.max()), len(columns), CURVE)
+    for block in run.log.blocks({topic: columns}, BLOCK, window=window):
+        envelope.add(block[topic].t, block[topic].values)
+    return [(curve.t, curve.y) for curve in map(envelope.curve, range(len(columns)))]
 
 
 def _maps(
@@ -155,14 +148,14 @@ def _maps(
     for wanted in signals:
         for topic, columns, t in _chosen(run, [wanted], window):
             names = [run.log.name(topic, column) for column in columns]
-            members = [MEMBER.findall(name) for name in names]
-            if {len(each) for each in members} != {1} or len({MEMBER.sub("[*]", name) for name in names}) != 1:
+            keys, members = zip(*map(family, names), strict=True)
+            if None in members or len(set(keys)) != 1:
                 raise BadInput(f"'{wanted}' is no family of signals as left_track.link[*].tension: it makes no map")
             if len(names) < 2:
                 raise BadInput(f"'{wanted}' is a single signal: it makes no map")
             unit = run.log.topics[topic].units[columns[0]]
-            title = MEMBER.sub("[*]", names[0]) + (f", {run.log.path.stem}" if several else "")
-            y = np.array([float(each[0]) for each in members])
+            title = keys[0] + (f", {run.log.path.stem}" if several else "")
+            y = np.array(members, float)
             number = _member(names[0])
             if place:
                 yield Map(title, PLACE, *_by_place(run, names[0], window, -(-len(t) // MAP)), unit)
@@ -195,7 +188,7 @@ def _grouped(t: Floats, values: Floats, stride: int) -> tuple[Floats, Floats]:
 def _by_place(run: RunData, name: str, window: Window, stride: int) -> tuple[Floats, Floats, Floats]:
     """Times (k,), places (n,), m, and values (n, k) of a family of links or pins, given by one of its signals."""
     track, _, rest = name.partition(".")
-    signal = MEMBER.sub("[*]", rest)
+    signal = family(rest)[0]
     if track not in run.tracks or not signal.startswith(("link[", "joint[")):
         raise BadInput(f"'{name}' is of no link or pin of a track: it has no place on a circuit")
     times, values, lengths = [], [], []
@@ -264,7 +257,7 @@ def _pane(figure: Figure, pane: Axes, curves: list[Curve], unit: str, frequency:
 
 def _common(names: Sequence[str]) -> str:
     """What the names of signals have in common: a family, or how they end; else nothing."""
-    families = {MEMBER.sub("[*]", name) for name in names}
+    families = {family(name)[0] for name in names}
     if len(names) == 1 or len(families) == 1:
         return names[0] if len(names) == 1 else families.pop()
     words = [name.split(".")[::-1] for name in names]
@@ -283,8 +276,8 @@ def _bar(figure: Figure, pane: Axes, names: list[str]) -> bool:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    numbers = [float(found[0]) for name in names if (found := MEMBER.findall(name))]
-    if len({MEMBER.sub("[*]", name) for name in names}) != 1 or not numbers:
+    keys, numbers = zip(*map(family, names), strict=True)
+    if len(set(keys)) != 1 or None in numbers:
         return False
     scale = ScalarMappable(Normalize(min(numbers), max(numbers)), "viridis")
     figure.colorbar(scale, ax=pane, label=f"number of the {_member(names[0])}")

@@ -1,9 +1,10 @@
-"""Where the work of the drives went: the ledger's sums, by what holds it and who lost it."""
+"""Where the work of the drives went: the ledger's sums, by what holds it, who lost it, and by what."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from orchestrator.log.described import said_of
 from orchestrator.results.energy import STORED, Ledger
 from orchestrator.results.page.words import and_list, instance, percent, quantity
 from orchestrator.results.run_data import RunData
@@ -17,28 +18,43 @@ KINDS = {
 }
 
 
+class Loss(NamedTuple):
+    """What a component lost: it gives no more than these sums, so their parts are known by name alone."""
+
+    dissipated: float  # J, both sides of a half vehicle
+    covered: float  # J, as contacts moved along links, both sides
+    parts: str  # what its model description says is in the first
+
+
 class Balance(NamedTuple):
     """Energies over the run, J."""
 
     stored: dict[str, float]  # by kind, as in STORED: change
-    lost: dict[str, float]  # by component, both sides of a half vehicle
+    losses: dict[str, Loss]  # by component
     ledger: Ledger
+
+    @property
+    def lost(self) -> dict[str, float]:
+        """What was dissipated by component, J, both sides of a half vehicle."""
+        return {name: loss.dissipated for name, loss in self.losses.items()}
 
 
 def balance(run: RunData, found: Ledger) -> Balance:
     """The parts of a ledger's sums; raises Missing, LogUnreadable."""
     stored = dict.fromkeys(STORED, 0.0)
-    lost = {}
+    losses = {}
+
+    def change(name: str, kind: str) -> float:
+        first, last = run.ends(f"{name}.energy.{kind}") if run.has(f"{name}.energy.{kind}") else (0.0, 0.0)
+        return run.copies(name) * (last - first)
+
     for name in run.instances:
-        copies = run.copies(name)
         for kind in STORED:
-            if run.has(f"{name}.energy.{kind}"):
-                first, last = run.ends(f"{name}.energy.{kind}")
-                stored[kind] += copies * (last - first)
+            stored[kind] += change(name, kind)
         if run.has(f"{name}.energy.dissipated"):
-            first, last = run.ends(f"{name}.energy.dissipated")
-            lost[name] = copies * (last - first)
-    return Balance({kind: energy for kind, energy in stored.items() if energy}, lost, found)
+            parts = said_of(run.log, f"{name}.energy.dissipated")
+            losses[name] = Loss(change(name, "dissipated"), change(name, "covered"), parts)
+    return Balance({kind: energy for kind, energy in stored.items() if energy}, losses, found)
 
 
 def sentence(found: Balance) -> str:

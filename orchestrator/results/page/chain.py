@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats, Series
-from orchestrator.results.page.envelope import Curve, Envelope, Peak
+from orchestrator.results.analyses import contact, of_links
 from orchestrator.results.page.signals import span
 from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.thinned import Curve, Envelope, Peak
 
 SLICES = 240  # of time, in the maps, at most
 ALIKE = 1e-9  # of two values that differ by rounding
-_MEMBER = re.compile(r"(link|joint)\[(\d+)\]\.(.+)")
 
 
 class Columns(NamedTuple):
@@ -53,28 +52,20 @@ class Chain(NamedTuple):
     loaded: Worst | None  # by the force in the pin where it begins
     slackest: Worst  # its smallest tension
 
+    @property
+    def bearers(self) -> dict[int, list[str]]:
+        """The links that bear the most, from 1 on, and of what each bears the most."""
+        found: dict[int, list[str]] = {self.worst.link: ["tension"]}
+        for of, what in ((self.stressed, "stress"), (self.loaded, "force")):
+            if of and of.value > 0.0:
+                found.setdefault(of.link, []).append(what)
+        return found
+
 
 def columns(names: tuple[str, ...]) -> Columns:
     """Of the names of a topic with outputs per link."""
-    members: dict[str, dict[int, int]] = {}
-    for column, name in enumerate(names):
-        if found := _MEMBER.fullmatch(name):
-            members.setdefault(f"{found[1]}.{found[3]}", {})[int(found[2])] = column
-
-    def one(what: str) -> list[int]:
-        return [column for _, column in sorted(members.get(what, {}).items())]
-
-    def three(what: str) -> list[list[int]]:
-        parts = [one(f"{what}.{axis}") for axis in "xyz"]
-        return [list(each) for each in zip(*parts, strict=True)] if len({len(part) for part in parts}) == 1 else []
-
-    return Columns(
-        one("link.tension"),
-        one("link.stress"),
-        three("joint.position"),
-        three("joint.force"),
-        three("link.ground.force"),
-    )
+    wanted = ("link[*].tension", "link[*].stress", "joint[*].position", "joint[*].force", contact.SIGNAL)
+    return Columns(*(of_links.columns(names, signal).tolist() for signal in wanted))
 
 
 def chain(run: RunData, track: str) -> Chain:
@@ -115,6 +106,17 @@ def sliced(run: RunData, t: Floats, links: int) -> tuple[Envelope, Floats]:
     return Envelope(start, end, links, slices), 0.5 * (edges[1:] + edges[:-1])
 
 
+def tension_in(run: RunData, found: Chain, like: tuple[float, float], slices: int) -> Floats:
+    """Largest tensions (slices, links), N, in slices of another run's time, s; NaN where none was recorded.
+
+    Raises LogUnreadable.
+    """
+    topic, envelope = f"/{found.track}/links", Envelope(*like, len(found.columns.tension), slices)
+    for piece in run.log.stream({topic: found.columns.tension}, like):
+        envelope.add(piece[topic].t, piece[topic].values)
+    return envelope.upper
+
+
 def note(most: dict[str, Worst], name: str, t: Floats, values: Floats) -> None:
     """Keep the largest of values (m, links) at times (m,) in ``most``, if it is larger than what is there."""
     finite = np.where(np.isfinite(values), values, -np.inf)
@@ -126,25 +128,29 @@ def note(most: dict[str, Worst], name: str, t: Floats, values: Floats) -> None:
         most[name] = Worst(float(finite[row, column]), float(t[row]), int(column) + 1)
 
 
-def of_link(run: RunData, found: Chain, link: int) -> dict[str, tuple[Curve, Peak]]:
-    """Tension, stress and pin force of a link, from 1 on, over time; raises LogUnreadable."""
-    topic, at, k = f"/{found.track}/links", found.columns, link - 1
-    parts = {"tension": [at.tension[k]]}
-    if k < len(at.stress):
-        parts["stress"] = [at.stress[k]]
-    if k < len(at.force):
-        parts["force"] = at.force[k]
-    envelope = Envelope(*span(run), len(parts))
-    for piece in run.log.stream({topic: [column for each in parts.values() for column in each]}):
-        series, place, made = piece[topic], 0, []
-        for each in parts.values():
-            values = series.values[:, place : place + len(each)]
-            made.append(values[:, 0] if len(each) == 1 else np.linalg.norm(values, axis=1))
-            place += len(each)
-        envelope.add(series.t, np.stack(made, axis=1))
-    return {
-        name: (envelope.curve(k), peak) for k, name in enumerate(parts) if (peak := envelope.largest(k)) is not None
+def of_bearers(run: RunData, found: Chain) -> dict[int, dict[str, tuple[Curve, Peak]]]:
+    """Tension, stress and pin force over time of the links that bear the most; raises LogUnreadable."""
+    topic, at = f"/{found.track}/links", found.columns
+    of_all = {"tension": [[k] for k in at.tension], "stress": [[k] for k in at.stress], "force": at.force}
+    parts = {
+        (link, name): columns[link - 1]
+        for link in found.bearers
+        for name, columns in of_all.items()
+        if link <= len(columns)
     }
+    wanted = list(dict.fromkeys(column for each in parts.values() for column in each))
+    envelope = Envelope(*span(run), len(parts))
+    for piece in run.log.stream({topic: wanted}):
+        series = piece[topic]
+        made = [series.values[:, [wanted.index(column) for column in each]] for each in parts.values()]
+        # of a scalar itself, with its sign
+        sizes = [each[:, 0] if each.shape[1] == 1 else np.linalg.norm(each, axis=1) for each in made]
+        envelope.add(series.t, np.stack(sizes, axis=1))
+    curves: dict[int, dict[str, tuple[Curve, Peak]]] = {link: {} for link in found.bearers}
+    for k, (link, name) in enumerate(parts):
+        if peak := envelope.largest(k):
+            curves[link][name] = envelope.curve(k), peak
+    return curves
 
 
 def at(run: RunData, found: Chain, t: float, wanted: list[int]) -> Series:

@@ -11,6 +11,7 @@ from orchestrator.log.extra import library
 from orchestrator.results.page import facts, sections
 from orchestrator.results.page.embedded import script
 from orchestrator.results.page.ending import ending
+from orchestrator.results.page.exactness import exactness
 from orchestrator.results.page.provenance import compared, made
 from orchestrator.results.page.sections import Pair, Section
 from orchestrator.results.page.side_view import side_view
@@ -30,10 +31,11 @@ def document(run: Study, reference: Study | None, plots: str) -> str:
     """The page of a run; raises LogUnreadable."""
     found = facts.figures(run)
     pair = Pair(run, reference, found)
-    player = _player(run)
+    player = _player(run, reference)
     drawn = re.search(r"plotly\.js v([\d.]+)", plots[:400])
     parts = [
         sections.checks(pair),
+        exactness(pair),
         *filter(None, [player, compared(pair)]),
         *(one for make in (ending, sections.motion, sections.drive, sections.energy, sections.tension, sections.loads)
           if (one := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
@@ -50,9 +52,13 @@ def document(run: Study, reference: Study | None, plots: str) -> str:
     return "".join(_pieces(run, reference, found, parts, data, plots))
 
 
-def _player(run: Study) -> Section | None:
+def _player(run: Study, reference: Study | None) -> Section | None:
     chain = run.hardest
-    view = attempt(lambda: side_view(run.run, chain), run.missing) if chain else None
+    if chain is None:
+        return None
+    other = reference.chains.get(chain.track) if reference else None
+    held = (reference.run, other) if reference and other and other.columns.position else None
+    view = attempt(lambda: side_view(run.run, chain, held), run.missing)
     return Section("view", "Side view", "What does it look like?", _VIEW, {"player": view}) if view else None
 
 

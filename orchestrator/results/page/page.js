@@ -45,23 +45,34 @@
   const unit = (title) => (title.includes(", ") ? ` ${title.split(", ").pop()}` : ""); // of an axis
 
   const lines = (chart) => {
-    const traces = chart.traces.map((trace) => ({
-      type: "scatter", mode: trace.points ? "lines+markers" : "lines", name: trace.name,
-      x: Array.from(floats(trace.t)), y: Array.from(floats(trace.y)),
+    const curve = (trace, of, more) => ({
+      type: "scatter", mode: trace.points ? "lines+markers" : "lines", name: trace.name, legendgroup: trace.name,
+      x: Array.from(floats(of.t)), y: Array.from(floats(of.y)),
       line: trace.reference
         ? { color: colour("ink"), width: 1.2, dash: ["dash", "dot", "dashdot", "longdash"][trace.colour % 4] }
         : { color: colour(`c${trace.colour % 6}`), width: trace.behind ? 4 : 1.5 },
       marker: { size: 4 }, opacity: trace.behind ? 0.45 : 1,
       hovertemplate: `%{y:.4g}${unit(chart.y)}<br>${chart.x.split(",")[0]} %{x:.4g}${unit(chart.x)}<extra>${trace.name}</extra>`,
-    }));
+      ...more,
+    });
+    const bands = chart.traces.filter((trace) => trace.mean); // every recorded extreme, light, under the means
+    const traces = bands.map((trace) => curve({ ...trace, behind: false }, trace, { opacity: 0.3, showlegend: false }))
+      .concat(chart.traces.map((trace) => curve(trace, trace.mean || trace, trace.mean
+        ? { hovertemplate: `%{y:.4g}${unit(chart.y)}<br>time %{x:.4g} s<extra>${trace.name}, mean</extra>` } : {})));
+    if (chart.window) { // two entries of the legend that say what line and band are
+      const entry = (name, look) => traces.push({ type: "scatter", mode: "lines", name, x: [null], y: [null], hoverinfo: "skip",
+        line: { color: colour("muted"), width: 1.5 }, ...look });
+      entry(`line: mean over ${narrow() ? chart.window.replace(" at top speed", "") : chart.window}`, {});
+      entry("light: least to most", { line: { color: colour("muted"), width: 6 }, opacity: 0.3 });
+    }
     if (chart.mark) {
-      traces.push({ type: "scatter", mode: "markers", x: [chart.mark[0]], y: [chart.mark[1]], hoverinfo: "skip",
+      traces.push({ type: "scatter", mode: "markers", x: [chart.mark[0]], y: [chart.mark[1]], hoverinfo: "skip", cliponaxis: false,
         showlegend: false, marker: { size: 10, color: "rgba(0,0,0,0)", line: { width: 2, color: colour("bad") } } });
     }
-    const range = chart.timed ? { range: data.span } : {};
+    const range = chart.timed ? { range: data.span } : {}, named = chart.traces.length > 1 || chart.window !== "";
     const y = chart.equal ? { scaleanchor: "x", scaleratio: 1 } : chart.flat ? { range: chart.flat } : {};
     return [traces, layout({ xaxis: axis(chart.x, range), yaxis: axis(chart.y, y), ...sectioned(chart),
-      showlegend: chart.traces.length > 1, margin: { l: 52, r: 12, t: chart.traces.length > 1 ? 28 : 10, b: 42 } })];
+      showlegend: named, margin: { l: 52, r: 12, t: named ? 28 : 10, b: 42 } })];
   };
 
   const waterfall = (chart) => {
@@ -89,22 +100,30 @@
       margin: { l: 20, r: 12, t: 8, b: 42 }, bargap: 0.35 })];
   };
 
-  const heat = (chart) => {
-    const t = Array.from(floats(chart.t)), values = floats(chart.values), rows = [];
+  const choice = (name) => document.querySelector(`select[data-chart="${name}"]`)?.value || "run";
+
+  const heat = (chart, name) => {
+    const t = Array.from(floats(chart.t)), shown = choice(name), rows = [];
+    const own = floats(chart.values), other = chart.reference && floats(chart.reference), apart = shown === "difference";
+    const values = apart ? own.map((x, k) => x - other[k]) : shown === "reference" ? other : own;
+    const sizes = (apart ? [values] : other ? [own, other] : [own]).flatMap((all) => Array.from(all)).filter(Number.isFinite);
+    const most = sizes.reduce((one, x) => Math.max(one, apart ? Math.abs(x) : x), 0);
+    const least = apart ? -most : sizes.reduce((one, x) => Math.min(one, x), Infinity); // one scale for run and reference
     for (let link = 0; link < chart.links; link++) {
       rows.push(Array.from(values.subarray(link * t.length, (link + 1) * t.length), (x) => (Number.isNaN(x) ? null : x)));
     }
     const trace = {
-      type: "heatmap", x: t, y: Array.from({ length: chart.links }, (_, k) => k + 1), z: rows, colorscale: "Viridis",
+      type: "heatmap", x: t, y: Array.from({ length: chart.links }, (_, k) => k + 1), z: rows,
+      colorscale: apart ? "RdBu" : "Viridis", zmin: least, zmax: most,
       colorbar: { title: { text: chart.z, side: "right", font: { size: 12 } }, thickness: 12, outlinewidth: 0, tickfont: { size: 11 } },
-      hovertemplate: `link %{y}, %{x:.4g} s<br>%{z:.4g}${unit(chart.z)}<extra></extra>`, zsmooth: false,
+      hovertemplate: `link %{y}, %{x:.4g} s<br>%{z:.4g}${unit(chart.z)}<extra>${other ? shown : ""}</extra>`, zsmooth: false,
     };
     const traces = [trace], annotations = [];
-    if (chart.mark) {
-      const [when, link, name] = chart.mark;
+    if (chart.mark && shown === "run") {
+      const [when, link, word] = chart.mark;
       traces.push({ type: "scatter", mode: "markers", x: [when], y: [link], hoverinfo: "skip", showlegend: false,
         marker: { size: 14, color: "rgba(0,0,0,0)", line: { width: 2.5, color: "#ff5a4f" } } });
-      annotations.push({ x: when, y: link, text: name, showarrow: true, arrowhead: 0, arrowcolor: "#ff5a4f", ax: when > 0.5 * (data.span[0] + data.span[1]) ? -60 : 60,
+      annotations.push({ x: when, y: link, text: word, showarrow: true, arrowhead: 0, arrowcolor: "#ff5a4f", ax: when > 0.5 * (data.span[0] + data.span[1]) ? -60 : 60,
         ay: link > 0.5 * chart.links ? 34 : -34, font: { size: 12, color: "#ffffff" }, bgcolor: "rgba(20,24,28,0.78)", borderpad: 3 });
     }
     return [traces, layout({ xaxis: axis(chart.x, { showgrid: false, range: data.span }), yaxis: axis(chart.y, { showgrid: false }),
@@ -117,13 +136,16 @@
   const draw = (name, chart) => {
     const place = document.getElementById(`chart-${name}`);
     if (!place) return;
-    const [traces, look] = kinds[chart.kind](chart);
+    place.classList.toggle("banded", Boolean(chart.window)); // its legend needs two more rows
+    const [traces, look] = kinds[chart.kind](chart, name);
     Plotly.react(place, traces, look, config).then(() => {
       if (place.dataset.told || !(chart.timed || chart.kind === "heat")) return;
       place.dataset.told = "yes";
       place.on("plotly_click", (event) => seek(event.points[0].x, true));
     });
   };
+  document.querySelectorAll("select[data-chart]").forEach((select) => select.addEventListener("change",
+    () => draw(select.dataset.chart, data.charts[select.dataset.chart])));
   const drawAll = () => Object.entries(data.charts).forEach(([name, chart]) => draw(name, chart));
 
   // --- side view ------------------------------------------------------------------------------------
@@ -143,6 +165,7 @@
     const t = floats(view.t), pins = shorts(view.pins), tension = floats(view.tension);
     const wheels = view.wheels.map((wheel) => ({ ...wheel, centre: shorts(wheel.centre), angle: floats(wheel.angle) }));
     const hull = view.hull && shorts(view.hull), corners = hull ? hull.length / 2 / view.pictures : 0;
+    const reference = view.reference && shorts(view.reference.pins);
     const along = view.ground && floats(view.ground.along), speed = view.speed && floats(view.speed);
     const [left, bottom] = view.low, [right, top] = view.high;
     let now = 0, playing = false, began = 0, from = 0, scale = 1, ox = 0, oy = 0, width = 0, height = 0;
@@ -153,7 +176,8 @@
     document.getElementById("viewed").textContent =
       `The ${view.track.replaceAll("_", " ")} seen from the vehicle's right; ahead is to the right. ${view.pictures} pictures` +
       (view.pictures > 1 ? `, one every ${number((t[t.length - 1] - t[0]) / (view.pictures - 1), 2)} s.` : ".") +
-      (view.ground ? " Marks on the ground are 1 m apart." : "");
+      (view.ground ? " Marks on the ground are 1 m apart." : "") +
+      (reference ? " The thin line is the chain of the reference at the same time; each is seen from its own sprocket." : "");
 
     const size = () => {
       const ratio = window.devicePixelRatio || 1;
@@ -251,6 +275,15 @@
         pen.lineTo(bx - gap * (bx - ax), by - gap * (by - ay));
         pen.lineWidth = Math.max(2.5, 2 * view.face * scale);
         pen.strokeStyle = viridis((pull - view.least) / (view.most - view.least));
+        pen.stroke();
+      }
+      if (reference && k < view.reference.pictures) {
+        const count = view.reference.pinCount;
+        pen.beginPath();
+        for (let i = 0; i < count; i++) pen.lineTo(X(reference[2 * (k * count + i)] * view.unit), Y(reference[2 * (k * count + i) + 1] * view.unit));
+        if (view.reference.closed) pen.closePath();
+        pen.strokeStyle = colour("outline");
+        pen.lineWidth = 1.4;
         pen.stroke();
       }
       const [ax, ay] = pinAt(worst), [bx, by] = pinAt((worst + 1) % view.pinCount);

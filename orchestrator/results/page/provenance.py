@@ -6,11 +6,12 @@ from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
-from orchestrator.results.page.envelope import BINS
+from orchestrator.results.page.exactness import SENSITIVE
 from orchestrator.results.page.sections import Pair, Section, table
 from orchestrator.results.page.study import attempt
 from orchestrator.results.page.words import number, percent, quantity, text
 from orchestrator.results.run_data import RunData
+from orchestrator.results.thinned import BINS
 
 WORDS = {"good": "complete", "fair": "not whole", "bad": "not complete"}
 RECOVERED = "recovered from a broken log"  # as ``cotrack log recover`` says
@@ -20,8 +21,7 @@ LIMITS = (
     "Outputs of single links are recorded more seldom than steps are made. A link may have borne more between two"
     " records; the largest tension of all links is known at every recorded step.",
     "Checks compare with what the scene expects. They do not show that the model is right for a real vehicle.",
-    "An estimated error is one of steps and coupling, not of the parameters of the model. Where none is given, none was"
-    " estimated.",
+    "An estimated error is one of steps and coupling, not of the parameters of the model.",
     "Pressure is the vertical force on a link over its whole area. How it is spread within a link is not recorded.",
 )
 CHEAP = 2e8  # bytes of both logs together: so much is compared bit by bit
@@ -35,7 +35,8 @@ def compared(pair: Pair) -> Section | None:
     missing: list[str] = []
     html = (
         f"<p>The reference is <b>{text(reference.log.path.name)}</b>. In all charts over time its curves are dashed;"
-        " maps, the side view and profiles show the run alone.</p>"
+        " the side view draws its chain as a thin line, the map of tensions can show it, profiles show the run"
+        " alone.</p>"
     )
     html += table(("", "Run", "Reference"), _settings(run, reference))
     if apart := attempt(lambda: differences(run, reference), missing):
@@ -51,7 +52,7 @@ def compared(pair: Pair) -> Section | None:
                 text(name.replace("_", " ")),
                 quantity(one.absolute, one.unit.replace("N m", "N.m"), 3),
                 percent(one.relative, 2),
-                "" if one.decisive else "<span class='muted'>instant by instant, sensitive: does not count</span>",
+                "" if one.decisive else f"<span class='muted'>{SENSITIVE}</span>",
             )
             for name, one in apart.items()
         ]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from orchestrator.log.time_series import Floats
 from orchestrator.results import measures
 from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, settling
@@ -15,7 +17,6 @@ from orchestrator.results.page.balance import KINDS, sentence
 from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
-from orchestrator.results.page.envelope import Curve
 from orchestrator.results.page.events import Event, events, lifted
 from orchestrator.results.page.facts import COMING_TO_REST, unmade
 from orchestrator.results.page.pressure import pressure
@@ -23,10 +24,16 @@ from orchestrator.results.page.signals import Recorded
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import and_list, instance, number, percent, plain, quantity, text, wheel_name
 from orchestrator.results.run_data import EVER, Window
+from orchestrator.results.thinned import Curve
 
 INSTANTS = 4  # at which the chain is shown round its way
 SHOWN_EVENTS = 40
 AT_REST = 1e-6  # m/s
+CHOICE = """<label class="choice">shown: <select data-chart="tension-map"><option value="run">the run</option>
+<option value="reference">the reference</option><option value="difference">run less reference</option>
+</select></label>"""
+BEARS = {"tension": "bore the most tension", "stress": "had the most stress", "force": "had the most force in its pin"}
+DEGREES = 180.0 / np.pi
 LEAST_WAY = 0.5  # m beside the straight line: below, a way from above shows nothing
 
 
@@ -51,16 +58,22 @@ class Pair(NamedTuple):
         """Curves of signals, of each its name and what it is called, of both runs as far as they have them."""
         known = [(signal, name, k) for k, (signal, name) in enumerate(parts, colour) if signal in self.run.signals]
         alike = len(known) == 2 and _alike(*(self.run.signals[signal] for signal, *_ in known))
+        window = self.run.ripple.window
+        means = {signal: self.run.mean(signal, window) for signal, *_ in known}
         found = [
-            Line(name, self.run.signals[signal].curve, k, behind=alike and not place)
+            Line(name, self.run.signals[signal].curve, k, means[signal], behind=alike and not place)
             for place, (signal, name, k) in enumerate(known)
         ]
-        reference = self.reference.signals if self.reference else {}
-        return found + [
-            Line(f"{name}, reference", reference[signal].curve, k, reference=True)
-            for k, (signal, name) in enumerate(parts, colour)
-            if signal in reference and known
-        ]
+        others = self.reference.signals if self.reference and known else {}
+        for k, (signal, name) in enumerate(parts, colour):
+            if other := others.get(signal):  # one band is enough: of what is held against it the mean alone
+                curve = other.moving.over(window) if means.get(signal) else other.curve
+                found.append(Line(f"{name}, reference", curve, k, reference=True))
+        return found
+
+    def over_time(self, quantity: str, unit: str, drawn: Sequence[Line]) -> Chart:
+        """A chart of what ``drawn`` made."""
+        return lines(quantity, unit, drawn, window=self.run.ripple.words)
 
 
 def _alike(one: Recorded, other: Recorded) -> bool:
@@ -70,9 +83,9 @@ def _alike(one: Recorded, other: Recorded) -> bool:
     return max(apart) <= 1e-2 * size
 
 
-def figure(key: str, title: str, note: str = "", size: str = "") -> str:
-    """The place of a chart; ``size``: tall, wide; HTML."""
-    caption = f"<h3>{title}</h3>" + (f"<p>{note}</p>" if note else "")
+def figure(key: str, title: str, note: str = "", size: str = "", choice: str = "") -> str:
+    """The place of a chart; ``size``: tall, wide; ``choice``: what chooses between its values; HTML."""
+    caption = f"<h3>{title}</h3>" + (f"<p>{note}</p>" if note else "") + choice
     return (
         f'<figure class="{size}"><figcaption>{caption}</figcaption>'
         f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{title}"></div></figure>'
@@ -100,7 +113,7 @@ def checks(pair: Pair) -> Section:
         rows.append(
             (
                 f"<b>{text(name.replace('_', ' '))}</b><br>"
-                f"<span class='muted'>{_looks_at(expected.get(name))}</span>{note}",
+                f"<span class='muted'>{_looks_at(expected.get(name))}</span>{_why(expected.get(name))}{note}",
                 number(check["value"], 6),
                 number(check["expected"], 6),
                 f"\N{PLUS-MINUS SIGN} {number(check['tolerance'], 3)}",
@@ -120,13 +133,25 @@ def checks(pair: Pair) -> Section:
     return Section("checks", "Checks", "Did the checks hold?", html, {})
 
 
+def _paragraphs(measure: Callable[..., Any]) -> list[str]:
+    """What a measure says of itself: what it is and, where it says so, which values are right and why."""
+    return [" ".join(part.split()) for part in (measure.__doc__ or "").split("\n\n")]
+
+
+def _why(check: Any) -> str:
+    """Why a check's bounds are what they are, HTML; nothing where its measure does not say so."""
+    measure = measures.NAMES.get(str(check.get("measure"))) if isinstance(check, dict) else None
+    told = _paragraphs(measure)[1:] if measure else []
+    return "".join(f'<br><span class="muted why">{escape(part.replace("``", ""))}</span>' for part in told)
+
+
 def _looks_at(check: Any) -> str:
     """What a check of a scene looks at, HTML."""
     if not isinstance(check, dict):
         return ""
     measure = measures.NAMES.get(str(check.get("measure")))
     if measure is not None:
-        what = text((measure.__doc__ or "").split("\n")[0].strip().rstrip("."))
+        what = text(_paragraphs(measure)[0].rstrip("."))
     else:
         what = f"{text(check.get('reduce', ''))} of {text(check.get('signal', ''))}"
     of = f", {text(check['of'])}" if check.get("of") else ""
@@ -144,31 +169,26 @@ def motion(pair: Pair) -> Section | None:
     for key, title in (("speed", "Speed of the hull"), ("distance", "Way along the heading at the start")):
         signal = f"chassis.{key}"
         if drawn := pair.drawn([(signal, key)]):
-            charts[key] = lines(key, study.signals[signal].unit, drawn)
+            charts[key] = pair.over_time(key, study.signals[signal].unit, drawn)
             html += figure(key, title, _range(study.signals[signal]))
     angles = pair.drawn([("chassis.pitch", "pitch"), ("chassis.roll", "roll")])
     if angles:
-        degrees = [line._replace(curve=Curve(line.curve.t, np.degrees(line.curve.y))) for line in angles]
-        charts["pitch"] = lines("angle", "degrees", degrees)
+        charts["pitch"] = pair.over_time("angle", "degrees", [line.times(DEGREES) for line in angles])
         html += figure("pitch", "Pitch and roll", "Nose down and right side down are positive.")
     settled = pair.drawn([("chassis.settlement", "settlement")])
     if settled:
-        charts["settlement"] = lines("down", "mm", _times(settled, 1e3))
+        charts["settlement"] = pair.over_time("down", "mm", [line.times(1e3) for line in settled])
         html += figure("settlement", "Settlement", "Downward motion of the hull's centre of mass since the start.")
     if way := _way(pair):
         charts["way"] = way
         html += figure("way", "Way from above", "World axes; the centre of mass of the hull.")
     drawn = pair.drawn([(f"{track}.speed", plain(track)) for track in study.run.tracks])
     if any(np.abs(line.curve.y).max() > AT_REST for line in drawn):
-        charts["chain-speed"] = lines("speed", "m/s", drawn)
+        charts["chain-speed"] = pair.over_time("speed", "m/s", drawn)
         html += figure("chain-speed", "Speed of the chain", "Along itself, seen from the vehicle.")
     return (
         Section("motion", "Motion", "How did it move?", f'<div class="grid">{html}</div>', charts) if charts else None
     )
-
-
-def _times(drawn: list[Line], factor: float) -> list[Line]:
-    return [line._replace(curve=Curve(line.curve.t, factor * line.curve.y)) for line in drawn]
 
 
 def _range(signal: Recorded) -> str:
@@ -208,12 +228,12 @@ def drive(pair: Pair) -> Section | None:
         signals = [found for each in study.drives if (found := study.signals.get(f"{each}{what}"))]
         if signals:
             drawn = pair.drawn([(f"{each}{what}", plain(each.rstrip("."))) for each in study.drives])
-            charts[key] = lines(what, signals[0].unit, drawn)
+            charts[key] = pair.over_time(what, signals[0].unit, drawn)
             top = max(signals, key=lambda signal: abs(signal.largest.value)).largest
             html += figure(key, title, f"{note} Largest: {quantity(top.value, signals[0].unit)} at {number(top.t)} s.")
     slips = pair.drawn([(f"{track}.slip", plain(track)) for track in study.run.tracks])
     if any(np.any(line.curve.y) for line in slips):
-        charts["slip"] = lines("slip", "mm/s", _times(slips, 1e3))
+        charts["slip"] = pair.over_time("slip", "mm/s", [line.times(1e3) for line in slips])
         note = (
             "Rearward speed of the pads over the ground, weighted by their load. It may be below zero under a driven"
             " vehicle: wheels rock the loaded links forward about their pads, and the hull outruns the pin line."
@@ -260,18 +280,38 @@ def energy(pair: Pair) -> Section | None:
         if drawn:
             charts["energy-time"] = lines("energy", "J", drawn)
             html += figure("energy-time", "Energy since the start", "All components together.")
-    parts = [
-        (text(name.replace("_", " ")), quantity(found.lost.get(name, 0.0), "J"), quantity(open_, "J", 3))
-        for name, open_ in books.integration.items()
-    ]
-    parts.append(("ports between components", "", quantity(books.port, "J", 3)))
+    html += _losses(study)
+    parts = [(instance(name), quantity(open_, "J", 3)) for name, open_ in books.integration.items()]
+    parts.append(("ports between components", quantity(books.port, "J", 3)))
     html += (
         "<details><summary>Which part makes what is unaccounted for</summary><p class='muted'>By the integration of"
         " each component (of one, where the vehicle has two alike), and by the coupling.</p>"
-        + table(("Component", "Dissipated", "Unaccounted for"), parts)
+        + table(("Component", "Unaccounted for"), parts)
         + "</details>"
     )
     return Section("energy", "Energy", "Where does the work go?", html, charts)
+
+
+def _losses(study: Study) -> str:
+    """What each component lost, and by what."""
+    assert study.balance is not None
+    found = {name: loss for name, loss in study.balance.losses.items() if loss.dissipated or loss.covered}
+    if not found:
+        return ""
+    whole = sum(loss.dissipated + loss.covered for loss in found.values())
+    rows = [
+        (
+            f"{instance(name)}{', both sides' if study.run.copies(name) > 1 else ''}<br>"
+            f"<span class='muted'>{text(loss.parts) or 'its model description does not say'}</span>",
+            quantity(loss.dissipated, "J"),
+            quantity(loss.covered, "J", 3) if loss.covered else "",
+            percent((loss.dissipated + loss.covered) / whole) if whole else "",
+        )
+        for name, loss in found.items()
+    ]
+    head = "Component, and what its losses are", "Dissipated", "Contacts moving<br>along links", "Of all losses"
+    told = "A component gives the sum of its losses, not their parts: what is in it is told in the words of its FMU."
+    return f"<h3>What was lost where</h3><p class='muted'>{told}</p>{table(head, rows, 'numbers')}"
 
 
 def tension(pair: Pair) -> Section | None:
@@ -281,7 +321,7 @@ def tension(pair: Pair) -> Section | None:
     if tracks:
         drawn = pair.drawn([(f"{track}.tension.max", f"largest, {plain(track)}") for track in tracks[:2]])
         drawn += pair.drawn([(f"{track}.tension.mean", f"mean, {plain(track)}") for track in tracks[:2]], 2)
-        charts["tension"] = lines("tension", "N", drawn)
+        charts["tension"] = pair.over_time("tension", "N", drawn)
         html += figure("tension", "Largest and mean tension", "Over all links of a track, at every step.", "wide")
     if study.chains:
         found = study.hardest
@@ -290,17 +330,29 @@ def tension(pair: Pair) -> Section | None:
         html += _round(study, found, charts)
         worst = found.worst
         mark = worst.t, worst.link, f"link {worst.link}, {number(worst.t)} s"
-        charts["tension-map"] = heat("tension", "N", found.middle, found.tension, mark)
+        other = _tension_of_reference(pair, found)
+        charts["tension-map"] = heat("tension", "N", found.middle, found.tension, mark, other)
         note = "Largest tension in each slice of time; the ring marks the largest of all."
         if found.columns.closed:
             note += " Stripes that slant are places on the way round, which the links pass one after the other."
-        html += figure("tension-map", f"Every link over time, {instance(found.track)}", note, "tall")
-        html += _of_worst(study, found, charts)
+        title = f"Every link over time, {instance(found.track)}"
+        html += figure("tension-map", title, note, "tall", CHOICE if other is not None else "")
+        html += _of_bearers(study, found, charts)
     elif tracks:
         html += (
             "<p class='muted'>The record holds no outputs of single links: which link bore the most is not known.</p>"
         )
     return Section("tension", "Tension", "What does the chain bear?", html, charts) if charts else None
+
+
+def _tension_of_reference(pair: Pair, found: Chain) -> Floats | None:
+    """Tensions of the reference in the run's slices of time; None where it has not the same links."""
+    reference = pair.reference
+    other = reference.chains.get(found.track) if reference else None
+    if reference is None or other is None or other.tension.shape[1] != found.tension.shape[1]:
+        return None
+    slices = len(found.middle)
+    return attempt(lambda: links.tension_in(reference.run, other, pair.run.span, slices), pair.run.missing)
 
 
 def _worst(study: Study, found: Chain) -> str:
@@ -364,21 +416,26 @@ def _round(study: Study, found: Chain, charts: dict[str, Chart]) -> str:
     return figure("round", "Tension along the chain", f"{where}At {len(made)} instants, link by link.", "wide")
 
 
-def _of_worst(study: Study, found: Chain, charts: dict[str, Chart]) -> str:
-    parts = links.of_link(study.run, found, found.worst.link)
+def _of_bearers(study: Study, found: Chain, charts: dict[str, Chart]) -> str:
+    """Of each link that bears the most of something its curves, with the instants of their largest values."""
     html = ""
-    for key, title, unit in (
-        ("tension", "Tension", "N"),
-        ("stress", "Axial stress of tension and bending, at its most stressed fibre", "Pa"),
-        ("force", "Force in the pin where it begins", "N"),
-    ):
-        if key in parts and parts[key][1].value > 0.0:
-            curve, peak = parts[key]
-            charts[f"worst-{key}"] = lines(key, unit, [Line(key, curve, 0)], mark=peak)
-            note = f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
-            html += figure(f"worst-{key}", title, note)
-    title = f"Link {found.worst.link} of {instance(found.track)}, which bore the most"
-    return f"<h3 class='group'>{title}</h3><div class='grid'>{html}</div>"
+    for link, parts in links.of_bearers(study.run, found).items():
+        own = ""
+        for key, title, unit in (
+            ("tension", "Tension", "N"),
+            ("stress", "Axial stress of tension and bending, at its most stressed fibre", "Pa"),
+            ("force", "Force in the pin where it begins", "N"),
+        ):
+            if key in parts and parts[key][1].value > 0.0:
+                curve, peak = parts[key]
+                charts[f"link-{link}-{key}"] = lines(key, unit, [Line(key, curve, 0)], mark=peak)
+                own += figure(
+                    f"link-{link}-{key}", title, f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
+                )
+        most = and_list([BEARS[what] for what in found.bearers[link]])
+        title = f"Link {link} of {instance(found.track)}, which {most}"
+        html += f"<h3 class='group'>{title}</h3><div class='grid'>{own}</div>"
+    return html
 
 
 def loads(pair: Pair) -> Section | None:
@@ -388,7 +445,7 @@ def loads(pair: Pair) -> Section | None:
         names = [name.removesuffix(".load") for name in study.signals if name.endswith(".load")]
         own = [name for name in names if name.partition(".")[0] == track]
         if drawn := pair.drawn([(f"{name}.load", wheel_name(name.partition(".")[2])) for name in own]):
-            charts[f"wheels-{side}"] = lines("force", "N", drawn)
+            charts[f"wheels-{side}"] = pair.over_time("force", "N", drawn)
             html += figure(f"wheels-{side}", f"Road wheels, {instance(track)}", _least_loaded(study, track))
     grounded = [
         track for track in study.run.tracks
@@ -396,7 +453,7 @@ def loads(pair: Pair) -> Section | None:
     ]  # fmt: skip
     if grounded:
         drawn = pair.drawn([(f"{track}.ground.force.z", plain(track)) for track in grounded])
-        charts["ground"] = lines("force", "N", drawn)
+        charts["ground"] = pair.over_time("force", "N", drawn)
         html += figure("ground", "Vertical force of the ground", "On each track.")
     html = f'<div class="grid">{html}</div>' if html else ""
     html += _of_wheels(study) if html else ""

@@ -35,8 +35,11 @@ class Plane(NamedTuple):
         return np.stack([np.sum(offset * self.ahead[between], axis=-1), offset[..., 2]], axis=-1)
 
 
-def side_view(run: RunData, found: Chain) -> dict[str, Any]:
-    """What the player draws; raises LogUnreadable, and LookupError for what is not recorded."""
+def side_view(run: RunData, found: Chain, reference: tuple[RunData, Chain] | None = None) -> dict[str, Any]:
+    """What the player draws, over it the chain of a reference.
+
+    Raises LogUnreadable, and LookupError for what is not recorded.
+    """
     at = found.columns
     if len(at.position) < len(at.tension):
         raise LookupError("places of pins were not recorded")
@@ -44,11 +47,10 @@ def side_view(run: RunData, found: Chain) -> dict[str, Any]:
     t = found.t[rows]
     position, tension = _records(run, found, rows)
     of = Plane(*run.axle(found.track, t, EVER))
-    pins = of.seen(position)
     bodies = [body for name in wheels(run, found.track) if (body := _wheel(run, found.track, name, of, t))]
     below = _ground(run)
-    shift = (of.origin[:, 2] - (below.level if below else of.origin[0, 2]))[:, None]  # heights are over the ground
-    pins[..., 1] += shift
+    shift = _shift(of, below)
+    pins = _over(of.seen(position), shift)
     for body in bodies:
         body["centre"][..., 1] += shift[:, 0]
     finite = pins[np.isfinite(pins).all(axis=(1, 2))]
@@ -77,17 +79,49 @@ def side_view(run: RunData, found: Chain) -> dict[str, Any]:
         "hull": None if hull is None else shorts(hull, UNIT),
         "ground": _drawn(below, of) if below else None,
         "speed": _speed(run, t),
+        "reference": outline(*reference, t) if reference else None,
     }
+
+
+def outline(run: RunData, found: Chain, t: Floats) -> dict[str, Any]:
+    """The pins of a chain at the times (m,) of another run's pictures, as far as its record goes.
+
+    Raises LogUnreadable, and LookupError for what is not recorded.
+    """
+    shown = t[t <= found.t[-1] + 0.5 / RATE]
+    rows = _nearest(found.t, shown)
+    of = Plane(*run.axle(found.track, found.t[rows], EVER))
+    pins = _over(of.seen(_records(run, found, rows)[0]), _shift(of, _ground(run)))
+    return {
+        "pictures": len(rows),
+        "pins": shorts(pins, UNIT),
+        "pinCount": len(found.columns.position),
+        "closed": found.columns.closed,
+    }
+
+
+def _shift(of: Plane, below: Ground | None) -> Floats:
+    """What is added to heights over the axle (m, 1), m: they are shown over the ground, or over the first axle."""
+    shift: Floats = (of.origin[:, 2] - (below.level if below else of.origin[0, 2]))[:, None]
+    return shift
+
+
+def _over(pins: Floats, shift: Floats) -> Floats:
+    return np.stack([pins[..., 0], pins[..., 1] + shift], axis=-1)
 
 
 def _rows(t: Floats) -> Floats:
     """Which records are shown."""
     span = float(t[-1] - t[0])
     count = int(np.clip(span * RATE, 1, MOST - 1)) if span > 0.0 else 0
-    grid = np.linspace(t[0], t[-1], count + 1)
-    after = np.clip(np.searchsorted(t, grid), 1, max(len(t) - 1, 1))
-    nearest = np.where(grid - t[after - 1] < t[np.minimum(after, len(t) - 1)] - grid, after - 1, after)
-    return np.unique(np.clip(nearest, 0, len(t) - 1))
+    return np.unique(_nearest(t, np.linspace(t[0], t[-1], count + 1)))
+
+
+def _nearest(t: Floats, wanted: Floats) -> Floats:
+    """Of records at times ``t`` (m,) those nearest to the wanted times (k,)."""
+    after = np.clip(np.searchsorted(t, wanted), 1, max(len(t) - 1, 1))
+    nearest = np.where(wanted - t[after - 1] < t[np.minimum(after, len(t) - 1)] - wanted, after - 1, after)
+    return np.clip(nearest, 0, len(t) - 1)
 
 
 def _records(run: RunData, found: Chain, rows: Floats) -> tuple[Floats, Floats]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +11,9 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.energy import STORED
-from orchestrator.results.page.envelope import Curve, Envelope, Peak
+from orchestrator.results.moving_mean import Integrals, Moving
 from orchestrator.results.run_data import BLOCK, RunData
+from orchestrator.results.thinned import Curve, Envelope, Peak
 
 _DRIVEN = re.compile(r"((?:\w+\.)?)torque")
 _WHEEL = re.compile(r"((?:road_wheel|idler|sprocket)(?:\[\d+\])?)\.force\.z")
@@ -25,6 +26,7 @@ class Recorded(NamedTuple):
     unit: str
     least: Peak
     most: Peak
+    moving: Moving
 
     @property
     def largest(self) -> Peak:
@@ -62,34 +64,47 @@ def recorded(run: RunData, signals: Iterable[str]) -> dict[str, Recorded]:
         if run.has(signal):
             topic, column = _place(run, signal)
             wanted.setdefault(topic, []).append(column)
-    envelopes = {topic: Envelope(*span(run), len(columns)) for topic, columns in wanted.items()}
+    gathered = {topic: _Gathered(run, len(columns)) for topic, columns in wanted.items()}
     for piece in run.log.stream(wanted):
         for topic, series in piece.items():
-            envelopes[topic].add(series.t, series.values)
-    found = {}
+            gathered[topic].add(series.t, series.values)
+    found: dict[str, Recorded] = {}
     for topic, columns in wanted.items():
-        for k, column in enumerate(columns):
-            least, most = envelopes[topic].smallest(k), envelopes[topic].largest(k)
-            if least and most:
-                unit = run.log.topics[topic].units[column]
-                found[_name(topic, run.log.topics[topic].names[column])] = Recorded(
-                    envelopes[topic].curve(k), unit, least, most
-                )
+        about = run.log.topics[topic]
+        names = [_name(topic, about.names[column]) for column in columns]
+        found |= gathered[topic].signals(names, [about.units[column] for column in columns])
     return found
+
+
+class _Gathered:
+    """Curves, extremes and integrals of some signals of a run, as samples come."""
+
+    def __init__(self, run: RunData, columns: int) -> None:
+        self._envelope = Envelope(*span(run), columns)
+        self._integrals = Integrals(*span(run), columns)
+
+    def add(self, t: Floats, values: Floats) -> None:
+        """Samples (m, columns) at times (m,), s."""
+        self._envelope.add(t, values)
+        self._integrals.add(t, values)
+
+    def signals(self, names: Sequence[str], units: Sequence[str]) -> dict[str, Recorded]:
+        """Those that were numbers."""
+        known, integrals = self._envelope, self._integrals
+        return {
+            name: Recorded(known.curve(k), unit, least, most, integrals.moving(k))
+            for k, (name, unit) in enumerate(zip(names, units, strict=True))
+            if (least := known.smallest(k)) and (most := known.largest(k))
+        }
 
 
 def loads(run: RunData) -> dict[str, Recorded]:
     """Loads of road wheels, as ``analyses/wheel_loads.py`` has them, "track.road_wheel[1].load"; raises Missing."""
     names = wheel_loads.names(run)
-    envelope = Envelope(*span(run), len(names))
+    gathered = _Gathered(run, len(names))
     for t, values in wheel_loads.blocks(run):
-        envelope.add(t, values)
-    ends = [(envelope.smallest(k), envelope.largest(k)) for k in range(len(names))]
-    return {
-        f"{name}.load": Recorded(envelope.curve(k), "N", least, most)
-        for k, (name, (least, most)) in enumerate(zip(names, ends, strict=True))
-        if least and most
-    }
+        gathered.add(t, values)
+    return gathered.signals([f"{name}.load" for name in names], ["N"] * len(names))
 
 
 def energies(run: RunData) -> dict[str, Curve]:

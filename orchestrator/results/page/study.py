@@ -12,9 +12,10 @@ from orchestrator.results.page import chain as links
 from orchestrator.results.page import signals
 from orchestrator.results.page.balance import Balance, balance
 from orchestrator.results.page.chain import Chain
-from orchestrator.results.page.envelope import Curve
+from orchestrator.results.page.ripple import Ripple, ripple
 from orchestrator.results.page.signals import Recorded
 from orchestrator.results.run_data import RunData
+from orchestrator.results.thinned import Curve
 
 Made = TypeVar("Made")
 ALIKE = 1e-6  # of two values that differ by rounding
@@ -43,7 +44,13 @@ class Study(NamedTuple):
     chains: dict[str, Chain]  # by track
     balance: Balance | None
     energies: dict[str, Curve]
+    ripple: Ripple  # of curves that are bands
     missing: list[str]  # sentences about what could not be had
+
+    def mean(self, signal: str, window: float) -> Curve | None:
+        """The moving mean of a signal over a time, s; None where its curve is no band."""
+        found = self.signals[signal]
+        return found.moving.over(window) if found.curve.banded(*self.span) else None
 
     @property
     def hardest(self) -> Chain | None:
@@ -69,10 +76,11 @@ def study(run: RunData, judged: Judged) -> Study:
     for track in run.tracks:
         if found := attempt(lambda track=track: links.chain(run, track), missing):  # type: ignore[misc]
             chains[track] = found
+    span = signals.span(run)
     return Study(
-        run, judged, signals.span(run), known, drives, chains,
+        run, judged, span, known, drives, chains,
         attempt(lambda: balance(run, ledger(run)), missing), attempt(lambda: signals.energies(run), missing) or {},
-        missing,
+        ripple(run, drives, known, span), missing,
     )  # fmt: skip
 
 

@@ -9,6 +9,8 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 
 BINS = 500  # columns of pixels of a curve
+# a curve is a band where it goes up and down within a hundredth of the picture, by so much of its range, in so many
+PARTS, WIDE, OFTEN = 100, 0.05, 0.2
 
 
 class Curve(NamedTuple):
@@ -16,6 +18,23 @@ class Curve(NamedTuple):
 
     t: Floats  # (m,) s, in order
     y: Floats  # (m,)
+
+    def times(self, factor: float) -> Curve:
+        """The same in another unit."""
+        return Curve(self.t, factor * self.y)
+
+    def banded(self, start: float, end: float) -> bool:
+        """Whether it goes up and down so fast that what is drawn from start to end, s, is a band, not a line."""
+        if len(self.t) < 3 or not end > start:
+            return False
+        place = np.clip((self.t - start) * (PARTS / (end - start)), 0, PARTS - 1).astype(int)
+        turns = np.zeros(len(self.t))
+        turns[1:-1] = np.diff(np.sign(np.diff(self.y))) != 0.0
+        low, high = np.full(PARTS, np.inf), np.full(PARTS, -np.inf)
+        np.minimum.at(low, place, self.y)
+        np.maximum.at(high, place, self.y)
+        wide = high - low > WIDE * (self.y.max() - self.y.min())
+        return bool(np.mean(wide & (np.bincount(place, turns, PARTS) >= 2.0)) > OFTEN)
 
 
 class Peak(NamedTuple):

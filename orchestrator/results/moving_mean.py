@@ -1,0 +1,69 @@
+"""Moving means of signals, from one pass over a log: each sample counts as long as the step that it ends."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.thinned import BINS, Curve
+
+GRID = 8 * BINS  # equal parts of a run, between which integrals are straight lines
+
+
+class Moving(NamedTuple):
+    """The integral of a signal over time, from the start on."""
+
+    at: Floats  # (GRID + 1,) s
+    integral: Floats  # (GRID + 1,) unit of the signal times s
+    length: Floats  # (GRID + 1,) s in which it was a number
+
+    def over(self, window: float) -> Curve:
+        """Means over the time, s, round each of BINS + 1 instants; at the ends over what the run has of it."""
+        t = self.at[:: GRID // BINS]
+        begin, end = (np.clip(t + half, self.at[0], self.at[-1]) for half in (-0.5 * window, 0.5 * window))
+        # integral(t + w/2) - integral(t - w/2), and the same of the length
+        total, length = (
+            np.interp(end, self.at, kept) - np.interp(begin, self.at, kept) for kept in (self.integral, self.length)
+        )
+        known = np.isfinite(total) & (length > 1e-9 * window)
+        return Curve(t[known], total[known] / length[known])
+
+
+class Integrals:
+    """Integrals of some signals at equal instants of a run.
+
+    Samples are added in the order of time, some at a time; what is kept does not grow. NaN and infinities are left out,
+    and the time that they stand for.
+    """
+
+    def __init__(self, start: float, end: float, columns: int) -> None:
+        self._at = np.linspace(start, end, GRID + 1)
+        self._kept = np.zeros((2, GRID + 1, columns))  # integral, length
+        self._now, self._t, self._done = np.zeros((2, columns)), start, 0
+
+    def add(self, t: Floats, values: Floats) -> None:
+        """Samples (m, columns) at times (m,), s, each the mean since the one before it."""
+        known = np.isfinite(t)  # others are damage
+        t, values = np.maximum.accumulate(t[known]), values[known]
+        if not len(t):
+            return
+        steps = np.maximum(np.diff(t, prepend=self._t), 0.0)[:, None]
+        finite = np.isfinite(values)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a run that blew up
+            parts = np.stack([np.where(finite, values, 0.0) * steps, finite * steps])
+            ends = self._now[:, None] + np.cumsum(parts, axis=1)
+        x = np.maximum(np.concatenate([[self._t], t]), self._t)
+        y = np.concatenate([self._now[:, None], ends], axis=1)
+        until = max(int(np.searchsorted(self._at, x[-1], "right")), self._done)
+        place = self._at[self._done : until]
+        for kept, known_at in zip(self._kept, y, strict=True):
+            for column, of in enumerate(known_at.T):
+                kept[self._done : until, column] = np.interp(place, x, of)
+                kept[until:, column] = of[-1]
+        self._now, self._t, self._done = ends[:, -1], float(x[-1]), until
+
+    def moving(self, column: int) -> Moving:
+        """Of a signal."""
+        return Moving(self._at, *self._kept[:, :, column])

@@ -1,0 +1,53 @@
+"""How exact a run is: the estimated error of every observable, as the run wrote it down."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from orchestrator.results.page.facts import result
+from orchestrator.results.page.sections import Pair, Section, table
+from orchestrator.results.page.words import percent, quantity, text
+
+ABOUT = (
+    "RMS over the run, by runs with steps twice as long. An error is relative to the observable's own RMS, or to a"
+    " floor where that is small. The largest of those that count is the error of the run. Coupling is the part of the"
+    " communication step, integration that of the steps inside components."
+)
+SENSITIVE = "instant by instant, sensitive: does not count"
+
+
+def exactness(pair: Pair) -> Section:
+    """A row for each observable, or why there is none."""
+    found = result(pair.run, "error")
+    rows = _rows(found.get("observables")) if isinstance(found, dict) else []
+    if rows:
+        head = "Observable", "Relative", "Coupling", "Integration", "Estimated error"
+        html = f"<p>{ABOUT}</p>{table(head, rows, 'numbers')}"
+    else:
+        said = text(found.get("message") or "") if isinstance(found, dict) else ""
+        why = said or "no coarser run was made beside it (<code>cotrack run</code> makes one by default)"
+        html = f"<p>The error of this run was not estimated: {why}.</p>"
+    return Section("exactness", "Error", "How large is the error of its steps?", html, {})
+
+
+def _rows(observables: Any) -> list[tuple[str, ...]]:
+    """Of what counts first, the largest error first; without what is no number."""
+    known = observables.items() if isinstance(observables, dict) else ()
+    found = [(name, one) for name, one in known if isinstance(one, dict) and _is_number(one.get("total"))]
+    return [
+        (
+            text(name.replace("_", " "))
+            + ("" if one.get("decisive") else f"<br><span class='muted'>{SENSITIVE}</span>"),
+            f"<b>{percent(one['total'], 2)}</b>" if one.get("decisive") else percent(one["total"], 2),
+            *(percent(one[part], 2) if _is_number(one.get(part)) else "" for part in ("coupling", "integration")),
+            quantity(one["absolute"], str(one.get("unit", "")).replace("N m", "N.m"), 3)
+            if _is_number(one.get("absolute"))
+            else "",
+        )
+        for name, one in sorted(found, key=lambda each: (not each[1].get("decisive"), -each[1]["total"]))
+    ]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
