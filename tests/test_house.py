@@ -58,6 +58,7 @@ GENERIC = (
     "log/stream.py",
     "log/reader.py",
     "log/extra.py",
+    "log/parquet_footer.py",
     "log/export.py",
     "log/frames.py",
     "log/bitwise.py",

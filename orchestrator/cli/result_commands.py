@@ -12,7 +12,7 @@ import typer
 
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, leave, warn
+from orchestrator.cli.common import LogPath, Settings, leave, warn
 
 
 def replay(
@@ -25,6 +25,7 @@ def replay(
         str | None,
         typer.Option("--with", metavar="rigid|flexible|FMU", help="another model under the recorded motion"),
     ] = None,
+    settings: Settings = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model's answer")
     ] = None,
@@ -37,20 +38,23 @@ def replay(
 ) -> None:
     """Feed components their recorded inputs: are they equal?
 
-    Bit by bit; or, with another model in the place of one, how does that one answer: both over time, and apart.
+    Bit by bit; or, with another model or other numbers in the place of one, how does that one answer: both, and apart.
     What is stepped is built from the scene in the log, or is the FMU that --with names: no file that the log names.
     An FMU that is the one that ran, by its hash, is compared bit by bit unless -o asks for its log.
+    Whatever is compared, components are stepped from the beginning of the log.
     """
     from orchestrator.execution import replay_model
 
     names = component or replay_model.components(log)
-    if other is not None and len(names) > 1:
-        raise BadInput(f"--with {other} takes the place of one component: --component {' or '.join(names)}")
+    asked = [*([f"--with {other}"] if other else []), *(f"--set {each}" for each in settings or ())]
+    if asked and len(names) > 1:
+        raise BadInput(f"{asked[0]} is for one component: --component {' or '.join(names)}")
     verdicts = {}
     for name in names:
-        with replay_model.opened(log, name, other, warn) as again:
-            if other is not None and not (again.model.ran and output is None):
-                _answer(log, again, output or log.with_name(_answer_name(log, name, other)), picture)
+        with replay_model.opened(log, name, other, warn, settings or ()) as again:
+            if asked and not (again.model.ran and output is None):
+                path = output or log.with_name(_answer_name(log, name, other or "set"))
+                _answer(log, again, path, picture, (start, end))
                 return
             verdicts[name] = again.verify((start, end))
     if as_json:
@@ -69,22 +73,24 @@ def _told(verdict: Any) -> dict[str, Any]:
 
 
 def _answer_name(log: Path, component: str, other: str) -> str:
-    """Of the log of another model's answer, if nobody names it."""
+    """Of the log of the answer of another model, or of "set", if nobody names it."""
     from orchestrator.log.export import file_name
 
     return f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap"
 
 
-def _answer(log: Path, again: Any, path: Path, picture: Path | None) -> None:
+def _answer(log: Path, again: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:
     """Log how another model answers; a table and a picture of both."""
     from orchestrator.log.reader import Log
     from orchestrator.results import answered
 
     name = again.component.name
-    if not again.answer(path):
+    if not again.answer(path, window[1]):
         leave(f"{log} holds no step of '{name}': there is nothing to answer", 1)
     with Log(log) as one, Log(path) as two:
-        found = answered.answers(one, two, name)
+        found = answered.answers(one, two, name, window)
+    if not found:
+        leave(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
     for line in answered.lines(found):
         print(printed.plain(line))
     print(f"log {path}")

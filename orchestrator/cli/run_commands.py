@@ -74,20 +74,24 @@ def resume(
         float | None, typer.Option("--at", metavar="T", help="from the last checkpoint by then, s, instead of the last")
     ] = None,
     stop: Annotated[float | None, typer.Option("--stop", metavar="T", help="another end, s")] = None,
+    settings: Settings = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="PATH", help="default LOG-resumed.mcap")
+        Path | None,
+        typer.Option("-o", "--output", metavar="PATH", help="default LOG-resumed.mcap, of a branch LOG-branch.mcap"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
     """Go on from a checkpoint of a log.
 
     The new log is, bit by bit, that of a run that was not interrupted: with all that came before.
-    A run that was stopped or killed goes on where its last checkpoint is.
+    A run that was stopped or killed goes on where its last checkpoint is. With --set it branches off there: another
+    number of the scene, from then on. What moves goes on as it was; nothing is brought to rest or laid out anew.
     """
     from orchestrator.execution import summary
     from orchestrator.execution.resume import resume as go_on
 
-    result = go_on(log, output or log.with_name(f"{log.stem}-resumed.mcap"), at, stop, warn, narration)
+    path = output or log.with_name(f"{log.stem}-{'branch' if settings else 'resumed'}.mcap")
+    result = go_on(log, path, at, stop, warn, narration, settings or ())
     tell(result["message"], 0)
     if as_json:
         print(json.dumps(printed.finite(result)))

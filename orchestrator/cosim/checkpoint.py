@@ -1,23 +1,30 @@
 """Checkpoints: all that a run needs to go on from a communication point, as bytes.
 
 Of every component its serialised FMU state, inputs and outputs and what it has warned of; of the coupling what it
-remembers of the past. A number is kept bit by bit, so that a run that goes on is the run that was not interrupted.
+remembers of the past; of variable steps what chooses their length. A number is kept bit by bit, so that a run that goes
+on is the run that was not interrupted.
 """
 
 from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling.scheme import Scheme
+from orchestrator.cosim.graph import Floats
 from orchestrator.cosim.warned import Warned
+
+NOTHING: Mapping[str, Floats] = MappingProxyType({})
 
 
 class Unusable(ValueError):
@@ -40,9 +47,9 @@ def possible(scheme: Scheme) -> bool:
     )
 
 
-def save(scheme: Scheme, at: Point) -> bytes:
-    """The run as it is; raises ComponentFailed."""
-    arrays = {"at": np.array(at, dtype=np.float64)}
+def save(scheme: Scheme, at: Point, pace: Mapping[str, Floats] = NOTHING) -> bytes:
+    """The run as it is, with what its ``pace`` remembers; raises ComponentFailed."""
+    arrays = {"at": np.array(at, dtype=np.float64)} | {f"pace:{name}": values for name, values in pace.items()}
     warned = {}
     for component in _components(scheme):
         state = component.save()
@@ -59,24 +66,51 @@ def save(scheme: Scheme, at: Point) -> bytes:
     return content.getvalue()
 
 
-def restore(content: bytes, scheme: Scheme, step: int) -> Point:
-    """Bring initialised components and their coupling to the point after so many steps; raises Unusable."""
+def time_of(content: bytes) -> float:
+    """When a checkpoint was made, s; raises Unusable."""
+    with _readable(content) as arrays:
+        return float(arrays["at"][1])
+
+
+def restore(
+    content: bytes,
+    scheme: Scheme,
+    step: int,
+    pace: Callable[[Scheme, Mapping[str, Floats]], None] | None = None,
+    made: Callable[[Component, bytes], bytes] = lambda _, state: state,
+) -> Point:
+    """Bring initialised components and their coupling to the point after so many steps; raises Unusable.
+
+    ``pace`` is told what the pace of the run remembered; ``made``: what a component is given of its saved state.
+    """
+    with _readable(content) as arrays:
+        warned = json.loads(arrays["warned"].tobytes())
+        for component in _components(scheme):
+            component.free(component.load(made(component, arrays[f"state:{component.name}"].tobytes())))
+            component.u[:] = arrays[f"u:{component.name}"]
+            component.y[:] = arrays[f"y:{component.name}"]
+            component.warned_of(_warned(warned[component.name]))
+        scheme.remember(_named(arrays, "past:"))
+        if pace is not None:
+            pace(scheme, _named(arrays, "pace:"))
+        k, t, h = arrays["at"].tolist()
+        if k != step or not 0.0 < h <= t < np.inf:
+            raise ValueError(f"it is of step {k:g}, {t:g} s, not of step {step}")
+        return Point(step, t, h)
+
+
+@contextmanager
+def _readable(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
+    """The arrays of a checkpoint; whatever is wrong with them becomes Unusable."""
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            warned = json.loads(arrays["warned"].tobytes())
-            for component in _components(scheme):
-                component.free(component.load(arrays[f"state:{component.name}"].tobytes()))
-                component.u[:] = arrays[f"u:{component.name}"]
-                component.y[:] = arrays[f"y:{component.name}"]
-                component.warned_of(_warned(warned[component.name]))
-            prefix = "past:"
-            scheme.remember({name.removeprefix(prefix): arrays[name] for name in arrays if name.startswith(prefix)})
-            k, t, h = arrays["at"].tolist()
-            if k != step or not 0.0 < h <= t < np.inf:
-                raise ValueError(f"it is of step {k:g}, {t:g} s, not of step {step}")
-            return Point(step, t, h)
+            yield arrays
     except (LookupError, ValueError, TypeError, AttributeError, OSError, EOFError, BadZipFile, ComponentFailed) as flaw:
         raise Unusable(f"the checkpoint does not fit these components: {flaw}") from None
+
+
+def _named(arrays: Mapping[str, Floats], prefix: str) -> dict[str, Floats]:
+    return {name.removeprefix(prefix): arrays[name] for name in arrays if name.startswith(prefix)}
 
 
 def _components(scheme: Scheme) -> list[Component]:

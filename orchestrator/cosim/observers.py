@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -14,7 +15,9 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 from orchestrator.cosim import checkpoint
 from orchestrator.cosim.between import Between
 from orchestrator.cosim.component import Component
+from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme
+from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Floats, Recorded
 from orchestrator.cosim.master import UNHURRIED
 from orchestrator.cosim.narration import Narration
@@ -148,6 +151,36 @@ class Checkpoints:
         if k and k % self.every == 0:
             content = checkpoint.save(self.scheme, checkpoint.Point(k, t, h))
             self.recorder.attach(f"{CHECKPOINT}{k}", content)
+
+
+class TimedCheckpoints:
+    """The same in variable steps: every ``period`` s, at the next point with which the pace can go on.
+
+    Only at multiples of ``every`` steps. ``since``: when the run goes on, s.
+    """
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        scheme: Scheme,
+        pace: VariableStep | PowerResidual,
+        period: float,
+        every: int,
+        since: float,
+    ) -> None:
+        self.recorder, self.scheme, self.pace = recorder, scheme, pace
+        self.period, self.every = period, every
+        self._due = self._after(since)
+
+    def _after(self, t: float) -> float:
+        return self.period * (math.floor(t / self.period + 1e-9) + 1)
+
+    def __call__(self, k: int, t: float, h: float) -> None:
+        """A checkpoint, where one is due."""
+        if t < self._due - 1e-9 or k % self.every or (memory := self.pace.memory(self.scheme)) is None:
+            return
+        self._due = self._after(t)
+        self.recorder.attach(f"{CHECKPOINT}{k}", checkpoint.save(self.scheme, checkpoint.Point(k, t, h), memory))
 
 
 class ProgressBar:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fmus.vehicle import BadInput
+from orchestrator.log.log_format import BRANCHED
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import placed
 from orchestrator.scene.scene import TrackScene, load
@@ -16,6 +17,8 @@ from orchestrator.scene.scene import TrackScene, load
 def command(run: RunData) -> str | None:
     """Of a scene of the gallery with the settings that differ; None where that does not give the same scene."""
     wanted = run.scene
+    if BRANCHED in run.log.metadata:
+        return None
     try:
         name, model = str(wanted["name"]), wanted.get("track", {}).get("model")
         settings = [f"{key}={json.dumps(value)}" for key, value in _apart(_resolved(name, model, []), wanted)]

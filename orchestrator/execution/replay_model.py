@@ -1,4 +1,4 @@
-"""What replays a component of a log: the FMU that ran, the other track model, or an FMU that was given.
+"""What replays a component of a log: the FMU that ran, another track model or other numbers, or an FMU that was given.
 
 Nothing that only the log vouches for is run: its scene is built again from our own sources, and what is built must
 have the hash that the log names.
@@ -6,7 +6,7 @@ have the hash that the log names.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,10 +17,11 @@ from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
 from orchestrator.execution.manifest import NATIVE, as_json, describe, description, sha256
 from orchestrator.log.described import system_of
+from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import TRACKS, Part, assemble, build_parts, placed
-from orchestrator.scene.scene import TrackScene, from_table
+from orchestrator.scene.scene import Scene, TrackScene, changed, from_table
 
 
 class Model(NamedTuple):
@@ -31,6 +32,8 @@ class Model(NamedTuple):
     stage: int
     scene: TrackScene | None  # that it belongs to, None for another's FMU
     ran: bool  # whether it is what the log's component was
+    native: bool = False
+    settings: Sequence[str] = ()  # that tell its scene from the log's
 
 
 class Again(NamedTuple):
@@ -45,38 +48,54 @@ class Again(NamedTuple):
         """Bit by bit against the log, in a window, s."""
         return replays.verify(self.log, self.component, self.parameters, window)
 
-    def answer(self, path: Path) -> int:
-        """Log the component's own answer; returns its steps, and makes no log of a log without one.
+    def answer(self, path: Path, end: float = EVER[1]) -> int:
+        """Log the component's own answer until ``end``, s; returns its steps, and makes no log of a log without one.
 
-        That log holds the FMU's hash and its parameters, and the scene that it belongs to where that is known: it can
-        be replayed in turn. Raises BadInput, Unfit.
+        That log names this one with its digest, and holds the FMU's hash and its parameters, and the scene that it
+        belongs to where that is known: it can be replayed in turn. Raises BadInput, Unfit.
         """
-        log, name = self.log, self.component.name
+        log, name, model = self.log, self.component.name, self.model
         if path.exists() and path.samefile(log.path):
             raise BadInput(f"{path} is the log itself: give another name")
-        if not len(log.read(f"/{name}/in").t):
-            return 0
-        ran = Instance(name, self.model.fmu, dict(self.parameters), self.model.stage)
+        ran = Instance(name, model.fmu, dict(self.parameters), model.stage)
         attachments = {
             "system.json": as_json(describe(System((ran,), ()))),
-            f"{name}.modelDescription.xml": description(self.model.fmu),
+            f"{name}.modelDescription.xml": description(model.fmu),
         }
-        if self.model.scene is not None:
-            attachments["scene.json"] = as_json(self.model.scene.resolved())
+        if model.scene is not None:
+            attachments["scene.json"] = as_json(model.scene.resolved())
+        of = str(log.path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are no text
+        metadata = {"replay": {"of": of, "digest": log.digest(), "component": name}}
+        if model.settings:
+            metadata["replay"]["set"] = "; ".join(model.settings)
+        if model.native:
+            metadata["run"] = {"fmus": NATIVE}
         links = log.topics.get(f"/{name}/links")
-        every = links.every if links else self.model.scene.links_every if self.model.scene else 1
-        return replays.answer(log, self.component, self.parameters, path, attachments, every)
+        every = links.every if links else model.scene.links_every if model.scene else 1
+        described = replays.Described(attachments, metadata, every)
+        return replays.answer(log, self.component, self.parameters, path, described, end)
 
 
 @contextmanager
-def opened(path: Path, name: str, other: str | None, logger: Logger | None = None) -> Iterator[Again]:
+def opened(
+    path: Path, name: str, other: str | None, logger: Logger | None = None, settings: Sequence[str] = ()
+) -> Iterator[Again]:
     """The component ``name`` of a log, or ``other`` ("rigid", "flexible" or an FMU file) in its place.
 
+    ``settings``, KEY=VALUE, change the scene in the log; what it recorded, and where its idler stands, stay.
     Raises BadInput, Unfit, BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
     """
     with Log(path) as log:
+        if about := log.metadata.get(BRANCHED):
+            step, of = about.get("step"), shown(about.get("of"))
+            raise BadInput(f"{path} has other numbers from step {step} on: replay {of}, from which it branched off")
         entry = _entry(log, name)
-        model = _theirs(log, entry, Path(other)) if other and other not in TRACKS else _ours(log, entry, other)
+        if other and other not in TRACKS:
+            if settings:
+                raise BadInput(f"--set changes the scene in the log, which says nothing about --with {other}")
+            model = _theirs(log, entry, Path(other))
+        else:
+            model = _ours(log, entry, other, settings)
         with Component(model.fmu, name, logger) as component:
             known = set(component.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in known}
@@ -108,8 +127,8 @@ def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> Model:
     return Model(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, ran)
 
 
-def _ours(log: Log, entry: Mapping[str, Any], track: str | None) -> Model:
-    """Built from the scene of the log, with its own track model or with ``track``."""
+def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> Model:
+    """Built from the scene of the log, with its own track model or with ``track``, and with other ``settings``."""
     name = entry["name"]
     if "scene.json" not in log.attachments:
         raise BadInput(f"{log.path} does not say of which scene '{name}' is: name its FMU with --with")
@@ -117,21 +136,27 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None) -> Model:
     if track is not None:
         own = dict.fromkeys(("integrator", "element", "elasticity", "axes", "joints", "formulation")) | {"model": track}
         scene = scene.model_copy(update={"planar": False, "track": scene.track.model_copy(update=own)}).with_axes()
+    if settings:
+        scene = _of_fmus(log, changed(scene.resolved(), settings, f"{log.path}: scene.json"))
     part = _part(scene, name)
     if track is not None and part.kind != TRACKS[track]:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
     fmu = build_parts([part], native)[0]
-    if track is not None:
-        ran = sha256(fmu) == entry["sha256"] and part.parameters == entry.get("parameters", {})
-        return Model(fmu, part.parameters, part.stage, scene, ran)
-    if sha256(fmu) != entry["sha256"]:
+    same = sha256(fmu) == entry["sha256"]
+    if track is not None or settings:
+        ran = same and part.parameters == entry.get("parameters", {})
+        return Model(fmu, part.parameters, part.stage, scene, ran, native, settings)
+    if not same:
         raise BadInput(f"the log was made by another build of {shown(entry.get('fmu'))}: name an FMU with --with")
-    return Model(fmu, entry.get("parameters", {}), part.stage, scene, True)
+    return Model(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
 
 
 def _scene(log: Log) -> TrackScene:
-    scene = from_table(log.table("scene.json"), f"{log.path}: scene.json")
+    return _of_fmus(log, from_table(log.table("scene.json"), f"{log.path}: scene.json"))
+
+
+def _of_fmus(log: Log, scene: Scene) -> TrackScene:
     if not isinstance(scene, TrackScene):
         raise BadInput(f"{log.path}: a scene of assembly = '{scene.assembly}' has no FMU to replay")
     return scene

@@ -126,32 +126,36 @@ def _altered(log: Log, topic: str) -> tuple[str, ...]:
     return tuple(source for source in sources if source in recorded and found[source] != recorded[source])
 
 
-def answer(
-    log: Log,
-    component: Component,
-    parameters: Parameters,
-    path: Path,
-    attachments: Mapping[str, bytes],
-    links_every: int,
-) -> int:
-    """Another model under the recorded inputs: its answer goes to the log ``path``. Returns how many steps it did.
+class Described(NamedTuple):
+    """What the log of an answer says before step 0."""
 
-    The answer names the log that it is an answer to, and that log's digest. Raises Unfit.
+    attachments: Mapping[str, bytes]
+    metadata: Mapping[str, Mapping[str, str]]
+    links_every: int  # steps from one record of links to the next
+
+
+def answer(
+    log: Log, component: Component, parameters: Parameters, path: Path, described: Described, end: float = EVER[1]
+) -> int:
+    """Another model under the inputs recorded until ``end``, s: its answer goes to the log ``path``.
+
+    Returns how many steps it did; makes no log of none. Raises Unfit.
     """
     name = component.name
     inputs, recorded = log.read(f"/{name}/in"), log.read(f"/{name}/out")
+    inputs = inputs.rows(inputs.t + inputs.h <= end + 1e-9)
+    if not len(inputs.t):
+        return 0
     topics = {
         f"/{name}/{kind}": [(variable, component.unit(variable)) for variable in names]
         for kind, names in (("in", component.inputs), ("out", component.outputs), ("links", component.links))
         if names or kind == "in"
     }
-    of = str(log.path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are no text
-    metadata = {"replay": {"of": of, "digest": log.digest(), "component": name}}
-    every = {topic: links_every for topic in topics if topic.endswith("/links")}
+    every = {topic: described.links_every for topic in topics if topic.endswith("/links")}
     ends = dict(zip(log.sequence(f"/{name}/out").tolist(), recorded.t.tolist(), strict=True))
     steps = drive(component, inputs, parameters)
     start = next(steps)  # what cannot be driven leaves no log
-    with Recorder(path, topics, attachments, metadata, every=every) as recorder:
+    with Recorder(path, topics, described.attachments, described.metadata, every=every) as recorder:
         for k, t in chain([start], steps):
             t = ends.get(k, t)
             h = float(inputs.h[max(k - 1, 0)])

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fmus.vehicle import BadInput, shown
+from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
+from orchestrator.execution.branch import branched, taken_over
 from orchestrator.execution.manifest import NATIVE, sha256
 from orchestrator.execution.simulate import Begun, simulate
 from orchestrator.log.described import system_of
-from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
+from orchestrator.log.log_format import BRANCHED, CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.scene import Scene, TrackScene, from_table
+from orchestrator.scene.tables import Run
 
 
 def resume(
@@ -27,26 +33,35 @@ def resume(
     stop: float | None = None,
     logger: Logger | None = None,
     narration: Narration | None = None,
+    settings: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Go on from the last checkpoint by ``at``, s, or the last one, to ``stop``, s, or the end of the scene.
 
     The log of an interrupted or killed run will do. The FMUs are built from the scene in the log and must have the
-    hashes that it names. The summary is that of ``simulate``; raises what that raises, LogUnreadable and BadInput.
+    hashes that it names. With ``settings``, KEY=VALUE, a run of other numbers branches off there (``branch``).
+    The summary is that of ``simulate``; raises what that raises, LogUnreadable and BadInput.
     """
     with Log(source) as log:
         if path.exists() and path.samefile(source):
             raise BadInput(f"{path} is the log itself: give another name")
         scene = _scene(log, stop)
-        number = _chosen(log, at, scene.run.step)
-        if scene.run.steps < number:
-            raise BadInput(f"stop = {scene.run.stop:g} s is before the checkpoint at {number * scene.run.step:g} s")
+        number, reached = _chosen(log, at, scene.run)
+        if scene.run.stop < reached - 1e-9:
+            raise BadInput(f"stop = {scene.run.stop:g} s is before the checkpoint at {reached:g} s")
+        native, earlier = _native(log, scene), log.metadata.get(BRANCHED)
+        about = {"of": _text(source), "step": str(number)}
+        metadata = {"resumed": about} | ({BRANCHED: earlier} if earlier else {})
         begun = Begun(
-            number,
-            log.attachment(f"{CHECKPOINT}{number}"),
-            lambda recorder: _copy(log, recorder, number),
-            {"resumed": {"of": _text(source), "step": str(number)}},
+            number, log.attachment(f"{CHECKPOINT}{number}"), lambda recorder: _copy(log, recorder, number), metadata
         )
-        return simulate(scene, path, logger, narration, native=_native(log, scene), begun=begun)
+        if settings:
+            if native:
+                raise BadInput(f"--set: {source} is of native FMUs, whose states hold their numbers as well")
+            scene = branched(scene, settings, f"{source}: scene.json")
+            told = about | {"set": "; ".join(settings)} | ({"before": json.dumps(earlier)} if earlier else {})
+            metadata = {"resumed": about, BRANCHED: told}
+            begun = begun._replace(metadata=metadata, made=partial(taken_over, settings=settings))
+        return simulate(scene, path, logger, narration, native=native, begun=begun)
 
 
 def _text(path: Path) -> str:
@@ -60,15 +75,17 @@ def _scene(log: Log, stop: float | None) -> Scene:
     return from_table(table, f"{log.path}: scene.json")
 
 
-def _chosen(log: Log, at: float | None, step: float) -> int:
-    """The number of the last checkpoint by a time, in steps of length ``step``, s; raises BadInput."""
+def _chosen(log: Log, at: float | None, run: Run) -> tuple[int, float]:
+    """The number of the step of the last checkpoint by a time, and when that was, s; raises BadInput, Unusable."""
     numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     if not numbers:
         raise BadInput(f"{log.path} has no checkpoint to go on from")
-    fitting = [number for number in numbers if at is None or number * step <= at + 1e-9]
+    fixed = run.variable is None
+    times = {k: k * run.step if fixed else time_of(log.attachment(f"{CHECKPOINT}{k}")) for k in numbers}
+    fitting = [number for number in numbers if at is None or times[number] <= at + 1e-9]
     if not fitting:
-        raise BadInput(f"--at {at:g}: the first checkpoint of {log.path} is at {numbers[0] * step:g} s")
-    return fitting[-1]
+        raise BadInput(f"--at {at:g}: the first checkpoint of {log.path} is at {times[numbers[0]]:g} s")
+    return fitting[-1], times[fitting[-1]]
 
 
 def _native(log: Log, scene: Scene) -> bool:

@@ -24,7 +24,7 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, n
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, Reached
+from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, Reached, TimedCheckpoints
 from orchestrator.execution import estimate, summary
 from orchestrator.execution.manifest import NATIVE, STATS_PERIOD, open_log
 from orchestrator.log.reader import Log, LogUnreadable
@@ -45,6 +45,7 @@ class Begun(NamedTuple):
     checkpoint: bytes
     copy: Callable[[Recorder], None]
     metadata: Mapping[str, Mapping[str, str]]
+    made: Callable[[Component, bytes], bytes] = lambda _, state: state  # what a component is given of its saved state
 
 
 def simulate(
@@ -97,10 +98,12 @@ def _simulate(
         if isinstance(pace, VariableStep):
             needs_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
-        at = None if begun is None else checkpoint.restore(begun.checkpoint, scheme, begun.step)
-        if at is not None:
-            assert isinstance(pace, master.Clock)
-            pace = pace._replace(done=at.k)
+        at = None
+        if begun is not None:
+            remember = None if isinstance(pace, master.Clock) else pace.remember
+            at = checkpoint.restore(begun.checkpoint, scheme, begun.step, remember, begun.made)
+            if isinstance(pace, master.Clock):
+                pace = pace._replace(done=at.k)
         told = []  # of the record itself
         if aliases := scene.folded if any_links(components) else "":
             told.append({"component": "log", "text": aliases, "time": 0.0, "count": 1})
@@ -120,11 +123,14 @@ def _simulate(
                 if at is not None:
                     logging.begin(*at)
                     reached(*at)
-                if scene.run.checkpoints and isinstance(pace, master.Clock) and checkpoint.possible(scheme):
-                    every = max(1, round(scene.run.checkpoints / pace.step))
-                    if scene.folded:  # between two records of links there is what no checkpoint holds
-                        every = scene.links_every * ceil(every / scene.links_every)
-                    observers.append(Checkpoints(recorder, scheme, every))
+                if (period := scene.run.checkpoints) and checkpoint.possible(scheme):
+                    stride = scene.links_every if scene.folded else 1  # between two records no checkpoint holds all
+                    if isinstance(pace, master.Clock):
+                        every = stride * ceil(max(1, round(period / pace.step)) / stride)
+                        observers.append(Checkpoints(recorder, scheme, every))
+                    else:
+                        since = at.t if at else 0.0
+                        observers.append(TimedCheckpoints(recorder, scheme, pace, period, stride, since))
                 if narration:
                     observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
                 say(f"{scene.name}: {scene.run.stop:g} s are simulated")

@@ -45,6 +45,7 @@ except ImportError:  # Windows does not let go of open files in any case
 ZSTD, COMPRESSION_LEVEL = b"zstd", -3  # by a fifth less of the processor than level 1, and 7 % larger
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # all of a chunk but its records: opcode, length, times, size, checksum, kind
 _HEAD = 9  # bytes of opcode and length, which the length does not count
+CLOSING = 1 << 14  # bytes that are left for the closing record where a disk is nearly full
 SUMMARY = (
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -104,8 +105,11 @@ class ContainerWriter:
         self._indexed[Opcode.CHANNEL].append(channel)
         self._counts[number] = 0
 
-    def chunk(self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]]) -> None:
-        """Write message records (m, size) with their times (ns), by channel number, as one chunk."""
+    def chunk(self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]], last: bool = False) -> None:
+        """Write message records (m, size) with their times (ns), by channel number, as one chunk.
+
+        ``last``: only where there is room for the end of the file behind it.
+        """
         content = self._joined([rows for _, rows, _ in parts])
         start = min(int(times.min()) for _, _, times in parts)
         end = max(int(times.max()) for _, _, times in parts)
@@ -123,6 +127,8 @@ class ContainerWriter:
             indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, number, entries.nbytes)
             indexes += entries.tobytes()
         offset = self.size
+        if last:
+            self._need(len(head) + len(data) + len(indexes) + CLOSING + len(self._end()))
         self._append(head, data, indexes)
         for number, rows, _ in parts:
             self._counts[number] += len(rows)
@@ -142,6 +148,10 @@ class ContainerWriter:
 
     def finish(self) -> None:
         """End of data, summary, footer: one write, so that a full disk leaves the data as they are."""
+        self._append(self._end())
+
+    def _end(self) -> bytes:
+        """What comes after the last record."""
         chunks = self._indexed[Opcode.CHUNK_INDEX]
         statistics = Statistics(
             attachment_count=len(self._indexed[Opcode.ATTACHMENT_INDEX]),
@@ -166,7 +176,7 @@ class ContainerWriter:
         summary += _bytes(*offsets)
         footer = _bytes(Footer(start, offset_start, 0))
         crc = zlib.crc32(footer[:-4], zlib.crc32(summary))
-        self._append(data_end + summary + footer[:-4] + struct.pack("<I", crc) + MCAP0_MAGIC)
+        return data_end + summary + footer[:-4] + struct.pack("<I", crc) + MCAP0_MAGIC
 
     def close(self) -> None:
         """Give the file back."""
@@ -183,18 +193,31 @@ class ContainerWriter:
     def _append(self, *parts: bytes | bytearray) -> None:
         """Write whole records, or none of them."""
         try:
-            for part in parts:
-                rest = memoryview(part)
-                while rest:
-                    rest = rest[self._stream.write(rest) :]
+            self._write(*parts)
         except OSError:
-            with suppress(OSError):  # what cannot be cut back stays behind as a cut record
-                self._stream.truncate(self.size)
-                self._stream.seek(self.size)
+            self._cut_back()
             raise
         for part in parts:
             self.size += len(part)
             self._crc = zlib.crc32(part, self._crc)
+
+    def _need(self, size: int) -> None:
+        """Raises OSError where so many bytes do not fit on the disk: only writing them tells."""
+        try:
+            self._write(bytes(size))
+        finally:
+            self._cut_back()
+
+    def _write(self, *parts: bytes | bytearray) -> None:
+        for part in parts:
+            rest = memoryview(part)
+            while rest:
+                rest = rest[self._stream.write(rest) :]
+
+    def _cut_back(self) -> None:
+        with suppress(OSError):  # what cannot be cut back stays behind as a cut record
+            self._stream.truncate(self.size)
+            self._stream.seek(self.size)
 
 
 def check_writable(path: Path) -> None:

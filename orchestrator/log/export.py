@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -14,11 +15,12 @@ import numpy as np
 
 from orchestrator.log.container_writer import LogFailed, reason
 from orchestrator.log.extra import library
+from orchestrator.log.parquet_footer import MAGIC, Footer
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import EVER, Floats, Series
 
 BLOCK = 4000  # rows that are in memory at once
-GROUP = 8 << 20  # bytes of a row group of a Parquet file, whose footer, in memory, describes each column of each
+GROUP = 8 << 20  # bytes that make a row group of a Parquet file, if BLOCK rows are more
 
 
 class Columns(NamedTuple):
@@ -68,32 +70,40 @@ class Parquet:
             for name, unit in zip(names, units, strict=True)
         ]
         self._schema = self._arrow.schema(fields)
-        self._writer = library("pyarrow.parquet").ParquetWriter(
-            file,
-            self._schema,
-            compression="zstd",
-            use_dictionary=False,
-            use_byte_stream_split=True,
-            write_statistics=["t"],  # by which readers skip row groups; of all columns they cost a third of the time
-        )
+        self._parquet = library("pyarrow.parquet")
+        self._file = file.open("wb")
+        self._size = self._file.write(MAGIC)
+        self._footer = Footer()
         self._tables: list[Floats] = []
+        self._group()  # of no rows: it describes the columns
 
     def rows(self, table: Floats) -> None:
         """Kept until they make a row group."""
         self._tables.append(table)
-        if sum(each.nbytes for each in self._tables) >= GROUP:
-            self._write()
+        if sum(each.nbytes for each in self._tables) >= GROUP or sum(map(len, self._tables)) >= BLOCK:
+            self._group()
 
-    def _write(self) -> None:
-        if self._tables:
-            columns = np.ascontiguousarray(np.concatenate(self._tables).T)
-            self._writer.write_table(self._arrow.table(list(columns), schema=self._schema))
-        self._tables = []
+    def _group(self) -> None:
+        sink = io.BytesIO()
+        options = {
+            "compression": "zstd",
+            "use_dictionary": False,
+            "use_byte_stream_split": True,
+            "write_statistics": ["t"],  # by which readers skip row groups; of all columns they cost a third of the time
+        }
+        with self._parquet.ParquetWriter(sink, self._schema, **options) as writer:
+            if self._tables:
+                columns = np.ascontiguousarray(np.concatenate(self._tables).T)
+                self._tables = []
+                writer.write_table(self._arrow.table(list(columns), schema=self._schema))
+        self._size += self._file.write(self._footer.add(sink.getbuffer(), self._size))
 
     def close(self) -> None:
         """With the last rows and the footer."""
-        self._write()
-        self._writer.close()
+        with self._file:
+            if self._tables:
+                self._group()
+            self._file.write(self._footer.content())
 
 
 class Matlab:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 NAME = "format"  # of the metadata record
 VERSION = 2
+BRANCHED = "branched"  # of the metadata record of a run that went on with other numbers
 CHECKPOINT = "checkpoint/"  # begins the name of an attachment, before the number of the step
 
 

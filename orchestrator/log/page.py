@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,15 @@ class Block:
         self.values[0] = other.values[last]
         self.count = 1
         return self
+
+    def steps(self, first: int, end: int) -> Block:
+        """Those of its rows that are of steps from ``first`` to before ``end``, in its memory."""
+        begin, stop = np.searchsorted(self.sequence[1 : self.count], [first, end]).tolist()
+        part = copy(self)
+        for name in ("sequence", "t", "h", "values"):
+            setattr(part, name, getattr(self, name)[begin : stop + 1])
+        part.count = stop - begin + 1
+        return part
 
 
 class Channel:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import os
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 
@@ -288,19 +288,38 @@ class Recorder(AbstractContextManager["Recorder"]):
                 with self._turn:
                     unproven = isinstance(error, Unproven)
                     self._failure = LogFailed(f"{self.path}: {error}") if unproven else failed(self.path, error)
+                    self._hand_over()
+                    left = [filled, *self._backlog]
                     self._backlog.clear()
                     self._turn.notify_all()
+                if isinstance(error, OSError):
+                    self._save(each for each in left if not isinstance(each, tuple))
                 return
             with self._turn:
                 for page, block in filled:
                     page.spare.append(block)
                 self._turn.notify_all()
 
-    def _write_chunk(self, filled: Sequence[tuple[Page, Block]]) -> None:
+    def _save(self, chunks: Iterable[Sequence[tuple[Page, Block]]]) -> None:
+        """Write the first steps of them, as many as fit on a disk that has no room for all."""
+        for filled in chunks:
+            numbers = np.concatenate([block.sequence[1 : block.count] for _, block in filled])
+            first, end = int(numbers.min()), int(numbers.max()) + 1
+            size = end - first
+            while first < end and size:
+                try:
+                    self._write_chunk([(page, block.steps(first, first + size)) for page, block in filled], True)
+                    first += size
+                except (OSError, Unproven):
+                    size //= 2
+            if first < end:
+                return
+
+    def _write_chunk(self, filled: Sequence[tuple[Page, Block]], last: bool = False) -> None:
         packed = [part for page, block in filled for part in page.pack(block)]
         if not packed:
             return
         packed.sort(key=lambda part: part.channel.number)
-        self._file.chunk([(part.channel.number, part.rows, part.times) for part in packed])
+        self._file.chunk([(part.channel.number, part.rows, part.times) for part in packed], last)
         for channel, rows, _ in packed:  # only what is in the file counts
             channel.count(rows)

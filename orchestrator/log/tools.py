@@ -113,7 +113,16 @@ def _faults(log: Log) -> list[str]:
             faults.append(f"{topic} has {tallies[topic].messages} messages, {expected} were recorded")
         elif tallies[topic].hash.hexdigest() != log.closing["sha256"].get(topic):
             faults.append(f"{topic} does not have the sha256 of the closing record")
-    return faults
+    followed = {topic: tally.newest for topic, tally in tallies.items() if _stride(log, topic)}
+    newest = [step + _is_input(topic) for topic, step in followed.items() if step is not None]
+    reached, steps = max(newest, default=0), log.closing["steps"]
+    return [*faults, f"{log.path} ends with step {reached} of {steps}"] if _short(log, reached, steps) else faults
+
+
+def _short(log: Log, reached: int, steps: int) -> bool:
+    """Whether a log that ends with the step ``reached`` lacks some that the run did."""
+    strides = [every for topic in log.topics if (every := _stride(log, topic))]
+    return bool(strides) and reached + min(strides) <= steps
 
 
 def _miswired(log: Log) -> list[str]:
@@ -184,8 +193,8 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     every = {topic: about.every for topic, about in log.topics.items()}
     saved = dict.fromkeys(log.topics, 0)
     closing = log.closing or {"status": "", "steps": 0, "messages": {}, "results": {}, "warnings": []}
-    untouched = log.closing is not None and log.sound()
-    steps = None if untouched else _whole_steps(log, closing["messages"])
+    steps = _whole_steps(log, closing["messages"], closing["steps"])
+    untouched = log.closing is not None and log.sound() and steps is None
     last = None if steps is None else int(steps[-1]) if len(steps) else 0
     names = [name for name in log.attachments if last is None or (checkpoint_step(name) or 0) <= last]
     attachments = {name: content for name in names if (content := _attachment(log, name)) is not None}
@@ -212,23 +221,26 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
             closing["warnings"],
         )
     sentence = f"{target} holds {sum(saved.values())} messages, to t = {reached:.6g} s; the rest is lost"
-    if saved == closing["messages"] and len(attachments) == len(names):
+    if saved == closing["messages"] and len(attachments) == len(names) and steps is None:
         sentence = f"{target} holds all {sum(saved.values())} messages, but names or metadata may be damaged"
     return Verdict(RECOVERED, [sentence, *log.faults])
 
 
-def _whole_steps(log: Log, recorded: Mapping[str, int]) -> NDArray[np.int64] | None:
+def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np.int64] | None:
     """Numbers of the steps of which no message is lost (m,); None where all that were ``recorded`` are there.
+
+    Where those do not go as far as the ``done`` steps of the run, something was lost before it was recorded.
 
     An input belongs to the step that it leads to.
     """
     found = {topic: [np.empty(0, np.int64)] for topic in log.topics}
     for messages in log.intact():
         found[messages.topic].append(_steps(messages))
-    if {topic: sum(map(len, parts)) for topic, parts in found.items()} == recorded:
-        return None
     of = {topic: np.unique(np.concatenate(parts)) for topic, parts in found.items() if _stride(log, topic)}
     steps = np.unique(np.concatenate([np.empty(0, np.int64), *of.values()]))
+    as_recorded = {topic: sum(map(len, parts)) for topic, parts in found.items()} == recorded
+    if as_recorded and not _short(log, int(steps.max(initial=0)), done):
+        return None
     whole = np.ones(len(steps), bool)
     for topic, its in of.items():
         every, first = log.topics[topic].every, int(_is_input(topic))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import Floats
+from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.picture import saved
 
 PARTED = 0.01  # of the largest value: from there on two answers have parted
@@ -48,16 +48,18 @@ class Answer(NamedTuple):
         return float(self.t[beyond[0]]) if len(beyond) else np.nan
 
 
-def answers(log: Log, answer: Log, component: str) -> list[Answer]:
+def answers(log: Log, answer: Log, component: str, window: tuple[float, float] = EVER) -> list[Answer]:
     """Of all outputs that both logs hold of a component, but those that are zero, or rounding, in both.
 
-    Raises NoSuchSignal, LogUnreadable.
+    ``window``: closed interval of time, s. Raises NoSuchSignal, LogUnreadable.
     """
     topic = f"/{component}/out"
     about = {one: one.topics[one.known_topic(topic)] for one in (log, answer)}
     names = [name for name in about[log].names if name in about[answer].names]
     found = [one.select({topic: [about[one].names.index(name) for name in names]})[topic] for one in (log, answer)]
     t, at, there = np.intersect1d(found[0].t, found[1].t, return_indices=True)
+    inside = (t >= window[0] - 1e-9) & (t <= window[1] + 1e-9)
+    t, at, there = t[inside], at[inside], there[inside]
     if not len(t):
         return []
     shown = [

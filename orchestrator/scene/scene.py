@@ -357,6 +357,16 @@ def from_table(table: Mapping[str, Any], where: str) -> Scene:
         raise BadInput(_complaint(error, where, KINDS[assembly])) from None
 
 
+def changed(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Scene:
+    """A resolved scene, which is used up, with ``KEY=VALUE`` settings; no file that either names is read.
+
+    Raises BadInput, which begins with ``where``.
+    """
+    for key, value in map(setting, settings):
+        put(resolved, SHORT.get(key, key), value)
+    return from_table(resolved, where)
+
+
 def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]]) -> None:
     """Refuse two runs, each where it is from and its scene as logged, that are not of one scene; raises BadInput."""
     for where, table in (one, other):

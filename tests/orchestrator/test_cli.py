@@ -311,6 +311,25 @@ def test_replay_with_the_other_track_model(cotrack, tmp_path):
     assert "no FMU 'none.fmu'" in err
 
 
+def test_replay_with_other_numbers(cotrack, tmp_path):
+    assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
+    replay = ("replay", "a.mcap", "--component", "chain")
+    status, out, _ = cotrack(*replay, "--set", "vehicle.gravity=10")
+    assert (status, out.splitlines()[-1]) == (0, "log a-chain-set.mcap")
+    assert next(line for line in out.splitlines() if line.startswith("tension.max")).split()[-1] == "0.0000"
+    status, out, _ = cotrack(*replay, "--set", "vehicle.gravity=9.81")
+    assert (status, out[:7]) == (0, "equal: ")
+    for settings, said in (
+        (("vehicle.gravitty=1",), "unknown key 'vehicle.gravitty'"),
+        (("vehicle.gravity",), "must be KEY=VALUE"),
+        (("vehicle.gravity=10", "--with", "mine.fmu"), "says nothing about --with mine.fmu"),
+        (("vehicle.gravity=10", "--from", "9"), "nothing of 'chain' is there to be compared from 9 to inf s"),
+    ):
+        status, _, err = cotrack(*replay, "--set", *settings)
+        assert status == (1 if "--from" in settings else 2)
+        assert said in err
+
+
 def test_an_answer_is_replayed_in_turn(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
     assert cotrack("replay", "a.mcap", "--component", "chain", "--with", "rigid", "-o", "b.mcap")[0] == 0

@@ -1,7 +1,9 @@
 """Recorded values as files and as tables of other libraries: what comes back is what was recorded, bit by bit."""
 
 import csv
+import subprocess
 import sys
+import textwrap
 
 import numpy as np
 import pandas
@@ -12,6 +14,7 @@ from recorded import STEP, TOPICS, record, record_in_chunks, values
 from scipy.io import loadmat
 
 from orchestrator.cli.common import ended_by
+from orchestrator.log import export as export_module
 from orchestrator.log.container_writer import LogFailed
 from orchestrator.log.export import export
 from orchestrator.log.extra import NotInstalled
@@ -107,6 +110,53 @@ def test_parquet_gives_every_bit_back(chunked, tmp_path):
             assert np.stack([found[name] for name in names], axis=1).tobytes() == series.values.tobytes()
             units = [found.field(name).metadata[b"unit"].decode() for name in names]
             assert tuple(units) == log.topics[topic].units
+
+
+def test_row_groups_make_the_file_that_pyarrow_writes(chunked, tmp_path, monkeypatch):
+    """To the byte; with more and fewer columns than 14, what a short list of Thrift has."""
+    monkeypatch.setattr(export_module, "GROUP", 4000)
+    for topic in ("/left_track/links", "/left_track/out", "/stats/chassis"):
+        (file,) = export(chunked, tmp_path / "all", topics=[topic], kind="parquet")
+        found = pyarrow.parquet.ParquetFile(file)
+        own = tmp_path / "own.parquet"
+        options = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
+        with pyarrow.parquet.ParquetWriter(own, found.schema_arrow, write_statistics=["t"], **options) as writer:
+            for group in range(found.num_row_groups):
+                writer.write_table(found.read_row_group(group))
+        assert own.read_bytes() == file.read_bytes()
+        with Log(chunked) as log:
+            series = log.read(topic)
+        assert found.num_row_groups > 2
+        for read in (pandas.read_parquet, polars.read_parquet):
+            table = read(file).to_numpy()
+            assert np.array_equal(table[:, 0], series.t)
+            assert table[:, 1:].tobytes() == series.values.tobytes()
+
+
+def test_memory_does_not_grow_with_row_groups(tmp_path):
+    """pyarrow keeps 900 bytes of each of the 400 columns of each group, and at the end as much again."""
+    script = textwrap.dedent("""
+        import resource, sys
+        from pathlib import Path
+        import numpy as np
+        from orchestrator.log import export
+        groups, columns = int(sys.argv[1]), export.Columns(tuple(f"x{i}" for i in range(400)), ("m",) * 400)
+        export.GROUP = 1
+        with export.written(Path(sys.argv[2]), "parquet", columns) as writer:
+            for k in range(groups):
+                writer.rows(np.full((2, 401), float(k)))
+        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000)
+    """)
+
+    def peak(groups):
+        arguments = [sys.executable, "-c", script, str(groups), str(tmp_path / "a.parquet")]
+        return float(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout)  # MB
+
+    few, many = peak(10), peak(200)
+    found = pyarrow.parquet.ParquetFile(tmp_path / "a.parquet")
+    assert found.num_row_groups == 200
+    assert np.array_equal(found.read(["x7"])["x7"].to_numpy(), np.repeat(np.arange(200.0), 2))
+    assert many < few + 40.0
 
 
 def test_a_matlab_file(chunked, tmp_path):

@@ -130,8 +130,9 @@ def test_a_step_that_was_never_written_is_a_gap(tmp_path):
         return verify(tmp_path / "a.mcap")
 
     assert run(range(10)).code == WHOLE
-    broken = run([0, 1, 2, 4, 5])
+    broken = run([0, 1, 2, 4, 5, 6, 7, 8, 9])
     assert broken == (BROKEN, ["/a/out: step 4 follows step 2"])
+    assert run(range(9)) == (BROKEN, [f"{tmp_path / 'a.mcap'} ends with step 8 of 9"])
 
 
 def test_no_log_at_all(tmp_path):

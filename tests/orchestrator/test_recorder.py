@@ -259,21 +259,26 @@ def test_a_killed_run_loses_less_than_a_second(tmp_path):
         assert log.closing["status"] == "failed"
 
 
-def test_a_full_disk_is_one_sentence_and_leaves_a_readable_log(tmp_path):
+@pytest.mark.parametrize("room", [3_000_000, 300_000], ids=["of some chunks", "of less than a chunk"])
+def test_a_full_disk_is_one_sentence_and_leaves_all_that_fits(tmp_path, room):
     path = tmp_path / "full.mcap"
     script = textwrap.dedent(f"""
         import resource, signal
         import numpy as np
         from orchestrator.log.recorder import LogFailed, Recorder
-        resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, {resource.RLIM_INFINITY}))
+        resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {resource.RLIM_INFINITY}))
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         random = np.random.default_rng(1)
-        topics = {{"/a/out": [(f"x{{i}}", "m") for i in range(500)]}}
-        recorder = Recorder({str(path)!r}, topics, {{}}, {{}}, flush=60)
+        widths = {{"/a/in": 3, "/a/out": 300, "/a/links": 100}}
+        topics = {{topic: [(f"x{{i}}", "m") for i in range(width)] for topic, width in widths.items()}}
+        recorder = Recorder({str(path)!r}, topics, {{}}, {{}}, every={{"/a/links": 5}}, flush=60)
+        together = recorder.together(["/a/in"], ["/a/out"])
         k = 0
         try:
             for k in range(100_000):
-                recorder.write("/a/out", k, k * 1e-3, 1e-3, random.normal(size=500))
+                given, shown, links = (random.normal(size=width) for width in widths.values())
+                recorder.write(together, k, k * 1e-3, 1e-3, given, shown)
+                recorder.write("/a/links", k, k * 1e-3, 1e-3, links)
         except LogFailed as failure:
             print(failure)
             recorder.close("failed", str(failure), k)
@@ -281,13 +286,26 @@ def test_a_full_disk_is_one_sentence_and_leaves_a_readable_log(tmp_path):
     child = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     assert child.stderr == ""
     assert child.stdout == f"the log {path} cannot be written: file too large\n"
+    assert path.stat().st_size > room - 40_000, "what is left has room for the end of a file and no step"
     with Log(path) as log:
-        series = log.read("/a/out")
+        given, shown, links = (log.read(f"/a/{kind}").values for kind in ("in", "out", "links"))
+        assert log.closing["status"] == "failed"
+        ran = log.closing["steps"]
+    last = len(shown) - 1
+    assert (len(given), len(links)) == (last, last // 5 + 1)
+    assert last > room / 5000  # a step takes 3400 bytes
     random = np.random.default_rng(1)
-    assert 300 < len(series.t) < 800
-    assert np.array_equal(series.values, random.normal(size=(len(series.t), 500)))
-    assert log.closing["status"] == "failed"  # the chunk that was taken back made room for the end
-    assert verify(path).code == WHOLE
+    for k in range(last + 1):
+        expected = [random.normal(size=width) for width in (3, 300, 100)]
+        assert k == 0 or np.array_equal(given[k - 1], expected[0])
+        assert np.array_equal(shown[k], expected[1])
+        assert k % 5 or np.array_equal(links[k // 5], expected[2])
+    assert verify(path) == (BROKEN, [f"{path} ends with step {last} of {ran}"])
+    assert recover(path, tmp_path / "saved.mcap").code == RECOVERED
+    assert verify(tmp_path / "saved.mcap").code == WHOLE
+    with Log(tmp_path / "saved.mcap") as log:
+        assert log.closing["steps"] == last
+        assert np.array_equal(log.read("/a/out").values, shown)
 
 
 def test_a_disk_that_is_full_at_once(tmp_path, monkeypatch):

@@ -18,6 +18,7 @@ from orchestrator.log.export import export
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, WHOLE, verify
+from orchestrator.results.answered import answers
 from orchestrator.results.difference import differences
 from orchestrator.results.picture import draw
 from orchestrator.results.run_data import RunData
@@ -138,6 +139,43 @@ def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
         assert two.table("scene.json") == one.table("scene.json")
         for topic in ("/chain/in", "/chain/out", "/chain/links"):
             assert two.hashes()[topic] == one.hashes()[topic]
+
+
+def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
+    """A chain has no inputs: its answer is the run with those numbers, to the bit."""
+    heavier = "vehicle.gravity=10.0"
+    run = tmp_path / "run.mcap"
+    assert simulate(load("hanging_chain", "flexible", (*SETTINGS, heavier)), run)["status"] == "ok"
+    answer = tmp_path / "answer.mcap"
+    with replay_model.opened(log, "chain", None, settings=[heavier]) as again:
+        assert not again.model.ran
+        assert again.answer(answer) == 20
+    assert verify(answer).code == WHOLE
+    with Log(log) as source, Log(answer) as mine, Log(run) as theirs:
+        assert mine.metadata["replay"]["set"] == heavier
+        assert mine.table("scene.json") == theirs.table("scene.json") != source.table("scene.json")
+        for topic in ("/chain/out", "/chain/links"):
+            assert mine.hashes()[topic] == theirs.hashes()[topic] != source.hashes()[topic]
+        (found,) = (one for one in answers(source, mine, "chain", (0.0, 0.01)) if one.signal == "tension.max")
+    assert found.t[-1] == pytest.approx(0.01)
+    assert found.now == pytest.approx(found.recorded * 10.0 / 9.81, rel=1e-4)
+    with replay_model.opened(answer, "chain", None) as again:
+        assert again.model.ran
+        assert again.verify().equal
+    with replay_model.opened(log, "chain", None, settings=["vehicle.gravity=9.81"]) as again:
+        assert again.model.ran, "nothing is other than it was"
+        assert again.answer(tmp_path / "half.mcap", 0.01) == 10
+
+
+@pytest.mark.study
+def test_an_answer_of_native_fmus_is_replayed_by_native_fmus(tmp_path):
+    scene = load("rig", "rigid", ("run.stop=0.02", "expect={}", "drive.ramp_start=0"))
+    assert simulate(scene, tmp_path / "run.mcap", native=True)["status"] == "ok"
+    with replay_model.opened(tmp_path / "run.mcap", "drive", None, settings=["drive.speed=1"]) as again:
+        again.answer(tmp_path / "answer.mcap")
+    with replay_model.opened(tmp_path / "answer.mcap", "drive", None) as again:
+        assert again.model.native
+        assert again.verify().equal
 
 
 def test_a_replay_of_no_step_is_no_success(log, tmp_path):

@@ -6,17 +6,26 @@ import signal
 import subprocess
 import sys
 import time
+from functools import reduce
+from operator import getitem
 
+import numpy as np
 import pytest
 from mutated import Content
 
+from fmus.vehicle import BadInput
 from orchestrator.cosim.checkpoint import Unusable
+from orchestrator.cosim.coupling.power_residual import PowerResidual
+from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.execution import replay_model
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
+from orchestrator.results.divergence import divergence
+from orchestrator.results.energy import ledger
+from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
 
 RIG = ("run.stop=0.06", "run.checkpoints=0.02", "run.links=7", "expect={}", "drive.ramp_start=0")
@@ -51,6 +60,33 @@ def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
             assert log.metadata["resumed"] == {"of": str(whole), "step": str(step)}
 
 
+def forget(pace, scheme, memory):
+    """Go on from where a run was, as if that were a start."""
+    pace._start = pace._start._replace(t=float(memory["pace"][0]))
+
+
+@pytest.mark.parametrize("estimate", ["doubling", "power"])
+def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
+    """With the lengths that they had; checkpoints are at the first points after 20, 40 and 60 ms that allow it."""
+    variable = (f"run.variable.estimate={estimate}", "run.variable.tolerance=1e-5")
+    whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, *variable)
+    with Log(whole) as log:
+        numbers = sorted(step for name in log.attachments if (step := checkpoint_step(name)) is not None)
+        out = log.read("/track/out")
+        steps = log.closing["steps"]
+    assert np.floor(out.t[numbers] / 0.02 + 1e-6).tolist() == [1.0, 2.0, 3.0]
+    for at, number in ((0.03, numbers[0]), (0.05, numbers[1])):
+        told = resume(whole, tmp_path / "again.mcap", at)
+        assert (told["status"], told["communication_steps"]) == ("ok", steps)
+        assert digest(tmp_path / "again.mcap") == digest(whole)
+        with Log(tmp_path / "again.mcap") as log:
+            assert log.metadata["resumed"] == {"of": str(whole), "step": str(number)}
+    for kind in (VariableStep, PowerResidual):
+        monkeypatch.setattr(kind, "remember", forget)
+    resume(whole, tmp_path / "again.mcap", 0.05)
+    assert digest(tmp_path / "again.mcap") != digest(whole), "the twin forgets how long steps were"
+
+
 @pytest.mark.parametrize(
     ("track", "native"),
     [("flexible", False), ("rigid", False), pytest.param("flexible", True, marks=pytest.mark.study)],
@@ -62,6 +98,69 @@ def test_vehicles_go_on(tmp_path, track, native):
     assert digest(tmp_path / "again.mcap") == digest(whole)
     with replay_model.opened(tmp_path / "again.mcap", "chassis", None) as again:
         assert again.verify().equal
+
+
+@pytest.mark.parametrize(
+    ("track", "key"), [("rigid", "vehicle.contact.sprocket.damping"), ("flexible", "vehicle.material.youngs_modulus")]
+)
+def test_a_branch_with_the_same_number_is_the_run_that_was_not_interrupted(tmp_path, track, key):
+    whole = ran(tmp_path / "whole.mcap", "rig", track, *RIG)
+    with Log(whole) as log:
+        number = reduce(getitem, key.split("."), log.table("scene.json"))
+    told = resume(whole, tmp_path / "same.mcap", 0.02, settings=[f"{key}={number!r}"])
+    assert told["status"] == "ok"
+    assert digest(tmp_path / "same.mcap") == digest(whole)
+    with Log(tmp_path / "same.mcap") as log:
+        assert log.metadata["branched"] == {"of": str(whole), "step": "20", "set": f"{key}={number!r}"}
+
+
+def test_a_branch_parts_at_the_step_after_its_checkpoint(rig, tmp_path):
+    """Stiffer teeth and rims, pressed in as they were, hold a tenth more energy, which no work put in."""
+    settings = [f"vehicle.contact.{where}.stiffness=2.2e6" for where in ("sprocket", "wheel")]
+    branch = tmp_path / "branch.mcap"
+    assert resume(rig, branch, 0.04, settings=settings)["status"] == "ok"
+    with Log(rig) as one, Log(branch) as other:
+        first = divergence(one, other).first
+        assert (first.step, first.variable) == (40, "sprocket.force.x"), "an input of the step that begins there"
+        for name in ("track", "drive", "idler_drive"):
+            a, b = (log.read(f"/{name}/out").values for log in (one, other))
+            assert a[:41].tobytes() == b[:41].tobytes()
+            assert a[41].tobytes() != b[41].tobytes()
+        assert other.table("scene.json")["vehicle"]["contact"]["wheel"]["stiffness"] == 2.2e6
+        held, own = (log.signal("track.energy.contact")[1] for log in (one, other))
+        jump = own[41] - own[40]
+        assert own[:41].tolist() == held[:41].tolist()
+        assert held[41] == pytest.approx(held[40], rel=0.01)
+        assert own[41] == pytest.approx(1.1 * held[40], rel=0.01)
+        open_by = [ledger(RunData(log)).residual for log in (one, other)]
+        assert open_by[1] - open_by[0] == pytest.approx(-jump, rel=0.05)
+    with pytest.raises(BadInput, match="has other numbers from step 40 on"), replay_model.opened(branch, "track", None):
+        pass
+    resume(branch, tmp_path / "again.mcap", 0.06, stop=0.07)
+    with Log(branch) as log, Log(tmp_path / "again.mcap") as again:
+        assert again.metadata["branched"] == log.metadata["branched"]
+    resume(branch, tmp_path / "twig.mcap", 0.06, stop=0.07, settings=["idler_drive.brake=0"])
+    with Log(branch) as log, Log(tmp_path / "twig.mcap") as twig:
+        assert json.loads(twig.metadata["branched"]["before"]) == log.metadata["branched"]
+
+
+def test_what_does_not_branch_off_is_a_sentence(rig, cotrack, tmp_path):
+    for setting, said in (
+        ("run.step=0.5 ms", "run.step stays as it is"),
+        ("run.links=1", "run.links stays as it is"),
+        ("track.link_outputs=all", "track.link_outputs stays as it is"),
+        ("idler_drive.mode=speed", "idler_drive.mode stays as it is"),
+        ("vehicle.gravitty=1", "unknown key 'vehicle.gravitty'"),
+    ):
+        status, out, err = cotrack("resume", rig, "--set", setting, "-o", tmp_path / "new.mcap")
+        assert (status, out) == (2, "")
+        assert said in err.splitlines()[-1]
+        assert not (tmp_path / "new.mcap").exists()
+    short = ("run.stop=0.02", "run.checkpoints=0.01", "chain.links=8", "expect={}")
+    chain = ran(tmp_path / "chain.mcap", "hanging_chain", "rigid", *short)
+    said = "with --set chain.links=9 the state of 'chain' has another size"
+    with pytest.raises(Unusable, match=said):
+        resume(chain, tmp_path / "new.mcap", 0.01, settings=["chain.links=9"])
 
 
 def test_a_longer_run_is_that_of_a_longer_scene(rig, tmp_path):
@@ -112,8 +211,6 @@ def test_what_does_not_go_on_is_a_sentence(rig, cotrack, tmp_path):
     assert "must be a multiple of step" in refused(rig, "--stop", "0.0705")
     none = ran(tmp_path / "none.mcap", "rig", "rigid", *RIG, "run.checkpoints=false")
     assert "has no checkpoint to go on from" in refused(none)
-    chain = ran(tmp_path / "variable.mcap", "rig", "rigid", *RIG, "run.variable.tolerance=1e-2", "run.stop=0.03")
-    assert "has no checkpoint to go on from" in refused(chain)
     status, _, err = cotrack("resume", rig, "-o", rig)
     assert (status, "is the log itself" in err) == (2, True)
 

@@ -17,7 +17,7 @@ over it is what the energy ledger books.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ import numpy as np
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
-from orchestrator.cosim.graph import Connection, Feed, Member, Miswired
+from orchestrator.cosim.graph import Connection, Feed, Floats, Member, Miswired
 
 WATT = (1, 2, -3, 0, 0, 0, 0, 0)  # exponents of kg, m, s, A, K, mol, cd, 10
 SAFETY = 0.8
@@ -83,6 +83,16 @@ def works(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
     return h * float(shown @ seen), h * float(felt @ answer)
 
 
+class Remembered(NamedTuple):
+    """What the next step follows from."""
+
+    t: float  # s, reached
+    h: float  # s, how long it is to be
+    size: float  # J, the largest energy that a bond has carried
+    before: float  # residual of the step before, over what is allowed
+    carried: Floats  # J, by bond
+
+
 class PowerResidual:
     """A pace that keeps the power residual of a step below a tolerance, by a PI controller.
 
@@ -103,14 +113,27 @@ class PowerResidual:
         self.stop, self.step, self.tolerance = stop, step, tolerance
         self.shortest, self.longest, self.energy = shortest, longest, energy
         self.forced = 0  # shortest steps with too large a residual
+        self._start = self._now = Remembered(0.0, step, energy, 1.0, np.zeros(0))
+
+    def memory(self, scheme: Scheme) -> dict[str, Floats]:
+        """What it remembers, by name."""
+        *numbers, carried = self._now
+        return {"pace": np.array([*numbers, self.forced]), "carried": carried}
+
+    def remember(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
+        """Go on with that; raises LookupError, ValueError for what is none of this pace's."""
+        t, h, size, before, forced = memory["pace"].tolist()
+        self.forced, self._start = int(forced), Remembered(t, h, size, before, memory["carried"])
+        if len(self._start.carried) != len(bonds(scheme.members)):
+            raise ValueError("it has another number of bonds")
 
     def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Step after step to the end; raises CouplingFailed where there is no bond."""
         found = bonds(scheme.members)
         if not found:
             raise CouplingFailed("no connection has a bond, whose power residual a variable step could follow")
-        t, h, size, before = 0.0, self.step, self.energy, 1.0
-        carried = np.zeros(len(found))
+        t, h, size, before, carried = self._start
+        carried = carried.copy() if len(carried) else np.zeros(len(found))
         while True:
             h = min(max(h, self.shortest), self.longest)
             left = math.ceil((self.stop - t) / h - 1e-9)
@@ -125,7 +148,9 @@ class PowerResidual:
             error = float(np.abs(work[:, 0] - work[:, 1]).sum()) / (size * self.tolerance)
             self.forced += error > 1.0 and h <= self.shortest
             t += h
-            yield 1, t, h
             error = max(error, TINY)
             wanted = SAFETY * error**-I_GAIN * (before / error) ** P_GAIN
-            h, before = h * min(max(wanted, LEAST), MOST), error
+            following, before = h * min(max(wanted, LEAST), MOST), error
+            self._now = Remembered(t, following, size, before, carried)
+            yield 1, t, h
+            h = following

@@ -8,7 +8,8 @@ their state, and with the coupling's own past at uneven steps.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,15 @@ from orchestrator.cosim.graph import Feed, Floats
 
 SAFETY = 0.9
 LEAST, MOST = 0.2, 2.0  # change of the step from one pair to the next
+Motion = tuple[str, str, int]  # source, taker, and which of its values, or -1
+
+
+class Remembered(NamedTuple):
+    """What the next pair follows from."""
+
+    t: float  # s, where the last one has ended
+    h: float  # s, how long a step is to be
+    largest: dict[Motion, float]  # value that each motion has had
 
 
 class VariableStep:
@@ -37,11 +47,26 @@ class VariableStep:
         self.shortest, self.longest = shortest, longest
         self.rejected = 0  # pairs of steps that were taken back
         self.forced = 0  # pairs kept with too large an error
+        self._start = Remembered(0.0, step, {})
+        self._now: Remembered | None = None  # none between the steps of a pair
+
+    def memory(self, scheme: Scheme) -> dict[str, Floats] | None:
+        """What it remembers, by name, of the point that was shown; None between two steps of a pair."""
+        if self._now is None:
+            return None
+        pace = np.array([self._now.t, self._now.h, self.rejected, self.forced])
+        return {"pace": pace, "largest": np.array([self._now.largest.get(key, 0.0) for key in _motions(scheme)])}
+
+    def remember(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
+        """Go on with that; raises LookupError, ValueError for what is none of this pace's."""
+        t, h, rejected, forced = memory["pace"].tolist()
+        self.rejected, self.forced = int(rejected), int(forced)
+        self._start = Remembered(t, h, dict(zip(_motions(scheme), memory["largest"].tolist(), strict=True)))
 
     def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Pairs of steps to the end; both are shown when both are good."""
-        t, h = 0.0, self.step
-        largest: dict[tuple[str, str, int], float] = {}
+        t, h, largest = self._start
+        largest = dict(largest)
         while True:
             h = min(max(h, self.shortest), self.longest)
             pairs = math.ceil((self.stop - t) / (2.0 * h) - 1e-9)
@@ -57,6 +82,8 @@ class VariableStep:
                 if h <= self.shortest:
                     raise
                 error = math.inf
+            wanted = SAFETY * (self.tolerance / max(error, 1e-300)) ** (1.0 / (scheme.ORDER + 1))
+            following = h * min(max(wanted, LEAST), MOST)
             bad = error > self.tolerance
             if bad and h > self.shortest:
                 scheme.restore(start)
@@ -66,19 +93,20 @@ class VariableStep:
                 assert middle is not None
                 end = scheme.save()
                 scheme.restore(middle)
+                self._now = None
                 yield 1, t + h, h
                 scheme.restore(end)
                 scheme.free(end)
                 t = t + h + h
+                self._now = Remembered(t, following, largest)
                 yield 1, t, h
             for saved in (start, middle):
                 if saved is not None:
                     scheme.free(saved)
-            wanted = SAFETY * (self.tolerance / max(error, 1e-300)) ** (1.0 / (scheme.ORDER + 1))
-            h *= min(max(wanted, LEAST), MOST)
+            h = following
 
     def _pair(
-        self, scheme: Scheme, start: Saved, t: float, h: float, largest: dict[tuple[str, str, int], float]
+        self, scheme: Scheme, start: Saved, t: float, h: float, largest: dict[Motion, float]
     ) -> tuple[float, Saved]:
         """Both halves done: their error, and the point between them, to be freed."""
         scheme.advance(t, 2.0 * h)
@@ -93,22 +121,29 @@ class VariableStep:
             raise
         return self._error(scheme, coarse, largest) / (2.0**scheme.ORDER - 1.0), middle
 
-    def _error(self, scheme: Scheme, coarse: Outputs, largest: dict[tuple[str, str, int], float]) -> float:
+    def _error(self, scheme: Scheme, coarse: Outputs, largest: dict[Motion, float]) -> float:
         """The largest difference of both ways over what each connection has carried so far."""
-        differences: dict[tuple[str, str, int], float] = {}
-        for member in scheme.members:
-            for place, feed in enumerate(member.feeds):
-                if feed.carries == "mean":
-                    continue
-                key = _motion(member.component.name, feed, place)
-                fine = feed.source.y[feed.outputs]
-                largest[key] = max(largest.get(key, 0.0), _size(fine))
-                difference = _size(fine - coarse[feed.source.name][feed.outputs])
-                differences[key] = max(differences.get(key, 0.0), difference)
+        differences: dict[Motion, float] = {}
+        for key, feed in _looked_at(scheme):
+            fine = feed.source.y[feed.outputs]
+            largest[key] = max(largest.get(key, 0.0), _size(fine))
+            difference = _size(fine - coarse[feed.source.name][feed.outputs])
+            differences[key] = max(differences.get(key, 0.0), difference)
         return max((d / largest[key] for key, d in differences.items() if d), default=0.0)
 
 
-def _motion(taker: str, feed: Feed, place: int) -> tuple[str, str, int]:
+def _looked_at(scheme: Scheme) -> Iterator[tuple[Motion, Feed]]:
+    for member in scheme.members:
+        for place, feed in enumerate(member.feeds):
+            if feed.carries != "mean":
+                yield _motion(member.component.name, feed, place), feed
+
+
+def _motions(scheme: Scheme) -> list[Motion]:
+    return list(dict.fromkeys(key for key, _ in _looked_at(scheme)))
+
+
+def _motion(taker: str, feed: Feed, place: int) -> Motion:
     """What shares a size: all that one component tells another of its motion, and every connection of values."""
     return (feed.source.name, taker, place if feed.carries == "value" else -1)
 
