@@ -66,6 +66,7 @@ MANY = [
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
     Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=hht")),
+    Case("straight", "flexible", "left_track", (*MOVING, "track.integrator=adams", "track.coordinates=cholesky"), 20),
     Case("straight", "rigid", "left_track", (*MOVING, *JOINTED)),
     Case("straight", "rigid", "left_track", (*MOVING, *JOINTED, "track.closure=spring")),
     Case("straight", "rigid", "left_track", (*MOVING, "track.closure=spring")),
