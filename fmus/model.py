@@ -108,6 +108,13 @@ class Component:
         if wrong:
             raise InvalidParameter(say(self.refused[wrong], self._told[0]))
 
+    def hold(self, state: Floats) -> bool:
+        """Take the flat state of an equal component; False where it is of another one."""
+        if state.shape != self.state.shape:
+            return False
+        self.state[:] = state
+        return True
+
     def step(self, t: float, h: float, u: Floats) -> None:
         """Advance from t to t + h with the inputs ``u`` given at t; raises StepFailed, the state is then as it was."""
         self._u[:] = u

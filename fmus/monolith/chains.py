@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.model import Floats, InvalidParameter
+from fmus.physics.chain.flexible import cholesky
 from fmus.physics.chain.flexible.state import State as Flexible
 from fmus.physics.chain.kinds import observe, settle_forces
 from fmus.physics.chain.on_links import MIRRORED
@@ -99,6 +100,8 @@ def mirror(of: TrackModel, model: TrackModel) -> None:
         mine[..., :size] = shown[..., :size] * signs[:size]
     if "joints" in moving(s):
         fold(model.link.rigid, s)
+    if "p" in moving(s):
+        cholesky.fold(model.link, s, model.work)
     s.on_links_mean[:] = theirs.on_links_mean * MIRRORED[: theirs.on_links_mean.shape[1]]
     s.wrench[:], s.mean[:], s.sums[:] = theirs.wrench * WRENCH, theirs.mean * WRENCH, theirs.sums
     model.report[:] = of.report

@@ -321,9 +321,8 @@ class Monolith:
         Raises InvalidParameter where they do not fit.
         """
         for name, model in self.models.items():
-            if name not in states or states[name].shape != model.state.shape:
+            if name not in states or not model.hold(states[name]):
                 raise InvalidParameter(f"{name}: the state that it is to begin with is not one of such a component")
-            model.state[:] = states[name]
         self._begin()
         self._y[:] = self.x
         rates(*self._system, t, self._y, np.zeros_like(self.x))  # where the mounts are now

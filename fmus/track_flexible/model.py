@@ -36,6 +36,7 @@ SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 ELEMENTS = {"cable": (NODE, (4, 3)), "planar": (PLANAR_NODE, (4, 2)), "beam": (BEAM_NODE, (8, 3))}
 AXES = ("fixed", "free")
 JOINTS = ELIMINATED, CONSTRAINED = "eliminated", "constrained"
+COORDINATES = NODAL, CHOLESKY = "nodal", "cholesky"
 FINE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
 
 
@@ -43,7 +44,7 @@ class Model(TrackModel):
     """Cables or beams with pins eliminated, integrated implicitly or explicitly."""
 
     State = State
-    element, axes, closure, joints = "cable", "fixed", PIN, ELIMINATED
+    element, axes, closure, joints, coordinates = "cable", "fixed", PIN, ELIMINATED, NODAL
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Material and integration of the links."""
@@ -101,6 +102,15 @@ class Model(TrackModel):
                 ELIMINATED,
                 JOINTS,
             ),
+            Port(
+                "coordinates",
+                "parameter",
+                "1",
+                "what an explicit integrator integrates: nodal coordinates, or Cholesky coordinates, whose mass matrix"
+                " is the identity",
+                NODAL,
+                COORDINATES,
+            ),
             *integration(),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
             *(closure() if self.closed else ()),
@@ -119,7 +129,9 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.constrained import NODE as OWN
 
             element = OWN, ELEMENT
-        return shapes(*element, self.links_count, self.mesh, len(self.wheel_list), axes, self.felt)
+        return shapes(
+            *element, self.links_count, self.mesh, len(self.wheel_list), axes, self.felt, self.coordinates == CHOLESKY
+        )
 
     @property
     def mesh(self) -> int:
@@ -141,6 +153,17 @@ class Model(TrackModel):
             raise InvalidParameter(
                 f"joints = '{CONSTRAINED}' needs element = 'cable' and axes = 'fixed', not '{element}' and '{axes}'"
             )
+        if p["coordinates"] == CHOLESKY:
+            if p["integrator"] not in (EXPLICIT, ADAMS):
+                raise InvalidParameter(
+                    f"coordinates = '{CHOLESKY}' needs integrator = '{EXPLICIT}' or '{ADAMS}', not '{p['integrator']}':"
+                    " an implicit step factors another matrix than the mass"
+                )
+            if axes != "fixed" or p["joints"] != ELIMINATED:
+                raise InvalidParameter(
+                    f"coordinates = '{CHOLESKY}' needs axes = 'fixed' and joints = '{ELIMINATED}', not '{axes}' and"
+                    f" '{p['joints']}': only then is there a constant mass matrix and no equation"
+                )
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
         self.method = Method(alpha(p), p["tolerance"], True)
         closed_by = p.get("closure", PIN)
@@ -150,21 +173,47 @@ class Model(TrackModel):
         axial = young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # of a link, N
         self.kit = kit(type(self.link))
-        kind = element, axes, closed_by, ELIMINATED  # so it starts
-        if kind != (self.element, self.axes, self.closure, self.joints):
-            self.element, self.axes, self.closure, self.joints = kind
+        kind = element, axes, closed_by, ELIMINATED, NODAL  # so it starts
+        if kind != (self.element, self.axes, self.closure, self.joints, self.coordinates):
+            self.element, self.axes, self.closure, self.joints, self.coordinates = kind
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = work(self.kit, self.links_count, self.mesh, len(self.wheel_list), self.felt)
-        self._run_with = p["joints"]
+        self._run_with = p["joints"], p["coordinates"]
         self.stable = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
 
     def run_as_set(self) -> None:
-        """Links of a chain that has begun are given coordinates of their own where that is asked for."""
-        if self._run_with == CONSTRAINED and self.joints == ELIMINATED:
+        """A chain that has begun is given other coordinates where they are asked for."""
+        joints, coordinates = self._run_with
+        if joints == CONSTRAINED and self.joints == ELIMINATED:
             self._constrain()
+        if coordinates == CHOLESKY and self.coordinates == NODAL:
+            self._transform()
         super().run_as_set()
+
+    def _transform(self) -> None:
+        """The same motion in Cholesky coordinates, which stand before the nodal ones."""
+        from fmus.physics.chain.flexible import cholesky
+
+        nodal, at = self.state, self.kit.LAYOUT
+        self.link = cholesky.transformed(self.link, len(at.own), (self.mesh, len(at.shared)))
+        self.coordinates = CHOLESKY
+        self.allocate()
+        singular = cholesky.factor(self.link, self.environment, self.s, self.work)
+        if singular >= 0:
+            raise StepFailed(f"the chain's mass matrix is singular at the start, link {singular + 1}")
+        self.hold(nodal)
+
+    def hold(self, state: Floats) -> bool:
+        """See ``Component``; the state of the same chain in nodal coordinates is taken too."""
+        if self.coordinates == NODAL or state.size != self.state.size - self.s.p.size:
+            return super().hold(state)
+        from fmus.physics.chain.flexible.cholesky import fold
+
+        self.state[self.s.p.size :] = state
+        fold(self.link, self.s, self.work)
+        return True
 
     def _constrain(self) -> None:
         """The same motion of links that share no pins, and the accelerations of those."""

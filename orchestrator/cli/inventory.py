@@ -89,6 +89,7 @@ def _size(scene: TrackScene, part: Part) -> str:
             if scene.track.joints == "constrained":
                 size = f"{links} elements, {own * links} dofs and {shared * pins} equations of pins"
             size += " and 2 of their axes" if scene.track.axes == "free" else ""
+            size += ", Cholesky coordinates" if scene.track.coordinates == "cholesky" else ""
         else:
             size = f"{links} bodies, {pins} pins"
             size += ", joint coordinates" if scene.track.formulation == "recursive" else ""

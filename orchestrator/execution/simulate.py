@@ -206,6 +206,7 @@ def _results(result: Mapping[str, Any]) -> dict[str, str]:
     energy = result["energy"] or {}
     chosen = {
         "wall_time": result["wall_time"],
+        "cpu_time": result["cpu_time"],
         "energy_residual": energy.get("residual_relative"),
         "error": result["error"],
     }

@@ -106,7 +106,9 @@ def bare(scene: TrackScene) -> TrackScene:
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
     sampled = Run(stop=run.stop, step=step, outputs=1, links=LINKS)
-    how = dict.fromkeys(("formulation", "joints", "integrator", "step", "spectral_radius", "rtol", "atol"))
+    how = dict.fromkeys(
+        ("formulation", "joints", "coordinates", "integrator", "step", "spectral_radius", "rtol", "atol")
+    )
     track = scene.track.model_copy(update={**how, "link_outputs": STANDARD})
     same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # the motion of a planar chain is no other
     return assembly.placed(scene).model_copy(update=same)

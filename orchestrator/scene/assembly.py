@@ -330,7 +330,10 @@ def _track_config(
 
 
 def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
-    keys = {"start", "element", "elasticity", "axes", "formulation", "joints", "integrator", "step", "spectral_radius"}
+    keys = {
+        "start", "element", "elasticity", "axes", "formulation", "joints", "coordinates", "integrator", "step",
+        "spectral_radius",
+    }  # fmt: skip
     told = scene.track.model_dump(include=keys, exclude_none=True)
     closing = {"closure": "closure", "closure_stiffness": "closure.stiffness", "closure_damping": "closure.damping"}
     told |= {name: value for key, name in closing.items() if (value := getattr(scene.track, key)) is not None}

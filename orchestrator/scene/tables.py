@@ -187,6 +187,7 @@ class Track(Table):
     axes: Literal["fixed", "free"] | None = None  # of cables: fixed ones stay in their plane; as the scene needs
     formulation: Literal["augmented", "recursive"] | None = None  # of rigid links
     joints: Literal["eliminated", "constrained"] | None = None  # of cables: pins without equations, or with multipliers
+    coordinates: Literal["nodal", "cholesky"] | None = None  # of flexible links, that an explicit integrator integrates
     closure: Literal["pin", "spring"] | None = None  # of a loop: how its last link is joined to its first
     closure_stiffness: Annotated[float, In("N/m", gt=0)] | None = None  # of the spring, and its damping
     closure_damping: Annotated[float, In("N s/m", ge=0)] | None = None
@@ -200,7 +201,7 @@ class Track(Table):
 
     @model_validator(mode="after")
     def _fits(self) -> Track:
-        for key in ("element", "elasticity", "axes", "joints"):
+        for key in ("element", "elasticity", "axes", "joints", "coordinates"):
             value = getattr(self, key)
             if self.model == "rigid" and value is not None:
                 raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
@@ -215,6 +216,14 @@ class Track(Table):
             raise ValueError(f"axes = '{self.axes}' needs element = 'cable': beams turn with their pins")
         if self.joints == "constrained" and (self.element == "beam" or self.axes == "free"):
             raise ValueError("joints = 'constrained' needs element = 'cable' and axes = 'fixed'")
+        if self.coordinates == "cholesky":
+            if self.integrator not in ("runge_kutta", "adams"):
+                raise ValueError(
+                    "coordinates = 'cholesky' needs integrator = 'runge_kutta' or 'adams': an implicit step factors"
+                    " another matrix than the mass"
+                )
+            if self.axes == "free" or self.joints == "constrained":
+                raise ValueError("coordinates = 'cholesky' needs axes = 'fixed' and joints = 'eliminated'")
         return self
 
     @model_validator(mode="after")

@@ -32,6 +32,7 @@ H, STEPS = 1e-3, 120
 QUICK = "run.stop=1 s", "run.step=1 ms", "track.step=1 ms"
 MOVING = *QUICK, "drive.ramp_start=0", "drive.ramp_time=0.1"
 JOINTED = "track.formulation=recursive", "track.integrator=runge_kutta"
+CHOLESKY = "track.coordinates=cholesky", "track.integrator=runge_kutta"
 ROUND = "drive.ramp_start=0", "drive.ramp_time=0.05", "drive.left.speed=4", "drive.right.speed=12"
 
 
@@ -66,6 +67,7 @@ MANY = [
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
     Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=hht")),
+    Case("hanging_chain", "flexible", "chain", (*QUICK, *CHOLESKY, "track.start=displaced")),
     Case("straight", "rigid", "left_track", (*MOVING, *JOINTED)),
     Case("straight", "rigid", "left_track", (*MOVING, *JOINTED, "track.closure=spring")),
     Case("straight", "rigid", "left_track", (*MOVING, "track.closure=spring")),

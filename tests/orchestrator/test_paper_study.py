@@ -21,7 +21,7 @@ from orchestrator.studies.paper import (
     through_fmus,
     violation,
 )
-from orchestrator.studies.paper.models import CLOSED, MODELS, RIGID, Model, scene
+from orchestrator.studies.paper.models import CLOSED, MODELS, PRICED, RIGID, TRANSFORMED, Model, scene
 from orchestrator.studies.paper.statements import HOLDS, NOT, PART, STATEMENTS, UNMEASURED, Found, judged
 from orchestrator.studies.tables import Row
 
@@ -234,6 +234,23 @@ def test_rules_say_what_the_figures_say():
     assert verdict(statements.sections, gone) == UNMEASURED
 
 
+def test_cholesky_coordinates_save_what_the_figures_say():
+    def told(cpu, size):
+        nodal, own = ({"model": model.name, "links": 64} for model in (CLOSED, TRANSFORMED))
+        cost = {"method": pieces.ADAMS, "evaluations": 2.0, "cpu": 1.0}
+        return [
+            Row("links", "", {**nodal, "evaluation": 1.0, "bytes": 1.0}, True),
+            Row("links", "", {**own, "evaluation": cpu, "bytes": size}, True),
+            Row("cost", "", {**nodal, **cost}, True),
+            Row("cost", "", {**own, **cost, "cpu": cpu}, True),
+        ]
+
+    assert verdict(statements.transformed, *told(0.9, 0.9)) == HOLDS
+    assert verdict(statements.transformed, *told(1.1, 0.9)) == PART
+    assert verdict(statements.transformed, *told(1.1, 1.1)) == NOT
+    assert verdict(statements.transformed, *told(0.9, 0.9)[:1]) == UNMEASURED
+
+
 def test_every_statement_has_a_verdict_even_where_nothing_was_measured():
     found = judged([])
     assert len(found) == len(STATEMENTS) == len({row.case for row in found})
@@ -245,7 +262,8 @@ def test_every_statement_has_a_verdict_even_where_nothing_was_measured():
 
 
 def test_models_are_told_apart_and_one_that_is_missing_is_a_sentence():
-    assert len({model.name for model in MODELS}) == len({model.label for model in MODELS}) == len(MODELS)
+    assert len({model.name for model in PRICED}) == len({model.label for model in PRICED}) == len(PRICED)
+    assert not isinstance(scene(TRANSFORMED), str)
     assert {model.track for model in MODELS} == {"rigid", "flexible"}
     assert not isinstance(scene(RIGID), str)
     absent = Model("a", "b", "rigid", ("track.nonsense=1",), "-", "k")
@@ -288,7 +306,7 @@ def test_both_forms_have_the_same_cases(tmp_path):
     quick, full = paper.cases(True, tmp_path), paper.cases(False, tmp_path)
     assert [case.name for case in quick] == [case.name for case in full]
     assert {case.item for case in full} == {"run", "count", "piece", "stiffness", "modulus", "fmus", "links"}
-    assert sum(case.item == "piece" for case in full) == len(MODELS)
+    assert sum(case.item == "piece" for case in full) == len(PRICED) == len(MODELS) + 1
 
 
 @pytest.mark.study

@@ -198,6 +198,22 @@ def test_a_piece_has_no_track():
     assert "track" not in load("elastica").resolved()
 
 
+def test_coordinates_are_for_explicit_integrators():
+    cholesky, explicit = "track.coordinates=cholesky", "track.integrator=runge_kutta"
+    scene = load("hanging_chain", "flexible", [cholesky, explicit])
+    assert assemble(scene).parts[0].parameters["coordinates"] == "cholesky"
+    assert any("516 dofs, Cholesky coordinates" in line for line in describe(scene))
+    assert load("straight", "flexible", ["planar=true", "symmetric=true", cholesky, explicit]).planar
+    for model, settings, sentence in (
+        ("flexible", [cholesky], "needs integrator = 'runge_kutta' or 'adams': an implicit step factors"),
+        ("flexible", [cholesky, "track.integrator=hht"], "needs integrator = 'runge_kutta' or 'adams'"),
+        ("flexible", [cholesky, explicit, "track.joints=constrained"], "fixed' and joints = 'eliminated'$"),
+        ("rigid", [cholesky, explicit], "coordinates = 'cholesky' needs model = 'flexible': rigid links have none$"),
+    ):
+        with pytest.raises(BadInput, match=sentence):
+            load("hanging_chain", model, settings)
+
+
 def test_element_is_for_flexible_links():
     assert "element" not in assemble(load("hanging_chain", "flexible")).parts[0].parameters
     scene = load("hanging_chain", "flexible", ["track.element=beam"])

@@ -17,6 +17,10 @@ def _of(links: type) -> Any:
         from fmus.physics.chain.rigid import jointed
 
         return jointed
+    if links.__name__ == "CholeskyLinks":
+        from fmus.physics.chain.flexible import cholesky
+
+        return cholesky
     from fmus.physics.chain.flexible import dynamics as flexible
 
     return flexible

@@ -3,7 +3,8 @@
 Every kind of link has its own State and Work (arrays made once). Both have, for n links and m wheels:
 
     State   flat; q, v: coordinates and rates, first in ``flat``, after them axes, where the axes of the coordinates
-            turn; joints: coordinates that q and v follow from, before them (rigid links, or of size 0);
+            turn; joints, p: coordinates that q and v follow from, before them (of rigid and of flexible links, or of
+            size 0);
             a, vdot: auxiliary and true accelerations;
             wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground: now, auxiliary, mean over the
             communication step; on_links, on_links_aux, on_links_mean (k, c): likewise what touches each link, k = n,
@@ -38,8 +39,8 @@ def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
 
 def moving(s: Any) -> dict[str, np.ndarray]:
     """The views that an explicit integrator moves, in order from the first of ``flat`` on."""
-    jointed = "joints" in s._fields and s.joints.size > 0
-    return {name: getattr(s, name) for name in (("joints",) if jointed else ("q", "v", "axes")) if name in s._fields}
+    others = [name for name in ("joints", "p") if name in s._fields and getattr(s, name).size > 0]
+    return {name: getattr(s, name) for name in others or ["q", "v", "axes"] if name in s._fields}
 
 
 @kernel

@@ -14,7 +14,7 @@ from pathlib import Path
 from orchestrator.studies import Case
 from orchestrator.studies.paper import counts, figures, links, modulus, page, pieces, recorded, through_fmus, whole_runs
 from orchestrator.studies.paper.conditions import draw as conditions
-from orchestrator.studies.paper.models import CLOSED, MODELS, RIGID
+from orchestrator.studies.paper.models import CLOSED, MODELS, PRICED, RIGID
 from orchestrator.studies.paper.statements import judged
 from orchestrator.studies.tables import Row, Table
 
@@ -31,14 +31,14 @@ def cases(quick: bool, folder: Path) -> list[Case]:
     return [
         Case("run", "whole runs", whole_runs.rows, (str(folder.absolute()),), 100.0, 7200.0),
         Case("count", "pins and equations", counts.counted, (), 5.0),
-        *(Case("piece", model.label, pieces.rows, (model.name, piece), 1000 * piece, 7200.0) for model in MODELS),
+        *(Case("piece", model.label, pieces.rows, (model.name, piece), 1000 * piece, 7200.0) for model in PRICED),
         *(Case("stiffness", f"spring of {k:g} N/m", pieces.stiff, (k, piece), 1000 * piece, 7200.0)
           for k in pieces.STIFFNESSES),
         *(Case("modulus", f"{name}, {E:g} Pa", modulus.rows, (name, E, piece), 900 * piece, 7200.0)
           for name, E in moduli),
         *(Case("fmus", model.label, through_fmus.rows, (model.name, 2 * piece), 500 * piece, 7200.0)
           for model in MODELS),
-        *(Case("links", model.label, links.rows, (model.name, numbers), 5.0, 3600.0) for model in MODELS),
+        *(Case("links", model.label, links.rows, (model.name, numbers), 5.0, 3600.0) for model in PRICED),
     ]  # fmt: skip
 
 

@@ -94,10 +94,11 @@ def storage(chain: Any) -> dict[str, float]:
     joints = getattr(chain.work, "joints", None)  # of flexible links: None where they are eliminated
     multipliers = None if hasattr(chain.s, "joints") and chain.s.joints.size else getattr(chain.s, "lam", None)
     multipliers = getattr(joints, "multipliers", multipliers)
+    arrays = {id(a): a for a in _arrays(chain.s, chain.work, chain.link)}
     return {
         "coordinates": float(chain.s.q.size),
         "multipliers": float(0 if multipliers is None else multipliers.size),
-        "bytes": float(sum(array.nbytes for array in {id(a): a for a in _arrays(chain.s, chain.work)}.values())),
+        "bytes": float(sum(array.nbytes for array in arrays.values())),
     }
 
 

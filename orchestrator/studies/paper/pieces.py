@@ -10,6 +10,7 @@ sides of the vehicle are alike and one of them is integrated, whatever the model
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,6 +22,7 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.states import states_at
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.scene import TrackScene
+from orchestrator.studies.paper.links import storage
 from orchestrator.studies.paper.models import RIGID_SPRING, named, scene
 from orchestrator.studies.paper.states import whole
 from orchestrator.studies.tables import Row
@@ -46,6 +48,7 @@ class Cost(NamedTuple):
     evaluations: int
     error: float
     order: float  # mean, of Adams' methods
+    storage: float = math.nan  # bytes of all arrays that a chain steps with
 
 
 def rows(name: str, piece: float, settings: tuple[str, ...] = ()) -> list[Row]:
@@ -59,14 +62,19 @@ def rows(name: str, piece: float, settings: tuple[str, ...] = ()) -> list[Row]:
     except (BadInput, RuntimeError, ValueError) as failure:
         return [Row("piece", label, {"model": name}, note=f"not there: {failure}")]
     common = {"model": name, "piece": piece}
-    found = [Row("piece", label, {**common, **cost._asdict()}) for cost in costs]
+    found = [Row("piece", label, {**common, **figures(cost)}) for cost in costs]
     for method in (ADAMS, RUNGE_KUTTA):
         best = cheapest(costs, method)
         if best is None:
             found.append(Row("cost", label, {**common, "method": method}, note=f"none is within {EQUAL:g}"))
         else:
-            found.append(Row("cost", label, {**common, **best._asdict()}, True))
+            found.append(Row("cost", label, {**common, **figures(best)}, True))
     return found
+
+
+def figures(cost: Cost) -> dict[str, Any]:
+    """Of a run, with the time of one evaluation, s."""
+    return {**cost._asdict(), "each": cost.cpu / cost.evaluations if cost.evaluations else math.nan}
 
 
 def stiff(stiffness: float, piece: float) -> list[Row]:
@@ -87,7 +95,7 @@ def cheapest(costs: list[Cost], method: str) -> Cost | None:
 
 def runs(wanted: TrackScene, piece: float) -> Iterator[Cost]:
     """All runs of a model; raises what the monolith and the states raise."""
-    begun = states_at(wanted, BEGIN)
+    begun = states_at(_implicit(wanted), BEGIN)
     start, exact, *_ = _driven(wanted, begun, piece, refine=FINER * FRACTIONS[-1])
     way = float(np.sqrt(np.mean(np.sum((exact - start) ** 2, axis=1))))
     ways: list[tuple[str, float, dict[str, Any]]] = [
@@ -96,16 +104,26 @@ def runs(wanted: TrackScene, piece: float) -> Iterator[Cost]:
     ]
     for method, setting, integration in ways:
         try:
-            _, pins, cpu, effort = _driven(wanted, begun, piece, **integration)
+            _, pins, cpu, effort, size = _driven(wanted, begun, piece, **integration)
         except RuntimeError:  # a tolerance too wide for it is a result
             yield Cost(method, setting, np.nan, 0, np.inf, np.nan)
             continue
         off = float(np.sqrt(np.mean(np.sum((pins - exact) ** 2, axis=1)))) / way
-        yield Cost(method, setting, cpu, int(effort.evaluations), off, float(effort.order))
+        yield Cost(method, setting, cpu, int(effort.evaluations), off, float(effort.order), size)
 
 
-def _driven(wanted: TrackScene, begun: Any, piece: float, **integration: Any) -> tuple[Floats, Floats, float, Any]:
-    """Pins (n, 3) before and after the piece, CPU time, s, and effort."""
+def _implicit(wanted: TrackScene) -> TrackScene:
+    """The scene whose co-simulation leads to the piece: with implicit steps where the coordinates have none."""
+    if wanted.track.coordinates is None:
+        return wanted
+    track = wanted.track.model_copy(update={"coordinates": None, "integrator": None})
+    return wanted.model_copy(update={"track": track})
+
+
+def _driven(
+    wanted: TrackScene, begun: Any, piece: float, **integration: Any
+) -> tuple[Floats, Floats, float, Any, float]:
+    """Pins (n, 3) before and after the piece, CPU time, s, effort, and bytes of a chain's arrays."""
     vehicle = whole(wanted, **integration)
     vehicle.begin_at(begun.time, begun.parts)
     before = vehicle.models[TRACK].pins()
@@ -118,4 +136,5 @@ def _driven(wanted: TrackScene, begun: Any, piece: float, **integration: Any) ->
         t += OUTPUT
     cpu = time.process_time() - began
     effort = vehicle.effort._replace(evaluations=vehicle.effort.evaluations - first.evaluations)
-    return before, vehicle.models[TRACK].pins(), cpu, effort
+    chain = vehicle.models[TRACK]
+    return before, chain.pins(), cpu, effort, storage(chain)["bytes"]

@@ -56,4 +56,5 @@ def pin_loads(links, env, x, w, by_rate, tangent):
                 if tangent:
                     for b in range(w.b.shape[1]):
                         w.A[i, a, b] = w.U[i, a, b] = w.L[i, a, b] = 0.0
+                        w.A[i, b, a] = w.L[(i + 1) % nodes, b, a] = w.U[i - 1, b, a] = 0.0
                     w.A[i, a, a] = 1.0

@@ -23,11 +23,8 @@ LET_GO, REST, EVALUATE = range(3)  # tasks of ``release``
 
 
 @kernel
-def factor_mass(links, env, s, w):
-    """Factor the mass of a chain into ``w``; its stiffness and what it touches play no part.
-
-    Returns -1, or the link where it is singular.
-    """
+def condense_mass(links, env, s, w):
+    """The mass of a chain on its pins into ``w``; its stiffness and what it touches play no part."""
     c, rows, dims = links.element, vectors(links.element), axes(links.element)
     clear(w, True)
     mass(c, w.M)
@@ -36,6 +33,12 @@ def factor_mass(links, env, s, w):
         add_mass(rows, dims, w.M, 1.0, w.K)
         condense(links, w, i, *ends(layout(links), s.q.shape[0], i))
     pin_loads(links, env, Motion(s.q, w.still, w.still, s.axes), w, 0.0, True)
+
+
+@kernel
+def factor_mass(links, env, s, w):
+    """Factor it into ``w``. Returns -1, or the link where it is singular."""
+    condense_mass(links, env, s, w)
     return factor(links, w)
 
 

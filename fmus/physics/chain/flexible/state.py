@@ -18,6 +18,7 @@ class State(NamedTuple):
     """Views into the flat state: pins with ``width`` coordinates, links of ``rows`` vectors along ``axes``."""
 
     flat: np.ndarray
+    p: np.ndarray  # (2, nodes, width) Cholesky coordinates and rates, which q and v follow from; (0, ...): none
     q: np.ndarray  # (nodes, width) coordinates
     v: np.ndarray  # (nodes, width) rates
     axes: np.ndarray  # that of ``axes_state``; (0) where the axes of the coordinates are fixed
@@ -43,16 +44,24 @@ class Motion(NamedTuple):
 
 
 def shapes(
-    width: int, element: tuple[int, int], links: int, nodes: int, wheels: int, axes: int = 0, felt: Felt = NONE
+    width: int,
+    element: tuple[int, int],
+    links: int,
+    nodes: int,
+    wheels: int,
+    axes: int = 0,
+    felt: Felt = NONE,
+    cholesky: bool = False,
 ) -> state.Shapes:
     """Of the views; ``width``: coordinates of a pin, ``element``: vectors of a link and their components.
 
-    ``felt``: of what touches each link.
+    ``felt``: of what touches each link; ``cholesky``: whether it moves in these coordinates.
     """
     pins, on = (nodes, width), (wheels + 1, 6)
     return {
-        "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins, "wrench": on, "aux": on, "mean": on,
-        "on_links": felt, "on_links_aux": felt, "on_links_mean": felt, "sums": (SUMS,), "residual": (links, *element),
+        "p": (2 * cholesky, *pins), "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins,
+        "wrench": on, "aux": on, "mean": on, "on_links": felt, "on_links_aux": felt, "on_links_mean": felt,
+        "sums": (SUMS,), "residual": (links, *element),
     }  # fmt: skip
 
 

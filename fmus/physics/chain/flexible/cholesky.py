@@ -1,0 +1,217 @@
+"""A chain of flexible links that moves in Cholesky coordinates, behind the door ``kinds``; sibling: ``dynamics``.
+
+With the constant mass M = B B^T of the mesh, p = B^T q has the mass 1 (paper, section 6; Yakoub, Shabana, Use of
+Cholesky coordinates and the absolute nodal coordinate formulation in the computer simulation of flexible multibody
+systems, Nonlinear Dyn. 20, 1999):
+
+    p'' = B^-1 Q(q, q'),   q = B^-T p,   q' = B^-T p'
+
+Of a link's coordinates those of its own, x, come first, then those that it shares with its pins, y. With the mass
+(X C; C^T Y) of a link, X = L L^T, and the condensed mass of the pins T T^T (``condensation``, ``cholesky_cyclic``),
+
+    p_x = L^T (x + X^-1 C y),   p_y = T^T y;      L a_x = Q_x,   T a_y = Q_y - C^T X^-1 Q_x
+
+so all is O(n), and B is lower triangular in this order. Nodal coordinates and rates follow p in the state.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics import cholesky_cyclic
+from fmus.physics.chain.flexible import dynamics
+from fmus.physics.chain.flexible.assembly import evaluate
+from fmus.physics.chain.flexible.elements import layout
+from fmus.physics.chain.flexible.explicit import NOTHING, keep_residuals
+from fmus.physics.chain.flexible.link_layout import ends
+from fmus.physics.chain.flexible.release import condense_mass
+from fmus.physics.chain.flexible.state import Motion
+
+
+class CholeskyLinks(NamedTuple):
+    """The links of a chain that moves in Cholesky coordinates; m coordinates are shared a pin, n are a link's own."""
+
+    links: Any
+    root: np.ndarray  # (n, n) L, that of all links, which are alike
+    inverse: np.ndarray  # (n, n) L^-1
+    side: np.ndarray  # (nodes, m) scratch, rates of the pins
+
+
+def transformed(links: Any, own: int, shared: tuple[int, int]) -> CholeskyLinks:
+    """``links`` with so many coordinates of their own, pins with those ``shared`` (nodes, m); then ``factor``."""
+    return CholeskyLinks(links, np.zeros((own, own)), np.zeros((own, own)), np.zeros(shared))
+
+
+@kernel
+def factor(links, env, s, w):
+    """Factor the mass into ``w`` and ``links``. Returns -1, or the pin or the link where it is singular."""
+    one = links.links
+    condense_mass(one, env, s, w)
+    at = layout(one)
+    for a in range(len(at.own)):
+        for b in range(len(at.own)):
+            links.inverse[a, b] = w.K[at.inner[a], at.inner[b]]
+    if not cholesky_cyclic.root(links.inverse, links.root, at.own):
+        return 0
+    return cholesky_cyclic.factor(w.A, w.U, w.L, w.factors, one.closed == 1)
+
+
+@kernel
+def fold(links, s, w):
+    """Cholesky coordinates and rates ``s.p`` of the nodal ones."""
+    one = links.links
+    at, right, side = layout(one), w.right[0], links.side
+    m, n = len(at.shared), len(at.own)
+    for part in range(2):
+        q, p = s.q if part == 0 else s.v, s.p[part]
+        p[:] = 0.0
+        for link in range(one.n):
+            i, j = ends(at, q.shape[0], link)
+            for k in range(n):
+                x = q[i if 2 * k < n else j, at.slope[k]]
+                for a in range(m):
+                    x += right[k, a] * q[i, at.pin[a]] + right[k, m + a] * q[j, at.pin[a]]
+                for l in range(k + 1):
+                    p[i if 2 * l < n else j, at.slope[l]] += links.root[k, l] * x
+        for i in range(q.shape[0]):
+            for k in range(m):
+                side[i, k] = q[i, at.pin[k]]
+        cholesky_cyclic.transposed(w.U, w.L, w.factors, one.closed == 1, side)
+        for i in range(q.shape[0]):
+            for k in range(m):
+                p[i, at.pin[k]] = side[i, k]
+
+
+@kernel
+def unfold(links, s, w):
+    """Nodal coordinates and rates of ``s.p``."""
+    _nodal(links, s.p[0], s.p[1], s.q, s.v, w)
+
+
+@kernel
+def _nodal(links, p, rates, q, v, w):
+    """Into ``q`` B^-T p, and into ``v`` that of ``rates``."""
+    one = links.links
+    at, right, inverse, b, side = layout(one), w.right[0], links.inverse, w.b, links.side
+    m, n = len(at.shared), len(at.own)
+    for i in range(b.shape[0]):
+        for k in range(m):
+            b[i, k], side[i, k] = p[i, at.pin[k]], rates[i, at.pin[k]]
+    cholesky_cyclic.back(w.A, w.L, w.factors, one.closed == 1, b, side)
+    for i in range(b.shape[0]):
+        for k in range(m):
+            q[i, at.pin[k]], v[i, at.pin[k]] = b[i, k], side[i, k]
+    for link in range(one.n):
+        i, j = ends(at, b.shape[0], link)
+        for k in range(n):
+            x = y = 0.0
+            for l in range(k, n):
+                node = i if 2 * l < n else j
+                x += inverse[l, k] * p[node, at.slope[l]]
+                y += inverse[l, k] * rates[node, at.slope[l]]
+            for a in range(m):
+                x -= right[k, a] * b[i, a] + right[k, m + a] * b[j, a]
+                y -= right[k, a] * side[i, a] + right[k, m + a] * side[j, a]
+            node = i if 2 * k < n else j
+            q[node, at.slope[k]], v[node, at.slope[k]] = x, y
+
+
+@kernel
+def accelerations(links, contacts, env, s, w):
+    """Those of p (nodes, width) that belong to nodal coordinates and rates, into ``w.change[1]``."""
+    one = links.links
+    evaluate(one, contacts, env, Motion(s.q, s.v, w.still, s.axes), NOTHING, w, False)
+    cholesky_cyclic.forward(w.A, w.L, w.factors, one.closed == 1, w.b)
+    at, root, own, a = layout(one), links.root, w.own, w.change[1]
+    n = len(at.own)
+    a[:] = 0.0
+    for link in range(one.n):
+        i, j = ends(at, w.b.shape[0], link)
+        for k in range(n):
+            x = 0.0
+            for l in range(k, n):
+                x += root[l, k] * own[link, l]
+            a[i if 2 * k < n else j, at.slope[k]] = -x
+    for i in range(w.b.shape[0]):
+        for k in range(len(at.shared)):
+            a[i, at.pin[k]] = -w.b[i, k]
+
+
+@kernel
+def derivative(links, contacts, env, s, w, k):
+    """See ``kinds``."""
+    unfold(links, s, w)
+    accelerations(links, contacts, env, s, w)
+    n, width = s.q.size, s.q.shape[1]
+    for i in range(s.q.shape[0]):
+        for j in range(width):
+            k[i * width + j] = s.p[1, i, j]
+            k[n + i * width + j] = w.change[1, i, j]
+    return -1
+
+
+@kernel
+def settle_forces(links, contacts, env, s, w):
+    """See ``kinds``."""
+    accelerations(links, contacts, env, s, w)
+    _nodal(links, w.change[1], s.p[1], w.change[0], s.v, w)
+    evaluate(links.links, contacts, env, Motion(s.q, s.v, w.change[0], s.axes), NOTHING, w, False)
+    keep_residuals(s, w)
+
+
+@kernel
+def close(links, s, w):
+    """See ``kinds``: no equation is open, nodal coordinates are those of the step's end."""
+    unfold(links, s, w)
+    return -1
+
+
+@kernel
+def speed(links, env, s, w):
+    """See ``kinds``."""
+    return dynamics.speed(links.links, env, s, w)
+
+
+@kernel
+def first_speed(links, env, s, w, report):
+    """See ``kinds``."""
+    return dynamics.first_speed(links.links, env, s, w, report)
+
+
+@kernel
+def observe(links, env, s, w, report):
+    """See ``kinds``."""
+    dynamics.observe(links.links, env, s, w, report)
+
+
+@kernel
+def pin_places(links, s, w, place):
+    """See ``kinds``."""
+    dynamics.pin_places(links.links, s, w, place)
+
+
+@kernel
+def pin_axes(links, s, w, axis):
+    """See ``kinds``."""
+    dynamics.pin_axes(links.links, s, w, axis)
+
+
+@kernel
+def slopes(links, s, w, found):
+    """See ``kinds``."""
+    dynamics.slopes(links.links, s, w, found)
+
+
+@kernel
+def fibres(links, s, w, stress):
+    """See ``kinds``."""
+    dynamics.fibres(links.links, s, w, stress)
+
+
+@kernel
+def links_shown(links, env, s, w, tension, stress, place, force):
+    """See ``kinds``."""
+    dynamics.links_shown(links.links, env, s, w, tension, stress, place, force)

@@ -1,0 +1,211 @@
+"""Chains of flexible links that move in Cholesky coordinates, against the same ones in nodal coordinates."""
+
+import numpy as np
+import pytest
+from test_chain_closure import CLOSURES, loop, on_wheels, run
+from test_free_chains import Beams, PlanarCables, made, per_link
+
+from fmus.model import InvalidParameter
+from fmus.physics.chain.flexible import cholesky
+from fmus.physics.chain.flexible.places import places
+from fmus.physics.chain.kinds import derivative, settle_forces
+from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, WORK
+from fmus.track_flexible.model import Model as Flexible
+
+N = 16
+SPAN = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 8 * 0.1524, 0.0]}  # displaced from 0.7
+OVAL = {"start_of_spin": 20.0, "start_of_ovalling": 2.0}
+SOFT = {  # the damper of the closure too: no mode is so fast that a step at the limit of stability is coarse for it
+    "material_of_youngs_modulus": 2e7, "closure_of_stiffness": 1e6, "closure_of_damping": 1e3, "start_of_spin": 20.0,
+    "start_of_ovalling": 4.0,
+}  # fmt: skip
+EXPLICIT = {"integrator": "runge_kutta", "coordinates": "cholesky"}
+
+
+def pair(build):
+    """The same chain in nodal and in Cholesky coordinates."""
+    return [build(coordinates=coordinates) for coordinates in ("nodal", "cholesky")]
+
+
+def used(model):
+    """Of the flat nodal coordinates those that a link has."""
+    return np.unique(places(model.kit, model.s.q, len(model.work.M), model.links_count))
+
+
+def matrix(model):
+    """B^T, dense, on the used coordinates: what ``fold`` does to each of them alone."""
+    s, at = model.s, used(model)
+    before = s.flat.copy()
+    columns = []
+    for place in at:
+        s.q[:] = s.v[:] = 0.0
+        s.q.reshape(-1)[place] = 1.0
+        cholesky.fold(model.link, s, model.work)
+        columns.append(s.p[0].reshape(-1)[at].copy())
+    s.flat[:] = before
+    return np.array(columns).T
+
+
+def mass(model):
+    """The mass matrix of the mesh on the used coordinates, link by link."""
+    at, M = places(model.kit, model.s.q, len(model.work.M), model.links_count), model.work.M
+    whole = np.zeros((model.s.q.size, model.s.q.size))
+    for link in at:
+        for k in range(link.shape[1]):
+            whole[np.ix_(link[:, k], link[:, k])] += M
+    return whole[np.ix_(used(model), used(model))]
+
+
+KINDS = pytest.mark.parametrize(
+    ("kind", "given"),
+    [(Flexible, {}), (Flexible, {"closure": "spring"}), (PlanarCables, {}), (Beams, {})],
+    ids=["cable", "spring", "planar", "beam"],
+)
+
+
+@KINDS
+def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
+    """B B^T = M, B triangular in some order of the coordinates; rates carry the kinetic energy of the report."""
+    model = made(kind, 5, gravity=0.0, start="polygon", **given, **EXPLICIT, **{"start.spin": 3.0})
+    B, M = matrix(model).T, mass(model)
+    assert np.abs(B @ B.T - M).max() < 1e-13 * np.abs(M).max()
+    assert np.abs(1.03 * B @ B.T - M).max() > 1e-2 * np.abs(M).max()
+    assert 0.5 * np.sum(model.s.p[1] ** 2) == pytest.approx(model.report[KINETIC], rel=1e-13)
+    left = np.ones(len(B), dtype=bool)
+    for _ in range(len(B)):  # row by row that has but one entry among the columns that are left
+        rows = [r for r in range(len(B)) if np.count_nonzero(np.abs(B[r, left]) > 1e-12) == 1]
+        done = [c for r in rows for c in np.flatnonzero(left & (np.abs(B[r]) > 1e-12))]
+        left[done] = False
+    assert not left.any()
+
+
+@KINDS
+def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
+    """Of a random shape in random motion, with what the links show."""
+    models = pair(
+        lambda **c: made(kind, N, gravity=9.81, start="polygon", integrator="runge_kutta", **given, **c)
+    )  # fmt: skip
+    random = np.random.default_rng(15)
+    at = used(models[0])
+    noise = random.standard_normal((2, at.size))
+    for model in models:
+        for array, size, shift in ((model.s.q, 1e-4, noise[0]), (model.s.v, 1.0, noise[1])):
+            array.reshape(-1)[at] += size * shift
+    whole, own = models
+    state = own.state.copy()
+    assert own.hold(state[own.s.p.size :]), "nodal"
+    q, v = own.s.q.copy(), own.s.v.copy()
+    k = [np.zeros(2 * whole.s.q.size) for _ in models]
+    for model, rates in zip(models, k, strict=True):
+        model.work.moved[:] = model.start_rows
+        derivative(*model.system(), model.s, model.work, rates)
+        settle_forces(*model.system(), model.s, model.work)
+    assert np.abs(own.s.q - q).max() < 1e-14 * np.abs(q).max()
+    assert np.abs(own.s.v - v).max() < 1e-13 * np.abs(v).max()
+    there, here = (model.work.change[0].reshape(-1)[at] for model in models)
+    assert np.abs(there).max() > 1e4
+    assert np.abs(here - there).max() < 1e-11 * np.abs(there).max()
+    expected = matrix(own) @ there
+    assert np.abs(k[1][own.s.q.size :][at] - expected).max() < 1e-11 * np.abs(expected).max()
+    assert np.abs(own.s.residual - whole.s.residual).max() < 1e-11 * np.abs(whole.s.residual).max()
+
+
+@CLOSURES
+def test_runge_kutta_takes_the_same_steps_to_rounding(closure):
+    """The coordinates are a linear function of each other, and so is each stage."""
+    whole, own = pair(lambda **c: loop(closure=closure, integrator="runge_kutta", **OVAL, **c))
+    for model in (whole, own):
+        run(model, 0.01)
+    assert np.abs(own.s.q - whole.s.q).max() < 1e-12 * np.abs(whole.s.q).max()
+    assert np.abs(own.s.v - whole.s.v).max() < 1e-8 * np.abs(whole.s.v).max()
+    there, here = (np.concatenate([each.ravel() for each in per_link(model)]) for model in (whole, own))
+    assert np.abs(here - there).max() < 1e-7 * np.abs(there).max()
+    assert own.counters.tolist() == whole.counters.tolist()
+    assert own.report == pytest.approx(whole.report, rel=1e-7, abs=1e-6)
+    off = run(loop(closure=closure, material_of_youngs_modulus=2.06e11, **EXPLICIT, **OVAL), 0.01)
+    assert np.abs(off.s.v - whole.s.v).max() > 1e-6 * np.abs(whole.s.v).max()
+
+
+@CLOSURES
+def test_adams_methods_come_to_the_same_within_their_tolerances(closure):
+    """Their error is measured in other coordinates, so the steps are others; soft links, which accuracy binds."""
+
+    def there(tolerance, coordinates, **changes):
+        given = {"adams_of_rtol": tolerance, "adams_of_atol": tolerance, "coordinates": coordinates}
+        return run(loop(**SOFT | given | changes, closure=closure, integrator="adams"), 0.032, 16e-3)
+
+    exact = there(1e-11, "nodal").pins()
+    errors = []
+    for tolerance in (1e-5, 1e-7, 1e-9):
+        whole, own = (there(tolerance, coordinates) for coordinates in ("nodal", "cholesky"))
+        errors.append([np.sqrt(np.mean((model.pins() - exact) ** 2)) for model in (whole, own)])
+        assert own.counters[1] < 1.5 * whole.counters[1]
+        assert own.counters.tolist() != whole.counters.tolist()
+    assert (np.max(errors, axis=1) < [1e-6, 1e-7, 1e-9]).all()
+    off = there(1e-9, "cholesky", material_of_youngs_modulus=2.06e7).pins()
+    assert np.abs(off - exact).max() > 1e-6
+
+
+@pytest.mark.parametrize("integrator", ["runge_kutta", "adams"])
+@CLOSURES
+def test_the_ledger_closes(closure, integrator):
+    """Energy and what is dissipated are constant in a soft loop that nothing acts on."""
+    given = {"adams_of_rtol": 1e-8, "adams_of_atol": 1e-8} if integrator == "adams" else {}
+    model = loop(**SOFT, closure=closure, **EXPLICIT | {"integrator": integrator}, **given)
+    before = model.report.copy()
+    run(model, 0.05)
+    balance = [r[KINETIC] + r[STRAIN] + r[DISSIPATED] for r in (before, model.report)]
+    kinetic, dissipated = np.abs(model.report - before)[[KINETIC, DISSIPATED]]
+    assert np.ptp(balance) < 1e-4 * kinetic
+    assert dissipated > 1e-3 * kinetic
+
+
+@pytest.mark.parametrize("ends", [SPAN, {"kind": "held", "first": [1.0, 2.0]}], ids=["pinned", "held"])
+def test_ends_that_are_held_stay(ends):
+    """A held coordinate moves nothing and is moved by nothing: its row and its column of the mass are 1."""
+    start = "displaced" if ends is SPAN else "straight"
+    whole, own = pair(lambda **c: made(Flexible, 8, ends, start=start, integrator="runge_kutta", **c))
+    first = own.s.q[0, :3].copy()
+    before = own.report.copy()
+    for model in (whole, own):
+        run(model, 0.02)
+    assert np.abs(own.s.q - whole.s.q).max() < 1e-11 * np.abs(whole.s.q).max()
+    assert np.abs(own.s.v).max() > 0.1
+    assert np.abs(own.s.q[0, :3] - first).max() < 1e-15
+    balance = [r[KINETIC] + r[STRAIN] + r[GRAVITY] + r[DISSIPATED] - r[WORK] for r in (before, own.report)]
+    assert np.ptp(balance) < 1e-3 * own.report[KINETIC]
+
+
+def test_a_saved_state_runs_on_to_the_same_bits():
+    one, other = (loop(**EXPLICIT, **OVAL) for _ in range(2))
+    run(one, 0.003)
+    assert other.hold(one.state)
+    assert not other.hold(one.state[1:])
+    for model in (one, other):
+        model.advance(0.003, 1e-3)
+    assert np.array_equal(one.state, other.state)
+
+
+def test_a_track_on_wheels():
+    """Contacts, pin forces and wrenches of the vehicle's own track, whose wheels run away."""
+    settings = "track.integrator=runge_kutta", "track.joints=eliminated"
+    whole, own = (on_wheels(*settings, f"track.coordinates={c}") for c in ("nodal", "cholesky"))
+    for model in (whole, own):
+        model.rows[:, 3] += 0.5
+        model.advance(0.0, 2e-3)
+    assert np.abs(own.s.q - whole.s.q).max() < 1e-12
+    assert np.abs(own.s.mean - whole.s.mean).max() < 1e-7 * np.abs(whole.s.mean).max()
+    assert np.abs(whole.s.mean).max() > 1e3
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"integrator": "generalized_alpha"}, "needs integrator = 'runge_kutta' or 'adams', not 'generalized_alpha'"),
+        ({"integrator": "hht", "spectral_radius": 0.5}, "not 'hht'"),
+        ({"joints": "constrained"}, "needs axes = 'fixed' and joints = 'eliminated', not 'fixed' and 'constrained'"),
+    ],
+)
+def test_what_has_no_cholesky_coordinates_is_refused(changes, sentence):
+    with pytest.raises(InvalidParameter, match=sentence):
+        loop(**EXPLICIT | changes)
