@@ -15,6 +15,7 @@ import pytest
 
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.program import Program
 from orchestrator.execution import replay_model, simulate
 from orchestrator.log.container_writer import ContainerWriter
@@ -268,6 +269,7 @@ def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, monkeyp
         run(self, t, h)
 
     monkeypatch.setattr(Program, "run", failing)
+    monkeypatch.setattr(scheme, "TOGETHER", 0.0)  # one by one
     status, out, err = cotrack(*SHORT)
     assert status == 1
     assert "link 7" in err
