@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
@@ -18,11 +17,12 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Floats, Recorded
+from orchestrator.cosim.graph import Recorded
 from orchestrator.cosim.master import UNHURRIED
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.tape import Tape
 from orchestrator.log.log_format import CHECKPOINT
+from orchestrator.log.page import Rows
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.wire import Rule, Wire
 
@@ -87,13 +87,16 @@ class Logging:
     def __call__(self, k: int, t: float, h: float) -> None:
         """Record step k - 1's inputs and the outputs that belong to time t."""
         taken = self.tape.take() if self.tape else None
-        if taken is None:
+        if taken is None or self.tape is None:
             self._record(k, t, h)
         else:
-            self.recorder.write_rows(self._step, taken.numbers, taken.t, h, taken.rows)
-            if self._linked and self.tape:
+            rows = {self._step: Rows(taken.numbers, taken.t, taken.rows)}
+            if self._linked:
                 due = taken.numbers % self.tape.every == 0
-                self._record_links(taken.numbers[due], taken.t[due], h, taken.links)
+                rows[self._links] = Rows(taken.numbers[due], taken.t[due], taken.links)
+            self.recorder.write_rows(h, rows)
+            if self._between:
+                self._follow(rows[self._links], h)
         if k % self.stats_every == 0:
             for component in self.components:
                 component.read_counters()
@@ -106,20 +109,19 @@ class Logging:
         if self._linked and (self._between or self.recorder.due(self._links, k)):
             for component in self._linked:
                 component.read_links()
-            shown = np.concatenate([component.y_links for component in self._linked])
-            self._record_links(np.array([k]), np.array([t]), h, shown[None])
+            shown = [component.y_links for component in self._linked]
+            self.recorder.write(self._links, k, t, h, *shown)
+            if self._between:
+                self._follow(Rows(np.array([k]), np.array([t]), np.concatenate(shown)[None]), h)
 
-    def _record_links(self, numbers: NDArray[np.int64], t: Floats, h: float, rows: Floats) -> None:
-        """Outputs of all links (m, n) after some steps, those of all where they are watched between records."""
-        self.recorder.write_rows(self._links, numbers, t, h, rows)
-        if not self._between:
-            return
-        parts = np.split(rows, self._last[:-1], axis=1)
+    def _follow(self, links: Rows, h: float) -> None:
+        """What links do between two records: their outputs after each step."""
+        parts = np.split(links.values, self._last[:-1], axis=1)
         for component, between, part in zip(self._linked, self._between, parts, strict=True):
-            for row, number, at in zip(part, numbers.tolist(), t.tolist(), strict=True):
+            for row, number, t in zip(part, links.sequence.tolist(), links.t.tolist(), strict=True):
                 between.add(row, h)
                 if self.recorder.due(self._links, number):
-                    self.recorder.write(f"/{component.name}/links/between", number, at, h, between.take())
+                    self.recorder.write(f"/{component.name}/links/between", number, t, h, between.take())
 
 
 class Reached:

@@ -22,6 +22,24 @@ class Unproven(ValueError):
     """An input is not what its wire says; the message is one sentence."""
 
 
+class Rows(NamedTuple):
+    """Of steps, one after the other, the values of topics that are written together."""
+
+    sequence: NDArray[np.int64]  # (m,)
+    t: Floats  # (m,) s
+    values: Floats  # (m, n)
+
+    def every(self, stride: int) -> Rows:
+        """Those of steps whose number is a multiple of ``stride``."""
+        due = self.sequence % stride == 0
+        return self if due.all() else Rows(self.sequence[due], self.t[due], self.values[due])
+
+    def between(self, first: int, end: int) -> Rows:
+        """Those of steps from ``first`` to before ``end``."""
+        some = slice(*np.searchsorted(self.sequence, [first, end]).tolist())
+        return Rows(self.sequence[some], self.t[some], self.values[some])
+
+
 class Block:
     """Rows of a page; row 0 repeats the last one of the block before."""
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from orchestrator.log import channel_metadata, closing_record, log_format, schema
 from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
 from orchestrator.log.message_records import LONGEST
-from orchestrator.log.page import CHUNK, Block, Channel, Page, Unproven
+from orchestrator.log.page import CHUNK, Block, Channel, Page, Rows, Unproven
 from orchestrator.log.time_series import Topic
 from orchestrator.log.wire import Wire
 
@@ -132,29 +132,30 @@ class Recorder(AbstractContextManager["Recorder"]):
         with self._turn:
             self._ready()
             page.add(sequence, t, h, values)
-            self._added(page, 1, sequence)
+            self._bytes += page.size
+            self._added(sequence, page.room > 0)
 
-    def write_rows(
-        self, topic: str, sequence: NDArray[np.int64], t: NDArray[np.float64], h: float, values: NDArray[np.float64]
-    ) -> None:
-        """Record many steps of one length, numbers and times (m,): ``values`` (m, n), topics ``together`` in a row."""
-        page = self._pages[topic]
-        if page.every > 1:
-            due = sequence % page.every == 0
-            if not due.all():
-                sequence, t, values = sequence[due], t[due], values[due]
-        if not len(t):
+    def write_rows(self, h: float, rows: Mapping[str, Rows]) -> None:
+        """Record many steps of ``h`` s, by topic; what belongs to a step goes into one chunk."""
+        due = {topic: each for topic in rows if len((each := rows[topic].every(self.stride(topic))).t)}
+        if not due:
             return
-        self._check(topic, float(t[0]))
-        self._check(topic, float(t[-1]))
+        for topic, each in due.items():
+            self._check(topic, float(each.t[0]))
+            self._check(topic, float(each.t[-1]))
+        at, last = min(int(each.sequence[0]) for each in due.values()), max(int(x.sequence[-1]) for x in due.values())
+        size = sum(self._pages[topic].size for topic in due)  # of a step, at most
         with self._turn:
             self._ready()
-            done = 0
-            while done < len(t):
-                some = slice(done, done + page.room)
-                page.add_rows(sequence[some], t[some], h, values[some])
-                done = min(some.stop, len(t))
-                self._added(page, len(t[some]), int(sequence[done - 1]))
+            while at <= last:
+                left = max(1, (CHUNK - self._bytes) // size)
+                end = at + min(left, *(self._pages[topic].room for topic in due))
+                for topic, each in due.items():
+                    some = each.between(at, end)
+                    self._pages[topic].add_rows(some.sequence, some.t, h, some.values)
+                    self._bytes += len(some.t) * self._pages[topic].size
+                at = end
+                self._added(min(end - 1, last), all(self._pages[topic].room for topic in due))
 
     def _check(self, topic: str, t: float) -> None:
         if not 0.0 <= t < LONGEST:
@@ -167,11 +168,10 @@ class Recorder(AbstractContextManager["Recorder"]):
         if self._closing:
             raise ValueError(f"the log {self.path} is closed")
 
-    def _added(self, page: Page, rows: int, sequence: int) -> None:
-        """A chunk is handed over where it is full; waits where the disk is far behind."""
+    def _added(self, sequence: int, room: bool) -> None:
+        """A chunk is handed over where it is full or a page has no ``room``; waits where the disk is far behind."""
         self._last = sequence
-        self._bytes += rows * page.size
-        if self._bytes >= CHUNK or not page.room:
+        if self._bytes >= CHUNK or not room:
             self._hand_over()
             while len(self._backlog) > BACKLOG and self._failure is None:
                 self._turn.wait()

@@ -27,6 +27,7 @@ from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.explicit import NOTHING, keep_residuals
 from fmus.physics.chain.flexible.link_layout import ends
+from fmus.physics.chain.flexible.pins import keep_symmetric
 from fmus.physics.chain.flexible.release import condense_mass
 from fmus.physics.chain.flexible.state import Motion
 
@@ -50,6 +51,7 @@ def factor(links, env, s, w):
     """Factor the mass into ``w`` and ``links``. Returns -1, or the pin or the link where it is singular."""
     one = links.links
     condense_mass(one, env, s, w)
+    keep_symmetric(one, env, w)
     at = layout(one)
     for a in range(len(at.own)):
         for b in range(len(at.own)):

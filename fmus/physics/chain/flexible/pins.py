@@ -56,5 +56,17 @@ def pin_loads(links, env, x, w, by_rate, tangent):
                 if tangent:
                     for b in range(w.b.shape[1]):
                         w.A[i, a, b] = w.U[i, a, b] = w.L[i, a, b] = 0.0
-                        w.A[i, b, a] = w.L[(i + 1) % nodes, b, a] = w.U[i - 1, b, a] = 0.0
                     w.A[i, a, a] = 1.0
+
+
+@kernel
+def keep_symmetric(links, env, w):
+    """The columns of coordinates that are held, too: nothing moves along them, and the matrix is symmetric."""
+    nodes, size = w.A.shape[0], w.A.shape[1]
+    for i in (0, nodes - 1):
+        if env.ends == PINNED or (env.ends == HELD and i == 0):
+            for a in range(layout(links).fixed):
+                for b in range(size):
+                    if b != a:
+                        w.A[i, b, a] = 0.0
+                    w.L[(i + 1) % nodes, b, a] = w.U[i - 1, b, a] = 0.0
