@@ -311,7 +311,7 @@ def test_both_forms_have_the_same_cases(tmp_path):
 
 @pytest.mark.study
 def test_fmus_begin_anew_at_each_communication_step():
-    (row,) = through_fmus.rows(RIGID.name, 0.025)
+    (row,) = through_fmus.rows(RIGID.name, 0.0125)
     assert row.ok
     assert row["restarts"] == pytest.approx(2 * 800)
     assert row["evaluations"] > 2.0 * row["steps"] > 2.0 * row["restarts"]

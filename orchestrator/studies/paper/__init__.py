@@ -36,7 +36,7 @@ def cases(quick: bool, folder: Path) -> list[Case]:
           for k in pieces.STIFFNESSES),
         *(Case("modulus", f"{name}, {E:g} Pa", modulus.rows, (name, E, piece), 900 * piece, 7200.0)
           for name, E in moduli),
-        *(Case("fmus", model.label, through_fmus.rows, (model.name, 2 * piece), 500 * piece, 7200.0)
+        *(Case("fmus", model.label, through_fmus.rows, (model.name, 2 * piece), 60.0 + 500 * piece, 7200.0)
           for model in MODELS),
         *(Case("links", model.label, links.rows, (model.name, numbers), 5.0, 3600.0) for model in PRICED),
     ]  # fmt: skip

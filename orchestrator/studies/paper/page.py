@@ -33,7 +33,7 @@ TABLES = {  # item: title, columns
         Column("error", "error of pins", ".1e"), Column("order", "mean order", ".1f"), NOTE,
     )),
     "fmus": (f"Adams' methods inside FMUs, which restart at each communication step, at {through_fmus.TOLERANCE:g}", (
-        CASE, Column("stop", "first s of a drive", "g"), Column("evaluations", "evaluations a simulated second", ".0f"),
+        CASE, Column("piece", "s from t = 4 s", "g"), Column("evaluations", "evaluations a simulated second", ".0f"),
         Column("steps", "steps", ".0f"), Column("restarts", "restarts", ".0f"), NOTE,
     )),
     "stiffness": ("Rigid links closed by springs, the cheapest run by Adams' methods", (

@@ -1,7 +1,8 @@
 """Adams' methods inside tracks that are FMUs: they begin anew at each communication step, which costs evaluations.
 
-A vehicle that drives off at once, coupled as in its scene, by FMUs; the count of the paper is that of ``pieces``, where
-one differential equation is integrated without a stop.
+The piece of ``pieces``, and twice as long: the co-simulation leads there with implicit steps, the models that the FMUs
+of the tracks hold take over at t = ``BEGIN`` with Adams' methods, and are stepped with the inputs that the co-simulation
+recorded. The count of the paper is that of ``pieces``, where one differential equation is integrated without a stop.
 """
 
 from __future__ import annotations
@@ -9,33 +10,59 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
+from fmus.physics.chain.report import EVALUATIONS, STEPS
+from fmus.model import InvalidParameter, StepFailed
 from fmus.vehicle import BadInput
+from orchestrator.cosim.component import ComponentFailed
 from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.scene.scene import TrackScene
 from orchestrator.studies.paper.models import named, scene
+from orchestrator.studies.paper.pieces import BEGIN
+from orchestrator.studies.paper.states import model, saved
 from orchestrator.studies.tables import Row
 
 TOLERANCE = 1e-6  # relative and absolute
-DRIVE = "drive.ramp_start=0", "drive.ramp_time=0.5", "expect={}", "track.link_outputs=false"
+ADAMS = "track.integrator=adams", f"track.rtol={TOLERANCE!r}", f"track.atol={TOLERANCE!r}"
+TRACKS = "left_track", "right_track"
 
 
-def rows(name: str, stop: float) -> list[Row]:
-    """Evaluations and restarts of both tracks a simulated second, over the first ``stop`` s."""
-    label, common = named(name).label, {"model": name, "stop": stop}
-    adams = "track.integrator=adams", f"track.rtol={TOLERANCE!r}", f"track.atol={TOLERANCE!r}"
-    wanted = scene(named(name), *adams, *DRIVE, f"run.stop={stop!r}")
-    if isinstance(wanted, str):
-        return [Row("fmus", label, common, note=f"not there: {wanted}")]
+def rows(name: str, piece: float) -> list[Row]:
+    """Evaluations, steps and restarts of both tracks a simulated second, over a ``piece``, s."""
+    label, common = named(name).label, {"model": name, "piece": piece}
+    stop = f"run.stop={BEGIN + piece!r}", f"run.checkpoints={BEGIN!r}", "expect={}", "track.link_outputs=false"
+    coupled, explicit = scene(named(name), *stop), scene(named(name), *stop, *ADAMS)
+    for refusal in (coupled, explicit):
+        if isinstance(refusal, str):
+            return [Row("fmus", label, common, note=f"not there: {refusal}")]
+    assert isinstance(coupled, TrackScene)
+    assert isinstance(explicit, TrackScene)
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            told = simulate(wanted, Path(folder) / "run.mcap")
-    except (BadInput, RuntimeError) as failure:
+        counts = _counted(coupled, explicit, piece)
+    except (BadInput, ComponentFailed, InvalidParameter, StepFailed) as failure:
         return [Row("fmus", label, common, note=f"not there: {failure}")]
-    if told["status"] != "ok":
-        return [Row("fmus", label, common, note=f"not there: {told['message']}")]
-    tracks = [cost for part, cost in told["components"].items() if part.endswith("_track")]
-    figures = {
-        "evaluations": sum(cost["evaluations"] for cost in tracks) / stop,
-        "restarts": len(tracks) * told["communication_steps"] / stop,
-        "steps": sum(cost["steps"] for cost in tracks) / stop,
-    }
+    figures = dict(zip(("steps", "evaluations", "restarts"), counts / piece, strict=True))
     return [Row("fmus", label, {**common, **figures}, True)]
+
+
+def _counted(coupled: TrackScene, explicit: TrackScene, piece: float) -> np.ndarray:
+    """Steps, evaluations and restarts of both tracks in the piece that ends the run of ``coupled``."""
+    counts = np.zeros(3)
+    with tempfile.TemporaryDirectory() as folder:
+        told = simulate(coupled, Path(folder) / "run.mcap")
+        if told["status"] != "ok":
+            raise ComponentFailed(told["message"])
+        with Log(Path(told["log"])) as log:
+            states = dict(saved(log))[BEGIN]
+            for name in TRACKS:
+                track, inputs = model(explicit, name), log.read(f"/{name}/in")
+                if not track.hold(states[name]):
+                    raise InvalidParameter(f"{name}: the state of implicit steps is none of Adams' methods")
+                track.counters[STEPS] = 1  # it has moved: where it was laid says nothing any more
+                driven = inputs.rows(inputs.t >= BEGIN - 1e-9)
+                for t, h, u in zip(driven.t.tolist(), driven.h.tolist(), driven.values, strict=True):
+                    track.step(t, h, u)
+                counts += track.counters[STEPS] - 1, track.counters[EVALUATIONS], len(driven.t)
+    return counts
