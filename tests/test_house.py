@@ -50,6 +50,7 @@ GENERIC = (
     "log/message_records.py",
     "log/channel_metadata.py",
     "log/closing_record.py",
+    "log/events_topic.py",
     "log/container_writer.py",
     "log/page.py",
     "log/recorder.py",

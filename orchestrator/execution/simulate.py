@@ -7,7 +7,7 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from math import ceil
@@ -27,8 +27,11 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, Reached, TimedCheckpoints
 from orchestrator.execution import estimate, summary
 from orchestrator.execution.manifest import NATIVE, STATS_PERIOD, open_log
+from orchestrator.log import events_topic
+from orchestrator.log.events_topic import Told
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
+from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import Scene, TrackScene
@@ -150,7 +153,9 @@ def _simulate(
                 }
                 if outcome.steps:
                     say(f"{scene.name}: results are read from the log")
-                    result |= _evaluated(scene, path, outcome)
+                    found, happened = _evaluated(scene, path, outcome, result["warnings"])
+                    result |= found
+                    recorder.tell(happened)
                     if estimated and result["status"] == "ok":
                         say(f"{scene.name}: the error is estimated, by up to two runs with longer steps")
                         result["error"] = estimate.estimate(scene, path, result, _companion(interrupt))
@@ -174,14 +179,22 @@ def _how_it_ended(outcome: master.Outcome, startup: float, wall: float, since: f
     }
 
 
-def _evaluated(scene: Scene, path: Path, outcome: master.Outcome) -> dict[str, Any]:
-    """Energy, checks, observables, and an energy warning where there is one."""
+def _evaluated(
+    scene: Scene, path: Path, outcome: master.Outcome, warned: Sequence[Mapping[str, Any]]
+) -> tuple[dict[str, Any], list[Told]]:
+    """Energy, checks, observables, an energy warning where there is one; and what happened."""
     try:
         with Log(path) as log:
-            found = summary.evaluate(RunData(log), scene, outcome.time)
+            run = RunData(log)
+            found = summary.evaluate(run, scene, outcome.time)
+            happened = events.of(run, teeth=True, warned=warned).events
     except LogUnreadable as error:  # someone else has changed the file
-        return {"status": "failed", "message": str(error)}
-    return found | {"message": "; ".join(filter(None, (outcome.message, summary.energy_warning(found["energy"]))))}
+        return {"status": "failed", "message": str(error)}, []
+    message = "; ".join(filter(None, (outcome.message, summary.energy_warning(found["energy"]))))
+    told = [
+        Told(*event, events_topic.WARNING if event.kind in events.WARNINGS else events_topic.INFO) for event in happened
+    ]
+    return found | {"message": message}, told
 
 
 def _companion(interrupt: _Interrupt) -> estimate.Run:

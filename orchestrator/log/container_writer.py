@@ -93,14 +93,21 @@ class ContainerWriter:
         index = AttachmentIndex(offset, self.size - offset, 0, 0, len(content), name, kind)
         self._indexed[Opcode.ATTACHMENT_INDEX].append(index)
 
-    def channel(self, number: int, topic: str, kind: str, description: bytes, about: dict[str, str]) -> None:
-        """A topic and its message type, which ``description`` describes; topics may share one."""
+    def channel(
+        self, number: int, topic: str, kind: str, description: bytes, about: dict[str, str], json: bool = False
+    ) -> None:
+        """A topic and its message type, which ``description`` describes; topics may share one. Protobuf, or JSON."""
+        written, described_by = (
+            (MessageEncoding.JSON, SchemaEncoding.JSONSchema)
+            if json
+            else (MessageEncoding.Protobuf, SchemaEncoding.Protobuf)
+        )
         described = next((one for one in self._indexed[Opcode.SCHEMA] if one.data == description), None)
         if described is None:
-            described = Schema(number, description, SchemaEncoding.Protobuf, kind)
+            described = Schema(number, description, described_by, kind)
             self._append(_bytes(described))
             self._indexed[Opcode.SCHEMA].append(described)
-        channel = Channel(number, topic, MessageEncoding.Protobuf, about, schema_id=described.id)
+        channel = Channel(number, topic, written, about, schema_id=described.id)
         self._append(_bytes(channel))
         self._indexed[Opcode.CHANNEL].append(channel)
         self._counts[number] = 0

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record, log_format, schema
+from orchestrator.log import channel_metadata, closing_record, events_topic, log_format, schema
 from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
 from orchestrator.log.message_records import LONGEST
 from orchestrator.log.page import CHUNK, Block, Channel, Page, Rows, Unproven
@@ -205,6 +205,16 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._thread.join()
         if self._failure is not None and self._failure is not known:
             raise self._failure
+
+    def tell(self, events: Sequence[events_topic.Told]) -> None:
+        """Write what happened, after ``end``; leaves it out where the disk has no room for it."""
+        if self._failure is not None:
+            return
+        number = len(self._channels) + 1
+        with suppress(OSError):
+            self._file.channel(number, events_topic.TOPIC, events_topic.TYPE, events_topic.SCHEMA, {}, json=True)
+            if events:
+                self._file.chunk([(number, *events_topic.records(number, events))], last=True)
 
     def close(
         self,

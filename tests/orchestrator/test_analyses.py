@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from fmus.vehicle import BadInput
 from orchestrator.cli.analysis_commands import What
@@ -628,6 +629,25 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
 
 
 # the commands
+
+
+def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
+    with driven.open("rb") as file:
+        found = [
+            (schema.name, message.log_time, json.loads(message.data))
+            for schema, _, message in make_reader(file).iter_messages(topics=["/events"])
+        ]
+    with Log(driven) as log:
+        run = RunData(log)
+        happened, angle = events.of(run, teeth=True).events, run.signal("left_drive.angle")[1]
+        teeth = run.scene["vehicle"]["sprocket"]["teeth"]
+    assert {name for name, _, _ in found} == {"foxglove.Log"}
+    told = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in found]
+    assert told == [(e.component, e.kind, e.text, e.kind in events.WARNINGS) for e in happened]
+    for (_, time, said), event in zip(found, happened, strict=True):
+        assert time == 1_000_000_000 * said["timestamp"]["sec"] + said["timestamp"]["nsec"] == round(1e9 * event.t)
+    passed = np.floor(angle * teeth / (2.0 * np.pi))
+    assert sum(said["kind"] == "tooth" for _, _, said in found) == np.abs(np.diff(passed)).sum()
 
 
 def test_analyse_prints_tables_and_json_and_files(cotrack, driven, tmp_path):

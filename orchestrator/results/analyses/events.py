@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,12 +48,15 @@ class Events(NamedTuple):
         return Table(f"{len(self.events)} events", columns, [tuple(event) for event in self.events], tuple(notes))
 
 
-def of(run: RunData, window: Window = EVER, teeth: bool = False) -> Events:
+def of(
+    run: RunData, window: Window = EVER, teeth: bool = False, warned: Sequence[Mapping[str, Any]] | None = None
+) -> Events:
     """Wheels that lift off, tracks that leave the ground, sprockets that lock, steps that solvers took back, warnings.
 
-    ``teeth`` lists also each tooth that passes. Raises LogUnreadable.
+    ``teeth`` lists also each tooth that passes; ``warned`` are the warnings of a run whose log is not closed yet.
+    Raises LogUnreadable.
     """
-    found = [*_borne(run, window), *_locks(run, window), *_steps(run, window), *warnings(run, window)]
+    found = [*_borne(run, window), *_locks(run, window), *_steps(run, window), *warnings(run, window, warned)]
     counts = {}
     for name, t, passed in _turned(run, window):
         moves = np.diff(np.floor(passed))
@@ -168,9 +171,9 @@ def _steps(run: RunData, window: Window) -> Iterator[Event]:
             yield Event(at, name, "step", f"halved its step {count} time{'s' if count > 1 else ''}")
 
 
-def warnings(run: RunData, window: Window = EVER) -> Iterator[Event]:
+def warnings(run: RunData, window: Window = EVER, warned: Sequence[Mapping[str, Any]] | None = None) -> Iterator[Event]:
     """What components warned of, as the closing record has it."""
-    for told in (run.log.closing or {}).get("warnings", ()):
+    for told in (run.log.closing or {}).get("warnings", ()) if warned is None else warned:
         if within(np.array(told["time"]), window):
             times = f", {told['count']} times" if told["count"] > 1 else ""
             yield Event(float(told["time"]), told["component"], "warning", f"{told['text']}{times}")

@@ -1,8 +1,8 @@
 """Adams' methods inside tracks that are FMUs: they begin anew at each communication step, which costs evaluations.
 
 The piece of ``pieces``, and twice as long: the co-simulation leads there with implicit steps, the models that the FMUs
-of the tracks hold take over at t = ``BEGIN`` with Adams' methods, and are stepped with the inputs that the co-simulation
-recorded. The count of the paper is that of ``pieces``, where one differential equation is integrated without a stop.
+of the tracks hold take over at t = ``BEGIN`` with Adams' methods, and are stepped with the inputs that the
+co-simulation recorded. The count of the paper is that of ``pieces``, one differential equation without a stop.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from fmus.physics.chain.report import EVALUATIONS, STEPS
-from fmus.model import InvalidParameter, StepFailed
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.execution.simulate import simulate
@@ -41,7 +40,7 @@ def rows(name: str, piece: float) -> list[Row]:
     assert isinstance(explicit, TrackScene)
     try:
         counts = _counted(coupled, explicit, piece)
-    except (BadInput, ComponentFailed, InvalidParameter, StepFailed) as failure:
+    except (BadInput, RuntimeError, ValueError) as failure:
         return [Row("fmus", label, common, note=f"not there: {failure}")]
     figures = dict(zip(("steps", "evaluations", "restarts"), counts / piece, strict=True))
     return [Row("fmus", label, {**common, **figures}, True)]
@@ -59,7 +58,7 @@ def _counted(coupled: TrackScene, explicit: TrackScene, piece: float) -> np.ndar
             for name in TRACKS:
                 track, inputs = model(explicit, name), log.read(f"/{name}/in")
                 if not track.hold(states[name]):
-                    raise InvalidParameter(f"{name}: the state of implicit steps is none of Adams' methods")
+                    raise ValueError(f"{name}: the state of implicit steps is none of Adams' methods")
                 track.counters[STEPS] = 1  # it has moved: where it was laid says nothing any more
                 driven = inputs.rows(inputs.t >= BEGIN - 1e-9)
                 for t, h, u in zip(driven.t.tolist(), driven.h.tolist(), driven.values, strict=True):

@@ -1,0 +1,63 @@
+"""The topic /events: what happened in a run, written when it has ended, in messages of Foxglove's type Log.
+
+They are JSON, which any tool shows as it is. They follow from the other messages, so no digest counts them, and our
+reader leaves them out: ``analyses/events.py`` finds them in any log.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.log.message_records import PREFIX, prefix
+
+TOPIC, TYPE = "/events", "foxglove.Log"
+INFO, WARNING = 2, 3  # levels of that type
+_TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+_TEXT, _NUMBER = {"type": "string"}, {"type": "integer"}
+SCHEMA = json.dumps({
+    "title": TYPE,
+    "type": "object",
+    "properties": {
+        "timestamp": _TIME, "level": _NUMBER, "message": _TEXT, "name": _TEXT, "file": _TEXT, "line": _NUMBER,
+        "kind": _TEXT,
+    },
+}).encode()  # fmt: skip
+
+
+class Told(NamedTuple):
+    """One event."""
+
+    t: float  # s
+    name: str  # of what it happened to: "left_track.road_wheel[1]"
+    kind: str
+    text: str
+    level: int = INFO
+
+
+def records(channel: int, events: Sequence[Told]) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
+    """Message records of ``channel`` (m, bytes) and their times (m,), ns; blanks after JSON make them of one size."""
+    times = np.array([max(round(event.t * 1e9), 0) for event in events], "<u8")
+    texts = [_text(event, int(time)) for event, time in zip(events, times, strict=True)]
+    size = PREFIX + max(map(len, texts))
+    rows = np.empty((len(events), size), np.uint8)
+    rows[:, :PREFIX] = np.frombuffer(prefix(channel, size), np.uint8)
+    for number, (row, text) in enumerate(zip(rows, texts, strict=True)):
+        row[11:15] = np.frombuffer(number.to_bytes(4, "little"), np.uint8)
+        row[PREFIX:] = np.frombuffer(text.ljust(size - PREFIX), np.uint8)
+    for first in (15, 23):  # log time and publish time
+        rows[:, first : first + 8] = times.view(np.uint8).reshape(-1, 8)
+    return rows, times
+
+
+def _text(event: Told, time: int) -> bytes:
+    seconds, rest = divmod(time, 1_000_000_000)
+    message = {
+        "timestamp": {"sec": seconds, "nsec": rest},
+        "level": event.level, "message": event.text, "name": event.name, "file": "", "line": 0, "kind": event.kind,
+    }  # fmt: skip
+    return json.dumps(message).encode()
