@@ -29,6 +29,7 @@ class Chunks:
         self.spans: dict[int, tuple[float, float]] = {}
         self.unpacked: dict[int, list[Messages]] = {}
         self._room = KEEP
+        self._runs: dict[int, dict[int, list[range]]] = {}  # by offset, where its messages are
 
     def add(self, offset: int) -> None:
         """Note the chunk at ``offset``, and when it begins and ends as it says itself."""
@@ -46,9 +47,11 @@ class Chunks:
     def _unpack(self, offset: int, keep: bool) -> list[Messages]:
         try:
             content = np.frombuffer(self._file.content(offset), np.uint8)
+            if offset not in self._runs:
+                self._runs[offset] = runs_by_channel(content)
             piece = [
                 _messages(content, self._channels[number], runs)
-                for number, runs in runs_by_channel(content).items()
+                for number, runs in self._runs[offset].items()
                 if number in self._channels
             ]
         except DAMAGE as damage:

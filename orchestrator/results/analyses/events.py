@@ -19,6 +19,7 @@ STANDS = 0.1  # rad/s: a sprocket that turns more slowly stands: there brakes fa
 TURNS = 0.2  # rad/s: one that turns faster is let go
 
 
+REJECTED = "solver.rejected"  # of the statistics of a component
 WARNINGS = ("step", "warning")  # kinds that tell of the simulation, not of the vehicle
 
 
@@ -56,6 +57,7 @@ def of(
     ``teeth`` lists also each tooth that passes; ``warned`` are the warnings of a run whose log is not closed yet.
     Raises LogUnreadable.
     """
+    run.hold(_signals(run), window)
     found = [*_borne(run, window), *_locks(run, window), *_steps(run, window), *warnings(run, window, warned)]
     counts = {}
     for name, t, passed in _turned(run, window):
@@ -64,6 +66,17 @@ def of(
         if teeth:
             found += _teeth(name, t, passed, moves)
     return Events(tuple(sorted(found, key=lambda event: (event.t, event.component))), counts)
+
+
+def _signals(run: RunData) -> Iterator[str]:
+    """What is read of drives and solvers."""
+    for _, prefix, name in _drives(run):
+        wanted = f"{prefix}angle", f"{prefix}speed", f"{name.partition('.')[0]}.energy.dissipated"
+        yield from filter(run.has, wanted)
+    for name in run.instances:
+        about = run.log.topics.get(f"/stats/{name}")
+        if about and REJECTED in about.names:
+            yield f"stats.{name}.{REJECTED}"
 
 
 def off_ground(run: RunData, window: Window = EVER) -> Spells:
@@ -154,15 +167,13 @@ def rejections(run: RunData, window: Window = EVER) -> Iterator[tuple[str, Float
     The first record counts from the start of the run, so that in a window that begins later it counts nothing.
     """
     for name in run.instances:
-        topic = f"/stats/{name}"
-        if topic not in run.log.topics or "solver.rejected" not in run.log.topics[topic].names:
+        try:
+            t, total = run.signal(f"stats.{name}.{REJECTED}", window)
+        except Missing:
             continue
-        column = run.log.topics[topic].names.index("solver.rejected")
-        series = run.log.select({topic: [column]}, window)[topic]
-        total = series.values[:, 0]
         more = np.diff(total, prepend=0.0 if window.start <= 0.0 else total[:1])
         if (grown := more > 0.0).any():
-            yield name, series.t[grown], more[grown]
+            yield name, t[grown], more[grown]
 
 
 def _steps(run: RunData, window: Window) -> Iterator[Event]:
