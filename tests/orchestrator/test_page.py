@@ -506,7 +506,10 @@ def test_a_lifted_wheel_is_told_with_its_times_as_the_analyses_have_them(tmp_pat
     assert told[2].detail == text(analysis.of("warning")[0].text)
     html = page(path)
     assert "0.208 s together" in html
-    assert "1 road wheel is lifted off for a moment" in html
+    assert "1 road wheel is lifted off: wheel 1 (a)." in html
+    assert "left the ground" not in html, "it did"
+    held = written(tmp_path / "b.mcap", columns | {"a.ground.force.z": 0.0 * t + 1e4}, t, {"assembly": "vehicle"})
+    assert "o track left the ground" in page(held)
     assert ">9 kN<" in html
     assert "wheel 1, a, at 0.05 s, as the vehicle comes to rest; 1 kN at most after 0.5 s" in html
     assert "Lifted off for a time: wheel 1." in html

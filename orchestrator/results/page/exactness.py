@@ -12,7 +12,8 @@ from orchestrator.results.page.words import percent, quantity, text
 ABOUT = (
     "RMS over the run, by runs with steps twice as long. An error is relative to the observable's own RMS, or to a"
     " floor where that is small. The largest of those that count is the error of the run. Coupling is the part of the"
-    " communication step, integration that of the steps inside components."
+    " communication step, integration that of the steps inside components; they have signs and may cancel, so that the"
+    " whole is smaller than each. What many links or both drives have is one vector, the error in its unit its length."
 )
 SENSITIVE = "instant by instant, sensitive: does not count"
 

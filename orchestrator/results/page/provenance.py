@@ -135,7 +135,10 @@ def made(pair: Pair, plotting: str) -> Section:
         )
         if topics:
             rows = [(f"<code>{text(topic)}</code>", f"<code>{text(value)}</code>") for topic, value in topics]
-            html += f"<details><summary>sha256 of every topic</summary>{table(('Topic', 'sha256'), rows)}</details>"
+            html += (
+                f"<details><summary>sha256 of every topic</summary>{table(('Topic', 'sha256'), rows)}<p class='muted'>"
+                "Inputs (/in) that are outputs of others hold only times: equal ones are no mistake.</p></details>"
+            )
     html += (
         f"<h3>What this page cannot say</h3><ul>{''.join(f'<li>{limit}</li>' for limit in LIMITS)}</ul>"
         f"<p class='muted'>Made by <code>cotrack report</code>; curves are drawn by {text(plotting)}, which is part of"

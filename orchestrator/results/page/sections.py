@@ -17,7 +17,7 @@ from orchestrator.results.page.balance import KINDS, sentence
 from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
-from orchestrator.results.page.events import Event, events, lifted
+from orchestrator.results.page.events import Event, events, lifted, off_ground
 from orchestrator.results.page.facts import COMING_TO_REST, unmade
 from orchestrator.results.page.pressure import pressure
 from orchestrator.results.page.signals import Recorded
@@ -556,8 +556,13 @@ def happened(pair: Pair) -> Section:
     if len(found) > SHOWN_EVENTS:
         html += f"<p class='muted'>and {len(found) - SHOWN_EVENTS} more.</p>"
     quiet = []
+    early = [where for where, times in lifted(study.run).items() if any(settling(study.run, one.end) for one in times)]
+    rest = " once the vehicle had come to rest"
     if not any("lifted" in event.what for event in found) and any(name.endswith(".load") for name in study.signals):
-        quiet.append("no road wheel was lifted off on the way")
+        quiet.append(f"no road wheel was lifted off{rest if early else ''}")
+    hops = off_ground(study.run)
+    if hops.threshold > 0.0 and not any("off the ground" in event.what for event in found):
+        quiet.append(f"no track left the ground{rest if any(hops.of.values()) else ''}")
     if any("solver.rejected" in about.names for about in study.run.log.topics.values()) and not any(
         "Solver" in event.what for event in found
     ):
@@ -566,11 +571,11 @@ def happened(pair: Pair) -> Section:
         quiet.append("no component warned")
     if quiet:
         html += f"<p>{and_list(quiet).capitalize()}.</p>"
-    early = [where for where, times in lifted(study.run).items() if any(settling(study.run, one.end) for one in times)]
     if early:
+        names = and_list([f"{wheel_name(wheel)} ({instance(track)})" for track, wheel in early])
         html += (
             f"<p class='muted'>In its first {number(SETTLING)} s, while the drawn vehicle comes to rest on its tracks,"
-            f" {len(early)} road wheel{'s are' if len(early) > 1 else ' is'} lifted off for a moment.</p>"
+            f" {len(early)} road wheel{'s are' if len(early) > 1 else ' is'} lifted off: {text(names)}.</p>"
         )
     if any(name.endswith(".load") for name in study.signals):
         html += (
