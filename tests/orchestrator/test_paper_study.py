@@ -235,19 +235,23 @@ def test_rules_say_what_the_figures_say():
 
 
 def test_cholesky_coordinates_save_what_the_figures_say():
-    def told(cpu, size):
+    def told(time, size, evaluations=2.0):
         nodal, own = ({"model": model.name, "links": 64} for model in (CLOSED, TRANSFORMED))
-        cost = {"method": pieces.ADAMS, "evaluations": 2.0, "cpu": 1.0}
+        cost = {"method": pieces.ADAMS, "evaluations": 2.0}
         return [
-            Row("links", "", {**nodal, "evaluation": 1.0, "bytes": 1.0}, True),
-            Row("links", "", {**own, "evaluation": cpu, "bytes": size}, True),
+            Row("links", "", {**nodal, "bytes": 1.0}, True),
+            Row("links", "", {**own, "over_peer": time, "bytes": size}, True),
             Row("cost", "", {**nodal, **cost}, True),
-            Row("cost", "", {**own, **cost, "cpu": cpu}, True),
+            Row("cost", "", {**own, **cost, "evaluations": evaluations}, True),
         ]
 
     assert verdict(statements.transformed, *told(0.9, 0.9)) == HOLDS
     assert verdict(statements.transformed, *told(1.1, 0.9)) == PART
+    assert verdict(statements.transformed, *told(1.1, 1.1, 1.0)) == PART
     assert verdict(statements.transformed, *told(1.1, 1.1)) == NOT
+    assert verdict(statements.transformed, *told(1.1, 1.1, 1.9)) == NOT, (
+        "a tenth dearer each outweighs a twentieth fewer"
+    )
     assert verdict(statements.transformed, *told(0.9, 0.9)[:1]) == UNMEASURED
 
 

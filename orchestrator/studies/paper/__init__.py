@@ -34,7 +34,7 @@ def cases(quick: bool, folder: Path) -> list[Case]:
         *(Case("piece", model.label, pieces.rows, (model.name, piece), 1000 * piece, 7200.0) for model in PRICED),
         *(Case("stiffness", f"spring of {k:g} N/m", pieces.stiff, (k, piece), 1000 * piece, 7200.0)
           for k in pieces.STIFFNESSES),
-        *(Case("modulus", f"{name}, {E:g} Pa", modulus.rows, (name, E, piece), 900 * piece, 7200.0)
+        *(Case("modulus", f"{name}, {E:g} Pa" if E > 0.0 else name, modulus.rows, (name, E, piece), 900 * piece, 7200.0)
           for name, E in moduli),
         *(Case("fmus", model.label, through_fmus.rows, (model.name, 2 * piece), 60.0 + 500 * piece, 7200.0)
           for model in MODELS),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicle import BadInput
-from orchestrator.studies.paper.models import named, scene
+from orchestrator.studies.paper.models import CLOSED, TRANSFORMED, named, scene
 from orchestrator.studies.paper.states import model
 from orchestrator.studies.tables import Row
 
@@ -22,6 +22,7 @@ LINKS, QUICK = (16, 32, 64, 128, 256, 512), (16, 64, 256)
 SPIN, OVALLING, AT = 5.0, 4.0, 64  # rad/s of so many links; the pins of other loops are as fast
 STEP = 1e-3  # s
 STEPS, REPEATS = 100, 3
+PEERS = {TRANSFORMED.name: CLOSED.name}  # whose times are nearer to each other than two moments of a machine
 
 
 def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
@@ -30,7 +31,14 @@ def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
     for links in numbers:
         try:
             explicit = chain_of(name, links, "track.integrator=runge_kutta")
-            figures = {"model": name, "links": links, "evaluation": evaluation_time(explicit), **storage(explicit)}
+            figures: dict[str, Any] = {
+                "model": name,
+                "links": links,
+                "evaluation": evaluation_time(explicit),
+                **storage(explicit),
+            }
+            if name in PEERS:
+                figures["over_peer"] = in_turn(explicit, chain_of(PEERS[name], links, "track.integrator=runge_kutta"))
             found.append(Row("links", label, figures, True))
         except (BadInput, RuntimeError, ValueError) as failure:
             return [*found, Row("links", label, {"model": name, "links": links}, note=f"not there: {failure}")]
@@ -72,6 +80,19 @@ def evaluation_time(chain: Any) -> float:
     steps = STEPS // 10
     time_of_step = _least(chain, 5.0 * chain.stable, steps)
     return time_of_step * (REPEATS * steps + 1) / (int(chain.counters[1]) - before)
+
+
+def in_turn(one: Any, other: Any) -> float:
+    """CPU time of an evaluation of one chain over that of another, step by step in turn: the median of the pairs."""
+    each: list[list[float]] = [[], []]
+    for chain in (one, other):
+        chain.advance(0.0, 5.0 * chain.stable)
+    for k in range(1, STEPS):
+        for chain, times in zip((one, other), each, strict=True):
+            h, before, began = 5.0 * chain.stable, int(chain.counters[1]), time.thread_time()
+            chain.advance(k * h, h)
+            times.append((time.thread_time() - began) / (int(chain.counters[1]) - before))
+    return float(np.median(np.divide(*each)))
 
 
 def _least(chain: Any, h: float, steps: int) -> float:

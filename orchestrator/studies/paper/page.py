@@ -48,6 +48,7 @@ TABLES = {  # item: title, columns
     )),
     "links": ("Cost and storage by links, no vehicle", (
         CASE, Column("links", "links", ".0f"), Column("evaluation", "CPU time of an evaluation, s", ".2e"),
+        Column("over_peer", "over one in nodal coordinates, in turn", ".2f"),
         Column("step", "of an implicit step, s", ".2e"), Column("coordinates", "numbers of a position", ".0f"),
         Column("multipliers", "multipliers", ".0f"), Column("bytes", "bytes of arrays", ".0f"), NOTE,
     )),
