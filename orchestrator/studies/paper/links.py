@@ -92,7 +92,7 @@ def in_turn(one: Any, other: Any) -> float:
             h, before, began = 5.0 * chain.stable, int(chain.counters[1]), time.thread_time()
             chain.advance(k * h, h)
             times.append((time.thread_time() - began) / (int(chain.counters[1]) - before))
-    return float(np.median(np.divide(*each)))
+    return float(np.median(np.divide(each[0], each[1])))
 
 
 def _least(chain: Any, h: float, steps: int) -> float:
