@@ -137,7 +137,7 @@ def draw(logs: dict[Model, Path], folder: Path) -> list[Path]:
 
     made = []
     for figure in FIGURES:
-        page = Page(figsize=(9.0, 4.5), layout="constrained")
+        page = Page(figsize=(9.0, 4.8), layout="constrained")
         pane = page.subplots()
         for model, run in _opened(logs):
             figure.add(pane, run, model)
@@ -145,7 +145,7 @@ def draw(logs: dict[Model, Path], folder: Path) -> list[Path]:
         pane.set_ylabel(figure.up)
         pane.set_title(f"Figure {figure.number}. {figure.title}", fontsize=10, loc="left")
         pane.grid(True, color="0.9")
-        pane.legend(fontsize=8)
+        page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
         made += _saved(page, folder, str(figure.number))
     page = Page(figsize=(10.0, 4.2), layout="constrained")
     panes = page.subplots(1, 2)
