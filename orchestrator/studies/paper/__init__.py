@@ -20,7 +20,7 @@ from orchestrator.studies.tables import Row, Table
 
 TITLE = "The paper's comparison"
 KEEPS = True  # logs below the folder of the study, which its cases are told
-LASTS = "about 25 minutes on two cores, besides compiling"  # the long form
+LASTS = "about 15 minutes on two cores, besides compiling"  # the long form
 
 
 def cases(quick: bool, folder: Path) -> list[Case]:
