@@ -46,6 +46,7 @@ def info(
             f" one step in {held.topics[topic].every}, {tally.bytes / 1e6:.2f} MB"
             for topic, tally in about.topics.items()
         ),
+        *(f"  {topic:22} {kind} for other tools" for topic, kind in held.others.items()),
         *(f"  attached: {name}, {size} bytes" for name, size in about.attachments.items() if name not in points),
         *(
             [f"  {len(points)} checkpoints, {sum(points.values())} bytes: 'cotrack resume' goes on from there"]

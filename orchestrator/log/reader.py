@@ -59,9 +59,10 @@ class Log(AbstractContextManager["Log"]):
         self.being_written = self._file.being_written  # by a run that goes on
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
+        self.others: dict[str, str] = {}  # topics for other tools, which this reader leaves out, with their types
         self.closing: dict | None = None
         self._attachments: dict[str, int] = {}  # name -> offset
-        self._schemas: dict[int, bytes] = {}
+        self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, channel_metadata.Recorded] = {}
         self._recorded: dict[str, channel_metadata.Recorded] = {}
         self._chunks = Chunks(self._file, self._channels)
@@ -335,7 +336,7 @@ class Log(AbstractContextManager["Log"]):
                 self.metadata[record.name] = record.metadata
         elif opcode == Opcode.SCHEMA:
             described = self._file.record(Schema, offset)
-            self._schemas[described.id] = described.data
+            self._schemas[described.id] = described
         elif opcode == Opcode.CHANNEL:
             self._note_channel(self._file.record(Channel, offset))
 
@@ -349,9 +350,13 @@ class Log(AbstractContextManager["Log"]):
 
     def _note_channel(self, channel: Channel) -> None:
         """A topic and how its messages are laid out; one that was not recorded by recorder.py is left out."""
-        if channel.id in self._channels or "places" not in channel.metadata:
+        if channel.id in self._channels:
             return
-        recorded = channel_metadata.read(channel.topic, channel.metadata, self._schemas[channel.schema_id])
+        if "places" not in channel.metadata:
+            described = self._schemas.get(channel.schema_id)
+            self.others[channel.topic] = described.name if described else channel.message_encoding
+            return
+        recorded = channel_metadata.read(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
             raise ValueError(f"{channel.topic} is described twice, not alike")
         self._channels[channel.id] = self._recorded[channel.topic] = recorded

@@ -641,6 +641,7 @@ def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
         run = RunData(log)
         happened, angle = events.of(run, teeth=True).events, run.signal("left_drive.angle")[1]
         teeth = run.scene["vehicle"]["sprocket"]["teeth"]
+        assert log.others == {"/events": "foxglove.Log"}
     assert {name for name, _, _ in found} == {"foxglove.Log"}
     told = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in found]
     assert told == [(e.component, e.kind, e.text, e.kind in events.WARNINGS) for e in happened]
