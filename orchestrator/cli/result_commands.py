@@ -140,7 +140,7 @@ def compare(
     with Log(run) as one, Log(reference) as other:
         a, b = RunData(one), RunData(other)
         if not different:
-            of_one_scene((f"{run}", a.scene), (f"{reference}", b.scene))
+            of_one_scene((f"{run}", a.scene), (f"{reference}", b.scene), "; --different compares them all the same")
         apart = differences(a, b, window, alignment(align))
         most = limits(allowed or (), apart)
         parted = divergence(one, other, window) if bitwise or picture else None

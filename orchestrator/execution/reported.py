@@ -38,7 +38,8 @@ def report(
     with ExitStack() as stack:
         runs = [RunData(stack.enter_context(Log(log))) for log in logs]
         if len(runs) > 1 and not different:
-            of_one_scene(*((f"{log}", run.scene) for log, run in zip(logs, runs, strict=True)))
+            first, second = ((f"{log}", run.scene) for log, run in zip(logs, runs, strict=True))
+            of_one_scene(first, second, "; --different compares them all the same")
         own, *other = [(run, _judged(run)) for run in runs]
         write(*own, page, other[0] if other else None)
 

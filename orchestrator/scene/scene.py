@@ -367,14 +367,17 @@ def changed(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Sc
     return from_table(resolved, where)
 
 
-def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]]) -> None:
-    """Refuse two runs, each where it is from and its scene as logged, that are not of one scene; raises BadInput."""
+def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]], remedy: str = "") -> None:
+    """Refuse two runs, each where it is from and its scene as logged, that are not of one scene; raises BadInput.
+
+    Its sentence ends with the ``remedy``.
+    """
     for where, table in (one, other):
         if not table:
             raise BadInput(f"{where} does not say of which scene it is")
     if apart := unlike(one[1], other[1]):
         named = [f"{where} ({shown(table.get('name'))})" for where, table in (one, other)]
-        raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}")
+        raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}{remedy}")
 
 
 def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:

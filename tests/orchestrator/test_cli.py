@@ -386,6 +386,7 @@ def test_different_scenes_are_compared_when_asked(cotrack):
         assert status == 2
         named = f"{other}.mcap ('hanging_chain') and a.mcap ('hanging_chain') are runs of different scenes: {apart}"
         assert named in err.replace("9.81", "9.80665")
+        assert err.strip().endswith("; --different compares them all the same")
         assert cotrack("compare", f"{other}.mcap", "a.mcap", "--different")[0] == 0
     status, _, err = cotrack("truth", "rig", "--against", "a.mcap")
     assert status == 2
