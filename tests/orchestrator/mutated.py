@@ -34,15 +34,17 @@ class Content:
             summary = reader.get_summary()
             self.attachments = {each.name: each.data for each in reader.iter_attachments()}
             self.metadata = {each.name: dict(each.metadata) for each in reader.iter_metadata()}
-        self.channels = {
-            number: (channel.topic, summary.schemas[channel.schema_id], dict(channel.metadata))
-            for number, channel in summary.channels.items()
-        }
         with Log(path) as log:
-            self.chunks = [
+            self.channels = {  # without those for other tools
+                number: (channel.topic, summary.schemas[channel.schema_id], dict(channel.metadata))
+                for number, channel in summary.channels.items()
+                if channel.topic not in log.others
+            }
+            pieces = [
                 [(int.from_bytes(each.rows[0, 9:11], "little"), each.rows, each.log_time) for each in piece]
                 for piece in log.chunks()
             ]
+        self.chunks = [piece for piece in pieces if piece]
 
     def nudge(self, topic: str, place: int, step: int) -> None:
         """Change a number by one ULP: the 8 bytes from ``place`` on of a topic's message of a step."""
