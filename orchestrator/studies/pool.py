@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures import TimeoutError as TookTooLong
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 from pebble import ProcessExpired, ProcessPool
 
@@ -20,6 +22,7 @@ from orchestrator.studies import Case
 from orchestrator.studies.store import Store
 from orchestrator.studies.tables import Row
 
+ROOT = str(Path(__file__).resolve().parents[2])  # where our packages lie
 ANSWER = "10 s"  # within which a Dask scheduler must say something
 
 Rows = list[Row]
@@ -68,7 +71,7 @@ def run(
 
 def _in_processes(cases: Sequence[Case], left: Sequence[int], workers: int) -> Found:
     workers = max(1, min(workers, len(left)))
-    with _single_threads(), ProcessPool(workers, context=multiprocessing.get_context("spawn")) as pool:
+    with _own_modules(), _single_threads(), ProcessPool(workers, context=multiprocessing.get_context("spawn")) as pool:
         waiting: dict[Future[Answer], int] = {
             pool.schedule(attempt, args=(cases[k],), timeout=cases[k].limit): k for k in left
         }
@@ -83,6 +86,16 @@ def _in_processes(cases: Sequence[Case], left: Sequence[int], workers: int) -> F
                     yield k, f"its process ended with status {error.exitcode}", False
         finally:
             pool.stop()  # nothing is waited for after an interruption
+
+
+@contextmanager
+def _own_modules() -> Iterator[None]:
+    """An FMU that ran in this process stands first on its path, and processes would take its modules for ours."""
+    sys.path.insert(0, ROOT)
+    try:
+        yield
+    finally:
+        sys.path.remove(ROOT)
 
 
 def _on_cluster(cases: Sequence[Case], left: Sequence[int], address: str) -> Found:

@@ -101,6 +101,15 @@ def test_processes_give_the_same_rows():
     assert repr(alone) == repr(side_by_side)  # NaN is not itself
 
 
+def test_processes_take_our_modules_not_those_of_an_fmu_that_ran_here(tmp_path, monkeypatch):
+    (tmp_path / "fmus").mkdir()
+    (tmp_path / "fmus" / "__init__.py").write_text("raise ImportError('these are the modules of an FMU')")
+    monkeypatch.syspath_prepend(tmp_path)
+    rows = pool.run([FAST], 2)
+    assert rows
+    assert all(row.ok for row in rows)
+
+
 def test_a_dead_process_and_an_endless_case_are_recorded():
     cases = [Case("0", "dead", dies), Case("0", "endless", sleeps, limit=1.0), FAST]
     rows = pool.run(cases, 2)
