@@ -238,7 +238,7 @@ def apart(function: Kernel) -> Kernel:
 
 
 class _Compiler(Compiler):
-    """numba's compiler; Python does not look for cycles of objects meanwhile, which would take a sixth of the time."""
+    """numba's compiler; Python does not look for cycles of objects meanwhile, which would take a tenth of the time."""
 
     def compile_extra(self, function: Any) -> Any:
         collecting = gc.isenabled()

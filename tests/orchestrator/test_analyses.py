@@ -628,9 +628,6 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
     ]
 
 
-# the commands
-
-
 def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
     with driven.open("rb") as file:
         found = [
@@ -649,6 +646,9 @@ def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
         assert time == 1_000_000_000 * said["timestamp"]["sec"] + said["timestamp"]["nsec"] == round(1e9 * event.t)
     passed = np.floor(angle * teeth / (2.0 * np.pi))
     assert sum(said["kind"] == "tooth" for _, _, said in found) == np.abs(np.diff(passed)).sum()
+
+
+# the commands
 
 
 def test_analyse_prints_tables_and_json_and_files(cotrack, driven, tmp_path):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from orchestrator.results.analyses import events as happened
 from orchestrator.results.analyses import wheel_loads
-from orchestrator.results.analyses.spells import Spell, Spells, settling
+from orchestrator.results.analyses.spells import Spell, settling
 from orchestrator.results.page.words import instance, number, text, wheel_name
 from orchestrator.results.run_data import Missing, RunData
 
@@ -31,11 +31,6 @@ def lifted(run: RunData) -> dict[tuple[str, str], list[Spell]]:
     return {tuple(name.split(".", 1)): spells for name, spells in found.items()}  # type: ignore[misc]
 
 
-def off_ground(run: RunData) -> Spells:
-    """When tracks are off the ground, by their names; raises LogUnreadable."""
-    return happened.off_ground(run)
-
-
 def events(run: RunData) -> list[Event]:
     """In the order of time; raises LogUnreadable."""
     found = [*_borne(run), *_rejections(run), *_warnings(run)]
@@ -47,7 +42,7 @@ def _borne(run: RunData) -> list[Event]:
     for (track, wheel), spells in lifted(run).items():
         if times := [spell for spell in spells if not settling(run, spell.end)]:
             made.append(_spell(times, "Road wheel is lifted off", f"{instance(track)}, {text(wheel_name(wheel))}"))
-    for track, spells in off_ground(run).of.items():
+    for track, spells in happened.off_ground(run).of.items():
         if times := [spell for spell in spells if not settling(run, spell.end)]:
             made.append(_spell(times, "Track is off the ground", instance(track)))
     return made

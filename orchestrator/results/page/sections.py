@@ -11,13 +11,14 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results import measures
 from orchestrator.results.analyses import wheel_loads
+from orchestrator.results.analyses.events import off_ground
 from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, settling
 from orchestrator.results.page import chain as links
 from orchestrator.results.page.balance import KINDS, sentence
 from orchestrator.results.page.chain import Chain
 from orchestrator.results.page.charts import Chart, Line, heat, lines, waterfall
 from orchestrator.results.page.circuit import Profile, profile
-from orchestrator.results.page.events import Event, events, lifted, off_ground
+from orchestrator.results.page.events import Event, events, lifted
 from orchestrator.results.page.facts import COMING_TO_REST, unmade
 from orchestrator.results.page.pressure import pressure
 from orchestrator.results.page.signals import Recorded

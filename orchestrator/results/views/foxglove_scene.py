@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicle import BadInput
+from orchestrator.log import events_topic
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
@@ -32,7 +33,6 @@ from orchestrator.results.whole_file import fresh
 
 RATE = 50.0  # instants a second
 WORLD = "world"
-EVENTS = "/events"
 NUMBER = {"type": "object", "properties": {"value": {"type": "number"}}}
 DAMAGING = re.compile(r"\W")
 
@@ -69,7 +69,7 @@ def _write(bodies: Bodies, beside: list[Plot], scale: tuple[float, float], outpu
             for plot in beside
             for signal in plot.signals
         }
-        told = channels.LogChannel(EVENTS, context=context)
+        told = channels.LogChannel(events_topic.TOPIC, context=context)
         for event in events.of(bodies.run).events:
             told.log(_entry(kinds, event), log_time=_nanoseconds(event.t))
         begin = float(bodies.t[0])
@@ -253,7 +253,7 @@ def _layout(bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> d
             "isSynced": True, "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False,
             "showXAxisLabels": True, "showYAxisLabels": True, "xAxisVal": "timestamp", "sidebarDimension": 240,
         }  # fmt: skip
-    panels["RosOut!events"] = {"foxglovePanelTitle": "events", "topicToRender": EVENTS, "minLogLevel": 1}
+    panels["RosOut!events"] = {"foxglovePanelTitle": "events", "topicToRender": events_topic.TOPIC, "minLogLevel": 1}
     rows = list(panels)[1:]
     stack: Any = rows[-1]
     for number, row in enumerate(reversed(rows[:-1]), 2):
