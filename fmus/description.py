@@ -29,7 +29,8 @@ def document(
     :param name: of the model, and the identifier of its binary.
     :param text: what the model is, one line.
     :param tool: what generated the FMU.
-    :param variables: the index is the value reference; Reals come first. One with the causality "local" is a constant.
+    :param variables: the index is the value reference; Reals come first. One with the causality "local" is a constant,
+        unless it is an Integer.
     :param reals: how many of them are Reals.
     :param continuous: how many of the Reals are no parameters.
     :param categories: of log messages, and what they mean.
@@ -73,7 +74,8 @@ def document(
     known: list[str] = []
     outputs: list[str] = []
     for reference, port in enumerate(variables):
-        parameter, constant = port.causality == "parameter", port.causality == "local"
+        parameter = port.causality == "parameter"
+        constant = port.causality == "local" and not isinstance(port.start, int)
         (known if parameter else outputs if port.causality == "output" else []).append(str(reference + 1))
         meaning = port.text + (f" ({', '.join(port.choices)})" if port.choices else "")
         variable = SubElement(
@@ -98,7 +100,7 @@ def document(
         attributes = {"unit": port.unit} if real else {}
         bounds = {"min": port.allowed.least, "max": port.allowed.most}
         attributes |= {name: repr(round(bound, 12)) for name, bound in bounds.items() if math.isfinite(bound)}
-        if port.causality != "output":
+        if constant or port.causality in ("input", "parameter"):
             attributes["start"] = start
         kind = "Real" if real else "String" if isinstance(port.start, str) else "Integer"
         SubElement(variable, kind, attributes)

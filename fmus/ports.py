@@ -30,7 +30,7 @@ class Port(NamedTuple):
     """One FMI scalar variable; the type of ``start`` (float, int, str) is the type of the variable."""
 
     name: str  # FMI structured name
-    causality: str  # "input", "output" or "parameter" (fixed, set before initialisation)
+    causality: str  # "input", "output", "parameter" (fixed, set before initialisation) or "local"
     unit: str  # a key of UNITS; "1" for none
     text: str  # description, one sentence without a full stop
     start: float | int | str = 0.0
@@ -38,6 +38,13 @@ class Port(NamedTuple):
     allowed: Range = ANY  # values of a Real parameter
 
 
+# Where all link outputs lie in memory, one after the other as doubles: names as those of the Open Simulation
+# Interface's packaging (OSMP, "binary variables") for FMI 2.0, which knows no arrays.
+LINKS_ARRAY = (
+    Port("links.base.lo", "local", "1", "lower 32 bits of the address at which the link outputs lie", 0),
+    Port("links.base.hi", "local", "1", "upper 32 bits of it; what lies there is good until the next step", 0),
+    Port("links.size", "local", "1", "bytes of the link outputs", 0),
+)
 STATUS = Port("status", "output", "1", "0 ok, 1 the last step warned, 3 the last call failed", 0)
 
 

@@ -1,8 +1,9 @@
 """A model as an FMI 2.0 co-simulation slave: the one module that knows pythonfmu.
 
 A shell derives `Slave` and names its model. Variables are ordered as Real inputs, Real outputs, Real link
-outputs, Real parameters, Integers, Strings; a value reference is the index in that order, so that get and set
-are array accesses.
+outputs, Real parameters, Integers, Strings, and last where the link outputs lie in memory: a master copies them from
+there in microseconds, while `get_real` makes two Python objects of each number. A value reference is the index in that
+order, so that get and set are array accesses.
 
 pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation,
 and one each of class, instance and log queue whenever an exception leaves a call. `_lend` gives it as many,
@@ -19,7 +20,7 @@ import math
 import sys
 import traceback
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import wraps
 from pathlib import Path
@@ -37,7 +38,7 @@ from fmus.defaults import check_names, checked, configured
 from fmus.description import document
 from fmus.jit import compiled_before, source_hash
 from fmus.model import InvalidParameter, Model, StepFailed, finite
-from fmus.ports import Port, variables
+from fmus.ports import LINKS_ARRAY, Port, variables
 from fmus.same_build import SameBuild
 from fmus.saved import Saved, from_bytes, to_bytes
 
@@ -162,7 +163,11 @@ class Slave(Fmi2Slave):
             raise Refused("the Real inputs must come before the Real outputs")
         if counters != len(self._model.counters):
             raise Refused(f"{len(self._model.counters)} counters for {counters} Integer outputs")
-        self._every = every.row
+        array = LINKS_ARRAY if link_ports else ()
+        self._every = (*every.row, *array)
+        of_integers = [*range(len(self._reals), len(self._reals) + len(self._integers))]
+        of_array = [*range(len(every.row), len(self._every))]
+        self._integer_places = {reference: k for k, reference in enumerate(of_integers + of_array)}
         names = [p.name for p in self.variables]
         if len(set(names)) < len(names):
             raise Refused(f"two ports are called '{max(names, key=names.count)}'")
@@ -174,6 +179,9 @@ class Slave(Fmi2Slave):
         self._values = np.array([float(p.start) for p in self._reals])
         self._u, self._y = self._values[self._inputs], self._values[self._outputs]
         self._y_new, self._links_new = np.zeros(count), np.zeros(link_ports)
+        shown = self._values[self._links]
+        halves = np.array([shown.ctypes.data], dtype=np.uint64).view(np.int32).tolist()
+        self._array = [*(halves if sys.byteorder == "little" else halves[::-1]), shown.nbytes] if link_ports else []
         self._integer_values = np.array([int(p.start) for p in self._integer_parameters], dtype=np.int64)
         self._string_values = [str(p.start) for p in self._string_ports]
         self._accesses: dict[tuple[int, ...], _Access] = {}
@@ -234,43 +242,50 @@ class Slave(Fmi2Slave):
             raise Refused(f"parameter '{name}' is fixed: set it before the end of initialisation")
         self._stale = True
 
-    def _place(self, reference: int, ports: Sequence[Port], first: int, kind: str) -> int:
-        if not first <= reference < first + len(ports):
-            raise Refused(f"no {kind} variable has the value reference {reference}")
-        return reference - first
+    def _integer_place(self, reference: int) -> int:
+        place = self._integer_places.get(reference)
+        if place is None:
+            raise Refused(f"no Integer variable has the value reference {reference}")
+        return place
+
+    def _string_place(self, reference: int) -> int:
+        place = reference - len(self._reals) - len(self._integers)
+        if not 0 <= place < len(self._string_ports):
+            raise Refused(f"no String variable has the value reference {reference}")
+        return place
 
     @_guarded
     def get_integer(self, vrs: list[int]) -> list[int]:
         """Values of Integer variables; counters stop at the largest 32 bit number."""
         if self._stale and self._phase == "initialising":
             self._initialise()
-        values = [*self._model.counters.tolist(), self._status, *self._integer_values.tolist()]
-        first = len(self._reals)
-        return [min(values[self._place(r, self._integers, first, "Integer")], _INT_MAX) for r in vrs]
+        places = [self._integer_place(reference) for reference in vrs]
+        if self._links_stale and max(places, default=0) >= len(self._integers):
+            self._refresh_links()
+        values = [*self._model.counters.tolist(), self._status, *self._integer_values.tolist(), *self._array]
+        return [min(values[place], _INT_MAX) for place in places]
 
     @_guarded
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
         """Set Integer parameters before the end of initialisation."""
         for reference, value in zip(vrs, values, strict=True):
-            place = self._place(reference, self._integers, len(self._reals), "Integer")
+            place = self._integer_place(reference)
             offset = len(self._integers) - len(self._integer_parameters)
-            if place < offset:
-                raise Refused(f"output '{self._integers[place].name}' cannot be set")
+            if not offset <= place < len(self._integers):
+                raise Refused(f"output '{self._every[reference].name}' cannot be set")
             self._parameter_set(self._integers[place].name)
             self._integer_values[place - offset] = value
 
     @_guarded
     def get_string(self, vrs: list[int]) -> list[str]:
         """Values of String parameters."""
-        first = len(self._reals) + len(self._integers)
-        return [self._string_values[self._place(r, self._string_ports, first, "String")] for r in vrs]
+        return [self._string_values[self._string_place(reference)] for reference in vrs]
 
     @_guarded
     def set_string(self, vrs: list[int], values: list[str]) -> None:
         """Set String parameters before the end of initialisation; what they may be is checked there."""
-        first = len(self._reals) + len(self._integers)
         for reference, value in zip(vrs, values, strict=True):
-            place = self._place(reference, self._string_ports, first, "String")
+            place = self._string_place(reference)
             self._parameter_set(self._string_ports[place].name)
             self._string_values[place] = value
 

@@ -52,6 +52,8 @@ GENERIC = (
     "log/closing_record.py",
     "log/events_topic.py",
     "log/container_writer.py",
+    "log/machine_code.py",
+    "log/scatter.py",
     "log/page.py",
     "log/recorder.py",
     "log/container_reader.py",

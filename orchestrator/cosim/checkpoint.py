@@ -7,14 +7,14 @@ on is the run that was not interrupted.
 
 from __future__ import annotations
 
-import io
 import json
+import math
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Floats
 from orchestrator.cosim.warned import Warned
 
+_LENGTH = struct.Struct("<Q")
+_KINDS = ("<f8", "|u1")
 NOTHING: Mapping[str, Floats] = MappingProxyType({})
 
 
@@ -61,15 +63,20 @@ def save(scheme: Scheme, at: Point, pace: Mapping[str, Floats] = NOTHING) -> byt
         arrays |= {f"u:{component.name}": component.u, f"y:{component.name}": component.y}
     arrays |= {f"past:{name}": values for name, values in scheme.memory().items()}
     arrays["warned"] = np.frombuffer(json.dumps(warned).encode(), np.uint8)
-    content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **arrays)
-    return content.getvalue()
+    return _bytes(arrays)
 
 
 def time_of(content: bytes) -> float:
     """When a checkpoint was made, s; raises Unusable."""
     with _readable(content) as arrays:
         return float(arrays["at"][1])
+
+
+def states(content: bytes) -> tuple[float, dict[str, bytes]]:
+    """When a checkpoint was made, s, and by component the state that it serialised; raises Unusable."""
+    with _readable(content) as arrays:
+        found = {name: array.tobytes() for name, array in _named(arrays, "state:").items()}
+        return float(arrays["at"][1]), found
 
 
 def restore(
@@ -103,10 +110,30 @@ def restore(
 def _readable(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
     """The arrays of a checkpoint; whatever is wrong with them becomes Unusable."""
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            yield arrays
-    except (LookupError, ValueError, TypeError, AttributeError, OSError, EOFError, BadZipFile, ComponentFailed) as flaw:
+        yield _arrays(content)
+    except (LookupError, ValueError, TypeError, AttributeError, ComponentFailed) as flaw:
         raise Unusable(f"the checkpoint does not fit these components: {flaw}") from None
+
+
+def _bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """A length, as JSON what arrays there are, then these. A zip archive takes 1.5 ms, which every checkpoint costs."""
+    head = json.dumps([(name, array.dtype.str, array.shape) for name, array in arrays.items()]).encode()
+    return b"".join((_LENGTH.pack(len(head)), head, *(array.tobytes() for array in arrays.values())))
+
+
+def _arrays(content: bytes) -> dict[str, NDArray[Any]]:
+    """The reverse; raises ValueError, TypeError."""
+    if len(content) < _LENGTH.size:
+        raise ValueError("it is cut off")
+    at = _LENGTH.size + _LENGTH.unpack_from(content)[0]
+    arrays = {}
+    for name, kind, shape in json.loads(content[_LENGTH.size : at]):
+        if kind not in _KINDS:
+            raise ValueError(f"an array of {kind!r}")
+        count = math.prod(shape)
+        arrays[name] = np.frombuffer(content, kind, count, at).reshape(shape)
+        at += arrays[name].nbytes
+    return arrays
 
 
 def _named(arrays: Mapping[str, Floats], prefix: str) -> dict[str, Floats]:

@@ -8,6 +8,7 @@ import hashlib
 import io
 import math
 import shutil
+import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -24,6 +25,7 @@ from ctypes import (
     c_void_p,
     cast,
     create_string_buffer,
+    memmove,
 )
 from pathlib import Path
 from time import perf_counter
@@ -54,6 +56,7 @@ Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a 
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")  # an angle has no dimension
 LINK_FAMILIES = ("link[", "joint[")  # outputs of every link: read and recorded at a rate of their own
+ARRAY = ("links.base.lo", "links.base.hi", "links.size")  # where they lie in memory, all in one piece, and its bytes
 SETTERS: dict[str, tuple[str, Any, Any]] = {  # of a type: the function, what it takes, what may be given
     "Real": ("fmi2SetReal", c_double, int | float),
     "Integer": ("fmi2SetInteger", c_int, int),
@@ -63,6 +66,7 @@ SETTERS: dict[str, tuple[str, Any, Any]] = {  # of a type: the function, what it
 }
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
 T, KEPT, SPENT, LINKS = (Board._fields.index(name) for name in ("t", "kept", "spent", "n_links"))
+CALLS = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
 _BYTECODE = "__pycache__"
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
@@ -230,18 +234,24 @@ class Component(AbstractContextManager["Component"]):
         self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
         self.constants = {v.name: v.start for v in variables if v.variability == "constant"}
         self.u = np.array([float(self._variables[n].start or 0.0) for n in self.inputs])
-        self.y = np.zeros(len(self.outputs))
+        self._shown = np.zeros(len(self.outputs) + 1)
+        self.y = self._shown[:-1]  # there is room for an output of links behind it
         self.y_links = np.zeros(len(self.links))
         self.counters = np.zeros(len(self.integers), dtype=np.int32)
         self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
         self._u = self._group(self.inputs, self.u, c_double)
-        self._y = self._group(self.outputs, self.y, c_double)
+        self._y = self._group(self.outputs, self.y, c_double, self.links[:1])
         self._y_links = self._group(self.links, self.y_links, c_double)
         self._counters = self._group(self.integers, self.counters, c_int)
+        self._array = 0  # address at which the FMU keeps the outputs of links, where it says so
 
-    def _group(self, names: tuple[str, ...], values: NDArray[Any], kind: type) -> tuple[Any, int, Any]:
-        references = (c_uint * len(names))(*(self._variables[n].valueReference for n in names))
-        return references, len(names), values.ctypes.data_as(POINTER(kind))
+    def _group(
+        self, names: tuple[str, ...], values: NDArray[Any], kind: type, behind: tuple[str, ...] = ()
+    ) -> tuple[Any, int, Any]:
+        return self._references((*names, *behind)), len(names), values.ctypes.data_as(POINTER(kind))
+
+    def _references(self, names: tuple[str, ...]) -> Any:
+        return (c_uint * len(names))(*(self._variables[name].valueReference for name in names))
 
     def _load(self, folder: Path, fmu: Path) -> None:
         identifier = self.description.coSimulation.modelIdentifier
@@ -365,6 +375,7 @@ class Component(AbstractContextManager["Component"]):
         self.write()
         self._call(fmu.fmi2ExitInitializationMode)
         self._phase = "running"
+        self._find_array()
         self.read()
         self.read_links()
         self.read_counters()
@@ -418,7 +429,7 @@ class Component(AbstractContextManager["Component"]):
     def show_links(self, due: int) -> None:
         """``read_links`` is part of each step by ``board`` after which the word at the address ``due`` is not zero."""
         links_at, n_links, _ = self._y_links
-        self.board[LINKS:] = n_links, addressof(links_at), self.y_links.ctypes.data, due
+        self.board[LINKS:] = n_links, addressof(links_at), self.y_links.ctypes.data, due, self._array
 
     def begin(self, t: float) -> None:
         """What comes before a step by ``board``; raises ComponentFailed."""
@@ -433,12 +444,25 @@ class Component(AbstractContextManager["Component"]):
         words = Board(*self.board)
         if not words.failed:
             return None
-        names = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
-        return self._failure(names[Board._fields[words.failed]], words.status)
+        return self._failure(CALLS[Board._fields[words.failed]], words.status)
 
     def read_links(self) -> None:
         """The outputs of links go into ``y_links``."""
-        self._exchange(self._library.fmi2GetReal, self._y_links)
+        if self._array:
+            one, _, values = self._y_links
+            self._call(self._library.fmi2GetReal, one, 1, values)  # computes all of them
+            memmove(values, self._array, self.y_links.nbytes)
+        else:
+            self._exchange(self._library.fmi2GetReal, self._y_links)
+
+    def _find_array(self) -> None:
+        """Whether the outputs of links can be copied from where they lie."""
+        there = [name for name in ARRAY if name in self._variables and self._variables[name].type == "Integer"]
+        if there == [*ARRAY] and self.links and sys.byteorder == "little":
+            values = (c_int * len(ARRAY))()
+            self._call(self._library.fmi2GetInteger, self._references(ARRAY), len(ARRAY), values)
+            address, size = c_size_t.from_buffer(values).value, values[-1]
+            self._array = address if size == self.y_links.nbytes else 0
 
     def read_counters(self) -> None:
         """The Integer outputs go into ``counters``."""
@@ -496,6 +520,7 @@ class Component(AbstractContextManager["Component"]):
         self._call(fmu.fmi2DeSerializeFMUstate, create_string_buffer(content, size), size, byref(handle))
         self._call(fmu.fmi2SetFMUstate, handle)
         self._phase = "running"
+        self._find_array()
         self._exchange(fmu.fmi2GetReal, self._u)
         self.read()
         self.read_links()

@@ -10,15 +10,16 @@ what came of it.
 
 from __future__ import annotations
 
-import ctypes
 import platform
 import sys
 from functools import cache
 from typing import Any, NamedTuple, get_type_hints
 
-import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
+
+from orchestrator.log.machine_code import ADDRESS, REAL, WORD, Code, made
+from orchestrator.log.page import TIME
 
 KNOWN = sys.platform == "linux" and platform.machine() == "x86_64"  # the system calls and the pause of the code
 FREE, ASKED, BUSY, ASLEEP, ENDED = range(5)  # what a desk's first word says
@@ -53,6 +54,7 @@ class Board(NamedTuple):
     links: int = 0  # value references
     y_links: int = 0
     links_due: int = 0  # a word: whether they are read after this step
+    array: int = 0  # where they lie in the FMU once one of them, the reference behind those of outputs, is read; or 0
 
 
 class Desk(NamedTuple):
@@ -224,28 +226,41 @@ step:
   %b2 = icmp sgt i32 %s2, 1
   br i1 %b2, label %bad, label %read
 read:
-  %s3 = call i32 %get_real(ptr %instance, ptr %outputs, i64 %n_outputs, ptr %y)
+  %linked = icmp ne i64 %n_links, 0
+  br i1 %linked, label %ask, label %get
+ask:
+  %due = load i64, ptr %links_due
+  %is.due = icmp ne i64 %due, 0
+  br label %get
+get:
+  %now = phi i1 [0, %read], [%is.due, %ask]
+  %known = icmp ne ptr %array, null
+  %with.one = and i1 %now, %known
+  %one.more = zext i1 %with.one to i64
+  %n = add i64 %n_outputs, %one.more
+  %s3 = call i32 %get_real(ptr %instance, ptr %outputs, i64 %n, ptr %y)
   %b3 = icmp sgt i32 %s3, 1
   br i1 %b3, label %bad, label %more
 more:
-  %linked = icmp ne i64 %n_links, 0
-  br i1 %linked, label %ask, label %ended
-ask:
-  %due = load i64, ptr %links_due
-  %now = icmp ne i64 %due, 0
   br i1 %now, label %show, label %ended
 show:
+  br i1 %known, label %copy, label %each
+copy:
+  %bytes = mul i64 %n_links, 8
+  %same = call ptr @memcpy(ptr %y_links, ptr %array, i64 %bytes)
+  br label %ended
+each:
   %s4 = call i32 %get_real(ptr %instance, ptr %links, i64 %n_links, ptr %y_links)
   %b4 = icmp sgt i32 %s4, 1
   br i1 %b4, label %bad, label %ended
 bad:
-  %which = phi i64 [1, %write], [5, %step], [6, %read], [6, %show]
-  %status.of = phi i32 [%s1, %write], [%s2, %step], [%s3, %read], [%s4, %show]
+  %which = phi i64 [{SET_REAL}, %write], [{DO_STEP}, %step], [{GET_REAL}, %get], [{GET_REAL}, %each]
+  %status.of = phi i32 [%s1, %write], [%s2, %step], [%s3, %get], [%s4, %each]
   %wide = zext i32 %status.of to i64
   store i64 %wide, ptr %at.status
   br label %ended
 ended:
-  %failed.at = phi i64 [0, %more], [0, %ask], [0, %show], [%which, %bad]
+  %failed.at = phi i64 [0, %more], [0, %each], [0, %copy], [%which, %bad]
   store i64 %failed.at, ptr %at.failed
   %over.at = call i32 @clock_gettime(i32 1, ptr %at.over)
   %last = load <2 x i64>, ptr %at.over, align 8
@@ -406,9 +421,10 @@ out:
 }
 
 ; steps k + 1 to k + n, of h s each, with a row after each, and one of links after each whose number is a multiple of
-; `every`; how many were done before a component failed
-define i64 @march(ptr %plan, ptr %rows, ptr %of.links, ptr %due, i64 %every, i64 %k, i64 %n, double %h) {
+; `every`; the head of a row is told number and time; how many were done before a component failed
+define i64 @march(ptr %plan, ptr %rows, ptr %of.links, ptr %head, ptr %due, i64 %every, i64 %k, i64 %n, double %h) {
 entry:
+  %head.t = getelementptr double, ptr %head, i64 {TIME}
   br label %next
 next:
   %i = phi i64 [0, %entry], [%done, %over]
@@ -427,6 +443,10 @@ step:
   %fine = icmp eq i64 %failed, 0
   br i1 %fine, label %keep, label %out
 keep:
+  %count.now = uitofp i64 %number to double
+  %t.now = fmul double %count.now, %h
+  store i64 %number, ptr %head
+  store double %t.now, ptr %head.t
   call void @put(ptr %rows)
   br i1 %is.due, label %keep.links, label %over
 keep.links:
@@ -457,8 +477,8 @@ def _source() -> str:
     text = CODE.replace("{BOARD}", _loads(Board, "board")).replace("{PLAN}", _loads(Plan, "plan"))
     text = text.replace("{GROUP}", _loads(Group, "one", "g.")).replace("{ROWS}", _loads(Rows, "rows"))
     numbers = {"FREE": FREE, "ASKED": ASKED, "BUSY": BUSY, "ASLEEP": ASLEEP, "ENDED": ENDED}
-    numbers |= {name.upper(): Board._fields.index(name) for name in ("t", "h", "seconds", "failed")}
-    for name, number in (numbers | {"GROUP_WORDS": len(Group._fields)}).items():
+    numbers |= {name.upper(): k for k, name in enumerate(Board._fields)}
+    for name, number in (numbers | {"GROUP_WORDS": len(Group._fields), "TIME": TIME}).items():
         text = text.replace(f"{{{name}}}", str(number))
     return text
 
@@ -476,7 +496,7 @@ def laid_out(words: NamedTuple) -> NDArray[np.int64]:
 class Machine(NamedTuple):
     """The code; its functions run without Python's lock."""
 
-    engine: Any
+    code: Code
     advance: Any
     march: Any
     do: Any
@@ -489,22 +509,13 @@ class Machine(NamedTuple):
 @cache
 def machine() -> Machine:
     """The code of this process."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    llvm.initialize_native_asmparser()
-    module = llvm.parse_assembly(_source())
-    module.triple = llvm.get_process_triple()
-    target = llvm.Target.from_triple(module.triple).create_target_machine(opt=2)
-    engine = llvm.create_mcjit_compiler(module, target)
-    engine.finalize_object()
-    at, word, real = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
-    kinds: dict[str, Any] = {
-        "advance": (word, at, real, real),
-        "march": (word, at, at, at, at, word, word, word, real),
-        "do": (None, at),
-        "serve": (None, at, word),
-        "turn": (None, at, word),
-        "join": (None, at),
+    kinds = {
+        "advance": (WORD, ADDRESS, REAL, REAL),
+        "march": (WORD, ADDRESS, ADDRESS, ADDRESS, ADDRESS, ADDRESS, WORD, WORD, WORD, REAL),
+        "do": (None, ADDRESS),
+        "serve": (None, ADDRESS, WORD),
+        "turn": (None, ADDRESS, WORD),
+        "join": (None, ADDRESS),
     }
-    made = {name: ctypes.CFUNCTYPE(*kind)(engine.get_function_address(name)) for name, kind in kinds.items()}
-    return Machine(engine, **made, nothing=engine.get_function_address("nothing"))
+    code = made(_source(), kinds)
+    return Machine(code, **code.functions, nothing=code.address("nothing"))

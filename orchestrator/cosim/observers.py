@@ -17,12 +17,11 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Recorded
+from orchestrator.cosim.graph import Floats, Recorded
 from orchestrator.cosim.master import UNHURRIED
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.tape import Tape
 from orchestrator.log.log_format import CHECKPOINT
-from orchestrator.log.page import Rows
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.wire import Rule, Wire
 
@@ -66,15 +65,20 @@ class Logging:
         )
         self._values = [component.u for component in components] + [component.y for component in components]
         self._linked = [component for component in components if component.links]
+        self._written = [self._step]
         if self._linked:
             self._links = recorder.together([], [f"/{component.name}/links" for component in self._linked])
+            self._written.append(self._links)
+        self._stats = recorder.together([], [f"/stats/{component.name}" for component in components])
         self._between = [Between(len(component.links)) for component in self._linked if between]
         self._last = np.cumsum([len(component.links) for component in self._linked])
         self.tape = self._tape(1 if between else recorder.stride(self._links) if self._linked else 1)
 
     def _tape(self, every: int) -> Tape | None:
         loaded = [component for component in self.components if isinstance(component, Component)]
-        return Tape(loaded, every) if len(loaded) == len(self.components) else None
+        if len(loaded) < len(self.components):
+            return None
+        return Tape(loaded, every, self.recorder.pages(*self._written), self.recorder.lend)
 
     def patience(self, k: int) -> int:
         """Counters have a time."""
@@ -90,18 +94,15 @@ class Logging:
         if taken is None or self.tape is None:
             self._record(k, t, h)
         else:
-            rows = {self._step: Rows(taken.numbers, taken.t, taken.rows)}
-            if self._linked:
-                due = taken.numbers % self.tape.every == 0
-                rows[self._links] = Rows(taken.numbers[due], taken.t[due], taken.links)
-            self.recorder.write_rows(h, rows)
-            if self._between:
-                self._follow(rows[self._links], h)
+            links = self.tape.links(taken) if self._between else None
+            self.recorder.filled(dict(zip(self._written, taken, strict=False)))
+            if links is not None:
+                self._follow(*links, h)
         if k % self.stats_every == 0:
             for component in self.components:
                 component.read_counters()
-                cost = np.append(component.counters.astype(float), component.wall_time)
-                self.recorder.stats(component.name, k, t, h, cost)
+            costs = [np.array([*one.counters.tolist(), one.wall_time]) for one in self.components]
+            self.recorder.write(self._stats, k, t, h, *costs)
 
     def _record(self, k: int, t: float, h: float) -> None:
         """What the components show now."""
@@ -112,13 +113,13 @@ class Logging:
             shown = [component.y_links for component in self._linked]
             self.recorder.write(self._links, k, t, h, *shown)
             if self._between:
-                self._follow(Rows(np.array([k]), np.array([t]), np.concatenate(shown)[None]), h)
+                self._follow([k], [t], np.concatenate(shown)[None], h)
 
-    def _follow(self, links: Rows, h: float) -> None:
-        """What links do between two records: their outputs after each step."""
-        parts = np.split(links.values, self._last[:-1], axis=1)
+    def _follow(self, numbers: Sequence[int], times: Sequence[float], links: Floats, h: float) -> None:
+        """What links do between two records: their outputs (m, n) after each step."""
+        parts = np.split(links, self._last[:-1], axis=1)
         for component, between, part in zip(self._linked, self._between, parts, strict=True):
-            for row, number, t in zip(part, links.sequence.tolist(), links.t.tolist(), strict=True):
+            for row, number, t in zip(part, numbers, times, strict=True):
                 between.add(row, h)
                 if self.recorder.due(self._links, number):
                     self.recorder.write(f"/{component.name}/links/between", number, t, h, between.take())

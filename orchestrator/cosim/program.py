@@ -74,8 +74,8 @@ class Program:
             component.begin(k * h)
         for component in tape.linked:
             component.show_links(tape.due)
-        done = int(self._machine.march(self._plan, *tape.wound(), tape.due, tape.every, k, n, h))
-        tape.hold(k, done, h)
+        done = int(self._machine.march(self._plan, *tape.wound(h), tape.due, tape.every, k, n, h))
+        tape.hold(k, done)
         return done
 
     def failure(self) -> ComponentFailed:

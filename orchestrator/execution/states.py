@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from fmus.cache import cache_folder, keep, kept, own
 from fmus.saved import from_bytes
 from fmus.vehicle import BadInput
+from orchestrator.cosim import checkpoint
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.manifest import sha256
@@ -67,13 +68,9 @@ def _made(scene: TrackScene, steps: int, narration: Narration | None) -> bytes:
         told = simulate(scene, Path(folder) / "run.mcap", narration=narration)
         if told["status"] != "ok":
             raise ComponentFailed(f"{scene.name}: {told['message']}")
-        with Log(Path(told["log"])) as log, np.load(io.BytesIO(log.attachment(f"{CHECKPOINT}{steps}"))) as point:
-            prefix = "state:"
-            states = {
-                name.removeprefix(prefix): from_bytes(point[name].tobytes()).state
-                for name in point
-                if name.startswith(prefix)
-            }
+        with Log(Path(told["log"])) as log:
+            _, saved = checkpoint.states(log.attachment(f"{CHECKPOINT}{steps}"))
+    states = {name: from_bytes(state).state for name, state in saved.items()}
     content = io.BytesIO()
     np.savez(content, allow_pickle=False, **states)  # type: ignore[arg-type]
     return content.getvalue()

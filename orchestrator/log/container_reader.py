@@ -10,12 +10,12 @@ import io
 import mmap
 import os
 import struct
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import zstandard
+from isal.isal_zlib import crc32
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -86,7 +86,7 @@ class ContainerReader:
                 if len(packed) != length:
                     raise ValueError("it is cut off")
                 content = self._unpacked(kind, packed, size)
-        if crc not in (0, zlib.crc32(content)):
+        if crc not in (0, crc32(content)):
             raise ValueError("its checksum does not hold")
         return content
 
@@ -176,7 +176,7 @@ class ContainerReader:
         while start < end:
             border = min(start - start % PIECE + PIECE, end)
             with memoryview(self._data) as whole, whole[start:border] as part:
-                crc = zlib.crc32(part, crc)
+                crc = crc32(part, crc)
             self._release(border - border % AROUND - PIECE if border > PIECE else 0, border)
             start = border
         return crc

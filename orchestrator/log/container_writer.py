@@ -8,7 +8,6 @@ from __future__ import annotations
 import mimetypes
 import os
 import struct
-import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import IO, Any
 
 import numpy as np
 import zstandard
+from isal.isal_zlib import crc32  # four times as fast as that of zlib
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -42,7 +42,7 @@ try:
 except ImportError:  # Windows does not let go of open files in any case
     fcntl = None  # type: ignore[assignment]
 
-ZSTD, COMPRESSION_LEVEL = b"zstd", -3  # by a fifth less of the processor than level 1, and 7 % larger
+ZSTD, COMPRESSION_LEVEL = b"zstd", -20  # a fifth of the processor that level 1 takes, and 20 % larger
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # all of a chunk but its records: opcode, length, times, size, checksum, kind
 _HEAD = 9  # bytes of opcode and length, which the length does not count
 CLOSING = 1 << 14  # bytes that are left for the closing record where a disk is nearly full
@@ -122,7 +122,7 @@ class ContainerWriter:
         end = max(int(times.max()) for _, _, times in parts)
         data = self._compressor.compress(content)
         length = _CHUNK.size - _HEAD + len(data)
-        crc = zlib.crc32(content)
+        crc = crc32(content)
         head = _CHUNK.pack(Opcode.CHUNK, length, start, end, len(content), crc, len(ZSTD), ZSTD, len(data))
         indexes, offsets, within = bytearray(), {}, 0
         for number, rows, times in parts:
@@ -182,7 +182,7 @@ class ContainerWriter:
         offset_start = start + len(summary)
         summary += _bytes(*offsets)
         footer = _bytes(Footer(start, offset_start, 0))
-        crc = zlib.crc32(footer[:-4], zlib.crc32(summary))
+        crc = crc32(footer[:-4], crc32(summary))
         return data_end + summary + footer[:-4] + struct.pack("<I", crc) + MCAP0_MAGIC
 
     def close(self) -> None:
@@ -206,7 +206,7 @@ class ContainerWriter:
             raise
         for part in parts:
             self.size += len(part)
-            self._crc = zlib.crc32(part, self._crc)
+            self._crc = crc32(part, self._crc)
 
     def _need(self, size: int) -> None:
         """Raises OSError where so many bytes do not fit on the disk: only writing them tells."""

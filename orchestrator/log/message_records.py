@@ -16,6 +16,7 @@ from orchestrator.log.time_series import Series
 MOST_STEPS = 2**32 - 1  # a message counts them in 32 bits
 LONGEST = 2**64 / 1e9  # s: a message counts nanoseconds in 64 bits
 PREFIX = 31  # bytes of a message record before its data: opcode, length, channel, sequence, two times
+SEQUENCE, LOG_TIME, PUBLISH_TIME = 11, 15, 23  # where these begin in it
 IDENTITY = 11  # bytes of it that depend on the file: opcode, length, channel; the rest is in the digest
 _PREFIX = struct.Struct("<BQHIQQ")
 _IDENTITY = struct.Struct("<BQH")
@@ -47,17 +48,17 @@ class Messages(NamedTuple):
     @property
     def sequence(self) -> NDArray[np.uint32]:
         """Number of the step (m,)."""
-        return self._column(11, 15, "<u4")
+        return self._column(SEQUENCE, LOG_TIME, "<u4")
 
     @property
     def log_time(self) -> NDArray[np.uint64]:
         """Simulation time (m,), ns."""
-        return self._column(15, 23, "<u8")
+        return self._column(LOG_TIME, PUBLISH_TIME, "<u8")
 
     @property
     def publish_time(self) -> NDArray[np.uint64]:
         """The same once more (m,), ns."""
-        return self._column(23, 31, "<u8")
+        return self._column(PUBLISH_TIME, PREFIX, "<u8")
 
     def _column(self, start: int, end: int, kind: str) -> NDArray:
         return np.ascontiguousarray(self.rows[:, start:end]).view(kind)[:, 0]

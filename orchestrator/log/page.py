@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.channel_metadata import Recorded
-from orchestrator.log.message_records import IDENTITY, PREFIX, prefix, size_of
+from orchestrator.log.message_records import IDENTITY, LOG_TIME, PREFIX, PUBLISH_TIME, SEQUENCE, prefix, size_of
+from orchestrator.log.scatter import scatter
+from orchestrator.log.schema import LENGTH_AT, TIME_AT
 from orchestrator.log.wire import RULES, Floats, Rule, handed_over
 
-CHUNK = 1 << 20  # bytes of messages that make a chunk
+CHUNK = 1 << 21  # bytes of messages that make a chunk
+HEAD = 4  # words of a row before its values: number of the step, its time in ns, its time and length in s
+NUMBER, NS, TIME, LENGTH = range(HEAD)
+WORD = 8  # bytes
 Columns = NDArray[np.intp]
 
 
@@ -22,50 +26,29 @@ class Unproven(ValueError):
     """An input is not what its wire says; the message is one sentence."""
 
 
-class Rows(NamedTuple):
-    """Of steps, one after the other, the values of topics that are written together."""
-
-    sequence: NDArray[np.int64]  # (m,)
-    t: Floats  # (m,) s
-    values: Floats  # (m, n)
-
-    def every(self, stride: int) -> Rows:
-        """Those of steps whose number is a multiple of ``stride``."""
-        due = self.sequence % stride == 0
-        return self if due.all() else Rows(self.sequence[due], self.t[due], self.values[due])
-
-    def between(self, first: int, end: int) -> Rows:
-        """Those of steps from ``first`` to before ``end``."""
-        some = slice(*np.searchsorted(self.sequence, [first, end]).tolist())
-        return Rows(self.sequence[some], self.t[some], self.values[some])
-
-
 class Block:
-    """Rows of a page; row 0 repeats the last one of the block before."""
+    """Rows of a page: a head, then values. Row 0 repeats the last one of the block before."""
 
-    def __init__(self, capacity: int, width: int) -> None:
-        self.sequence = np.zeros(capacity + 1, "<u4")
-        self.t = np.zeros(capacity + 1)
-        self.h = np.zeros(capacity + 1)
-        self.values = np.zeros((capacity + 1, width))
-        self.count = 1
+    def __init__(self, table: Floats, count: int = 1) -> None:
+        words = table.view(np.int64)
+        self.table = table  # (n + 1, HEAD + values)
+        self.sequence = words[:, NUMBER]
+        self.ns = table.view(np.uint64)[:, NS]  # written as the rows are packed
+        self.t = table[:, TIME]
+        self.h = table[:, LENGTH]
+        self.values = table[:, HEAD:]
+        self.count = count
 
     def follow(self, other: Block) -> Block:
         """Begin after another one."""
-        last = other.count - 1
-        self.sequence[0], self.t[0], self.h[0] = other.sequence[last], other.t[last], other.h[last]
-        self.values[0] = other.values[last]
+        self.table[0] = other.table[other.count - 1]
         self.count = 1
         return self
 
     def steps(self, first: int, end: int) -> Block:
         """Those of its rows that are of steps from ``first`` to before ``end``, in its memory."""
         begin, stop = np.searchsorted(self.sequence[1 : self.count], [first, end]).tolist()
-        part = copy(self)
-        for name in ("sequence", "t", "h", "values"):
-            setattr(part, name, getattr(self, name)[begin : stop + 1])
-        part.count = stop - begin + 1
-        return part
+        return Block(self.table[begin : stop + 1], stop - begin + 1)
 
 
 class Channel:
@@ -83,19 +66,16 @@ class Channel:
         self._rows = np.empty((0, self.size), np.uint8)  # used again, for most bytes of a record are always the same
         self._hashed = np.empty(0, np.uint8)
 
-    def pack(self, sequence: NDArray[np.uint32], t: Floats, h: Floats, ordered: Floats) -> Packed:
-        """Message records of values (m, variables) in the order of the layout; good until the next call."""
-        m = len(t)
+    def pack(self, block: Block, due: NDArray[np.int64], moves: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """Message records of the rows that are ``due`` (m,); good until the next call."""
+        m = len(due)
         if m > len(self._rows):
             self._rows = np.empty((m, self.size), np.uint8)
             self._rows[:] = np.frombuffer(prefix(self.number, self.size) + self.layout.template, np.uint8)
             self._hashed = np.empty(m * (self.size - IDENTITY), np.uint8)
         rows = self._rows[:m]
-        times = np.rint(t * 1e9).astype("<u8")
-        rows[:, 11:15] = sequence.view(np.uint8).reshape(m, 4)
-        rows[:, 15:23] = rows[:, 23:31] = times.view(np.uint8).reshape(m, 8)
-        self.layout.pack(rows, PREFIX, t, h, ordered)
-        return Packed(self, rows, times)
+        scatter(block.table, due, moves, rows)
+        return rows
 
     def count(self, rows: NDArray[np.uint8]) -> None:
         """Messages that are in the file."""
@@ -118,7 +98,7 @@ class _Part(NamedTuple):
 
     channel: Channel
     late: bool  # whether it holds what the step that ended was given
-    columns: Columns  # of the row, in the order of the topic's layout
+    moves: NDArray[np.int64]  # as ``scatter`` is told
 
 
 class _Proof(NamedTuple):
@@ -147,18 +127,29 @@ class Page:
         self.size = sum(channel.size for channel in channels)  # bytes of a row's message records
         self.capacity = CHUNK // self.size + 1
         self.widths = [len(channel.about.names if whole else channel.columns) for channel in channels]
-        self._first = dict(zip(self.topics, np.cumsum([0, *self.widths]).tolist(), strict=False))
+        self._words = HEAD + sum(self.widths)  # of a row
+        self._first = dict(zip(self.topics, np.cumsum([HEAD, *self.widths]).tolist(), strict=False))
         self._parts = []
         for channel in channels:
             held = np.array(channel.columns, np.intp) if whole else np.arange(len(channel.columns))
-            columns = self._first[channel.topic] + held[channel.layout.order]
-            self._parts.append(_Part(channel, channel in given, columns))
+            late = channel in given
+            self._parts.append(_Part(channel, late, self._moves(channel, late, self._first[channel.topic] + held)))
         self._proofs = self._all_proofs() if whole else []
         self.spare: list[Block] = []
         self.block = self._blank()
 
     def _blank(self) -> Block:
-        return Block(self.capacity, sum(self.widths))
+        return Block(np.zeros((self.capacity + 1, self._words)))
+
+    def _moves(self, channel: Channel, late: bool, columns: Columns) -> NDArray[np.int64]:
+        """Where the words of a row stand in a message record of a channel that has these ``columns`` of it."""
+        before = -self._words if late else 0  # a step began where the row before was
+        head = [(before + NUMBER, SEQUENCE), (before + NS, LOG_TIME)]  # the upper half of a number is written over
+        head += [(before + NS, PUBLISH_TIME), (before + TIME, PREFIX + TIME_AT), (LENGTH, PREFIX + LENGTH_AT)]
+        order = channel.layout.order
+        values = np.column_stack([columns[order], PREFIX + channel.layout.starts[order]])
+        moves = np.concatenate([np.array(head), values])
+        return np.ascontiguousarray(moves * [WORD, 1], np.int64)
 
     def _all_proofs(self) -> list[_Proof]:
         """What is to be compared, by rule."""
@@ -196,14 +187,9 @@ class Page:
         """Rows that the block has room for."""
         return self.capacity + 1 - self.block.count
 
-    def add_rows(self, sequence: NDArray[np.int64], t: Floats, h: float, values: Floats) -> None:
-        """As many rows as there is room for, at most: numbers and times (m,), the values of all topics (m, n)."""
-        if values.shape != (len(t), sum(self.widths)):
-            raise ValueError(f"{', '.join(self.topics)} have {sum(self.widths)} variables, not {values.shape[1]}")
-        block = self.block
-        rows = slice(block.count, block.count + len(t))
-        block.values[rows], block.sequence[rows], block.t[rows], block.h[rows] = values, sequence, t, h
-        block.count = rows.stop
+    def filled(self, n: int) -> None:
+        """So many rows more stand in the block, behind the last one."""
+        self.block.count += n
 
     def turn(self) -> Block:
         """The filled block; another one takes its place."""
@@ -214,33 +200,29 @@ class Page:
     def pack(self, block: Block) -> list[Packed]:
         """Messages of the topics that have any in a block; raises Unproven."""
         self._prove(block)
+        block.ns[: block.count] = np.rint(block.t[: block.count] * 1e9)
         packed = []
         rows = np.arange(1, block.count)
-        for channel, late, columns in self._parts:
-            steps = block.sequence[rows].astype(np.int64) - late
+        for channel, late, moves in self._parts:
+            steps = block.sequence[1 : block.count] - late
             due = rows[(steps % channel.about.every == 0) & (steps >= 0)]
-            if not len(due):
-                continue
-            of = due - late
-            values = np.take(block.values[1 : block.count], columns, axis=1)
-            if len(due) < len(rows):
-                values = values[due - 1]
-            packed.append(channel.pack(block.sequence[due] - np.uint32(late), block.t[of], block.h[due], values))
+            if len(due):
+                packed.append(Packed(channel, channel.pack(block, due, moves), block.ns[due - late]))
         return packed
 
     def _prove(self, block: Block) -> None:
         """Whether inputs are what their wires say."""
         if not self._proofs:
             return
-        steps = block.sequence[: block.count].astype(np.int64)
+        steps = block.sequence[: block.count]
         begin = 1 + int(block.count > 1 and steps[1] == 0)  # the start was given nothing by a step
         if np.any(np.diff(steps[begin - 1 :]) != 1):
             raise Unproven("a step is missing")
-        values = block.values
+        before, now = block.table[begin - 1 : block.count - 1], block.table[begin : block.count]
         for proof in self._proofs:
-            start = np.take(values[begin - 1 : block.count - 1], proof.outputs, axis=1)
-            end = start if proof.rule == "start" else np.take(values[begin : block.count], proof.outputs, axis=1)
-            given = np.take(values[begin : block.count], proof.inputs, axis=1)
+            start = np.take(before, proof.outputs, axis=1)
+            end = start if proof.rule == "start" else np.take(now, proof.outputs, axis=1)
+            given = np.take(now, proof.inputs, axis=1)
             wrong = handed_over(proof.rule, start, end).view(np.uint64) != given.view(np.uint64)
             if wrong.any():
                 row, column = np.argwhere(wrong)[0]

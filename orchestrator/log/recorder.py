@@ -1,11 +1,11 @@
 """Writes a log: one MCAP file with one protobuf message per topic and step, safe against being killed.
 
-``Recorder.write`` copies the values into a block and returns; a thread packs whole blocks into messages,
-compresses them into chunks of about 1 MiB and writes these at least four times a second of wall time, so a
-killed run loses no more than that. In a chunk the messages of a topic stand together. Time in the file is
-simulation time, and what depends on the wall clock goes to ``/stats/<instance>`` only: two equal runs write
-equal messages. The last record, the metadata ``closing``, says how the run ended and holds a sha256 per
-topic; a log without it was cut off.
+``Recorder.write`` copies the values into a block and returns, or someone else fills the blocks (``lend``); a
+thread packs whole blocks into messages, compresses them into chunks of about 2 MiB and writes these at least four
+times a second of wall time, so a killed run loses no more than that. In a chunk the messages of a topic stand
+together. Time in the file is simulation time, and what depends on the wall clock goes to ``/stats/<instance>``
+only: two equal runs write equal messages. The last record, the metadata ``closing``, says how the run ended and
+holds a sha256 per topic; a log without it was cut off.
 
 Inputs that a wire makes of outputs are left out, once they have been compared with these, step by step and bit by bit.
 """
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from orchestrator.log import channel_metadata, closing_record, events_topic, log_format, schema
 from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
 from orchestrator.log.message_records import LONGEST
-from orchestrator.log.page import CHUNK, Block, Channel, Page, Rows, Unproven
+from orchestrator.log.page import CHUNK, Block, Channel, Page, Unproven
 from orchestrator.log.time_series import Topic
 from orchestrator.log.wire import Wire
 
@@ -73,6 +73,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._backlog: deque[list[tuple[Page, Block]] | tuple[str, bytes]] = deque()  # chunks and files
         self._bytes = 0  # of messages in the blocks
         self._last = 0  # newest sequence written
+        self._lent = self._overdue = False  # whether someone fills the pages, and they have waited long
         self._closing = self._closed = False
         self._failure: LogFailed | None = None
         self._flush = flush
@@ -135,27 +136,28 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._bytes += page.size
             self._added(sequence, page.room > 0)
 
-    def write_rows(self, h: float, rows: Mapping[str, Rows]) -> None:
-        """Record many steps of ``h`` s, by topic; what belongs to a step goes into one chunk."""
-        due = {topic: each for topic in rows if len((each := rows[topic].every(self.stride(topic))).t)}
-        if not due:
-            return
-        for topic, each in due.items():
-            self._check(topic, float(each.t[0]))
-            self._check(topic, float(each.t[-1]))
-        at, last = min(int(each.sequence[0]) for each in due.values()), max(int(x.sequence[-1]) for x in due.values())
-        size = sum(self._pages[topic].size for topic in due)  # of a step, at most
+    def pages(self, *names: str) -> list[Page]:
+        """Of topics that are written ``together``: whoever fills them calls ``lend`` before and ``filled`` after."""
+        return [self._pages[name] for name in names]
+
+    def lend(self) -> None:
+        """Leave the pages alone until they are ``filled``."""
         with self._turn:
+            self._lent = True
+
+    def filled(self, rows: Mapping[str, int]) -> None:
+        """So many rows more stand in the pages of topics, of steps without a gap; those not due are left out."""
+        last = 0
+        with self._turn:
+            self._lent = False
             self._ready()
-            while at <= last:
-                left = max(1, (CHUNK - self._bytes) // size)
-                end = at + min(left, *(self._pages[topic].room for topic in due))
-                for topic, each in due.items():
-                    some = each.between(at, end)
-                    self._pages[topic].add_rows(some.sequence, some.t, h, some.values)
-                    self._bytes += len(some.t) * self._pages[topic].size
-                at = end
-                self._added(min(end - 1, last), all(self._pages[topic].room for topic in due))
+            for topic, n in rows.items():
+                page = self._pages[topic]
+                page.filled(n)
+                self._check(topic, float(page.block.t[page.block.count - 1]))
+                self._bytes += n * page.size
+                last = max(last, int(page.block.sequence[page.block.count - 1]))
+            self._added(last, all(self._pages[topic].room for topic in rows) and not self._overdue)
 
     def _check(self, topic: str, t: float) -> None:
         if not 0.0 <= t < LONGEST:
@@ -274,7 +276,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         filled = [(page, page.turn()) for page in self._pages.values() if page.block.count > 1]
         if filled:
             self._backlog.append(filled)
-        self._bytes = 0
+        self._bytes, self._overdue = 0, False
         self._turn.notify_all()
 
     def _drain(self) -> None:
@@ -283,7 +285,10 @@ class Recorder(AbstractContextManager["Recorder"]):
             with self._turn:
                 self._turn.wait_for(lambda: self._backlog or self._closing, timeout=self._flush)
                 if not self._backlog:
-                    self._hand_over()
+                    if self._lent and not self._closing:
+                        self._overdue = True
+                    else:
+                        self._hand_over()
                 if not self._backlog:
                     if self._closing:
                         return

@@ -3,7 +3,7 @@
 A message is ``t`` and ``h``, then every single variable as a ``double``, then every family of variables that
 differ in one index only (``link[1].tension``, ``link[2].tension``, ...) as one packed ``repeated double``
 (``link_tension``). Every field is always written, so all messages of a topic have the same size and differ
-in the eight bytes of each value only: packing fills the holes of a template, unpacking reads them back, for
+in the eight bytes of each value only: packing fills the holes of a template (``page``), unpacking reads them back, for
 thousands of messages at once and without touching a bit of any value.
 
 Dots and other signs that protobuf does not allow become underscores. A place is ``speed`` or
@@ -28,6 +28,7 @@ Bytes = NDArray[np.uint8]
 FIRST_NUMBER = 16  # of the variables' fields: the tags of 16 to 2047 are two bytes, so holes are evenly spaced
 MOST_FIELDS = 8000  # in a message: protobuf's decoder holds one in 65,535 bytes, 8 a field
 FIXED64, LENGTH_DELIMITED = 1, 2  # wire types
+TIME_AT, LENGTH_AT = 1, 10  # where t and h begin in every message
 
 _INDEX = re.compile(r"\[(\d+)\]")
 _PLACE = re.compile(r"(\w+)(?:\[(\d+)\])?", re.ASCII)
@@ -59,23 +60,13 @@ class Layout(NamedTuple):
     starts: NDArray[np.intp]  # of each variable, the byte in the message where its value begins
     template: bytes  # a message whose values, t and h are all zero
 
-    def pack(self, rows: Bytes, offset: int, t: Floats, h: Floats, ordered: Floats) -> None:
-        """Fill templates at byte ``offset`` of each row (m, bytes) with values (m, variables) in field order."""
-        _holes(rows, offset + 1, (1,), (0,))[:, 0] = t
-        _holes(rows, offset + 10, (1,), (0,))[:, 0] = h
-        for group in self.groups:
-            fields, count = group.shape
-            part = ordered[:, group.first : group.first + fields * count]
-            holes = _holes(rows, offset + group.offset, group.shape, (group.stride, 8))
-            holes[...] = part.reshape(-1, fields, count)
-
     def unpack(self, rows: Bytes, offset: int, columns: Sequence[int] | None = None) -> tuple[Floats, Floats, Floats]:
         """Return t (m,), h (m,), values (m, variables) of the messages at byte ``offset`` of each row.
 
         ``columns``: of these variables only, which is quicker for few.
         """
-        t = _holes(rows, offset + 1, (1,), (0,))[:, 0].copy()
-        h = _holes(rows, offset + 10, (1,), (0,))[:, 0].copy()
+        t = _holes(rows, offset + TIME_AT, (1,), (0,))[:, 0].copy()
+        h = _holes(rows, offset + LENGTH_AT, (1,), (0,))[:, 0].copy()
         if columns is not None:
             values = np.empty((len(rows), len(columns)))
             for k, column in enumerate(columns):

@@ -1,5 +1,6 @@
 """What any FMI tool sees of our FMUs, seen through fmpy's own calls."""
 
+import ctypes
 import re
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from fmpy.validation import validate_fmu
 
 from fmus.build import build
 from fmus.vehicle import read_table, vehicle
-from orchestrator.cosim.component import Component, ComponentFailed, unpack
+from orchestrator.cosim.component import ARRAY, Component, ComponentFailed, unpack
 
 TABLE = vehicle(*read_table("m113")).model_dump()
 H = 1e-3
@@ -83,7 +84,7 @@ def test_description_says_all_that_tools_ask_for(xml):
     assert all(variable[0].get("unit") in units for variable in variables if variable[0].tag == "Real")
     for variable in variables:
         parameter = variable.get("causality") == "parameter"
-        assert (variable[0].get("start") is None) == (variable.get("causality") == "output")
+        assert (variable[0].get("start") is None) == (variable.get("initial") == "calculated")
         assert (variable.get("variability") == "fixed") == parameter
     flags = root.find("CoSimulation").attrib
     assert flags["canGetAndSetFMUstate"] == flags["canSerializeFMUstate"] == "true"
@@ -312,6 +313,39 @@ def test_outputs_can_be_read_during_initialisation_and_follow_parameters(raw):
     slave.exitInitializationMode()
     assert slave.getReal([references["x"]]) == [0.4]
     slave.freeInstance()
+
+
+def test_link_outputs_lie_where_it_says(raw):
+    """Reading either half of the address computes them; what lies there is what is read one by one, to the bit."""
+    slave, references = raw
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    array, links = (
+        [references[name] for name in names] for names in (ARRAY, (f"link[{i}].tension" for i in (1, 2, 3)))
+    )
+
+    def found():
+        low, high, size = slave.getInteger(array)
+        address = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF
+        return address, np.frombuffer(ctypes.string_at(address, size)).tolist()
+
+    seen = set()
+    for k in range(5):
+        address, values = found()
+        assert values == slave.getReal(links)
+        seen.add((address, *values))
+        slave.doStep(k * H, H)
+    assert len(seen) == 5
+    assert len({address for address, *_ in seen}) == 1
+    with pytest.raises(FMICallException):
+        slave.setInteger([references["links.base.lo"]], [0])
+    slave.freeInstance()
+
+
+def test_the_place_of_link_outputs_is_no_output(xml):
+    found = {v.get("name"): v.attrib for v in ElementTree.fromstring(xml).iter("ScalarVariable")}
+    assert {(found[name]["causality"], found[name]["variability"]) for name in ARRAY} == {("local", "discrete")}
 
 
 def test_warning_is_told_with_its_percent_sign(toy):

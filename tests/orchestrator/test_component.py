@@ -52,6 +52,38 @@ def test_arrays_follow_the_description(toy):
         assert 0.0 < component.wall_time < 60.0
 
 
+def test_links_are_copied_from_where_they_lie(toy, tmp_path):
+    """The same bits as one by one: of an FMU that says where, of one that does not, and in machine code."""
+
+    def silent(name, content):
+        return content.replace(b"links.size", b"links.length") if name == "modelDescription.xml" else content
+
+    found = {}
+    for fmu, addressed in ((toy, True), (changed(toy, tmp_path / "silent.fmu", silent), False)):
+        with Component(fmu, "toy") as component:
+            for _ in range(2):  # a reset moves them
+                component.initialise({"start.x": 0.25})
+                assert bool(component._array) == addressed
+            for k in range(3):
+                component.step(k * H, H)
+                component.read_links()
+                found[addressed, k] = component.y_links.tobytes()
+            if KNOWN:
+                due = np.ones(1, dtype=np.int64)
+                program = Program([Stage([component], [])], threads=False)
+                component.show_links(due.ctypes.data)
+                for k in range(3, 6):
+                    component.y_links[:] = 0.0
+                    program.run(k * H, H)
+                    found[addressed, k] = component.y_links.tobytes()
+                due[0] = 0
+                program.run(6 * H, H)
+                assert component.y_links.tobytes() == found[addressed, 5]
+                program.close()
+    assert all(found[True, k] == found[False, k] for _, k in found)
+    assert len(set(found.values())) == len(found) // 2
+
+
 def test_links_are_read_when_asked(toy):
     with Component(toy, "toy") as component:
         component.initialise({"start.x": 0.25})

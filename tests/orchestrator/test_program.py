@@ -16,6 +16,7 @@ from orchestrator.cosim.machine import ASKED, ASLEEP, FREE, KNOWN, Board, laid_o
 from orchestrator.cosim.program import Helper, Move, Program, Stage, spare_processors
 from orchestrator.cosim.tape import Tape
 from orchestrator.execution.simulate import simulate
+from orchestrator.log.page import HEAD, Block
 from orchestrator.log.reader import Log
 from orchestrator.log.wire import RULES, handed_over
 from orchestrator.scene.scene import load
@@ -218,7 +219,20 @@ class Linked(Instance):
             at[Board._fields.index(name)] = cast(function, c_void_p).value
 
     def show_links(self, due):
-        self.board[Board._fields.index("n_links") :] = 2, 55, self.y_links.ctypes.data, due
+        self.board[Board._fields.index("n_links") :] = 2, 55, self.y_links.ctypes.data, due, 0
+
+
+class Sheet:
+    """A page without topics: two rows are there before."""
+
+    def __init__(self, width):
+        self.block = Block(np.zeros((10, HEAD + width)), count=2)
+        self.room = 8
+
+    def added(self, n):
+        """Of the n rows behind them: numbers, times, lengths, values."""
+        rows, block = slice(2, 2 + n), self.block
+        return block.sequence[rows].tolist(), block.t[rows].tolist(), {*block.h[rows].tolist()}, block.values[rows]
 
 
 def marched(n, failing=0):
@@ -231,7 +245,9 @@ def marched(n, failing=0):
             [Move(a.u, np.arange(3), b.y, np.arange(1, 4), "start")] for a, b in ((one, other), (other, one))
         )
         programs.append(program_of(([one], there), ([other], back)))
-    tape = Tape(pairs[0], every=3)
+    sheets = [Sheet(sum(len(one.u) + len(one.y) for one in pairs[0])), Sheet(4)]
+    lent = []
+    tape = Tape(pairs[0], 3, sheets, lambda: lent.append(True))
     rows = []
     for k in range(4, 4 + n):
         try:
@@ -239,28 +255,35 @@ def marched(n, failing=0):
         except ComponentFailed:
             break
         rows.append(np.concatenate([a for which in ("u", "y") for a in (getattr(one, which) for one in pairs[1])]))
-    return pairs[0], programs[0].march(tape, 4, n, 0.1), tape, np.array(rows)
+    done = programs[0].march(tape, 4, n, 0.1)
+    assert (lent, tape.room) == ([True], 8)
+    return pairs[0], done, tape, sheets, np.array(rows)
 
 
 def test_many_steps_at_once_are_the_steps_one_by_one():
-    pair, done, tape, rows = marched(5)
+    pair, done, tape, (steps_page, links_page), rows = marched(5)
     steps = [call for call in pair[0].called if call[0] == "step"]
     assert steps == [("step", 11, k * 0.1, 0.1, 1) for k in range(4, 9)]
     taken = tape.take()
-    assert (done, taken.numbers.tolist(), taken.t.tolist()) == (5, [5, 6, 7, 8, 9], [k * 0.1 for k in range(5, 10)])
-    assert taken.rows.tobytes() == rows.tobytes()
+    assert (done, taken.steps, taken.links) == (5, 5, 2)
+    numbers, times, lengths, values = steps_page.added(5)
+    assert (numbers, times, lengths) == ([5, 6, 7, 8, 9], [k * 0.1 for k in range(5, 10)], {0.1})
+    assert values.tobytes() == rows.tobytes()
     assert len(np.unique(rows[:, -1])) == 5, "they change"
-    assert taken.links.tolist() == [[1.0, -1.0, 1.0, -1.0], [2.0, -2.0, 2.0, -2.0]], "after the steps 6 and 9 alone"
+    numbers, times, links = tape.links(taken)
+    assert (numbers, times) == ([6, 9], [6 * 0.1, 9 * 0.1])
+    assert links.tolist() == [[1.0, -1.0, 1.0, -1.0], [2.0, -2.0, 2.0, -2.0]]
+    assert not any(page.block.table[:2].any() for page in (steps_page, links_page)), "what was there stays"
     assert np.array_equal(tape.shown(3)[pair[1].name], rows[3, -4:])
     assert tape.take() is None
 
 
 @pytest.mark.parametrize("failing", [1, 4])
 def test_of_many_steps_those_before_a_failure_are_kept(failing):
-    pair, done, tape, rows = marched(6, failing)
+    pair, done, tape, (steps_page, _), rows = marched(6, failing)
     taken = tape.take()
-    assert (done, len(taken.rows)) == (failing - 1, failing - 1)
-    assert taken.rows.tobytes() == rows.tobytes()
+    assert (done, taken.steps) == (failing - 1, failing - 1)
+    assert steps_page.added(taken.steps)[-1].tobytes() == rows.tobytes()
     assert (pair[0].told("failed"), pair[1].steps) == (Board._fields.index("do_step"), failing - 1)
 
 

@@ -25,6 +25,7 @@ from orchestrator.log import schema
 from orchestrator.log.container_writer import ContainerWriter, LogFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
+from orchestrator.log.scatter import scatter
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 
 ODD_BITS = [
@@ -376,6 +377,43 @@ def test_cost_of_a_message(tmp_path, width):
         recorder.close("ok", "", steps)
     print(f"{width} doubles: {spent / steps * 1e6:.2f} us a message on the caller's thread")
     assert spent / steps < 50e-6
+
+
+def test_words_are_scattered_as_told():
+    """As numpy does it move by move: from any rows, also from the one before, the later of two that overlap counts."""
+    random = np.random.default_rng(5)
+    rows = random.random((50, 9))
+    sources, targets = 8 * random.integers(-9, 9, 40), random.integers(0, 92, 40)
+    moves = np.ascontiguousarray(np.column_stack([sources, targets]))
+    which = np.sort(random.choice(np.arange(1, 50), 20, replace=False))
+    template = random.integers(0, 256, 100, dtype=np.uint8)
+    records = np.tile(template, (20, 1))
+    scatter(rows, which, moves, records)
+    flat, expected = rows.ravel().view(np.uint8), np.tile(template, (20, 1))
+    for bytes_of, row in zip(expected, which, strict=True):
+        for source, target in moves:
+            bytes_of[target : target + 8] = flat[72 * row + source : 72 * row + source + 8]
+    assert np.array_equal(records, expected)
+    assert not np.array_equal(records, np.tile(template, (20, 1)))
+
+
+def test_pages_that_are_lent_are_left_alone(tmp_path):
+    """Whoever fills them may take longer than messages wait for the disk; then these are written at once."""
+    with Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m")]}, {}, {}, flush=0.02) as recorder:
+        (page,) = recorder.pages("/a/out")
+        for k in range(1, 4):
+            recorder.lend()
+            before = page.block
+            time.sleep(0.1)
+            assert page.block is before
+            row = before.count
+            before.sequence[row], before.t[row], before.h[row], before.values[row] = k, k * STEP, STEP, -k
+            recorder.filled({"/a/out": 1})
+            assert page.block is not before
+        recorder.close("ok", "", 3)
+    with Log(tmp_path / "a.mcap") as log:
+        assert log.read("/a/out").values[:, 0].tolist() == [-1.0, -2.0, -3.0]
+        assert log.read("/a/out").t.tolist() == [STEP, 2 * STEP, 3 * STEP]
 
 
 def test_topics_written_together_are_those_written_one_by_one(tmp_path, monkeypatch):

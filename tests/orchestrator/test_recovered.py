@@ -7,7 +7,7 @@ import pytest
 
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
-from orchestrator.log import recorder
+from orchestrator.log import page, recorder
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
 from orchestrator.results.difference import differences
@@ -20,9 +20,10 @@ WINDOWED = ("_mean", "_rms")  # over a second, of which less is left
 
 
 def recorded(path, scene, track, *settings):
-    """A run's log in chunks of which most end in the middle of a step."""
+    """A run's log in chunks of a few steps."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recorder, "CHUNK", 12_000)
+        for module in (page, recorder):
+            patch.setattr(module, "CHUNK", 6_000)
         assert simulate(load(scene, track, settings), path)["status"] == "ok"
     return path
 

@@ -16,10 +16,10 @@ from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 from orchestrator.cosim.machine import KNOWN
 from orchestrator.cosim.program import Move, Program, Stage
-from orchestrator.cosim.tape import CAPACITY, Tape
+from orchestrator.cosim.tape import Tape
 from orchestrator.log.wire import Rule, handed_over
 
-TOGETHER = 1e-2  # s of wall time: who looks on a run waits no longer
+TOGETHER = 3e-2  # s of wall time: who looks on a run waits no longer
 
 
 class CouplingFailed(RuntimeError):
@@ -109,7 +109,7 @@ class Scheme:
         if self._failure is not None:
             raise self._failure
         began = perf_counter()
-        done, n = 1, min(n, CAPACITY, int(TOGETHER / self._seconds))
+        done, n = 1, min(n, self.tape.room if self.tape else 1, int(TOGETHER / self._seconds))
         if n > 1 and self._program is not None and self.tape is not None and self._alone:
             now = self._outputs()
             done = self._program.march(self.tape, k, n, h)

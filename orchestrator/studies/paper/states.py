@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
 from fmus.monolith.model import Monolith, started
 from fmus.saved import from_bytes
+from orchestrator.cosim import checkpoint
 from orchestrator.execution.monolithic import parts_of
 from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
@@ -22,13 +20,8 @@ def saved(log: Log) -> Iterator[tuple[float, dict[str, Floats]]]:
     """Times, s, and states by component, of all checkpoints in order."""
     numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     for number in numbers:
-        with np.load(io.BytesIO(log.attachment(f"{CHECKPOINT}{number}")), allow_pickle=False) as arrays:
-            states = {
-                name.removeprefix("state:"): from_bytes(arrays[name].tobytes()).state
-                for name in arrays
-                if name.startswith("state:")
-            }
-            yield float(arrays["at"][1]), states
+        t, states = checkpoint.states(log.attachment(f"{CHECKPOINT}{number}"))
+        yield t, {name: from_bytes(state).state for name, state in states.items()}
 
 
 def model(scene: TrackScene, name: str) -> Any:
