@@ -1,4 +1,4 @@
-"""How fast: chains against peers, vehicles in real time, a step by part and layer, growth, start, memory.
+"""How fast: chains against peers, vehicles in real time, a step by part and layer, growth, start, memory, the log.
 
 A part is a module with ``measure(quick, repeats) -> list[Table]``. It runs in a process of its own, one thread to a
 library, kernels warm (``process``). Speed is measured here and never in a test. What it stands on are faces that last:
@@ -27,6 +27,7 @@ PARTS = {
     "links": "time a step of 64 to 1,024 links",
     "start": "from the shell to the first step, with an empty and a full cache",
     "memory": "peak memory of runs and its growth",
+    "recording": "what the log costs a run, by FMUs and by how many link outputs",
 }
 REPEATS = 5
 QUICK_REPEATS = 3

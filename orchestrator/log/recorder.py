@@ -74,6 +74,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._bytes = 0  # of messages in the blocks
         self._last = 0  # newest sequence written
         self._lent = self._overdue = False  # whether someone fills the pages, and they have waited long
+        self._writing = False
         self._closing = self._closed = False
         self._failure: LogFailed | None = None
         self._flush = flush
@@ -194,9 +195,13 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._backlog.append((name, content))
             self._turn.notify_all()
 
-    def stats(self, instance: str, sequence: int, t: float, h: float, values: NDArray[np.float64]) -> None:
-        """Record what depends on the wall clock: the topic "/stats/<instance>", which no digest counts."""
-        self.write(f"/stats/{instance}", sequence, t, h, values)
+    def flush(self) -> None:
+        """Wait until all messages so far are in the file."""
+        with self._turn:
+            self._ready()
+            self._hand_over()
+            self._turn.wait_for(lambda: not (self._backlog or self._writing) or self._failure)
+            self._ready()
 
     def end(self) -> None:
         """Write what is left of the messages: now the file can be read, and lacks only its closing record."""
@@ -293,12 +298,12 @@ class Recorder(AbstractContextManager["Recorder"]):
                     if self._closing:
                         return
                     continue
-                filled = self._backlog.popleft()
+                filled, self._writing = self._backlog.popleft(), True
             try:
                 if isinstance(filled, tuple):
                     self._file.attachment(*filled)
-                    continue
-                self._write_chunk(filled)
+                else:
+                    self._write_chunk(filled)
             except Exception as error:  # whatever it is, the run must hear of it
                 with self._turn:
                     unproven = isinstance(error, Unproven)
@@ -311,7 +316,8 @@ class Recorder(AbstractContextManager["Recorder"]):
                     self._save(each for each in left if not isinstance(each, tuple))
                 return
             with self._turn:
-                for page, block in filled:
+                self._writing = False
+                for page, block in () if isinstance(filled, tuple) else filled:
                     page.spare.append(block)
                 self._turn.notify_all()
 

@@ -59,6 +59,6 @@ def write_steps(recorder: Recorder, steps: int, wall: float = 0.0, change=lambda
     for k in range(steps + 1):
         for topic in TOPICS:
             if topic.startswith("/stats/"):
-                recorder.stats("chassis", k, k * STEP, STEP, np.array([wall + k]))
+                recorder.write("/stats/chassis", k, k * STEP, STEP, np.array([wall + k]))
             else:
                 recorder.write(topic, k, k * STEP, STEP, change(topic, k, values(topic, k)))

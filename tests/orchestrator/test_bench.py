@@ -24,11 +24,14 @@ from orchestrator.bench import (
     tables,
 )
 from orchestrator.bench import memory as memory_part
+from orchestrator.bench import recording as recording_part
 from orchestrator.bench import vehicle as vehicle_part
 from orchestrator.bench.process import Failed, isolated
 from orchestrator.bench.tables import ABOUT, COST, Column, Table
 from orchestrator.bench.timing import laps, least, per_step
-from orchestrator.log.reader import Series
+from orchestrator.log.log_format import CHECKPOINT
+from orchestrator.log.reader import Log, Series
+from orchestrator.scene.scene import load
 
 COLUMNS = (Column("what", "what", "", ABOUT), Column("time", "us", ".1f", COST), Column("count", "count", ",d"))
 TABLE = Table("Title", COLUMNS, [{"what": "a", "time": 2.0, "count": 1000}, {"what": "b", "time": None}], ("A note.",))
@@ -66,7 +69,7 @@ def test_what_comes_out(cotrack, monkeypatch):
     ("arguments", "says"),
     [
         (["--only", "chian"], "--only chian: no part 'chian': did you mean 'chain'?"),
-        (["--only", "x"], "no part 'x': there are chain, vehicle, layers, links, start, memory"),
+        (["--only", "x"], "no part 'x': there are chain, vehicle, layers, links, start, memory, recording"),
         (["--repeat", "0"], "--repeat'"),
         (["--against", "nowhere"], "--against nowhere: there is no checkout of cotrack"),
         (["--against", "older"], "--against older: that checkout has no command bench"),
@@ -239,6 +242,21 @@ def test_parts_of_an_iteration_by_todays_kernels():
         found = kernels.parts(kind, model, 1e-3, 2)
         assert tuple(found) == kernels.PARTS == tuple(column.key for column in layers.NEWTON[1:5])
         assert min(found.values()) > 0.0
+
+
+def test_pieces_with_a_record_stand_between_pieces_without(monkeypatch, tmp_path):
+    """Their log is whole, proven across the gaps; their share follows from the times."""
+    rig = load("rig", "rigid", ("expect={}", "drive.ramp_start=0", "run.checkpoints=0.02"))
+    times = recording_part._times(rig, False, 2, 30, tmp_path / "pieces.mcap")
+    assert len(times) == 5
+    with Log(tmp_path / "pieces.mcap") as log:
+        steps = log.read("/track/out").t / rig.run.step
+        assert np.array_equal(np.round(steps), [*range(31), *range(61, 91), *range(121, 151)])
+        assert any(name.startswith(CHECKPOINT) for name in log.attachments)
+    monkeypatch.setattr(recording_part, "_times", lambda *_: [1.0, 2.0, 3.0, 5.0, 2.0] * (_[-1].write_bytes(b"1") or 1))
+    row = recording_part.row(rig, False, 2, 1000)
+    assert (row["fmus"], row["step"]) == ("Python", 2000.0)
+    assert row["share"] == pytest.approx(25.0)  # of 0 and 50 %
 
 
 def test_start_and_memory(monkeypatch):

@@ -125,7 +125,7 @@ def test_a_step_that_was_never_written_is_a_gap(tmp_path):
             for k in steps:
                 recorder.write("/a/out", k, k * STEP, STEP, np.zeros(1))
                 if k % 3 == 0:
-                    recorder.stats("a", k, k * STEP, STEP, np.zeros(1))
+                    recorder.write("/stats/a", k, k * STEP, STEP, np.zeros(1))
             recorder.close("ok", "", 9)
         return verify(tmp_path / "a.mcap")
 
@@ -193,7 +193,7 @@ def ragged(path, steps=60, results=None):
                     recorder.write(f"/{name}/out", k, k * STEP, STEP, np.array([k, 1.0]))
                 recorder.write("/a/links", k, k * STEP, STEP, np.array([k, 2.0]))
                 if k % 10 == 0:
-                    recorder.stats("a", k, k * STEP, STEP, np.array([k, 3.0]))
+                    recorder.write("/stats/a", k, k * STEP, STEP, np.array([k, 3.0]))
             recorder.close("ok", "done", steps, results)
     return path
 

@@ -553,7 +553,7 @@ def test_an_estimated_error_and_rejected_steps_are_told(tmp_path):
     with Recorder(tmp_path / "c.mcap", topics, system, {}) as recorder:
         for k, rejected in enumerate((0.0, 0.0, 2.0, 2.0, 5.0, 5.0)):
             recorder.write("/a/out", k, 0.1 * k, 0.1, np.array([0.0]))
-            recorder.stats("a", k, 0.1 * k, 0.1, np.array([rejected]))
+            recorder.write("/stats/a", k, 0.1 * k, 0.1, np.array([rejected]))
         recorder.close("ok", "", 5)
     with Log(tmp_path / "c.mcap") as log:
         (event,) = events(RunData(log))

@@ -432,7 +432,7 @@ def test_topics_written_together_are_those_written_one_by_one(tmp_path, monkeypa
                         recorder.write("/a/in", k - 1, (k - 1) * STEP, STEP, u)
                     recorder.write("/b/out", k, k * STEP, STEP, b)
                     recorder.write("/a/out", k, k * STEP, STEP, a)
-                recorder.stats("b", k, k * STEP, STEP, a)
+                recorder.write("/stats/b", k, k * STEP, STEP, a)
             with pytest.raises(ValueError, match="/b/out has 2 variables, not 1"):
                 recorder.write(page or "/b/out", 302, 0.302, STEP, *([a, a, a] if page else [a]))
             recorder.close("ok", "", 300)
