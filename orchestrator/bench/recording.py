@@ -29,7 +29,7 @@ PIECES, QUICK_PIECES = 8, 3  # of each, and a repeat
 NEVER = 1 << 40  # steps
 COLUMNS = (
     Column("fmus", "FMUs", "", ABOUT),
-    Column("links", "links recorded", "", ABOUT),
+    Column("links", "links recorded at", "", ABOUT),
     Column("step", "step without, us", ".0f", COST),
     Column("share", "share of recording, %", ".1f", COST),
     Column("low", "lower quartile, %", ".1f"),
@@ -65,7 +65,7 @@ def row(scene: TrackScene, native: bool, pieces: int, steps: int) -> dict[str, A
     low, share, high = 100.0 * np.quantile(shares, (0.25, 0.5, 0.75))
     return {
         "fmus": "native" if native else "Python",
-        "links": f"every {scene.links_every}. step" if scene.links_every > 1 else "every step",
+        "links": f"one step in {scene.links_every}",
         "step": 1e6 * float(np.median(without)) / steps,
         "share": float(share),
         "low": float(low),

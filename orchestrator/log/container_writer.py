@@ -118,8 +118,8 @@ class ContainerWriter:
         ``last``: only where there is room for the end of the file behind it.
         """
         content = self._joined([rows for _, rows, _ in parts])
-        start = min(int(times.min()) for _, _, times in parts)
-        end = max(int(times.max()) for _, _, times in parts)
+        spans = {id(times): times for _, _, times in parts}.values()  # topics share them
+        start, end = min(int(times.min()) for times in spans), max(int(times.max()) for times in spans)
         data = self._compressor.compress(content)
         length = _CHUNK.size - _HEAD + len(data)
         crc = crc32(content)
@@ -129,7 +129,7 @@ class ContainerWriter:
             offsets[number] = self.size + _HEAD + length + len(indexes)
             entries = np.empty((len(rows), 2), "<u8")
             entries[:, 0] = times
-            entries[:, 1] = within + rows.shape[1] * np.arange(len(rows), dtype=np.uint64)
+            entries[:, 1] = np.arange(within, within + rows.size, rows.shape[1])
             within += rows.size
             indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, number, entries.nbytes)
             indexes += entries.tobytes()

@@ -202,13 +202,19 @@ class Page:
         self._prove(block)
         block.ns[: block.count] = np.rint(block.t[: block.count] * 1e9)
         packed = []
-        rows = np.arange(1, block.count)
+        found: dict[tuple[bool, int], tuple[NDArray[np.int64], NDArray[np.uint64]]] = {}  # topics have few strides
         for channel, late, moves in self._parts:
-            steps = block.sequence[1 : block.count] - late
-            due = rows[(steps % channel.about.every == 0) & (steps >= 0)]
+            key = late, channel.about.every
+            due, times = found[key] = found.get(key) or self._due(block, *key)
             if len(due):
-                packed.append(Packed(channel, channel.pack(block, due, moves), block.ns[due - late]))
+                packed.append(Packed(channel, channel.pack(block, due, moves), times))
         return packed
+
+    def _due(self, block: Block, late: bool, every: int) -> tuple[NDArray[np.int64], NDArray[np.uint64]]:
+        """Rows of messages of topics that have one in so many steps, and the times of these."""
+        steps = block.sequence[1 : block.count] - late
+        due = np.flatnonzero((steps % every == 0) & (steps >= 0)) + 1
+        return due, block.ns[due - late]
 
     def _prove(self, block: Block) -> None:
         """Whether inputs are what their wires say."""
