@@ -179,9 +179,8 @@ class Slave(Fmi2Slave):
         self._values = np.array([float(p.start) for p in self._reals])
         self._u, self._y = self._values[self._inputs], self._values[self._outputs]
         self._y_new, self._links_new = np.zeros(count), np.zeros(link_ports)
-        shown = self._values[self._links]
-        halves = np.array([shown.ctypes.data], dtype=np.uint64).view(np.int32).tolist()
-        self._array = [*(halves if sys.byteorder == "little" else halves[::-1]), shown.nbytes] if link_ports else []
+        address, size = self._values[self._links].ctypes.data, self._links_new.nbytes
+        self._array = [*(ctypes.c_int32(half).value for half in (address & 0xFFFFFFFF, address >> 32)), size]
         self._integer_values = np.array([int(p.start) for p in self._integer_parameters], dtype=np.int64)
         self._string_values = [str(p.start) for p in self._string_ports]
         self._accesses: dict[tuple[int, ...], _Access] = {}

@@ -108,7 +108,7 @@ def _times(scene: TrackScene, native: bool, pieces: int, steps: int, log: Path) 
         piece(True)  # compiles and makes room
         times.clear()
         with quiet():
-            for k_th in range(2 * pieces + 1):
-                piece(k_th % 2 == 1)
+            for recorded in (False, *(True, False) * pieces):
+                piece(recorded)
         recorder.close("ok", "", k)
     return times

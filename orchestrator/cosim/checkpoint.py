@@ -111,7 +111,7 @@ def _readable(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
     """The arrays of a checkpoint; whatever is wrong with them becomes Unusable."""
     try:
         yield _arrays(content)
-    except (LookupError, ValueError, TypeError, AttributeError, ComponentFailed) as flaw:
+    except (LookupError, ValueError, TypeError, AttributeError, OverflowError, ComponentFailed) as flaw:
         raise Unusable(f"the checkpoint does not fit these components: {flaw}") from None
 
 
@@ -122,7 +122,7 @@ def _bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
 
 
 def _arrays(content: bytes) -> dict[str, NDArray[Any]]:
-    """The reverse; raises ValueError, TypeError."""
+    """The reverse; raises ValueError, TypeError, OverflowError."""
     if len(content) < _LENGTH.size:
         raise ValueError("it is cut off")
     at = _LENGTH.size + _LENGTH.unpack_from(content)[0]

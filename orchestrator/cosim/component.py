@@ -8,7 +8,6 @@ import hashlib
 import io
 import math
 import shutil
-import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -234,8 +233,7 @@ class Component(AbstractContextManager["Component"]):
         self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
         self.constants = {v.name: v.start for v in variables if v.variability == "constant"}
         self.u = np.array([float(self._variables[n].start or 0.0) for n in self.inputs])
-        self._shown = np.zeros(len(self.outputs) + 1)
-        self.y = self._shown[:-1]  # there is room for an output of links behind it
+        self.y = np.zeros(len(self.outputs) + 1)[:-1]  # there is room for an output of links behind it
         self.y_links = np.zeros(len(self.links))
         self.counters = np.zeros(len(self.integers), dtype=np.int32)
         self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
@@ -458,11 +456,11 @@ class Component(AbstractContextManager["Component"]):
     def _find_array(self) -> None:
         """Whether the outputs of links can be copied from where they lie."""
         there = [name for name in ARRAY if name in self._variables and self._variables[name].type == "Integer"]
-        if there == [*ARRAY] and self.links and sys.byteorder == "little":
+        if there == [*ARRAY] and self.links:
             values = (c_int * len(ARRAY))()
             self._call(self._library.fmi2GetInteger, self._references(ARRAY), len(ARRAY), values)
-            address, size = c_size_t.from_buffer(values).value, values[-1]
-            self._array = address if size == self.y_links.nbytes else 0
+            low, high, size = values
+            self._array = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF if size == self.y_links.nbytes else 0
 
     def read_counters(self) -> None:
         """The Integer outputs go into ``counters``."""

@@ -42,7 +42,7 @@ try:
 except ImportError:  # Windows does not let go of open files in any case
     fcntl = None  # type: ignore[assignment]
 
-ZSTD, COMPRESSION_LEVEL = b"zstd", -20  # a fifth of the processor that level 1 takes, and 20 % larger
+ZSTD, COMPRESSION_LEVEL = b"zstd", -20  # a quarter of the processor that level 1 takes, and 20 % larger
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # all of a chunk but its records: opcode, length, times, size, checksum, kind
 _HEAD = 9  # bytes of opcode and length, which the length does not count
 CLOSING = 1 << 14  # bytes that are left for the closing record where a disk is nearly full

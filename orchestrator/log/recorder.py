@@ -1,11 +1,11 @@
 """Writes a log: one MCAP file with one protobuf message per topic and step, safe against being killed.
 
 ``Recorder.write`` copies the values into a block and returns, or someone else fills the blocks (``lend``); a
-thread packs whole blocks into messages, compresses them into chunks of about 2 MiB and writes these at least four
-times a second of wall time, so a killed run loses no more than that. In a chunk the messages of a topic stand
-together. Time in the file is simulation time, and what depends on the wall clock goes to ``/stats/<instance>``
-only: two equal runs write equal messages. The last record, the metadata ``closing``, says how the run ended and
-holds a sha256 per topic; a log without it was cut off.
+thread packs whole blocks into messages, compresses them into chunks of about 2 MiB and writes these about four
+times a second of wall time or more often, so a killed run loses no more than that. In a chunk the messages of a
+topic stand together. Time in the file is simulation time, and what depends on the wall clock goes to
+``/stats/<instance>`` only: two equal runs write equal messages. The last record, the metadata ``closing``, says how
+the run ended and holds a sha256 per topic; a log without it was cut off.
 
 Inputs that a wire makes of outputs are left out, once they have been compared with these, step by step and bit by bit.
 """

@@ -244,8 +244,8 @@ def test_parts_of_an_iteration_by_todays_kernels():
         assert min(found.values()) > 0.0
 
 
-def test_pieces_with_a_record_stand_between_pieces_without(monkeypatch, tmp_path):
-    """Their log is whole, proven across the gaps; their share follows from the times."""
+def test_pieces_with_a_record_stand_between_pieces_without(tmp_path):
+    """Their log is whole, and its inputs are proven across the gaps."""
     rig = load("rig", "rigid", ("expect={}", "drive.ramp_start=0", "run.checkpoints=0.02"))
     times = recording_part._times(rig, False, 2, 30, tmp_path / "pieces.mcap")
     assert len(times) == 5
@@ -253,10 +253,19 @@ def test_pieces_with_a_record_stand_between_pieces_without(monkeypatch, tmp_path
         steps = log.read("/track/out").t / rig.run.step
         assert np.array_equal(np.round(steps), [*range(31), *range(61, 91), *range(121, 151)])
         assert any(name.startswith(CHECKPOINT) for name in log.attachments)
-    monkeypatch.setattr(recording_part, "_times", lambda *_: [1.0, 2.0, 3.0, 5.0, 2.0] * (_[-1].write_bytes(b"1") or 1))
+
+
+def test_the_share_of_a_record_is_that_of_its_pieces(monkeypatch):
+    def times(*given):
+        given[-1].write_bytes(b"log!")
+        return [1.0, 2.0, 3.0, 5.0, 2.0]  # shares of 0 and 50 %
+
+    monkeypatch.setattr(recording_part, "_times", times)
+    rig = load("rig", "rigid", ("run.step=1 ms", "run.links=3"))
     row = recording_part.row(rig, False, 2, 1000)
-    assert (row["fmus"], row["step"]) == ("Python", 2000.0)
-    assert row["share"] == pytest.approx(25.0)  # of 0 and 50 %
+    assert (row["fmus"], row["links"]) == ("Python", "one step in 3")
+    told = [row[key] for key in ("step", "low", "share", "high", "size")]
+    assert told == pytest.approx([2000.0, 12.5, 25.0, 37.5, 2e-6])
 
 
 def test_start_and_memory(monkeypatch):

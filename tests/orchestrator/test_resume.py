@@ -224,6 +224,7 @@ def test_what_does_not_go_on_is_a_sentence(rig, cotrack, tmp_path):
 def test_bytes_that_are_no_checkpoint_are_a_sentence(rig, tmp_path):
     good = Content(rig).attachments[f"{CHECKPOINT}40"]
     other = Content(rig).attachments[f"{CHECKPOINT}20"]
+    endless = b'[["at", "<f8", [1' + b"0" * 30 + b"]]]"
     for bad in (
         b"",
         b"x" * 1000,
@@ -231,6 +232,7 @@ def test_bytes_that_are_no_checkpoint_are_a_sentence(rig, tmp_path):
         good[: len(good) // 2],
         other,
         good.replace(b"state:drive", b"state:drove"),
+        len(endless).to_bytes(8, "little") + endless,
     ):
         content = Content(rig)
         content.attachments[f"{CHECKPOINT}40"] = bad
