@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_SLIDING, WITH_WHEELS, Felt
+from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_JOINT, WITH_SLIDING, WITH_WHEELS, Felt
 from fmus.ports import Port
 
 XYZ = tuple("xyz")
+
+
+INTERVAL = "link_outputs.interval"  # parameter: communication steps that means of links span
 
 
 class Group(NamedTuple):
@@ -24,24 +27,27 @@ class Group(NamedTuple):
 
 
 GROUPS = {
-    "tension": Group("link", "tension", ("",), "N", "tension of {it}"),
+    "tension": Group("link", "tension", ("",), "N", "pull between the two parts of {it}, mean along it"),
     "stress": Group("link", "stress", ("",), "Pa", "largest axial stress of {it}"),
     "position": Group("joint", "position", XYZ, "m", "{part} of {it}, world"),
-    "force": Group("joint", "force", XYZ, "N", "{part} force of {it} on the link that begins there, world"),
+    "force": Group(
+        "joint", "force", XYZ, "N", "{part} force of {it} on the link that begins there, world, mean over the interval",
+        WITH_JOINT,
+    ),
     "ground": Group(
-        "link", "ground.force", XYZ, "N", "{part} force of the ground on {it}, world, mean over the step",
+        "link", "ground.force", XYZ, "N", "{part} force of the ground on {it}, world, mean over the interval",
         WITH_GROUND, True,
     ),
     "wheels": Group(
         "link", "wheels.force", XYZ, "N",
-        "{part} force of the wheels on {it} and on the pin where it ends, world, mean over the step", WITH_WHEELS,
+        "{part} force of the wheels on {it} and on the pin where it ends, world, mean over the interval", WITH_WHEELS,
     ),
     "sliding": Group(
         "link", "ground.sliding", XYZ, "m/s",
-        "{part} velocity over the ground of what of {it} lies on it, world, mean over the step", WITH_SLIDING, True,
+        "{part} velocity over the ground of what of {it} lies on it, world, mean over the interval", WITH_SLIDING, True,
     ),
     "depth": Group(
-        "link", "ground.depth", ("",), "m", "depth of {it} in the ground, mean over the step", WITH_SLIDING, True
+        "link", "ground.depth", ("",), "m", "depth of {it} in the ground, mean over the interval", WITH_SLIDING, True
     ),
     "axis": Group("joint", "axis", XYZ, "1", "{part} of the unit vector along {it}, world"),
     "fibres": Group(
@@ -64,10 +70,10 @@ def chosen(asked: Any, ground: bool) -> tuple[str, ...]:
     return tuple(name for name, group in GROUPS.items() if name in names and (ground or not group.ground))
 
 
-def felt(groups: Sequence[str], links: int) -> Felt:
-    """Rows and columns of what touches each link."""
+def felt(groups: Sequence[str], pins: int) -> Felt:
+    """Rows and columns of the forces on each link."""
     columns = max((GROUPS[name].columns for name in groups), default=0)
-    return (links, columns) if columns else NONE
+    return (pins, columns) if columns else NONE
 
 
 def ports(groups: Sequence[str], links: int, pins: int) -> list[Port]:

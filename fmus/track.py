@@ -63,11 +63,7 @@ OUTPUTS = (
     ("energy.strain", "J", "strain energy of the links and of a closing spring"),
     ("energy.gravity", "J", "potential energy of the links over the origin of the start frame"),
     ("energy.contact", "J", "energy stored in contact springs"),
-    (
-        "energy.dissipated",
-        "J",
-        "energy lost by friction and damping of contacts (ground, wheels, guides, teeth), and by damping of links",
-    ),
+    ("energy.dissipated", "J", "energy lost by friction and damping, the sum of its causes"),
     ("energy.work", "J", "work done so far by the loads on the ends"),
     ("penetration.max", "m", "deepest penetration of any contact"),
     ("ground.force.x", "N", "force of the ground on the chain, x, world, mean over the step"),
@@ -79,7 +75,17 @@ OUTPUTS = (
         "rearward velocity of the ground contact points along the vehicle's present heading, weighted by their load",
     ),
     ("energy.covered", "J", "energy lost so far as spread contacts come to cover other parts of a link"),
+    ("energy.dissipated.ground_friction", "J", "energy lost by friction of links on the ground"),
+    ("energy.dissipated.ground_damping", "J", "energy lost by normal damping of the ground"),
+    ("energy.dissipated.wheel_friction", "J", "energy lost by friction of links on rims"),
+    ("energy.dissipated.wheel_damping", "J", "energy lost by normal damping of rims"),
+    ("energy.dissipated.tooth_friction", "J", "energy lost by friction of pins on teeth"),
+    ("energy.dissipated.tooth_damping", "J", "energy lost by normal damping of teeth"),
+    ("energy.dissipated.guides", "J", "energy lost by friction and damping of guide horns on wheels"),
+    ("energy.dissipated.material", "J", "energy lost by damping of the material of links"),
+    ("energy.dissipated.joints", "J", "energy lost by damping of pins across the chain and of a closing spring"),
 )
+INTERVALS = Range(1.0, 1e6, "a whole number from 1 to 1e6")
 INTEGRATORS = IMPLICIT, EXPLICIT, HHT, ADAMS = "generalized_alpha", "runge_kutta", "hht", "adams"
 CAUSES = {  # of a failure: implicitly, explicitly
     STALLED: ("Newton's iteration of the chain did not converge", ""),
@@ -196,7 +202,7 @@ class TrackModel(Component):
         self.start_rows = np.zeros((wheels, WIDTH))
         self.frame = np.zeros(5)
         self.link_groups = link_outputs.chosen(config.get("link_outputs", True), bool(self.config["ground"]))
-        self.felt = link_outputs.felt(self.link_groups, self.links_count)
+        self.felt = link_outputs.felt(self.link_groups, self.nodes)
         self.ports = self._ports(config)
         self.link_ports = len(link_outputs.ports(self.link_groups, self.links_count, self.nodes))
         self.counters = np.zeros(COUNTERS, dtype=np.int64)
@@ -248,6 +254,8 @@ class TrackModel(Component):
             )
         )
         ports.append(Port("step", "parameter", "s", "largest internal step", 1e-3, allowed=POSITIVE))
+        text = "communication steps over which forces, sliding and depth of links are means, a whole number"
+        ports.append(Port(link_outputs.INTERVAL, "parameter", "1", text, 1.0, allowed=INTERVALS))
         kinds = {wheel["kind"] for wheel in self.wheel_list}
         there = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": bool(self.config["ground"])}
         for pair in (pair for pair, exists in there.items() if exists):
@@ -278,7 +286,9 @@ class TrackModel(Component):
         p = given(self.ports, parameters)
         self.pose = start(p)
         self.lateral = p["start.lateral"]
-        self.max_step, self.integrator = p["step"], p["integrator"]
+        self.max_step, self.integrator, self.interval = p["step"], p["integrator"], p[link_outputs.INTERVAL]
+        if self.interval != round(self.interval):
+            raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
         self.contacts = self.partners(p)
         self.environment = self._environment()
         self.start_rows[:] = 0.0
@@ -301,7 +311,7 @@ class TrackModel(Component):
 
     def free(self, p: Mapping[str, Any]) -> Free:
         """Where it stands on a level ground that goes along with it, and what plays no part in static equilibrium."""
-        numbers = {"stand.lateral": "{start.lateral}"}
+        numbers = {"stand.lateral": "{start.lateral}", "stand.interval": f"{{{link_outputs.INTERVAL}}}"}
         if p["integrator"] != EXPLICIT:
             numbers["stand.longest"] = "{step}"
         names = {port.name for port in self.ports}
@@ -330,6 +340,7 @@ class TrackModel(Component):
                     rows=self.rows,
                     given=self.told,
                     counters=self.counters,
+                    interval=self.interval,
                 ),
                 s=self.s,
                 work=self.work,

@@ -41,6 +41,7 @@ class Stand(NamedTuple):
     rows: np.ndarray  # (wheels, 15) as they are now
     given: np.ndarray  # (TOLD) warnings
     counters: np.ndarray  # int
+    interval: float  # communication steps that means of links span
 
 
 class Parts(NamedTuple):
@@ -59,7 +60,7 @@ class Parts(NamedTuple):
 def alone(link, environment, scheme, longest, s, work, report, counters):
     """Parts of a chain that touches nothing, laid out at the origin, and room for what its steps tell."""
     none = np.zeros((0, WIDTH))
-    stand = Stand(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(TOLD)), counters)
+    stand = Stand(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(TOLD)), counters, 1.0)
     return Parts(link, None, environment, scheme, stand, s, work, report), np.zeros((1 + len(TOLD), NUMBERS + 1))
 
 
@@ -101,12 +102,14 @@ def implicit(c, told, t, h, u):
         return wrong
     counters = stand.counters
     before = counters[REJECTED]
+    on_links.renew(c.s, stand.interval)
     failure, done, link, residual = advance(
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, counters
     )
     if failure:
         told[0, 0], told[0, 1], told[0, 2] = t + done, link, residual
         return IMPLICIT + failure
+    on_links.count(c.s, h)
     tell_halved(stand.given, told, t, counters[REJECTED] - before)
     return 0
 
@@ -126,7 +129,8 @@ def explicit(c, told, t, h, u):
     wrong = _ready(stand, told, t, h, u)
     if wrong:
         return wrong
-    return _how(c, told, t, march(
+    on_links.renew(c.s, stand.interval)
+    return _how(c, told, t, h, march(
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
     ))  # fmt: skip
 
@@ -138,14 +142,16 @@ def adams(c, told, t, h, u):
     wrong = _ready(stand, told, t, h, u)
     if wrong:
         return wrong
-    return _how(c, told, t, adaptive.march(
+    on_links.renew(c.s, stand.interval)
+    return _how(c, told, t, h, adaptive.march(
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
     ))  # fmt: skip
 
 
 @kernel
-def _how(c, told, t, outcome):
+def _how(c, told, t, h, outcome):
     """What became of an explicit integration: 0, or which failure it is."""
+    on_links.count(c.s, h)
     failure, done, link, _ = outcome
     if failure:
         told[0, 0], told[0, 1], told[0, 2] = t + done, link, c.stand.longest
@@ -203,9 +209,10 @@ def show(c, y):
 @allocating
 def show_links(c, y):
     """See ``fmus.model.Component``: the groups of ``link_outputs`` that are asked for, in order; c: ``ShownLinks``."""
-    n, m, shows, felt = c.links, c.nodes, c.shows, c.s.on_links_mean
-    tension, stress, place, force = np.empty(n), np.empty(n), np.empty((m, 3)), np.empty((m, 3))
-    links_shown(c.link, c.environment, c.s, c.work, tension, stress, place, force)
+    n, m, shows, felt = c.links, c.nodes, c.shows, np.empty(c.s.on_links_sum.shape)
+    tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
+    links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)
+    on_links.average(c.s, felt)
     at = _numbers(shows[TENSION], tension, y, 0)
     at = _numbers(shows[STRESS], stress, y, at)
     if shows[POSITION]:
@@ -214,12 +221,12 @@ def show_links(c, y):
             for i in range(3):
                 y[at + 3 * k + i] += c.frame[i]
         at += 3 * m
-    at = _vectors(shows[FORCE], force, c.frame, y, at)
-    at = _vectors(shows[GROUND], felt[:, on_links.GROUND : on_links.GROUND + 3], c.frame, y, at)
-    at = _vectors(shows[WHEELS], felt[:, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, at)
-    at = _vectors(shows[SLIDING], felt[:, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, at)
+    at = _vectors(shows[FORCE], felt[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, at)
+    at = _vectors(shows[GROUND], felt[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, at)
+    at = _vectors(shows[WHEELS], felt[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, at)
+    at = _vectors(shows[SLIDING], felt[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, at)
     if shows[DEPTH]:
-        at = _numbers(1, felt[:, on_links.DEPTH], y, at)
+        at = _numbers(1, felt[:n, on_links.DEPTH], y, at)
     _beyond(c.beyond, c, y, at)
 
 

@@ -74,7 +74,7 @@ def _touch(contacts, A, share, at, p, velocity, centre):
     g = push.f
     force = (c * g[0] - s * g[1], s * g[0] + c * g[1], g[2])
     sums[STORED] += push.energy
-    sums[POWER] += push.power
+    sums[POWER] += push.friction + push.damping
     put(sums, FORCE, add(vector(sums, FORCE), force))
     torque = cross(add(p, scale(-1.0, centre)), force)
     put(f, at, add(vector(f, at), to_body(A, force)))

@@ -6,6 +6,7 @@ from fmus.chassis.dynamics import FINE, fault
 from fmus.jit import allocating
 from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, NOT_FINITE, TOO_SHARP, gather, rates
 from fmus.physics.chain.kinds import close, speed
+from fmus.physics.chain.report import TRAVEL
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.adams import LEAST, accept, accurate, correct, length, predict, restart
 from fmus.physics.rotation import quat_normalise
@@ -69,6 +70,6 @@ def _evaluate(chains, drives, tree, plan, m, sums, t):
     sums[:] = 0.0
     gather(chains, drives, plan, 1.0)
     for c in chains:
-        c.place.books[3] = speed(c.links, c.env, c.s, c.w)
+        c.place.books[TRAVEL] = speed(c.links, c.env, c.s, c.w)
     copy(sums, m.k[n:])
     return failed

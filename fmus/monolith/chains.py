@@ -9,9 +9,9 @@ import numpy as np
 from fmus.model import Floats, InvalidParameter
 from fmus.physics.chain.flexible import cholesky
 from fmus.physics.chain.flexible.state import State as Flexible
-from fmus.physics.chain.kinds import observe, settle_forces
-from fmus.physics.chain.on_links import MIRRORED
-from fmus.physics.chain.report import GROUND, SUMMED
+from fmus.physics.chain.kinds import accelerate, observe
+from fmus.physics.chain.on_links import MIRRORED, count, renew
+from fmus.physics.chain.report import GROUND, REPORT, SUMMED
 from fmus.physics.chain.rigid.joints import fold
 from fmus.physics.chain.rigid.state import State as Rigid
 from fmus.physics.chain.state import moving
@@ -26,11 +26,11 @@ OWN = np.array([1.0, -1, 1, 1, -1, 1])  # ... of one that a cable shares with no
 # ... and of axes that turn: rotation, origin with its rates, angular rates, their auxiliary ones, middle of the wheels
 AXES = np.concatenate([np.outer(FORCE, FORCE).ravel(), *3 * [FORCE], *2 * [-FORCE], [-1.0, -1.0], FORCE, FORCE])
 MIRRORS = {
-    Flexible: {"q": PIN, "v": PIN, "axes": AXES, "residual": FORCE},
-    Rigid: {"q": POSE, "v": WRENCH, "lam": FORCE, "load": FORCE},
+    Flexible: {"q": PIN, "v": PIN, "axes": AXES},
+    Rigid: {"q": POSE, "v": WRENCH, "lam": FORCE, "load": FORCE, "along": np.ones(1)},
 }
 
-BOOKS = 4
+BOOKS = REPORT
 
 
 class Place(NamedTuple):
@@ -42,8 +42,8 @@ class Place(NamedTuple):
     wrench: int  # the first of its m + 1 wrenches, the last one being the ground's
     frame: np.ndarray  # (5) of the track, see fmus.physics.wheels
     impulse: np.ndarray  # (m + 1, 6) of its wrenches over the step
-    on_links: np.ndarray  # (k, c) likewise of what touches each link
-    books: np.ndarray  # (BOOKS) of the step: dissipated, work of loads on ends, lost by covered parts, J; travel, m
+    on_links: np.ndarray  # (k, c) likewise of the forces on each link
+    books: np.ndarray  # (BOOKS) of the step: what a report sums up
 
 
 class Chain(NamedTuple):
@@ -82,11 +82,14 @@ def give(model: TrackModel, x: Floats) -> None:
 def take(model: TrackModel, place: Place, x: Floats, h: float) -> None:
     """The state after a step of ``h``, evaluated, into the model and its report."""
     model.s.flat[: x.size] = x
-    model.s.mean[:], model.s.on_links_mean[:] = place.impulse / h, place.on_links / h
+    renew(model.s, model.interval)
+    model.s.mean[:] = place.impulse / h
+    model.s.on_links_sum += place.on_links
+    count(model.s, h)
+    accelerate(*model.system(), model.s, model.work)
     take_evaluated(model.s, model.work)
-    settle_forces(*model.system(), model.s, model.work)
     observe(model.link, model.environment, model.s, model.work, model.report)
-    model.report[[*SUMMED]] += place.books
+    model.report[[*SUMMED]] += place.books[[*SUMMED]]
 
 
 def mirror(of: TrackModel, model: TrackModel) -> None:
@@ -102,7 +105,7 @@ def mirror(of: TrackModel, model: TrackModel) -> None:
         fold(model.link.rigid, s)
     if "p" in moving(s):
         cholesky.fold(model.link, s, model.work)
-    s.on_links_mean[:] = theirs.on_links_mean * MIRRORED[: theirs.on_links_mean.shape[1]]
+    s.on_links_sum[:], s.span[:] = theirs.on_links_sum * MIRRORED[: theirs.on_links_sum.shape[1]], theirs.span
     s.wrench[:], s.mean[:], s.sums[:] = theirs.wrench * WRENCH, theirs.mean * WRENCH, theirs.sums
     model.report[:] = of.report
     model.report[GROUND + 1] *= -1.0

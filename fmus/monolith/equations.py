@@ -16,9 +16,11 @@ from fmus.chassis.observe import put_sides
 from fmus.jit import allocating
 from fmus.monolith.spins import Spins, book, react, turn
 from fmus.monolith.spins import gather as gather_spins
-from fmus.physics.chain.kinds import close, derivative, speed
+from fmus.physics.chain.kinds import close, derivative, speed, stage_joints
+from fmus.physics.chain.report import TRAVEL, WORK
+from fmus.physics.chain.report import book as book_chain
 from fmus.physics.chain.state import add_share
-from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
+from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise
 from fmus.physics.wheels import read_states, to_world
@@ -74,10 +76,10 @@ def gather(chains, drives, plan, share):
     """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
     for c in chains:
         add_share(share, c.w.wrench, c.place.impulse)
+        stage_joints(c.links, c.env, c.s, c.w)
         add_share(share, c.w.on_links, c.place.on_links)
-        c.place.books[0] += share * c.w.sums[POWER]
-        c.place.books[1] += share * c.w.sums[END_POWER]
-        c.place.books[2] += share * c.w.sums[PATCH_POWER]
+        book_chain(c.place.books, share, c.w.sums)
+        c.place.books[WORK] += share * c.w.sums[END_POWER]
     if drives is not None:
         gather_spins(plan.spins, plan.wrench, share)
 
@@ -108,7 +110,7 @@ def march(chains, drives, tree, plan, t, h, steps, x, y, k):
             if failed >= 0:
                 return CHAIN_FAILED, step, failed
             now = speed(c.links, c.env, c.s, c.w)
-            c.place.books[3] += 0.5 * dt * (before[n] + now)
+            c.place.books[TRAVEL] += 0.5 * dt * (before[n] + now)
             before[n] = now
         if tree is not None:
             at = plan.body + 3

@@ -33,8 +33,7 @@ from fmus.track_closure import PIN, SPRING, closure
 STILL = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
-# coordinates of a pin; vectors of a link, components of a vector
-ELEMENTS = {"cable": (NODE, (4, 3)), "planar": (PLANAR_NODE, (4, 2)), "beam": (BEAM_NODE, (8, 3))}
+ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # coordinates of a pin
 AXES = ("fixed", "free")
 JOINTS = ELIMINATED, CONSTRAINED = "eliminated", "constrained"
 COORDINATES = NODAL, CHOLESKY = "nodal", "cholesky"
@@ -124,15 +123,12 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.axes_state import SIZE
 
             axes = SIZE
-        element = ELEMENTS[self.element]
+        width = ELEMENTS[self.element]
         if self.joints == CONSTRAINED:
-            from fmus.physics.chain.flexible.constrained import ELEMENT
             from fmus.physics.chain.flexible.constrained import NODE as OWN
 
-            element = OWN, ELEMENT
-        return shapes(
-            *element, self.links_count, self.mesh, len(self.wheel_list), axes, self.felt, self.coordinates == CHOLESKY
-        )
+            width = OWN
+        return shapes(width, self.mesh, len(self.wheel_list), axes, self.felt, self.coordinates == CHOLESKY)
 
     @property
     def mesh(self) -> int:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.build import build
+from fmus.link_outputs import INTERVAL
 from fmus.ports import wheel_state, wrench
 from fmus.tensioning import tension_wheel
 from orchestrator.cosim.graph import Connection, Instance, System
@@ -343,6 +344,8 @@ def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float 
         told.setdefault("spectral_radius", HHT)
     if scene.planar:
         told["element"] = "planar"
+    if scene.track.link_outputs:
+        told[INTERVAL] = float(scene.links_every)
     parameters = {**_start(scene), "start.lateral": lateral, **told}
     return Part(name, TRACKS[scene.track.model], config, parameters, TRACK)
 

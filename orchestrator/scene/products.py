@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from fmus.link_outputs import INTERVAL
 from fmus.vehicle import BadInput
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import TRACKS, Part, Product, assemble, build_all, build_native_all, placed
@@ -32,8 +33,10 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
         if not isinstance(scene, TrackScene):
             continue
         for part in sorted(assemble(placed(scene)).parts, key=_side):
-            config = part.config | {"parameters": part.parameters}
-            mirrored = part.parameters | {"start.lateral": abs(_side(part))}  # one FMU serves both sides
+            # in another tool means of links are those of its own communication step
+            parameters = {name: value for name, value in part.parameters.items() if name != INTERVAL}
+            config = part.config | {"parameters": parameters}
+            mirrored = parameters | {"start.lateral": abs(_side(part))}  # one FMU serves both sides
             key = json.dumps([part.kind, part.config, mirrored], sort_keys=True)
             if key in seen:
                 continue

@@ -10,7 +10,7 @@ import test_track_rigid
 from fmus.physics.chain.flexible.elements import flatten
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rolling import roll
-from fmus.physics.chain.sums import CONTACT, PATCH_POWER, POWER
+from fmus.physics.chain.sums import CONTACT, LOSSES, PATCH_POWER
 from fmus.physics.rigid import body
 from fmus.physics.wheels import move
 
@@ -42,7 +42,7 @@ def flexible(element: str):
             into += np.sum(w.load[i] * w.v)
         pushed = 6 if element == "beam" else len(model.kit.AXES)  # of a pin by teeth, of a beam's with its axis
         into += np.sum(w.b[:, :pushed] * model.s.v[:, :pushed])
-        return *w.sums[[CONTACT, POWER, PATCH_POWER]], into - np.sum(w.wrench[:-1] * rows[:, 3:9])
+        return w.sums[CONTACT], w.sums[LOSSES:].sum(), w.sums[PATCH_POWER], into - np.sum(w.wrench[:-1] * rows[:, 3:9])
 
     return at
 
@@ -68,7 +68,7 @@ def rigid():
             body.rotation(s.q[i], w.system.A[i])
         roll(model.link, model.contacts, s, w, w.moved, 0.0, False)
         into = np.sum(w.system.r * s.v) - np.sum(w.wrench[:-1] * rows[:, 3:9])
-        return *w.sums[[CONTACT, POWER, PATCH_POWER]], into
+        return w.sums[CONTACT], w.sums[LOSSES:].sum(), w.sums[PATCH_POWER], into
 
     return at
 

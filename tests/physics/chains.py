@@ -75,7 +75,7 @@ class Flexible:
         n, nodes = (len(pins) if closed else len(pins) - 1), len(pins)
         self.links = cables.Cables(n, int(closed), cable, 0.029, 0.02, AREA, SECOND)
         self.method = Method(coefficients(radius), 1e-12, True)
-        sizes = flexible_shapes(cables.NODE, cables.ELEMENT, n, nodes, 0)
+        sizes = flexible_shapes(cables.NODE, nodes, 0)
         self.s, self.w = flexible_views(np.zeros(size(sizes)), sizes), flexible_work(cables, n, nodes, 0)
         self.place(np.asarray(pins, float))
 

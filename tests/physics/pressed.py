@@ -37,7 +37,7 @@ class Pressed:
         self.f[:], self.f_rate[:] = still.f, still.by_rate
         self.f_x[:] = np.reshape(still.g, (3, 3))
         self.f_v[:] = np.reshape(moving.g, (3, 3)) - self.f_x
-        return depth, still.normal, still.energy, still.power
+        return depth, still.normal, still.energy, still.friction + still.damping
 
 
 def _point(x: Any, v: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -286,6 +286,38 @@ def react(c, e, v, elastic, Q):
 
 
 @kernel
+def rotary(c):
+    """Inertia per length that r_x on the axis has beside that of the volume, kg m."""
+    return 0.0
+
+
+@allocating
+def section_force(c, e, v, a):
+    """See ``element``: what the stresses do to r_x on the axis, seen along the line of the ends."""
+    N, G, H, C = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((2, 5, 5))
+    E, R, T, pull, square, apart = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5)), 0.0, 0.0, 0.0
+    law(c, C)
+    for n in range(3):
+        d = e[4, n] - e[0, n]
+        square += d * d
+        apart += d * (a[4, n] - a[0, n])
+    for p in range(GAUSS):
+        basis(c, POINTS[GAUSS, p], N)
+        seen(N, e, G)
+        seen(N, v, H)
+        strain(G, E)
+        rates(G, H, R)
+        for i in range(5):
+            for j in range(i, 5):
+                E[i, j] += c.tau * R[i, j]
+        hooke(C, E, T)
+        for j in range(5):
+            for n in range(3):
+                pull += WEIGHTS[GAUSS, p] * T[0, j] * G[j, n] * (e[4, n] - e[0, n])
+    return (c.width * c.height * pull + rotary(c) / c.l * apart) / np.sqrt(square)
+
+
+@kernel
 def force(c, e, v, Q):
     """Elastic and damping force, added to ``Q`` (8, 3); returns the power of the damping, W."""
     return react(c, e, v, 1.0, Q)

@@ -307,6 +307,24 @@ def tangent(c, e, v, by_rate, K):
 
 
 @kernel
+def rotary(c):
+    """Inertia per length that r_x has beside that of the line, kg m."""
+    return 0.0
+
+
+@kernel
+def section_force(c, e, v, a):
+    """See ``element``: of the sum of r_x times the force of (12) and (19) and the rotary inertia; bending has no part."""
+    eps = strain(c, e)
+    axial, square, apart = c.EA * eps + c.nuA * strain_rate(c, e, v) / (1.0 + 2.0 * eps), 0.0, 0.0
+    for i in range(len(c.axes)):
+        d = e[2, i] - e[0, i]
+        square += d * d
+        apart += d * (a[2, i] - a[0, i])
+    return (axial * square + rotary(c) * apart) / (c.l * np.sqrt(square))
+
+
+@kernel
 def tension(c, e):
     """Axial force EA eps of (12), N."""
     return c.EA * strain(c, e)

@@ -12,10 +12,10 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import EngineeringCable as Section
-from fmus.physics.ancf.cable_local import ROWS, damping, energy, force, mass, shape, tangent
+from fmus.physics.ancf.cable_local import ROWS, damping, energy, force, mass, section_force, shape, tangent
 from fmus.physics.ancf.centreline import Density
 
-__all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "shape", "tangent"]
+__all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "section_force", "shape", "tangent"]
 
 
 @kernel

@@ -24,7 +24,7 @@ from fmus.physics.ancf.centreline import (
     point,
 )
 
-__all__ = ["ROWS", "damping", "end_moments", "energy", "force", "mass", "shape", "tangent", "tension"]
+__all__ = ["ROWS", "damping", "end_moments", "energy", "force", "mass", "section_force", "shape", "tangent", "tension"]
 
 
 def _elasticity(cable: type) -> Any:
@@ -123,8 +123,28 @@ def tangent(c, e, v, by_rate, K):
 
 
 @allocating
+def section_force(c, e, v, a):
+    """See ``element``: the gradients of all energies and of the damping by r_x, seen along the chord."""
+    D, r, N, square, apart = np.empty((2, 4)), np.empty((2, 3)), 0.0, 0.0, 0.0
+    for i in range(3):
+        d = e[2, i] - e[0, i]
+        square += d * d
+        apart += d * (a[2, i] - a[0, i])
+    for p in range(COUNT):
+        xi, w, EA, EI = point(c, p)
+        s, b, g = lines(c, e, xi, D, r)
+        by, x, y, rate = density(c, EA, EI, s, b, g), 0.0, 0.0, 0.0
+        for i in range(3):
+            x += (e[2, i] - e[0, i]) * r[0, i]
+            y += (e[2, i] - e[0, i]) * r[1, i]
+            rate += r[0, i] * (D[0, 2] * (v[2, i] - v[0, i]) + D[0, 1] * v[1, i] + D[0, 3] * v[3, i])
+        N += w * ((2.0 * by.a + (c.nuA * rate / s if p < AXIAL else 0.0)) * x + by.g * y)
+    return (N + cable.rotary(c) * apart) / (c.l * np.sqrt(square))
+
+
+@allocating
 def tension(c, e):
-    """Axial force, N, what the pins balance, mean over the link."""
+    """See ``element``."""
     D, r, N = np.empty((2, 4)), np.empty((2, 3)), 0.0
     for p in range(AXIAL):
         xi, w, EA, _ = point(c, p)

@@ -93,8 +93,17 @@ def tangent(c, e, v, by_rate, K):
 
 
 @door(_of, shared=True)
+def section_force(c, e, v, a):
+    """Force that the two parts of the element exert on each other along the line of its ends, mean along it, N.
+
+    By equilibrium, at coordinates ``e``, rates ``v`` and accelerations ``a``: elastic, damping, and what rotary inertia
+    of the gradient along the element takes; a uniform stretch along that line does the work of l times it.
+    """
+
+
+@door(_of, shared=True)
 def tension(c, e):
-    """Axial force of a cable, mean over the link, N."""
+    """Axial force of a cable by its elastic strain, mean over the link, N."""
 
 
 @door(_of, shared=True)

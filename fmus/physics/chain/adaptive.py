@@ -8,22 +8,23 @@ from __future__ import annotations
 
 from fmus.jit import allocating
 from fmus.physics.chain.explicit import FAR
-from fmus.physics.chain.kinds import close, derivative, observe, settle_forces, speed
+from fmus.physics.chain.kinds import accelerate, close, derivative, observe, speed, stage_joints
 from fmus.physics.chain.outcome import APART, DONE, SINGULAR, TOO_SHARP, UNSTABLE, Outcome
-from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, PATCH_DEFECT, REJECTED, STEPS, TRAVEL, WORK
+from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, LOST, PATCH_DEFECT, REJECTED, STEPS, TRAVEL, WORK
 from fmus.physics.chain.state import copy, moving, take
-from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
+from fmus.physics.chain.sums import END_POWER, LOSSES, PATCH_POWER, SUMS
 from fmus.physics.integrate import adams as methods
 from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct, length, predict, restart
 from fmus.physics.wheels import move
 
-BOOKS = DISSIPATED, PATCH_DEFECT, WORK, TRAVEL  # of the report, which are summed up
+BOOKS = SUMS - LOSSES + 3  # of the report, which are summed up: what is lost, by cause, and three more
+
 
 
 def adams(s, rtol: float, atol: float) -> Adams:
     """What the methods work in, for a State ``s``."""
     return methods.adams(
-        sum(part.size for part in moving(s).values()), s.mean.size + s.on_links_mean.size + len(BOOKS), rtol, atol
+        sum(part.size for part in moving(s).values()), s.mean.size + s.on_links_sum.size + BOOKS, rtol, atol
     )
 
 
@@ -67,17 +68,22 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
     counters[EVALUATIONS] += counts[methods.EVALUATIONS] - first[methods.EVALUATIONS]
     counters[REJECTED] += counts[methods.REJECTED] - first[methods.REJECTED]
     at = n
-    for mean in (s.mean, s.on_links_mean):
-        for i in range(mean.shape[0]):
-            for k in range(mean.shape[1]):
-                mean[i, k] = m.x[at] / h
+    s.mean[:] = 0.0
+    for total, per in ((s.mean, 1.0 / h), (s.on_links_sum, 1.0)):
+        for i in range(total.shape[0]):
+            for k in range(total.shape[1]):
+                total[i, k] += per * m.x[at]
                 at += 1
-    for k in BOOKS:
-        report[k] += m.x[at]
+    for k in range(SUMS - LOSSES):
+        report[LOST + k] += m.x[at]
+        report[DISSIPATED] += m.x[at]
         at += 1
+    report[PATCH_DEFECT] += m.x[at]
+    report[WORK] += m.x[at + 1]
+    report[TRAVEL] += m.x[at + 2]
+    accelerate(links, contacts, env, s, w)
     take(s, w)
     observe(links, env, s, w, report)
-    settle_forces(links, contacts, env, s, w)
     return Outcome(DONE, h, 0, 0.0)
 
 
@@ -88,12 +94,15 @@ def _evaluate(links, contacts, env, m, rows, t, s, w):
     copy(m.y[:n], s.flat[:n])
     move(rows, t, w.moved)
     failed = derivative(links, contacts, env, s, w, m.k[:n])
+    stage_joints(links, env, s, w)
     at = n
     for now in (w.wrench, w.on_links):
         for i in range(now.shape[0]):
             for k in range(now.shape[1]):
                 m.k[at] = now[i, k]
                 at += 1
-    m.k[at], m.k[at + 1], m.k[at + 2] = w.sums[POWER], w.sums[PATCH_POWER], w.sums[END_POWER]
-    m.k[at + 3] = speed(links, env, s, w)
+    for k in range(LOSSES, SUMS):
+        m.k[at] = w.sums[k]
+        at += 1
+    m.k[at], m.k[at + 1], m.k[at + 2] = w.sums[PATCH_POWER], w.sums[END_POWER], speed(links, env, s, w)
     return failed

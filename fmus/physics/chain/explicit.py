@@ -10,11 +10,11 @@ import numpy as np
 
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.kinds import close, derivative, first_speed, observe, settle_forces, speed
+from fmus.physics.chain.kinds import accelerate, close, derivative, first_speed, observe, speed, stage_joints
 from fmus.physics.chain.outcome import APART, DONE, SINGULAR, UNSTABLE, Outcome
-from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, PATCH_DEFECT, STEPS, TRAVEL, WORK
+from fmus.physics.chain.report import EVALUATIONS, STEPS, TRAVEL, WORK, book
 from fmus.physics.chain.state import add_share, copy, moving, take
-from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
+from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 
@@ -30,15 +30,14 @@ def slopes(s) -> Floats:
 def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s with the wheels ``rows`` (m, 15) of its beginning, in equal steps of at most ``longest``.
 
-    ``k`` from ``slopes``; flexible links want their mass factored in ``w`` (``flexible.release``). The mean wrenches
-    are weighted as the momentum is. Returns an Outcome; after a failure ``s`` is spoilt.
+    ``k`` from ``slopes``; flexible links want their mass factored in ``w`` (``flexible.release``). Mean
+    wrenches and impulses are weighted as the momentum is. Returns an Outcome; after a failure ``s`` is spoilt.
     """
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
     dt = h / steps
     stages = RK4.b.size
     x, x0 = s.flat[: k.shape[1]], k[stages]
     s.mean[:] = 0.0
-    s.on_links_mean[:] = 0.0
     move(rows, 0.0, w.moved)
     along = first_speed(links, env, s, w, report)
     for step in range(steps):
@@ -50,10 +49,10 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
             if failed >= 0:
                 return Outcome(SINGULAR, (step + RK4.c[i]) * dt, failed, 0.0)
             share = dt * RK4.b[i]
+            stage_joints(links, env, s, w)
             add_share(share / h, w.wrench, s.mean)
-            add_share(share / h, w.on_links, s.on_links_mean)
-            report[DISSIPATED] += share * w.sums[POWER]
-            report[PATCH_DEFECT] += share * w.sums[PATCH_POWER]
+            add_share(share, w.on_links, s.on_links_sum)
+            book(report, share, w.sums)
             report[WORK] += share * w.sums[END_POWER]
         finish(RK4, dt, x0, k)
         copy(x0, x)
@@ -67,7 +66,7 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
         counters[STEPS] += 1
         before, along = along, speed(links, env, s, w)
         report[TRAVEL] += 0.5 * dt * (before + along)
+    accelerate(links, contacts, env, s, w)
     take(s, w)
     observe(links, env, s, w, report)
-    settle_forces(links, contacts, env, s, w)
     return Outcome(DONE, h, 0, 0.0)

@@ -6,6 +6,7 @@ from fmus.jit import kernel
 from fmus.physics.chain.faces import along, count, enter, locate, pin_rates, pins, push, pushed, section
 from fmus.physics.chain.near import look, reached
 from fmus.physics.chain.on_links import WHEELS, feel
+from fmus.physics.chain.sums import GUIDES as LOST
 from fmus.physics.chain.sums import PATCH_POWER, note
 from fmus.physics.contact.face import touch
 from fmus.physics.contact.guide import HORN, guide_face
@@ -64,7 +65,7 @@ def _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent):
             continue
         point = POINTS * (k * nodes + i) + GUIDES + g
         f = touch(law, share, depth, face, by_rate, tangent, w.contact, point)
-        note(w.sums, depth, f.energy, f.power)
+        note(w.sums, LOST, LOST, depth, f)
         slope = -dot(face.n, along(links, x, w, i))
         w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
         collect(row, p, f.f, w.wrench[k])

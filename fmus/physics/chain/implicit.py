@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import allocating, kernel
-from fmus.physics.chain.kinds import end_work, first_speed, newton, observe, speed
+from fmus.physics.chain.kinds import end_work, first_speed, newton, newton_joints, observe, speed
 from fmus.physics.chain.outcome import DONE, Outcome
-from fmus.physics.chain.report import DISSIPATED, PATCH_DEFECT, REJECTED, STEPS, TRAVEL, WORK
+from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, book
 from fmus.physics.chain.state import copy, take
-from fmus.physics.chain.sums import PATCH_POWER, POWER
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
@@ -27,25 +26,24 @@ class Method(NamedTuple):
 
 
 @kernel
-def average(c, share, before, now, aux, mean):
-    """``share`` of a step of rows ``before`` and ``now`` onto their ``mean``, by the recursion of the momentum."""
+def gather(c, share, before, now, aux, total):
+    """``share`` times the mean of a step from rows ``before`` to ``now`` onto ``total``, by the momentum's recursion."""
     for k in range(aux.shape[0]):
         for i in range(aux.shape[1]):
             old = aux[k, i]
             aux[k, i] = auxiliary(c, old, before[k, i], now[k, i])
-            mean[k, i] += share * ((1.0 - c.gamma) * old + c.gamma * aux[k, i])
+            total[k, i] += share * ((1.0 - c.gamma) * old + c.gamma * aux[k, i])
 
 
 @allocating
 def advance(links, contacts, env, method, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s with the wheels ``rows`` (m, 15) of its beginning, in steps of ``longest`` s at most.
 
-    A step that Newton cannot do is halved. ``s.mean`` receives the mean wrenches, by the same recursion as the
-    momentum of the chain. Returns an Outcome; after a failure ``s`` is what was reached.
+    A step that Newton cannot do is halved. ``s.mean`` receives the mean wrenches and ``s.on_links_sum`` the impulses,
+    by the same recursion as the momentum of the chain. Returns an Outcome; after a failure ``s`` is what was reached.
     """
     c = method.alpha
     s.mean[:] = 0.0
-    s.on_links_mean[:] = 0.0
     move(rows, 0.0, w.moved)
     along = first_speed(links, env, s, w, report)
     done, failure, link, residual = 0.0, DONE, 0, 0.0
@@ -65,10 +63,11 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
             continue
         done += dt
         counters[STEPS] += 1
-        average(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
-        average(c, dt / h, s.on_links, w.on_links, s.on_links_aux, s.on_links_mean)
-        report[DISSIPATED] += 0.5 * dt * (s.sums[POWER] + w.sums[POWER])
-        report[PATCH_DEFECT] += 0.5 * dt * (s.sums[PATCH_POWER] + w.sums[PATCH_POWER])
+        newton_joints(links, env, s, w)
+        gather(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
+        gather(c, dt, s.on_links, w.on_links, s.on_links_aux, s.on_links_sum)
+        book(report, 0.5 * dt, s.sums)
+        book(report, 0.5 * dt, w.sums)
         report[WORK] += end_work(links, env, dt, s, w)
         take(s, w)
         before, along = along, speed(links, env, s, w)

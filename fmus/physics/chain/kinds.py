@@ -45,8 +45,21 @@ def close(links, s, w):
 
 
 @door(_of, shared=True)
-def settle_forces(links, contacts, env, s, w):
-    """After an explicit step: forces in the links with the accelerations of the state; rigid links have them."""
+def accelerate(links, contacts, env, s, w):
+    """After an explicit step: the accelerations that belong to the state; rigid links have those of the last stage."""
+
+
+@door(_of, shared=True)
+def newton_joints(links, env, s, w):
+    """After an implicit step: force of each pin on the link that begins there into ``w.on_links``, where asked for.
+
+    With the other forces on a link it makes the link's acceleration, to rounding.
+    """
+
+
+@door(_of, shared=True)
+def stage_joints(links, env, s, w):
+    """The same after ``derivative``."""
 
 
 @door(_of, shared=True)
@@ -75,8 +88,8 @@ def pin_places(links, s, w, place):
 
 
 @door(_of, shared=True)
-def links_shown(links, env, s, w, tension, stress, place, force):
-    """What each link shows: tension, N, and stress, Pa, (n), places of and forces at the pins (nodes, 3)."""
+def links_shown(links, env, s, w, tension, stress, place):
+    """What each link shows at an instant: tension, N, and stress, Pa, (n), places of the pins (nodes, 3)."""
 
 
 @door(_of, shared=True)

@@ -1,7 +1,7 @@
 """What a chain shows of itself, and how much work that was: where the numbers stand.
 
 The report is one array (REPORT): what is SUMMED up over the run, and what the state is now. The output of
-``PATCH_DEFECT`` is called energy.covered. The counters (COUNTERS) mean the same for every kind of link.
+``PATCH_DEFECT`` is called energy.covered; DISSIPATED is split by cause from LOST on, in the order of ``sums``. The counters (COUNTERS) mean the same for every kind of link.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ KINETIC, STRAIN, GRAVITY, CONTACT, DISSIPATED, WORK = 6, 7, 8, 9, 10, 11  # J
 DEPTH = 12  # m
 GROUND = 13  # to 15: force of the ground, N
 SLIP, PATCH_DEFECT = 16, 17  # m/s, J
-REPORT = 18
-SUMMED = (DISSIPATED, WORK, PATCH_DEFECT, TRAVEL)
+LOST = 18  # the first of the causes, J
+REPORT = LOST + sums.SUMS - sums.LOSSES
+SUMMED = (DISSIPATED, WORK, PATCH_DEFECT, TRAVEL, *range(LOST, REPORT))
 
 # steps done, evaluations of the residual, corrections of Newton's iteration, steps given up
 STEPS, EVALUATIONS, ITERATIONS, REJECTED = range(4)
@@ -43,5 +44,8 @@ def write(report, w, mean, speed, heading, tension, energy):
 @kernel
 def book(report, share, sums_now):
     """``share`` seconds of the powers of an evaluation."""
-    report[DISSIPATED] += share * sums_now[sums.POWER]
+    for k in range(REPORT - LOST):
+        energy = share * sums_now[sums.LOSSES + k]
+        report[LOST + k] += energy
+        report[DISSIPATED] += energy
     report[PATCH_DEFECT] += share * sums_now[sums.PATCH_POWER]

@@ -32,7 +32,20 @@ from fmus.physics.chain.faces import (
 )
 from fmus.physics.chain.near import beyond, look, reached, survey
 from fmus.physics.chain.on_links import GROUND, WHEELS, clear, feel, rest, slide
-from fmus.physics.chain.sums import CONTACT, LOAD, PATCH_POWER, SIDESLIP, SLIP, note
+from fmus.physics.chain.sums import (
+    CONTACT,
+    GROUND_DAMPING,
+    GROUND_FRICTION,
+    LOAD,
+    PATCH_POWER,
+    SIDESLIP,
+    SLIP,
+    TOOTH_DAMPING,
+    TOOTH_FRICTION,
+    WHEEL_DAMPING,
+    WHEEL_FRICTION,
+    note,
+)
 from fmus.physics.contact.face import press, touch
 from fmus.physics.contact.ground import ground_face
 from fmus.physics.contact.teeth import tooth_face
@@ -95,7 +108,7 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
                     continue
                 point = POINTS * (k * nodes + i) + places * g + m
                 f = press(law, share, depth, rate, 0.0, face, by_rate, tangent, w.contact, point)
-                note(w.sums, depth, f.energy, f.power)
+                note(w.sums, WHEEL_FRICTION, WHEEL_DAMPING, depth, f)
                 slope = -dot(face.n, along(links, x, w, i))
                 w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
                 collect(row, p, f.f, w.wrench[k])
@@ -125,7 +138,7 @@ def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
                 continue
             point = POINTS * (k * nodes + i) + PINS + m
             f = touch(contacts.sprocket, 1.0 / places, depth, face, by_rate, tangent, w.contact, point)
-            note(w.sums, depth, f.energy, f.power)
+            note(w.sums, TOOTH_FRICTION, TOOTH_DAMPING, depth, f)
             collect(row, p, f.f, w.wrench[k])
             feel(w.on_links, i - 1 if i > 0 else (n - 1 if nodes == n else 0), WHEELS, f.f)
             push_pin(links, x, w, i, y, f, tangent)
@@ -153,7 +166,7 @@ def _soil(links, contacts, x, w, by_rate, tangent):
                     continue
                 point = first + POINTS * i + places * g + m
                 f = touch(law, 0.5 / places, depth, face, by_rate, tangent, w.contact, point)
-                note(w.sums, depth, f.energy, f.power)
+                note(w.sums, GROUND_FRICTION, GROUND_DAMPING, depth, f)
                 w.sums[LOAD] += f.normal
                 w.sums[SLIP] -= f.normal * v[0]
                 w.sums[SIDESLIP] -= f.normal * v[1]

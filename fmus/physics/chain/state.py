@@ -7,8 +7,9 @@ Every kind of link has its own State and Work (arrays made once). Both have, for
             size 0);
             a, vdot: auxiliary and true accelerations;
             wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground: now, auxiliary, mean over the
-            communication step; on_links, on_links_aux, on_links_mean (k, c): likewise what touches each link, k = n,
-            or k = 0 where nobody asks for it (``on_links``); sums: of the last evaluation (``sums``)
+            communication step; on_links, on_links_aux, on_links_sum (k, c): likewise the forces on each link, summed
+            up over an interval, k pins, or k = 0 where nobody asks for them (``on_links``); span (2): of that;
+            sums: of the last evaluation (``sums``)
     Work    before: the State at the beginning of a step; moved (m, 15): the wheels at the time of evaluation;
             wrench, on_links, sums: of the evaluation; contact: a ``Memory``
 """
@@ -77,9 +78,10 @@ def take(s, w):
 
 @kernel
 def begin(s, w):
-    """``take``, of a state that begins: the means are those of now."""
+    """``take``, of a state that begins: the means are the values of now."""
     take(s, w)
+    s.span[0], s.span[1] = 1.0, 0.0
     put(w.wrench, s.aux)
     put(w.wrench, s.mean)
     put(w.on_links, s.on_links_aux)
-    put(w.on_links, s.on_links_mean)
+    put(w.on_links, s.on_links_sum)

@@ -39,7 +39,8 @@ class Push(NamedTuple):
     by_rate: Vector  # its derivative by a rate of penetration that is not the point's own, N s/m
     normal: float  # N
     energy: float  # stored, J
-    power: float  # dissipated, W
+    friction: float  # dissipated by friction, W
+    damping: float  # and by the damper, W
 
 
 @kernel
@@ -65,9 +66,9 @@ def press(law, share, depth, rate, own, face, by_rate, tangent, memory, point):
     phi = law.mu / g
     drag = phi * force
     f = add(scale(force, n), scale(-drag, s))
-    power = drag * slip2 - (force - share * law.k * depth) * w_n
+    rubbed, damped = drag * slip2, -(force - share * law.k * depth) * w_n
     if not tangent:
-        return Push(f, NO_MATRIX, NOTHING, force, energy, power)
+        return Push(f, NO_MATRIX, NOTHING, force, energy, rubbed, damped)
     seen = followed(memory, point, g, s) if memory.sharp[0] == 1 else s
     felt, inverse = slope * own, 1.0 / (g * g)
     d = add(n, scale(-phi, s))
@@ -89,4 +90,4 @@ def press(law, share, depth, rate, own, face, by_rate, tangent, memory, point):
         d[2] * p[1] + c * u[2] * u[1] + n[2] * e[1] + seen[2] * y[1] + o[0],
         d[2] * p[2] + c * u[2] * u[2] + n[2] * e[2] + seen[2] * y[2] - b,
     )
-    return Push(f, matrix, scale(slope, d), force, energy, power)
+    return Push(f, matrix, scale(slope, d), force, energy, rubbed, damped)

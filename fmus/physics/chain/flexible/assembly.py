@@ -8,6 +8,7 @@ from fmus.jit import apart, kernel
 from fmus.physics.ancf.element import axes, energy, force, mass, matter, tangent, vectors
 from fmus.physics.chain.flexible.axes import (
     absolute,
+    accelerated,
     border,
     burden,
     homeward,
@@ -23,7 +24,7 @@ from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.elements import axial, gather, layout
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
 from fmus.physics.chain.flexible.link_layout import ends
-from fmus.physics.chain.sums import POWER
+from fmus.physics.chain.sums import MATERIAL
 from fmus.physics.chain.touch import roll
 
 
@@ -56,7 +57,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
             add_mass(rows, dims, w.M, by.vdot, w.K)
             lean(links, w, by.vdot)
         sideways(links, w, r, fresh)
-        w.sums[POWER] += force(c, w.e, w.v, r)
+        w.sums[MATERIAL] += force(c, w.e, w.v, r)
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if w.touched[i]:
                 for a in range(rows):
@@ -82,6 +83,7 @@ def totals(links, env, x, w):
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
         first, second = ends(layout(links), q.shape[0], i)
+        accelerated(links, x, w, first, second)
         gather(links, q, first, second, w.e)
         gather(links, x.v, first, second, w.v)
         absolute(links, x, w)
@@ -95,9 +97,11 @@ def totals(links, env, x, w):
 
 
 @kernel
-def axials(links, q, w, tension, stress):
+def axials(links, x, w, tension, stress):
     """Tension, N, and largest axial stress, Pa, of all links into ``tension`` and ``stress`` (n)."""
     for i in range(links.n):
-        first, second = ends(layout(links), q.shape[0], i)
-        gather(links, q, first, second, w.e)
+        first, second = ends(layout(links), x.q.shape[0], i)
+        accelerated(links, x, w, first, second)
+        gather(links, x.q, first, second, w.e)
+        gather(links, x.v, first, second, w.v)
         tension[i], stress[i] = axial(links, w)

@@ -102,6 +102,21 @@ def absolute(links, x, w):
 
 
 @door(_of)
+def accelerated(links, s, w, i, j):
+    """Accelerations against the ground of the link between the pins ``i`` and ``j``, along the axes, into ``w.dv``."""
+
+
+@door(_of)
+def lagging(links, s, w, i, j):
+    """The part of them that an evaluation without accelerations leaves out."""
+
+
+@door(_of)
+def upwards(links, s):
+    """The vertical, along the axes."""
+
+
+@door(_of)
 def risen(links, x, w):
     """Height of the link in ``w.e``, m."""
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from fmus.jit import allocating, kernel
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, seen
+from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
 from fmus.physics.chain.flexible.beam_nodes import gather as coordinates
@@ -75,25 +76,20 @@ def flatten(links, w):
 
 @allocating
 def axial(links, w):
-    """Tension E A eps |r_x|, what the pins balance, N, mean over the link in ``w.e``, and its largest axial stress, Pa.
-
-    Strains are Green's, at the Gauss points of the axis and at the corners of the section.
-    """
+    """See ``elements``; stress by Green's strains at the Gauss points of the axis and the corners of the section."""
     N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), radii(links.element)
     y, z = 0.5 * links.element.width / across, links.outer_fibre / up
-    pull = stress = 0.0
+    stress = 0.0
     for p in range(GAUSS):
         basis(links.element, POINTS[GAUSS, p], N)
         seen(N, w.e, G)
-        square = G[0, 0] ** 2 + G[0, 1] ** 2 + G[0, 2] ** 2
-        pull += WEIGHTS[GAUSS, p] * links.young * links.area * 0.5 * (square - 1.0) * np.sqrt(square)
         for corner in range(4):
             a, b = y if corner < 2 else -y, z if corner % 2 else -z
             square = 0.0
             for k in range(3):
                 square += (G[0, k] + a * G[1, k] + b * G[2, k]) ** 2
             stress = max(stress, abs(links.young * 0.5 * (square - 1.0)))
-    return pull, stress
+    return section_force(links.element, w.e, w.v, w.dv), stress
 
 
 @allocating

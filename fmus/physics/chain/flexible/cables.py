@@ -16,7 +16,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import Cable
-from fmus.physics.ancf.element import end_moments, mean_curvature, tension
+from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.closing import Spring
@@ -69,11 +69,10 @@ def flatten(links, w):
 @kernel
 def axial(links, w):
     """See ``elements``."""
-    pull = tension(links.element, w.e)
     first, second = end_moments(links.element, w.e)
     bend = max(first, second) * links.outer_fibre / links.second_moment
-    at = pull / links.area
-    return pull, max(abs(at + bend), abs(at - bend))
+    at = tension(links.element, w.e) / links.area
+    return section_force(links.element, w.e, w.v, w.dv), max(abs(at + bend), abs(at - bend))
 
 
 @kernel

@@ -22,14 +22,15 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics import cholesky_cyclic
-from fmus.physics.chain.flexible import dynamics
+from fmus.physics.chain.flexible import dynamics, pin_forces
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.elements import layout
-from fmus.physics.chain.flexible.explicit import NOTHING, keep_residuals
+from fmus.physics.chain.flexible.explicit import NOTHING
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import keep_symmetric
 from fmus.physics.chain.flexible.release import condense_mass
 from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.on_links import JOINT
 
 
 class CholeskyLinks(NamedTuple):
@@ -156,12 +157,18 @@ def derivative(links, contacts, env, s, w, k):
 
 
 @kernel
-def settle_forces(links, contacts, env, s, w):
+def accelerate(links, contacts, env, s, w):
     """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
-    _nodal(links, w.change[1], s.p[1], w.change[0], s.v, w)
-    evaluate(links.links, contacts, env, Motion(s.q, s.v, w.change[0], s.axes), NOTHING, w, False)
-    keep_residuals(s, w)
+    _nodal(links, w.change[1], s.p[1], s.vdot, s.v, w)
+
+
+@kernel
+def stage_joints(links, env, s, w):
+    """See ``kinds``."""
+    if w.on_links.shape[1] > JOINT:
+        _nodal(links, w.change[1], s.p[1], s.vdot, s.v, w)
+        pin_forces.stage_joints(links.links, env, s, w)
 
 
 @kernel
@@ -214,6 +221,6 @@ def fibres(links, s, w, stress):
 
 
 @kernel
-def links_shown(links, env, s, w, tension, stress, place, force):
+def links_shown(links, env, s, w, tension, stress, place):
     """See ``kinds``."""
-    dynamics.links_shown(links.links, env, s, w, tension, stress, place, force)
+    dynamics.links_shown(links.links, env, s, w, tension, stress, place)

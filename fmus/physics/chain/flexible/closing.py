@@ -16,7 +16,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.element import mass, vectors
-from fmus.physics.chain.sums import POWER
+from fmus.physics.chain.sums import JOINTS
 
 
 class Spring(NamedTuple):
@@ -40,7 +40,7 @@ def pull(spring, at, dims, x, w, by_rate, tangent):
             force = spring.stiffness * (x.q[last, k] - x.q[0, k]) + spring.damping * rate
             w.b[0, k] -= force
             w.b[last, k] += force
-            w.sums[POWER] += spring.damping * rate * rate
+            w.sums[JOINTS] += spring.damping * rate * rate
             if tangent:
                 stiff = spring.stiffness + by_rate * spring.damping
                 if len(at.pins) == 1:

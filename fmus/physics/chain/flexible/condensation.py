@@ -145,6 +145,10 @@ def reduce(links, env, x, w, by_rate, tangent):
     worst, where = _spread(at, w.R, w.inner, w.own, w.b, w.swap)
     pin_loads(links, env, x, w, by_rate, tangent)
     pull(links.closing, at, axes(links.element), x, w, by_rate, tangent)
+    if w.on_links.shape[0] > 0:
+        for i in range(w.b.shape[0]):
+            for k in range(axes(links.element)):
+                w.imbalance[i, k] = w.b[i, k]
     return _reduce(at, env, w.left, w.own, w.b, worst, where)
 
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
+from fmus.physics.ancf.element import vectors
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
 from fmus.physics.chain.flexible import joints
 from fmus.physics.chain.flexible.assembly import axials, totals
 from fmus.physics.chain.flexible.axes import directed, placed
 from fmus.physics.chain.flexible.elements import gather, in_space, layout, outer_and_inner, pin_axis
-from fmus.physics.chain.flexible.explicit import close, derivative, keep_residuals, settle_forces  # noqa: F401
+from fmus.physics.chain.flexible.explicit import accelerate, close, derivative, stage_joints  # noqa: F401
 from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
-from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.flexible.pin_forces import newton_joints  # noqa: F401 - behind the door
 from fmus.physics.chain.report import SPEED, write
 from fmus.physics.vector import put
 
@@ -41,9 +42,8 @@ def first_speed(links, env, s, w, report):
 
 @kernel
 def observe(links, env, s, w, report):
-    """See ``kinds``; and the residuals of the links."""
-    keep_residuals(s, w)
-    tension, energy = totals(links, env, Motion(s.q, s.v, s.vdot, s.axes), w)
+    """See ``kinds``."""
+    tension, energy = totals(links, env, s, w)
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], tension, energy)
 
 
@@ -75,7 +75,7 @@ def fibres(links, s, w, stress):
 @kernel
 def slopes(links, s, w, found):
     """See ``kinds``."""
-    rows = s.residual.shape[1]
+    rows = vectors(links.element)
     for i in range(links.n):
         first, second = ends(layout(links), s.q.shape[0], i)
         gather(links, s.q, first, second, w.e)
@@ -84,12 +84,7 @@ def slopes(links, s, w, found):
 
 
 @kernel
-def links_shown(links, env, s, w, tension, stress, place, force):
-    """See ``kinds``; the pin force is the link's own residual at its first pin."""
-    axials(links, s.q, w, tension, stress)
+def links_shown(links, env, s, w, tension, stress, place):
+    """See ``kinds``."""
+    axials(links, s, w, tension, stress)
     pin_places(links, s, w, place)
-    for i in range(links.n):
-        put(force[i], 0, directed(links, s, in_space(links, s.residual[i, 0])))
-    if force.shape[0] > links.n:
-        last = directed(links, s, in_space(links, s.residual[links.n - 1, s.residual.shape[1] // 2]))
-        put(force[links.n], 0, (-last[0], -last[1], -last[2]))

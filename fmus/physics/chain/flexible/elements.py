@@ -41,7 +41,7 @@ def gather(links, q, i, j, e):
 
 @door(kit, shared=True)
 def axial(links, w):
-    """Tension, N, and largest axial stress, Pa, of the link in ``w.e``."""
+    """Tension, N, and largest axial stress, Pa, of the link in ``w.e``, ``w.v``, ``w.dv``."""
 
 
 @door(kit, shared=True)

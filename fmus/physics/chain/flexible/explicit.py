@@ -11,6 +11,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.element import highest_frequency
+from fmus.physics.chain.flexible import pin_forces
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes import follow, rates, sideways_frequency, square, swing
 from fmus.physics.chain.flexible.closing import square_of_frequency
@@ -18,6 +19,7 @@ from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.joints import close as join
 from fmus.physics.chain.flexible.joints import misfit
 from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.state import put
 from fmus.physics.integrate.generalized_alpha import Slopes
 
 # step times highest frequency, within the stability region of the method for lightly damped modes
@@ -57,20 +59,17 @@ def derivative(links, contacts, env, s, w, k):
 
 
 @kernel
-def settle_forces(links, contacts, env, s, w):
+def accelerate(links, contacts, env, s, w):
     """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
-    evaluate(links, contacts, env, Motion(s.q, s.v, w.change[0], s.axes), NOTHING, w, False)
-    keep_residuals(s, w)
+    put(w.change[0], s.vdot)
 
 
 @kernel
-def keep_residuals(s, w):
-    """Those of the links in the last evaluation are the state's."""
-    for i in range(s.residual.shape[0]):
-        for a in range(s.residual.shape[1]):
-            for k in range(s.residual.shape[2]):
-                s.residual[i, a, k] = w.R[i, a, k]
+def stage_joints(links, env, s, w):
+    """See ``kinds``."""
+    put(w.change[0], s.vdot)
+    pin_forces.stage_joints(links, env, s, w)
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fmus.jit import kernel
 from fmus.physics.ancf.element import axes, vectors
 from fmus.physics.chain.flexible import inertia
-from fmus.physics.chain.flexible.elements import flatten
+from fmus.physics.chain.flexible.elements import flatten, gather
 from fmus.physics.chain.flexible.joints import solve
 
 
@@ -94,6 +94,24 @@ def sideways_frequency(links):
 @kernel
 def absolute(links, x, w):
     """See ``axes``."""
+
+
+@kernel
+def accelerated(links, s, w, i, j):
+    """See ``axes``."""
+    gather(links, s.vdot, i, j, w.dv)
+
+
+@kernel
+def lagging(links, s, w, i, j):
+    """See ``axes``."""
+    gather(links, s.vdot, i, j, w.dv)
+
+
+@kernel
+def upwards(links, s):
+    """See ``axes``."""
+    return (0.0, 0.0, 1.0) if axes(links.element) == 3 else (0.0, 1.0, 0.0)
 
 
 @kernel

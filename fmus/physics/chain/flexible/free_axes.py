@@ -77,7 +77,23 @@ def homeward(links, x, w):
 def burden(links, x, w, weight, r):
     """See ``axes``; books their moment."""
     f, a, l = x.axes, w.axes, links.element.l
-    drift, roll, yaw, d_roll, d_yaw = vector(a.drift, 0), f[RATE], f[RATE + 2], f[GROWTH], f[GROWTH + 2]
+    _whirl(f, w)
+    inertia.inertia(4, 3, w.M, w.dv, r)
+    about_x = about_z = 0.0
+    for k in range(3):
+        inertia.weigh(weight * f[6 + k], l, 2, k, r)
+    for n in range(4):
+        e, q = vector(w.e[n], 0), vector(r[n], 0)
+        about_x += e[1] * q[2] - e[2] * q[1]
+        about_z += e[0] * q[1] - e[1] * q[0]
+    a.moment[0] += about_x
+    a.moment[1] += about_z
+
+
+@kernel
+def _whirl(f, w):
+    """What the motion of the axes adds to the accelerations ``w.dv`` of the link in ``w.e``, ``w.v``."""
+    drift, roll, yaw, d_roll, d_yaw = vector(w.axes.drift, 0), f[RATE], f[RATE + 2], f[GROWTH], f[GROWTH + 2]
     square = roll * roll + yaw * yaw
     for n in range(4):
         x0, y0, z0 = vector(w.e[n], 0)
@@ -90,16 +106,30 @@ def burden(links, x, w, weight, r):
         )
         for k in range(3):
             w.dv[n, k] += more[k] + (drift[k] if n % 2 == 0 else 0.0)
-    inertia.inertia(4, 3, w.M, w.dv, r)
-    about_x = about_z = 0.0
-    for k in range(3):
-        inertia.weigh(weight * f[6 + k], l, 2, k, r)
+
+
+@kernel
+def accelerated(links, s, w, i, j):
+    """See ``axes``."""
+    gather(links, s.q, i, j, w.e)
+    gather(links, s.v, i, j, w.v)
+    gather(links, s.vdot, i, j, w.dv)
+    _whirl(s.axes, w)
+
+
+@kernel
+def lagging(links, s, w, i, j):
+    """See ``axes``: of the coordinates, and by the growing rate of the axes."""
+    gather(links, s.q, i, j, w.e)
+    gather(links, s.vdot, i, j, w.dv)
     for n in range(4):
-        e, q = vector(w.e[n], 0), vector(r[n], 0)
-        about_x += e[1] * q[2] - e[2] * q[1]
-        about_z += e[0] * q[1] - e[1] * q[0]
-    a.moment[0] += about_x
-    a.moment[1] += about_z
+        put(w.dv[n], 0, add(vector(w.dv[n], 0), cross(vector(s.axes, GROWTH), vector(w.e[n], 0))))
+
+
+@kernel
+def upwards(links, s):
+    """See ``axes``."""
+    return vector(s.axes, 6)
 
 
 @kernel

@@ -8,7 +8,7 @@ from fmus.jit import kernel
 from fmus.physics.chain.environment import HELD, PINNED, PULLED
 from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.link_layout import node
-from fmus.physics.chain.sums import END_POWER, POWER
+from fmus.physics.chain.sums import END_POWER, JOINTS
 
 
 @kernel
@@ -30,7 +30,7 @@ def pin_loads(links, env, x, w, by_rate, tangent):
             size = np.sqrt(t0 * t0 + t2 * t2)
             n0, n2 = -t2 / size, t0 / size
             across = n0 * v[i, 0] + n2 * v[i, z]
-            w.sums[POWER] += env.transverse * across * across
+            w.sums[JOINTS] += env.transverse * across * across
             w.b[i, 0] += env.transverse * across * n0
             w.b[i, z] += env.transverse * across * n2
             if tangent:
@@ -40,7 +40,7 @@ def pin_loads(links, env, x, w, by_rate, tangent):
                 w.A[i, z, 0] += d * n0 * n2
                 w.A[i, z, z] += d * n2 * n2
             if z == 2:
-                w.sums[POWER] += env.transverse * v[i, 1] * v[i, 1]
+                w.sums[JOINTS] += env.transverse * v[i, 1] * v[i, 1]
                 w.b[i, 1] += env.transverse * v[i, 1]
                 if tangent:
                     w.A[i, 1, 1] += by_rate * env.transverse

@@ -6,7 +6,7 @@ from fmus.jit import allocating, kernel
 from fmus.physics.ancf.element import axes, mass, vectors
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.condensation import clear, condense
-from fmus.physics.chain.flexible.dynamics import observe
+from fmus.physics.chain.flexible.dynamics import newton_joints, observe
 from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.equilibrium import settle
 from fmus.physics.chain.flexible.explicit import NOTHING, accelerations
@@ -57,6 +57,7 @@ def let_go(links, contacts, env, rows, s, w, report):
         for k in range(s.vdot.shape[1]):
             s.vdot[i, k] = s.a[i, k] = w.change[0, i, k]
     evaluate(links, contacts, env, Motion(s.q, s.v, s.vdot, s.axes), NOTHING, w, False)
+    newton_joints(links, env, s, w)
     begin(s, w)
     observe(links, env, s, w, report)
     for k in SUMMED:

@@ -15,7 +15,7 @@ FIXED = np.zeros(0)  # axes of coordinates that do not turn
 
 
 class State(NamedTuple):
-    """Views into the flat state: pins with ``width`` coordinates, links of ``rows`` vectors along ``axes``."""
+    """Views into the flat state: pins with ``width`` coordinates."""
 
     flat: np.ndarray
     p: np.ndarray  # (2, nodes, width) Cholesky coordinates and rates, which q and v follow from; (0, ...): none
@@ -27,11 +27,11 @@ class State(NamedTuple):
     wrench: np.ndarray  # (m + 1, 6) on each wheel now, and on the ground
     aux: np.ndarray  # (m + 1, 6) auxiliary wrenches
     mean: np.ndarray  # (m + 1, 6) over the communication step
-    on_links: np.ndarray  # (k, c) what touches each link now, see ``on_links``; none where nobody asks
+    on_links: np.ndarray  # (k, c) forces on each link now, see ``on_links``; none where nobody asks
     on_links_aux: np.ndarray  # (k, c) auxiliary
-    on_links_mean: np.ndarray  # (k, c) over the communication step
+    on_links_sum: np.ndarray  # (k, c) impulses since the interval began
+    span: np.ndarray  # (2) how long that was, s, and steps left of the interval
     sums: np.ndarray  # (SUMS) of the last evaluation
-    residual: np.ndarray  # (links, rows, axes) of each link: inertia + internal - external
 
 
 class Motion(NamedTuple):
@@ -45,23 +45,21 @@ class Motion(NamedTuple):
 
 def shapes(
     width: int,
-    element: tuple[int, int],
-    links: int,
     nodes: int,
     wheels: int,
     axes: int = 0,
     felt: Felt = NONE,
     cholesky: bool = False,
 ) -> state.Shapes:
-    """Of the views; ``width``: coordinates of a pin, ``element``: vectors of a link and their components.
+    """Of the views; ``width``: coordinates of a pin.
 
-    ``felt``: of what touches each link; ``cholesky``: whether it moves in these coordinates.
+    ``felt``: of the forces on each link; ``cholesky``: whether it moves in these coordinates.
     """
     pins, on = (nodes, width), (wheels + 1, 6)
     return {
         "p": (2 * cholesky, *pins), "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins,
-        "wrench": on, "aux": on, "mean": on, "on_links": felt, "on_links_aux": felt, "on_links_mean": felt,
-        "sums": (SUMS,), "residual": (links, *element),
+        "wrench": on, "aux": on, "mean": on, "on_links": felt, "on_links_aux": felt, "on_links_sum": felt, "span": (2,),
+        "sums": (SUMS,),
     }  # fmt: skip
 
 

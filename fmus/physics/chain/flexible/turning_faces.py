@@ -54,13 +54,14 @@ def to_ground(links, x, w, p, v):
 def from_ground(links, x, w, push, tangent):
     """See ``faces``; that the point's velocity turns with the axes is left out of the matrix."""
     f = x.axes
+    energies = push.energy, push.friction, push.damping
     if not tangent:
-        return Push(to_axes(f, push.f), push.g, push.by_rate, push.normal, push.energy, push.power)
+        return Push(to_axes(f, push.f), push.g, push.by_rate, push.normal, *energies)
     g = push.g
     a, b, c = to_axes(f, (g[0], g[1], g[2])), to_axes(f, (g[3], g[4], g[5])), to_axes(f, (g[6], g[7], g[8]))
     p, q, r = to_axes(f, (a[0], b[0], c[0])), to_axes(f, (a[1], b[1], c[1])), to_axes(f, (a[2], b[2], c[2]))
     turned = (p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2])
-    return Push(to_axes(f, push.f), turned, to_axes(f, push.by_rate), push.normal, push.energy, push.power)
+    return Push(to_axes(f, push.f), turned, to_axes(f, push.by_rate), push.normal, *energies)
 
 
 @kernel

@@ -47,7 +47,8 @@ class Work(NamedTuple):
     load: np.ndarray  # (links, rows, axes) residual of its contacts, where touched
     stiffening: np.ndarray  # (links, whole, whole) and their iteration matrix
     wrench: np.ndarray  # (wheels + 1, 6) on the wheels, and on the ground
-    on_links: np.ndarray  # (k, c) what touches each link, see ``on_links``
+    on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
+    imbalance: np.ndarray  # (nodes, axes) forces at the pins as they were evaluated last, N
     sums: np.ndarray  # (SUMS)
     contact: Memory
     near: Near
@@ -62,7 +63,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Wo
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
-    sizes = shapes(kit.NODE, kit.ELEMENT, links, nodes, wheels, kit.FREE, felt)
+    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, felt)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     moved = z((wheels, 15))
     return Work(
@@ -75,7 +76,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Wo
         S=z(rows), C=z(rows), t=z(3),
         moved=moved, flat=moved if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
-        wrench=z((wheels + 1, 6)), on_links=z(felt), sums=z(SUMS), contact=memory(points(wheels, nodes)),
+        wrench=z((wheels + 1, 6)), on_links=z(felt), imbalance=z((nodes, dims)), sums=z(SUMS), contact=memory(points(wheels, nodes)),
         near=near(links),
         axes=axes(nodes, m, whole) if kit.FREE else None,
         joints=_joints(links, m) if len(at.pins) == 2 else None,

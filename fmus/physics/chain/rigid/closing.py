@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.chain.rigid.arms import axis, rate
-from fmus.physics.chain.sums import POWER
+from fmus.physics.chain.sums import JOINTS
 from fmus.physics.rigid import body
 from fmus.physics.rigid.augmented import Ends, closing
 from fmus.physics.vector import add, dot, scale, vector
@@ -50,7 +50,7 @@ def stretch(links, s, w, by_v):
     _, opens = opening(links, s, w)
     for i in range(3):
         y.C[j, i] = (k * y.C[j, i] + c * opens[i] + s.lam[j, i]) / (k + by_v * c)
-    w.sums[POWER] += c * dot(opens, opens)
+    w.sums[JOINTS] += c * dot(opens, opens)
 
 
 @kernel

@@ -6,11 +6,13 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.chain.carrier import carrier
+from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid.closing import strain
-from fmus.physics.chain.rigid.explicit import close, derivative, settle_forces  # noqa: F401 - behind the door
+from fmus.physics.chain.rigid.explicit import accelerate, close, derivative  # noqa: F401 - behind the door
 from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - behind the door
 from fmus.physics.chain.speed import chain_speed
+from fmus.physics.chain.state import put
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.rigid import body
 
@@ -38,6 +40,7 @@ def first_speed(links, env, s, w, report):
 def observe(links, env, s, w, report):
     """See ``kinds``."""
     n = s.q.shape[0]
+    put(w.along, s.along)
     low, high, mean, kinetic, height = np.inf, -np.inf, 0.0, 0.0, 0.0
     for i in range(n):
         pull = tension(links, env, s, w, i)
@@ -50,8 +53,9 @@ def observe(links, env, s, w, report):
 
 @kernel
 def tension(links, env, s, w, i):
-    """Of link ``i``, N."""
-    pull = 0.0
+    """Of link ``i``, N: mean along a uniform rod of the pull between its two parts; equation (9) of its README."""
+    o1, o2 = s.v[i, 4], s.v[i, 5]
+    pull = s.along[i, 0] + links.mass * links.half * (o1 * o1 + o2 * o2) / 6.0
     for k in range(3):
         before, after = stretching(links, env, s, i, k)
         pull += 0.5 * (before + after) * w.system.A[i, k, 0]
@@ -80,15 +84,22 @@ def stretching(links, env, s, i, k):
 
 
 @kernel
-def pin_forces(links, env, s, force):
-    """Force of each pin on the link that begins there into ``force`` (nodes, 3); of a last pin, on what holds it."""
-    n = s.q.shape[0]
-    for i in range(n):
-        for k in range(3):
-            before, after = stretching(links, env, s, i, k)
-            force[i, k] = -before
-            if i == n - 1 and not links.ends.closed:
-                force[n, k] = -after
+def newton_joints(links, env, s, w):
+    """See ``kinds``; of a last pin, on what holds it."""
+    n, force = s.q.shape[0], w.on_links
+    if force.shape[1] > JOINT:
+        for i in range(n):
+            for k in range(3):
+                before, after = stretching(links, env, s, i, k)
+                force[i, JOINT + k] = -before
+                if i == n - 1 and not links.ends.closed:
+                    force[n, JOINT + k] = -after
+
+
+@kernel
+def stage_joints(links, env, s, w):
+    """See ``kinds``."""
+    newton_joints(links, env, s, w)
 
 
 @kernel
@@ -145,10 +156,9 @@ def pin_places(links, s, w, place):
 
 
 @kernel
-def links_shown(links, env, s, w, tension, stress, place, force):
+def links_shown(links, env, s, w, tension, stress, place):
     """See ``kinds``."""
     tensions(links, env, s, w, tension)
     for i in range(stress.size):
         stress[i] = 0.0
     pin_places(links, s, w, place)
-    pin_forces(links, env, s, force)

@@ -101,7 +101,7 @@ def normalise(s):
 
 
 @kernel
-def settle_forces(links, contacts, env, s, w):
+def accelerate(links, contacts, env, s, w):
     """See ``kinds``."""
 
 

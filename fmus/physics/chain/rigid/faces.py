@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.chain.rigid.arms import act, axis, lever, rate
-from fmus.physics.vector import add, scale, vector
+from fmus.physics.vector import add, dot, scale, vector
 
 
 @kernel
@@ -95,9 +95,11 @@ def along(links, x, w, i):
 
 @kernel
 def push(links, w, i, push, tangent):
-    """Force on residual and matrix of the link."""
-    y = w.system
-    act(y.A[i], vector(w.lever, 0), 1.0, push.f, push.g, tangent, w.N, y.r[i], y.K[i])
+    """Force on residual and matrix of the link, and what it adds to the mean tension along it."""
+    y, l = w.system, vector(w.lever, 0)
+    along = axis(y.A[i], 0)
+    w.along[i, 0] += dot(push.f, along) * dot(l, along) / (2.0 * links.half)
+    act(y.A[i], l, 1.0, push.f, push.g, tangent, w.N, y.r[i], y.K[i])
 
 
 @kernel

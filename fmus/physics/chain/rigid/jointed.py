@@ -18,7 +18,7 @@ from fmus.physics.chain.rigid.explicit import ANY, CORRECTIONS, OPEN
 from fmus.physics.chain.rigid.joints import places, unfold
 from fmus.physics.chain.rigid.links import RigidLinks, loads
 from fmus.physics.chain.rigid.newton import GAP
-from fmus.physics.chain.sums import POWER
+from fmus.physics.chain.sums import JOINTS
 from fmus.physics.rigid import augmented, body, recursive
 from fmus.physics.vector import dot
 
@@ -52,7 +52,7 @@ def accelerations(links, contacts, env, s, w):
     loads(links, contacts, env, s, w, ANY, False)
     if spring:
         _, opens = closing.opening(links, s, w)
-        w.sums[POWER] += links.spring.damping * dot(opens, opens)
+        w.sums[JOINTS] += links.spring.damping * dot(opens, opens)
     _gather(links, s, w)
     failed = recursive.factor(half, links.mass, links.inertia, ends.first, t)
     if failed >= 0:
@@ -265,8 +265,14 @@ def _push(links, f, s, w):
 
 
 @kernel
-def settle_forces(links, contacts, env, s, w):
+def accelerate(links, contacts, env, s, w):
     """See ``kinds``."""
+
+
+@kernel
+def stage_joints(links, env, s, w):
+    """See ``kinds``."""
+    dynamics.stage_joints(links.rigid, env, s, w)
 
 
 @kernel
@@ -312,6 +318,6 @@ def fibres(links, s, w, stress):
 
 
 @kernel
-def links_shown(links, env, s, w, tension, stress, place, force):
+def links_shown(links, env, s, w, tension, stress, place):
     """See ``kinds``."""
-    dynamics.links_shown(links.rigid, env, s, w, tension, stress, place, force)
+    dynamics.links_shown(links.rigid, env, s, w, tension, stress, place)

@@ -17,7 +17,7 @@ from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.arms import act, lever, rate
 from fmus.physics.chain.rigid.state import State
 from fmus.physics.chain.rigid.work import Work
-from fmus.physics.chain.sums import END_POWER, POWER
+from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.chain.touch import roll
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import PIN, Ends, Spring
@@ -75,7 +75,7 @@ def _across(links, damping, s, w, by_v, tangent):
             )  # fmt: skip
             for a in range(3):
                 s.load[j, a] += share * f[a]
-            w.sums[POWER] -= share * dot(f, u)
+            w.sums[JOINTS] -= share * dot(f, u)
             act(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.N, r[i], K[i])
 
 
@@ -173,6 +173,7 @@ def loads(links, contacts, env, s, w, by, tangent):
     w.sums[:] = 0.0
     w.wrench[:] = 0.0
     s.load[:] = 0.0
+    w.along[:] = 0.0
     _inertia(links, env.gravity, s, w, by, tangent)
     if contacts is not None:
         roll(links, contacts, s, w, w.moved, by.v, tangent)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fmus.jit import allocating, kernel
 from fmus.physics.chain.report import SUMMED
-from fmus.physics.chain.rigid.dynamics import observe
+from fmus.physics.chain.rigid.dynamics import newton_joints, observe
 from fmus.physics.chain.rigid.explicit import CORRECTIONS, accelerations, close, displace
 from fmus.physics.chain.rigid.links import pins
 from fmus.physics.chain.state import begin
@@ -14,6 +14,7 @@ from fmus.physics.rigid import augmented
 @kernel
 def show(links, env, s, w, report):
     """Wrenches and report of the state as it was evaluated last."""
+    newton_joints(links, env, s, w)
     begin(s, w)
     observe(links, env, s, w, report)
     for k in SUMMED:

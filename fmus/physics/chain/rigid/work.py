@@ -29,7 +29,8 @@ class Work(NamedTuple):
     x: np.ndarray  # (n, 6) increments over the step
     moved: np.ndarray  # (m, 15) wheels at the time of evaluation
     wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
-    on_links: np.ndarray  # (k, c) what touches each link, see ``on_links``
+    on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
+    along: np.ndarray  # (n, 1) what contacts between the pins add to the tension of a link, N
     sums: np.ndarray  # (SUMS)
     pins: np.ndarray  # (2, p, 3) their positions and velocities
     lever: np.ndarray  # (3) of a contact point
@@ -53,6 +54,7 @@ def work(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int =
         moved=z((wheels, WIDTH)),
         wrench=z((wheels + 1, 6)),
         on_links=z(felt),
+        along=z((links, 1)),
         sums=z(SUMS),
         pins=z((2, pins, 3)),
         lever=z(3),

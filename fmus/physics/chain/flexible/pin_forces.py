@@ -1,0 +1,92 @@
+"""Force of each pin on the link that begins there, as the integrator's momentum has it; behind the door ``kinds``.
+
+A link's residual at its first pin is that force, but for what Newton's last correction, after which nothing is
+evaluated, did to it: of steel 20 N a nanometre. The evaluation knows what forces left open at every pin, b, and the
+link's acceleration after the correction what its own forces then were, D. With F, E a link's residuals at its two ends,
+
+(1) F~_i = F_i + x_i,   E~_i = D_i - F~_i,   E~_(i-1) + F~_i - (E_(i-1) + F_i) = -b_i
+    =>   x_(i+1) = x_i - b_(i+1) - (D_i - F_i - E_i)
+
+so forces on links and pins balance to rounding. Nothing is known of a force that all pins have in common: in a loop the
+x have no mean (a tension all round has none either), and what the loop does not close by is spread over its pins.
+"""
+
+from __future__ import annotations
+
+from fmus.jit import kernel
+from fmus.physics.ancf.element import axes, matter, vectors
+from fmus.physics.chain.environment import PINNED
+from fmus.physics.chain.flexible import inertia
+from fmus.physics.chain.flexible.axes import accelerated, directed, lagging, upwards
+from fmus.physics.chain.flexible.elements import in_space, layout
+from fmus.physics.chain.flexible.link_layout import ends
+from fmus.physics.chain.on_links import JOINT
+from fmus.physics.vector import add, put, scale, vector
+
+
+@kernel
+def newton_joints(links, env, s, w):
+    """See ``kinds``; of a last pin, on what holds it."""
+    found = w.on_links
+    if found.shape[1] <= JOINT:
+        return
+    n, nodes, at, half, dims = links.n, s.q.shape[0], layout(links), vectors(links.element) // 2, axes(links.element)
+    R, load, b, x, total = w.R, w.load, w.imbalance, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    weight, up, l = matter(links.element) * env.gravity, upwards(links, s), links.element.l
+    for i in range(n):
+        first, second = ends(at, nodes, i)
+        accelerated(links, s, w, first, second)
+        put(found[i], JOINT, x)
+        total = add(total, x)
+        for k in range(dims):  # (1)
+            more = matter(links.element) * inertia.height(l, half, k, w.dv) + weight * up[k] - R[i, 0, k] - R[i, half, k]
+            if w.touched[i]:
+                more += load[i, 0, k] + load[i, half, k]
+            w.t[k] = more + b[second, k]
+            after = ends(at, nodes, i + 1)[0] if i + 1 < n else (0 if links.closed == 1 else second)
+            if after != second:  # the pin has two nodes
+                w.t[k] += b[after, k]
+        x = add(x, scale(-1.0, _taken(w.t, dims)))
+    if links.closed == 1:
+        base, slope = scale(1.0 / n, add(total, scale(-0.5 * (n - 1.0), x))), scale(-1.0 / n, x)
+    elif env.ends == PINNED:
+        base, slope = scale(1.0 / (n + 1.0), add(total, x)), (0.0, 0.0, 0.0)
+    else:
+        base, slope = x, (0.0, 0.0, 0.0)
+    for i in range(n):
+        shift = add(vector(found[i], JOINT), add(scale(1.0 * i, slope), scale(-1.0, base)))
+        put(found[i], JOINT, directed(links, s, add(in_space(links, R[i, 0]), shift)))
+    if links.closed != 1:
+        _, last = ends(at, nodes, n - 1)
+        shift = add(add(x, scale(-1.0, base)), add(in_space(links, b[last]), scale(-1.0, in_space(links, R[n - 1, half]))))
+        put(found[n], JOINT, directed(links, s, shift))
+
+
+@kernel
+def _taken(t, dims):
+    """The vector of so many components in ``t``, in space."""
+    return (t[0], t[1], t[2]) if dims == 3 else (t[0], 0.0, t[1])
+
+
+@kernel
+def stage_joints(links, env, s, w):
+    """See ``kinds``: residuals of an evaluation without accelerations, and what inertia adds to them."""
+    found, n, half = w.on_links, links.n, vectors(links.element) // 2
+    if found.shape[1] <= JOINT:
+        return
+    for i in range(n):
+        first, second = ends(layout(links), s.q.shape[0], i)
+        lagging(links, s, w, first, second)
+        put(found[i], JOINT, directed(links, s, _end(links, w, i, 0)))
+        if i == n - 1 and links.closed != 1:
+            put(found[n], JOINT, directed(links, s, scale(-1.0, _end(links, w, i, half))))
+
+
+@kernel
+def _end(links, w, i, row):
+    """Residual of link ``i`` at the node whose place is its vector ``row``."""
+    for k in range(axes(links.element)):
+        w.t[k] = w.R[i, row, k]
+        for a in range(vectors(links.element)):
+            w.t[k] += w.M[row, a] * w.dv[a, k]
+    return _taken(w.t, axes(links.element))
