@@ -14,6 +14,7 @@ import numpy as np
 import fmus.track_steps as steps
 from fmus import link_outputs
 from fmus.defaults import configured, given
+from fmus.jit import plain
 from fmus.model import NO_ROTATION, TOO_MANY, Component, Floats, Free, InvalidParameter
 from fmus.physics.chain import adaptive, state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
@@ -35,7 +36,7 @@ from fmus.physics.chain.outcome import APART, SINGULAR, STALLED, TOO_SHARP, UNST
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.integrate import generalized_alpha, hht
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
-from fmus.physics.wheels import WIDTH
+from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -49,7 +50,8 @@ from fmus.ports import (
     wrench,
 )
 from fmus.sentences import Sentence
-from fmus.start import KEYS, start
+from fmus.stance import Stance, at_rest, stance
+from fmus.start import KEYS, Start, start
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
 OUTPUTS = (
@@ -169,6 +171,12 @@ STARTS = {
 }
 
 
+def begins(wheel: Mapping[str, Any]) -> Stance:
+    """Where a wheel of a track's config stands at the start, y from the plane of the track: as drawn by default."""
+    x, z = wheel["position"]
+    return stance(wheel.get("start", (x, 0.0, z)))
+
+
 class TrackModel(Component):
     """A chain of links behind the ports of a track; a subclass brings the mechanics of its links.
 
@@ -225,8 +233,8 @@ class TrackModel(Component):
         drawn = {port.name: port.start for port in configured(place, config)}
         pose, lateral = start(drawn), float(drawn["start.lateral"])
         for wheel in self.wheel_list:
-            x, z = wheel["position"]
-            ports += wheel_state(wheel["name"], "input", pose.standing(x, lateral, z))
+            x, y, *rest = begins(wheel)
+            ports += wheel_state(wheel["name"], "input", plain(at_rest)(pose, stance((x, y + lateral, *rest))))
         for wheel in self.wheel_list:
             ports += wrench(wheel["name"], "output")
         ports += [Port(name, "output", unit, text) for name, unit, text in OUTPUTS]
@@ -291,11 +299,9 @@ class TrackModel(Component):
             raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
         self.contacts = self.partners(p)
         self.environment = self._environment()
-        self.start_rows[:] = 0.0
-        for row, wheel in zip(self.start_rows, self.wheel_list, strict=True):
-            row[0], row[2] = self.pose.pitched(*wheel["position"])
-            row[10] = 1.0
-            row[12], row[14] = self.pose.pitched(1.0, 0.0)
+        level = Start(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
+        wheels = np.array([plain(at_rest)(level, begins(wheel)) for wheel in self.wheel_list]).ravel()
+        plain(read_states)(wheels, np.array([0.0, 0.0, 0.0, 1.0, 0.0]), self.start_rows)
         self.counters[:] = 0
         self.state[:] = 0.0
         self.prepare(p)
@@ -464,6 +470,13 @@ class TrackModel(Component):
         """Set the chain to the polygon ``pins`` (nodes, 2), at rest; with ``rest``, go to static equilibrium.
 
         A free loop may turn about the origin at ``spin`` rad/s; its equilibrium is then relative to that.
+        """
+        raise NotImplementedError
+
+    def come_to_rest(self, rows: Floats) -> None:
+        """Static equilibrium on wheels that stand still at ``rows`` (wheels, 15), from where the chain is.
+
+        Raises StepFailed.
         """
         raise NotImplementedError
 

@@ -20,6 +20,7 @@ from fmus.model import too_many
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_quat, quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
+from fmus.stance import Stance
 
 ROOT = 13  # width of the free body's part of the state
 LEAF = 4  # and of a leaf's
@@ -35,8 +36,11 @@ class Parts(NamedTuple):
     packed: Any  # the tree, see ``tree``
     contacts: Any  # with the ground, None where there are none
     longest: float  # internal step, s
-    start: np.ndarray  # (5) centre of mass, heading and gravity energy at the start
-    centre: tuple[float, float, float]  # of mass of the hull, in the vehicle frame, m
+    start: np.ndarray  # (5) centre of mass, its height as drawn; heading and gravity energy at the start
+    centre: tuple[float, float, float]  # of mass of the hull, as drawn, in the vehicle frame, m
+    hull: Stance  # at the start
+    leaves: np.ndarray  # (n) coordinates of the leaves then
+    missing: tuple[float, float]  # what the tensioners left and right lack of the preload that is set, N
     sides: int
     state: np.ndarray
     counters: np.ndarray  # (2) int

@@ -16,6 +16,7 @@ from fmus.model import TOO_MANY, Component, Free, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import POSITIVE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sentences import TOLD, Sentence, say
+from fmus.stance import leaning, stance
 from fmus.start import KEYS
 
 
@@ -49,7 +50,7 @@ def chassis_ports() -> list[Port]:
         Port("yaw", "output", "rad", "yaw of the chassis about z, from the world's x axis"),
         Port("speed", "output", "m/s", "velocity of the chassis' centre of mass along the chassis' x axis"),
         Port("distance", "output", "m", "way of the chassis' centre of mass along the start heading"),
-        Port("settlement", "output", "m", "downward motion of the chassis' centre of mass since the start"),
+        Port("settlement", "output", "m", "how far the chassis' centre of mass is below its drawn place"),
     ]
 
 
@@ -67,7 +68,9 @@ class Model(Component):
 
     ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
     the left side alone the right side exists all the same, and receives the left side's wrenches mirrored.
-    ``ground``, where the chassis itself touches it: see ``contacts.contacts``.
+    ``ground``, where the chassis itself touches it: see ``contacts.contacts``. ``start``: where it begins, a
+    ``fmus.equilibrium.Equilibrium`` as a mapping, as drawn by default. ``push``, N: the part of tensioner.preload that
+    balances a track; an idler without one goes without it.
     """
 
     starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
@@ -77,7 +80,7 @@ class Model(Component):
         vehicle, sides = config["vehicle"], list(config["chassis"]["sides"])
         if sides not in (["left", "right"], ["left"]):
             raise InvalidParameter(f"chassis.sides = {sides} must be ['left', 'right'] or ['left']")
-        self._sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
+        self.sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
         self._packed = packed(tree(vehicle, len(sides)))
         self.tree = unpacked(self._packed)
         self._vehicle, self._ground = vehicle, config["chassis"].get("ground")
@@ -105,12 +108,14 @@ class Model(Component):
                  allowed=POSITIVE),
             Port("suspension.preload", "parameter", "N", "push of each suspension spring when drawn",
                  float(vehicle["suspension"]["preload"])),
-            Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn",
+            Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn, less what"
+                 " would balance a track on a side that has none",
                  float(vehicle["tensioner"]["preload"])),
         )  # fmt: skip
         self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.turns) + BOOKS)
         self.counters = np.zeros(2, dtype=np.int64)
         self._start = np.zeros(5)
+        self._begins(config["chassis"])
         self.inputs = WRENCH * len(places)
         names = tuple(self._part(i) for i in range(self.state.size))
         self.failures = (
@@ -124,8 +129,26 @@ class Model(Component):
             TOO_MANY,
         )
 
+    def begun(self, at: Mapping[str, Any] | None = None) -> Floats:
+        """The state at the origin, by default where a config's ``start`` puts it, from now on where ``at`` does."""
+        if at is not None:
+            x, y, z = self._centre
+            self._hull = stance((x, y, z + at["height"], *leaning(at["roll"], at["pitch"])))
+            self._leaves[:] = *at["left"], *at["right"]
+        state = np.zeros_like(self.state)
+        state[:7], state[ROOT : ROOT + self._leaves.size] = self._hull, self._leaves
+        return state
+
+    def _begins(self, config: Mapping[str, Any]) -> None:
+        """Hull, leaves and tensioners at the start."""
+        self._hull, self._leaves = stance(self._centre), np.zeros(2 * (self._wheels + 1))
+        self.begun(config.get("start"))
+        bare = (self._ground or {}).get("bare", ())
+        left, right = (float(config.get("push", 0.0)) if side in bare else 0.0 for side in ("left", "right"))
+        self._missing = left, right
+
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
-        """Drawn position at the start pose, at rest."""
+        """At rest at the start pose."""
         values = given(self.ports, parameters)
         if self._ground:
             from fmus.chassis.contacts import contacts
@@ -133,8 +156,8 @@ class Model(Component):
             self._contacts = contacts(self._vehicle, self._ground, values)
         self.counters[:] = 0
         parts = Parts(
-            self._packed, self._contacts, values["step"], self._start, self._centre, len(self._sides), self.state,
-            self.counters,
+            self._packed, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
+            self._missing, len(self.sides), self.state, self.counters,
         )  # fmt: skip
         self.begin(values, parts)
 

@@ -25,7 +25,7 @@ from fmus.jit import allocating, kernel
 from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
-from fmus.start import stay
+from fmus.stance import Stance, stay_at
 
 TURNED_NOT, STIFF, WILD = 1, 2, 3  # failures
 
@@ -34,7 +34,7 @@ class Parts(NamedTuple):
     """A drive that runs."""
 
     drive: Drive
-    mount: tuple[float, float, float]  # its place as built, in the vehicle frame, m
+    mount: Stance  # of the mount as built
     unconnected: np.ndarray  # (13) start values of the mount's inputs: they say that nothing moves it
     standing: np.ndarray  # (13) it then stands still here
     seen: np.ndarray  # (inputs) what is taken of the inputs
@@ -49,7 +49,8 @@ def begin(c, told, p):
     wrong = unreasonable(c.drive, told[0])
     if wrong:
         return wrong
-    stay(p, c.mount[0], c.mount[1] + p[6], c.mount[2], c.standing, 0)
+    m = c.mount
+    stay_at(p, (m[0], m[1] + p[6], m[2], m[3], m[4], m[5], m[6]), c.standing, 0)
     x[:] = 0.0
     start_shaft(c.drive, x, p[7])
     place(x, vector(c.standing, 0), c.standing[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

@@ -11,11 +11,13 @@ from fmus.defaults import configured, given
 from fmus.drives.motor import Drive
 from fmus.drives.mount import WIDTH
 from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
+from fmus.jit import plain
 from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sentences import Sentence
 from fmus.sprocket_drive.dynamics import Parts, begin, observe, step
+from fmus.stance import at_rest, stance
 from fmus.start import KEYS, start
 
 DEMAND = "speed.demand"
@@ -35,8 +37,8 @@ def parameter_ports(demanded: bool) -> list[Port]:
 class Model(Component):
     """Spin of one sprocket, relative to nothing but its mount.
 
-    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": [x, y, z] of the mount in the vehicle
-    frame at the start, "demanded": whether the speed follows an input, false by default}}; what else it holds is
+    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": the mount's stance at the start (``fmus.stance``),
+    "demanded": whether the speed follows an input, false by default}}; what else it holds is
     not read. A mount whose inputs still have their start values
     stands still at the start pose, so an unconnected drive is a fixed axle.
     """
@@ -55,8 +57,7 @@ class Model(Component):
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         own = config["drive"]
-        self.inertia, (x, y, z) = float(own["inertia"]), map(float, own["mount"])
-        self._place = x, y, z
+        self.inertia, self._mount = float(own["inertia"]), stance(own["mount"])
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         self._demanded = bool(own.get("demanded", False))
@@ -92,7 +93,7 @@ class Model(Component):
         self.drive = drive(values, self.inertia, DEMAND if self._demanded else "")
         self.counters[:] = 0
         seen = np.zeros(self.inputs)
-        parts = Parts(self.drive, self._place, self._unconnected, self.standing, seen, self.state, self.counters)
+        parts = Parts(self.drive, self._mount, self._unconnected, self.standing, seen, self.state, self.counters)
         self.begin(values, parts)
 
     def free(self, p: Mapping[str, Any]) -> Free:
@@ -106,5 +107,6 @@ class Model(Component):
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         """The mount's 13 when nothing moves it."""
-        x, y, z = self._place
-        return start(values).standing(x, y + float(values["start.lateral"]), z)
+        x, y, *rest = self._mount
+        found: tuple[float, ...] = plain(at_rest)(start(values), stance((x, y + float(values["start.lateral"]), *rest)))
+        return found

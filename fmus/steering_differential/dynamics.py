@@ -26,7 +26,7 @@ from fmus.jit import allocating, kernel
 from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
-from fmus.start import stay
+from fmus.stance import Stance, stay_at
 
 TURNED_NOT, STIFF, STIFF_STEERING, WILD = 1, 2, 3, 4  # failures
 # where things stand in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
@@ -73,7 +73,7 @@ class Parts(NamedTuple):
     """A differential that runs."""
 
     gearbox: Gearbox
-    mount: tuple[float, float, float]  # place of the left one as built, in the vehicle frame, m
+    mounts: tuple[Stance, Stance]  # left and right one as built
     unconnected: np.ndarray  # (inputs) start values: a mount that has them is moved by nothing
     standing: np.ndarray  # (inputs) and then stands still here
     seen: np.ndarray  # (inputs) what is taken of the inputs
@@ -97,7 +97,7 @@ def begin(c, told, p):
     start_shaft(g.steering, steering, 0.0)
     for k in range(2):
         side, stands = x[RIGHT * k : RIGHT * k + WIDTH], c.standing[SIDE * k : SIDE * k + 13]
-        stay(p, c.mount[0], (1.0 - 2.0 * k) * c.mount[1], c.mount[2], stands, 0)
+        stay_at(p, c.mounts[k], stands, 0)
         join(side, 2.0 * k - 1.0, propulsion, steering)
         place(side, vector(stands, 0), stands[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     return 0

@@ -10,10 +10,12 @@ import numpy as np
 from fmus.defaults import configured, given
 from fmus.drives.motor import Drive
 from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
+from fmus.jit import plain
 from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
 from fmus.sentences import Sentence
+from fmus.stance import at_rest, mirrored, stance
 from fmus.start import KEYS, start
 from fmus.steering_differential.dynamics import (
     SIDE,
@@ -47,9 +49,9 @@ def parameter_ports(demanded: bool) -> list[Port]:
 class Model(Component):
     """Spins of both sprockets of a vehicle on their mounts, joined by two shafts: mean and difference.
 
-    ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": [x, y, z] of the left mount in the vehicle frame at
-    the start, y positive, "demanded": whether the speeds follow inputs, false by default}}; what else it holds is not
-    read. Mounts whose inputs still have their start values stand still at the start pose.
+    ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": stance of the left mount at the start
+    (``fmus.stance``), "right": of the right one, the left one's mirror image by default, "demanded": whether the speeds
+    follow inputs, false by default}}; what else it holds is not read. Mounts whose inputs still have their start values stand still at the start pose.
     """
 
     starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
@@ -65,15 +67,16 @@ class Model(Component):
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         own = config["drive"]
-        self.inertia, (x, y, z) = float(own["inertia"]), map(float, own["mount"])
-        self._place = x, y, z
+        self.inertia, left = float(own["inertia"]), stance(own["mount"])
+        right = stance(own["right"]) if "right" in own else mirrored(left)
+        self._mounts = left, right
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         demanded = bool(own.get("demanded", False))
         self._demand = DEMAND if demanded else ""
         self._parameters = configured(parameter_ports(demanded), config)
-        left, right = self._standing({port.name: port.start for port in self._parameters})
-        mounts = {"left": left, "right": right}
+        shown = self._standing({port.name: port.start for port in self._parameters})
+        mounts = dict(zip(SIDES, shown, strict=True))
         said = "against its mount"
         self.ports: tuple[Port, ...] = (
             *(
@@ -141,7 +144,7 @@ class Model(Component):
         )
         self.counters[:] = 0
         seen = np.zeros(self.inputs)
-        parts = Parts(self.gearbox, self._place, self._unconnected, self._stands, seen, self.state, self.counters)
+        parts = Parts(self.gearbox, self._mounts, self._unconnected, self._stands, seen, self.state, self.counters)
         self.begin(values, parts)
 
     def free(self, p: Mapping[str, Any]) -> Free:
@@ -161,6 +164,5 @@ class Model(Component):
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The 13 of the left and of the right mount when nothing moves them."""
-        x, y, z = self._place
-        pose = start(values)
-        return pose.standing(x, y, z), pose.standing(x, -y, z)
+        left, right = (plain(at_rest)(start(values), mount) for mount in self._mounts)
+        return left, right

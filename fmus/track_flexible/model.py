@@ -342,6 +342,11 @@ class Model(TrackModel):
             self.s.v[:, x], self.s.v[:, z] = spin * self.s.q[:, z], -spin * self.s.q[:, x]
         self._let_go(rest and not spin)
 
+    def come_to_rest(self, rows: Floats) -> None:
+        """See ``TrackModel``."""
+        self.start_rows[:] = rows
+        self._let_go(rest=True)
+
     def move(self, turning: Floats, velocity: Floats) -> None:
         """Rates of the pins and of the slopes of the links that end and begin there."""
         place, *slopes = self.kit.PLANE

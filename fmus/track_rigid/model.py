@@ -94,20 +94,24 @@ class Model(TrackModel):
         s, w = self.s, self.work
         place(self.rigid, pins, s, w)
         if rest and not spin:
-            # friction and damping fade on the way: the vehicle's, so that the end knows nothing of their parameters
-            links, env = self.rigid, self.environment
-            failure, _, link, residual = settle(links, self._drawn, env, REST, self.start_rows, s, w, self.counters)
-            if failure:
-                raise StepFailed(
-                    f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
-                )
-            self.counters[:] = 0
-            show(links, env, s, w, self.report)
-            self._fold()
+            self.come_to_rest(self.start_rows)
         else:
             w.moved[:] = self.start_rows
             s.v[:, 0], s.v[:, 2], s.v[:, 4] = spin * s.q[:, 2], -spin * s.q[:, 0], spin
             self._let_go()
+
+    def come_to_rest(self, rows: Floats) -> None:
+        """See ``TrackModel``."""
+        # friction and damping fade on the way: the vehicle's, so that the end knows nothing of their parameters
+        links, env, s, w = self.rigid, self.environment, self.s, self.work
+        failure, _, link, residual = settle(links, self._drawn, env, REST, rows, s, w, self.counters)
+        if failure:
+            raise StepFailed(
+                f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
+            )
+        self.counters[:] = 0
+        show(links, env, s, w, self.report)
+        self._fold()
 
     def move(self, turning: Floats, velocity: Floats) -> None:
         """Velocities of the links, and the accelerations that belong to them."""

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.build import build
+from fmus.equilibrium import Track, equilibrium, stances
 from fmus.link_outputs import INTERVAL
 from fmus.ports import wheel_state, wrench
+from fmus.stance import Stance
 from fmus.tensioning import tension_wheel
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, TrackScene, VehicleScene
-from orchestrator.scene.tables import Drive, Driver, Side, VehicleStart
+from orchestrator.scene.tables import Drive, Driver, Equilibrium, Side, VehicleStart
 
 TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
-AXLE = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
+AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
 DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages: who demands, then force sides first
 DIFFERENTIAL = "differential"
 HHT = 0.5  # spectral radius of hht unless a scene asks for another: the strongest damping that it has
@@ -59,12 +61,43 @@ def placed(scene: TrackScene) -> TrackScene:
             x, _ = _tensioned(_rig_track(scene), scene.rig.tension, "rig")
             update["rig"] = scene.rig.model_copy(update={"axle_distance": -x})
         case VehicleScene():
-            vehicle = scene.vehicle
-            x, push = _tensioned(_vehicle_track(scene), vehicle.track.tension, "vehicle.track")
-            idler = vehicle.idler.model_copy(update={"x": x})
-            tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
-            update["vehicle"] = vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})
+            return _rested(_tight(scene).model_copy(update=update))
     return scene.model_copy(update=update)
+
+
+def _tight(scene: VehicleScene) -> VehicleScene:
+    """A vehicle with its idlers where tracks as drawn carry their tension, and the push that holds them there."""
+    if not scene.tracks:
+        return scene
+    vehicle = scene.vehicle
+    x, push = _tensioned(_vehicle_track(scene), vehicle.track.tension, "vehicle.track")
+    idler = vehicle.idler.model_copy(update={"x": x})
+    tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
+    changes = {"push": push, "vehicle": vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})}
+    return scene.model_copy(update=changes)
+
+
+def _rested(scene: VehicleScene) -> VehicleScene:
+    """A vehicle with tight tracks where it starts: in equilibrium, unless it starts as drawn."""
+    if scene.start.state != "equilibrium":
+        return scene
+    parts = {part.name: part for part in _vehicle(scene.model_copy(update={"symmetric": False})).parts}
+    tracks = {side: _carrying(scene, part) for side in SIDES if (part := parts.get(f"{side}_track"))}
+    found = Equilibrium(**_settled(json.dumps([parts["chassis"].config, tracks]))._asdict())
+    return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": found})})
+
+
+def _carrying(scene: VehicleScene, part: Part) -> tuple[str, dict[str, Any], Parameters]:
+    """A track as it takes part in the search: as cables, whatever its links are, so that all kinds start alike."""
+    closure = {name: value for name, value in part.parameters.items() if name.startswith("closure")}
+    return "TrackFlexible", {**part.config, "link_outputs": False}, closure
+
+
+@cache
+def _settled(asked: str) -> Any:
+    """Solved once a process, as the idler's place."""
+    chassis, tracks = json.loads(asked)
+    return equilibrium(chassis, {side: Track(*track) for side, track in tracks.items()})
 
 
 def _tensioned(config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:
@@ -198,25 +231,27 @@ def _rig_track(scene: RigScene) -> dict[str, Any]:
 
 def _vehicle(scene: VehicleScene) -> Assembly:
     vehicle, config = scene.vehicle, _vehicle_track(scene)
+    hull = _chassis(scene)
+    stands = stances(hull) if scene.start.equilibrium else {}
     rollers = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
     wiring: list[Connection] = []
     tracks, drives = [], []
     if scene.drive.steering is not None:
-        drives.append(_differential(scene, scene.drive.steering))
-    sides = list(SIDES)[: 1 if scene.symmetric else 2]
+        drives.append(_differential(scene, scene.drive.steering, stands))
+    sides = hull["chassis"]["sides"]
     for side in (side for side in scene.tracks if side in sides):
         track, lateral = f"{side}_track", SIDES[side] * vehicle.track.lateral
-        tracks.append(_track(scene, track, config, lateral))
+        tracks.append(_track(scene, track, _standing(config, side, stands), lateral))
         if scene.drive.steering is None:
             inertia = vehicle.sprocket.spin_inertia
-            drives.append(_drive(scene, f"{side}_drive", scene.drive.of(side), inertia, AXLE, lateral))
+            mount = stands.get(f"{side}.sprocket", AXLE)
+            drives.append(_drive(scene, f"{side}_drive", scene.drive.of(side), inertia, mount, lateral))
         drive, connector = _of_side(scene, side)
         wiring += _wheel(track, "sprocket", drive, f"{connector}sprocket")
         for roller in rollers:
             wiring += _wheel(track, roller, "chassis", f"{side}.{roller}")
         wiring += _wheel(drive, f"{connector}mount", "chassis", f"{side}.sprocket")
-    config = {"vehicle": vehicle.model_dump(), "chassis": {"sides": sides, **_touching(scene)}}
-    chassis = Part("chassis", "Chassis", config, _start(scene), CHASSIS)
+    chassis = Part("chassis", "Chassis", hull, _start(scene), CHASSIS)
     if scene.driver is None:
         return Assembly((*tracks, *drives, chassis), tuple(wiring))
     for part in drives:
@@ -224,6 +259,23 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     config = {"vehicle": vehicle.model_dump()}
     driver = Part("driver", "Driver", config, {**_start(scene), **_driver_parameters(scene.driver)}, DRIVER)
     return Assembly((*tracks, *drives, chassis, driver), (*wiring, *_driven(scene)))
+
+
+def _chassis(scene: VehicleScene) -> dict[str, Any]:
+    """Config of the chassis: its sides, where it starts, what it touches."""
+    at = scene.start.equilibrium
+    own: dict[str, Any] = {"sides": list(SIDES)[: 1 if scene.symmetric else 2], **_touching(scene)}
+    own |= {"start": at.model_dump(mode="json")} if at else {}
+    own |= {"push": scene.push} if scene.push and len(scene.tracks) == 1 else {}
+    return {"vehicle": scene.vehicle.model_dump(), "chassis": own}
+
+
+def _standing(config: dict[str, Any], side: str, stands: Mapping[str, Stance]) -> dict[str, Any]:
+    """The config of a track with its wheels where they stand on this side of the vehicle."""
+    if not stands:
+        return config
+    wheels = [{**wheel, "start": list(stands[f"{side}.{wheel['name']}"])} for wheel in config["track"]["wheels"]]
+    return {**config, "track": {**config["track"], "wheels": wheels}}
 
 
 def _of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
@@ -355,7 +407,7 @@ def _drive(
     name: str,
     drive: Drive,
     inertia: float,
-    mount: tuple[float, float, float],
+    mount: Sequence[float],
     lateral: float = 0.0,
 ) -> Part:
     config = {"vehicle": scene.vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
@@ -363,10 +415,13 @@ def _drive(
     return Part(name, "SprocketDrive", config, parameters, DRIVE)
 
 
-def _differential(scene: VehicleScene, steering: Drive) -> Part:
+def _differential(scene: VehicleScene, steering: Drive, stands: Mapping[str, Stance]) -> Part:
     vehicle = scene.vehicle
-    mount = [*AXLE[:1], vehicle.track.lateral, *AXLE[2:]]
-    config = {"vehicle": vehicle.model_dump(), "drive": {"inertia": vehicle.sprocket.spin_inertia, "mount": mount}}
+    own: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
+    for side, key in (("left", "mount"), ("right", "right")):
+        x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
+        own[key] = [x, y + SIDES[side] * vehicle.track.lateral, *rest]
+    config = {"vehicle": vehicle.model_dump(), "drive": own}
     parameters = _start(scene)
     for shaft, drive in (("propulsion", scene.drive), ("steering", steering)):
         parameters |= {f"{shaft}.{name}": value for name, value in _drive_parameters(drive).items()}

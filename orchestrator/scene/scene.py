@@ -45,7 +45,7 @@ from orchestrator.scene.tables import (
 # how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
 COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name",
-    *(f"track.{key}" for key in Track.model_fields if key != "start"),
+    *(f"track.{key}" for key in Track.model_fields if key != "start"), "start.state", "start.equilibrium", "push",
 )  # fmt: skip
 # what a drive in mode controller may say beside a driver
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
@@ -192,6 +192,7 @@ class VehicleScene(TrackScene):
     ground: Ground = Ground()
     drive: VehicleDrive
     driver: Annotated[Driver | None, BeforeValidator(off)] = None  # without one, or false: drives go by themselves
+    push: float = 0.0  # of the tension of placed tracks on the tensioners, N: a part of their preload
     symmetric: bool = False  # only the left half runs, the right one mirrors it in the vehicle's own plane
 
     @field_validator("tracks")
@@ -213,7 +214,7 @@ class VehicleScene(TrackScene):
             self._may_steer()
         if self.driver is not None:
             self._may_be_driven()
-        return self.with_axes()
+        return self.with_state().with_axes()
 
     @property
     def teeth_rate(self) -> float:
@@ -224,6 +225,17 @@ class VehicleScene(TrackScene):
         known = [speed for side in SIDES if (speed := self.drive.of(side).top_speed) is not None]
         steering = self.drive.steering and self.drive.steering.top_speed
         return self._teeth_rate(max(known) + 0.5 * (steering or 0.0) if known else None)
+
+    def with_state(self) -> VehicleScene:
+        """The scene with the state in which it starts: at rest where nothing is said and it can be; raises ValueError."""
+        rests = self.track.start in (None, "rest")
+        if self.start.state == "equilibrium" and not rests:
+            raise ValueError(f"start.state = 'equilibrium' needs track.start = 'rest', not '{self.track.start}'")
+        if self.start.state is not None:
+            return self
+        solved = self.start.equilibrium is not None or not self.placed  # logs of old hold no equilibrium
+        state = "equilibrium" if rests and solved and not self.start.moved else "drawn"
+        return self.model_copy(update={"start": self.start.model_copy(update={"state": state})})
 
     @property
     def turns(self) -> bool:

@@ -122,12 +122,40 @@ class Start(Table):
     heading: Annotated[float, In("rad")] = 0.0
 
 
+class Equilibrium(Table):
+    """Where hull, arms and idlers stand at rest, from the drawn position: see ``fmus.equilibrium``."""
+
+    height: float  # of the hull's centre of mass, m
+    roll: float  # rad
+    pitch: float
+    left: tuple[float, ...]  # angles of the arms from the front, rad, and the slide of the idler, m
+    right: tuple[float, ...]
+
+
 class VehicleStart(Start):
     """A vehicle may also begin above its place on the ground, and pitched or rolled: upside down by half a turn."""
 
     height: Place = 0.0  # of the sprocket axle over its drawn place on the ground
     pitch: Annotated[float, In("rad")] = 0.0  # about the sprocket axle, nose down positive
     roll: Annotated[float, In("rad")] = 0.0  # about its long axis, before the pitch: half a turn or none
+    # equilibrium: at rest on its springs and tracks; drawn: on springs without load, from where it drops. What is raised
+    # or turned is drawn, all else rests by default
+    state: Literal["equilibrium", "drawn"] | None = None
+    equilibrium: Equilibrium | None = None  # solved
+
+    @model_validator(mode="after")
+    def _rests_in_its_place(self) -> VehicleStart:
+        if self.state == "equilibrium" and self.moved:
+            raise ValueError(
+                "state = 'equilibrium' needs height = 0, pitch = 0 and roll = 0: a vehicle that is raised or turned starts"
+                " as 'drawn'"
+            )
+        return self
+
+    @property
+    def moved(self) -> bool:
+        """Whether it does not stand on the ground as drawn."""
+        return (self.height, self.pitch, self.roll) != (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
     def _upright(self) -> VehicleStart:

@@ -1,0 +1,182 @@
+"""Where a vehicle stands at rest: hull, road arms, idlers, chains and ground in static equilibrium (build side).
+
+The unknowns are height, roll and pitch of the hull and the coordinates of its leaves. For each guess the wheels stand
+somewhere, the chains come to their own equilibrium there (the one that a track starts in), and what they push with gives
+the chassis accelerations, which are to vanish. Friction plays no part: it is regularised, so that it is zero at rest.
+
+Newton's method with a term of inertia over the square of a pseudo step that grows as the accelerations fall
+(pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the
+Jacobian is of differences.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.cache import cache_folder, keep, kept, own, spared
+from fmus.chassis.dynamics import ROOT, rates
+from fmus.chassis.model import Model as Chassis
+from fmus.chassis.model import stations
+from fmus.chassis.observe import put_sides
+from fmus.jit import plain, source_hash
+from fmus.model import InvalidParameter, StepFailed
+from fmus.physics.arrays import Floats
+from fmus.physics.wheels import WIDTH, read_states
+from fmus.ports import STATE, WRENCH
+from fmus.stance import Stance, stance
+from fmus.vehicle import BadInput
+
+MODELS = {"TrackFlexible": "fmus.track_flexible.model", "TrackRigid": "fmus.track_rigid.model"}
+ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # a start pose
+FIRST, LAST = 0.05, 1e6  # pseudo steps, s
+FARTHEST = 0.05  # that anything moves in one of them, m or rad
+DIFFERENCE = 1e-6  # of the Jacobian, m or rad
+STILL = 1e-5  # accelerations at rest, m/s2 or rad/s2
+MOST = 60  # pseudo steps
+HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # of a guess
+
+
+class Equilibrium(NamedTuple):
+    """Where hull and leaves stand, from the drawn position."""
+
+    height: float  # of the hull's centre of mass, m
+    roll: float  # rad
+    pitch: float
+    left: Sequence[float]  # arm angles from the front, rad, then the idler's slide, m
+    right: Sequence[float]
+
+
+class Track(NamedTuple):
+    """A track that takes part."""
+
+    kind: str  # of links, a key of ``MODELS``
+    config: Mapping[str, Any]
+    parameters: Mapping[str, Any]  # that differ from the defaults; none of the start pose but its lateral place
+
+
+def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> Equilibrium:
+    """Of a chassis, by its config, on tracks by side; it stays in the cache, for this build.
+
+    With tracks on both sides that are alike, and a hull that does not lean to one side, the left half is solved.
+    Raises BadInput.
+    """
+    asked = json.dumps([source_hash(), chassis, tracks], sort_keys=True).encode()
+    file = cache_folder() / "places" / hashlib.sha256(asked).hexdigest()[:24] / "equilibrium"
+    with spared():
+        if (known := kept(file)) is not None:
+            return Equilibrium(*json.loads(known))
+    try:
+        found = _solved(_Vehicle(chassis, tracks))
+    except (InvalidParameter, StepFailed) as error:
+        raise BadInput(f"the vehicle's equilibrium was not found, start.state = 'drawn' needs none: {error}") from None
+    with spared():
+        keep(own(file.parent) / file.name, json.dumps(found).encode())
+    return found
+
+
+def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
+    """Where the places of each side stand at the start of a chassis, by its config; y from the plane of the track."""
+    vehicle = chassis["vehicle"]
+    both = {**chassis["chassis"], "sides": ["left", "right"]}
+    model, lateral = Chassis({"vehicle": vehicle, "chassis": both}), vehicle["track"]["lateral"]
+    motions = _motions(model, model.begun())
+    names = stations(len(vehicle["road_wheel"]["x"]))
+    return {
+        f"{side}.{name}": stance((x, y - sign * lateral, *rest[:5]))
+        for side, sign, seen in zip(("left", "right"), (1.0, -1.0), motions, strict=True)
+        for name, (x, y, *rest) in zip(names, seen.tolist(), strict=True)
+    }
+
+
+def leans(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
+    """Whether the two sides carry different loads."""
+    return len(tracks) == 1 or chassis["vehicle"]["chassis"]["centre"][1] != 0.0
+
+
+class _Vehicle:
+    """A chassis and the chains on it, in places that are guessed."""
+
+    def __init__(self, chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> None:
+        self.half = not leans(chassis, tuple(tracks))
+        sides = ["left"] if self.half else ["left", "right"]
+        self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
+        self.chassis.initialise({})
+        self.leaves = len(self.chassis.tree.turns) // 2
+        self._chains = {sides.index(side): _Chain(track) for side, track in tracks.items() if side in sides}
+        self.free = [HEIGHT, *([] if self.half else [ROLL]), PITCH, *range(LEAVES, LEAVES + len(sides) * self.leaves)]
+
+    def place(self, guess: Floats) -> Equilibrium:
+        """Of a guess: height, roll and pitch of the hull, leaves left and, where it leans, right."""
+        height, roll, pitch, *leaves = guess.tolist()
+        left = leaves[: self.leaves]
+        return Equilibrium(height, roll, pitch, left, left if self.half else leaves[self.leaves :])
+
+    def accelerations(self, guess: Floats) -> Floats:
+        """Of what ``guess`` names, at rest there; raises StepFailed where a chain finds no equilibrium."""
+        x = self.chassis.begun(self.place(guess)._asdict())
+        motions = _motions(self.chassis, x)
+        pushes = np.zeros((len(motions), len(motions[0]), WRENCH))
+        for side, chain in self._chains.items():
+            pushes[side] = chain.pushes(motions[side])
+        out = np.zeros_like(x)
+        rates(self.chassis.tree, self.chassis.parts.contacts, x, pushes.ravel(), out)
+        n = 2 * self.leaves
+        own = out[ROOT + 2 * n : ROOT + 3 * n][: guess.size - LEAVES]
+        return np.array([out[9], out[10], out[11], *own])[self.free]
+
+
+class _Chain:
+    """A chain that comes to rest on wheels that stand anywhere; it begins as it was left."""
+
+    def __init__(self, track: Track) -> None:
+        self._model: Any = import_module(MODELS[track.kind]).Model({**track.config, "link_outputs": False})
+        self._model.initialise(track.parameters)
+        self._frame = np.array([0.0, self._model.lateral, 0.0, 1.0, 0.0])
+        self._seen: dict[bytes, Floats] = {}
+
+    def pushes(self, motions: Floats) -> Floats:
+        """Wrenches (wheels, 6) on the road wheels, idler and sprocket with these motions (wheels, 13)."""
+        rows = np.zeros((len(motions), WIDTH))
+        plain(read_states)(np.roll(motions, 1, axis=0).ravel(), self._frame, rows)  # a track has its sprocket first
+        key = rows.tobytes()
+        if key not in self._seen:
+            self._model.come_to_rest(rows)
+            self._seen = {key: np.roll(self._model.s.mean[: len(rows)], -1, axis=0)}
+        return self._seen[key]
+
+
+def _motions(chassis: Any, x: Floats) -> Floats:
+    """Of the places of a chassis in the state x (sides, places, 13)."""
+    sides, places = len(chassis.sides), len(chassis.tree.turns) // 2 + 1
+    y = np.zeros(sides * places * STATE)
+    put_sides(chassis.tree, x, sides, y, 0)
+    return y.reshape(sides, places, STATE)
+
+
+def _solved(vehicle: _Vehicle) -> Equilibrium:
+    """Raises StepFailed."""
+    guess = np.zeros(LEAVES + (1 if vehicle.half else 2) * vehicle.leaves)
+    free, size = vehicle.free, len(vehicle.free)
+    now, step = vehicle.accelerations(guess), FIRST
+    for _ in range(MOST):
+        slopes = np.empty((size, size))
+        for k, i in enumerate(free):
+            beside = guess.copy()
+            beside[i] += DIFFERENCE
+            slopes[:, k] = (vehicle.accelerations(beside) - now) / DIFFERENCE
+        moved = np.linalg.solve(np.eye(size) / step**2 - slopes, now)
+        while abs(moved).max() > FARTHEST:
+            step *= 0.5
+            moved = np.linalg.solve(np.eye(size) / step**2 - slopes, now)
+        guess[free] += moved
+        before, now = np.linalg.norm(now), vehicle.accelerations(guess)
+        if abs(now).max() < STILL:
+            return vehicle.place(guess)
+        step = min(step * np.clip(before / np.linalg.norm(now), 1.5, 10.0), LAST)
+    raise StepFailed(f"accelerations of {abs(now).max():.3g} m/s2 are left after {MOST} steps")
