@@ -6,6 +6,8 @@ A name is imported when it is asked for, so that this package costs nothing and 
 from importlib import import_module
 from typing import Any
 
+__version__ = "0.2.0"  # of the distribution too
+
 OFFERED = {  # name: module and what it is called there
     "run": ("execution.simulate", "simulate"),
     "scenes": ("scene.gallery", "names"),

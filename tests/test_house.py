@@ -43,6 +43,7 @@ GENERIC = (
     "cosim/coupling/energy_corrected.py",
     "cosim/coupling/power_residual.py",
     "cosim/coupling/variable_step.py",
+    "log/notices.py",
     "log/wire.py",
     "log/log_format.py",
     "log/schema.py",

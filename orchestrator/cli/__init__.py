@@ -8,14 +8,16 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import warnings
 from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
 
+from orchestrator import __version__
 from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
-from orchestrator.cli.common import ended_by, narration, tell
+from orchestrator.cli.common import ended_by, narration, noticing, tell
 from orchestrator.cli.report_commands import report
 from orchestrator.cli.result_commands import compare, replay
 from orchestrator.cli.run_commands import resume, run, truth
@@ -54,9 +56,7 @@ for command in (
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        print(f"cotrack {version('cotrack')}")
+        print(f"cotrack {__version__}")
         raise typer.Exit
 
 
@@ -81,7 +81,9 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     status: Any = 0
     try:
-        app()
+        with warnings.catch_warnings():
+            noticing()
+            app()
     except KeyboardInterrupt:
         status = tell("interrupted", 1)
     except SystemExit as ended:

@@ -7,16 +7,19 @@ import logging
 import os
 import sys
 import traceback
+import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cosim.narration import Narration
+from orchestrator.log.notices import LogNotice
 
 FMI_WARNING = 1
 LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # of a stream that takes no more
@@ -87,6 +90,22 @@ def refusals() -> tuple[type[Exception], ...]:
         Unusable,
         Missing,
     )
+
+
+def noticing() -> None:
+    """From now on say what logs are, each sentence once, on stderr; other warnings are shown as before."""
+    before: Callable[..., None] = warnings.showwarning
+    said: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if not issubclass(category, LogNotice):
+            before(message, category, *where, **more)
+        elif str(message) not in said:
+            said.add(str(message))
+            tell(str(message), 0)
+
+    warnings.showwarning = show  # type: ignore[assignment]
+    warnings.simplefilter("always", LogNotice)
 
 
 def tell(message: str, status: int) -> int:

@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 MOST = 1000  # characters of a sentence
+OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # of the last second they may say nothing of the run
 
 
 def finite(value: Any) -> Any:
     """JSON knows no NaN."""
     if isinstance(value, dict):
         return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [finite(entry) for entry in value]
     if isinstance(value, float) and (value != value or abs(value) == float("inf")):
         return None
     return value
@@ -81,14 +84,33 @@ def _pace(r: dict[str, Any]) -> str:
     )
 
 
-def _observables(found: dict[str, float]) -> str:
-    """Those that are numbers, with their units."""
-    told = []
-    for key, value in found.items():
+def _observables(r: dict[str, Any]) -> list[str]:
+    """Those that are numbers, with their units: a line for each window. What phases tell better is left to them."""
+    lines: dict[str, list[str]] = {}
+    for key, value in r["observables"].items():
         name, unit, size, digits = WORDS[key]
-        if value == value:
-            told.append(f"{name} {value / size:.{digits}g} {unit}")
-    return ", ".join(told)
+        if value == value and not (r["phases"] and key in OF_PHASES):
+            where = _bearer(r["phases"]) if key == "tension_max" else ""
+            window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}))
+            lines.setdefault(window, []).append(f"{name} {value / size:.{digits}g} {unit}{where}")
+    return [f"{window}: {', '.join(told)}" for window, told in lines.items()]
+
+
+def _window(of: dict[str, float]) -> str:
+    """Of observables, in words."""
+    return f"mean of {of['from']:.6g} to {of['to']:.6g} s" if of["from"] else f"whole run, 0 to {of['to']:.6g} s"
+
+
+def _phases(found: list[dict[str, Any]]) -> list[str]:
+    from orchestrator.results.analyses.phases import sentence
+
+    return [sentence(one) for one in found]
+
+
+def _bearer(phases: list[dict[str, Any]]) -> str:
+    """Which track bore the largest tension, and when; nothing where there are no phases."""
+    most = max((one for one in phases if one["tension_track"]), key=lambda one: one["tension"], default=None)
+    return f" in {most['tension_track'].replace('_', ' ')} at {most['tension_t']:.4g} s" if most else ""
 
 
 def warning(told: dict[str, Any]) -> str:
@@ -98,9 +120,11 @@ def warning(told: dict[str, Any]) -> str:
 
 
 def _balance(energy: dict[str, Any]) -> str:
-    lost, work = abs(energy["residual_relative"]), energy["work"]
-    worked = f" ({work / 1e3:.4g} kJ of work)" if work else ""
-    return f"energy balance: {lost * 100:.2g} % unaccounted for{worked}"
+    released = -sum(min(change, 0.0) for change in energy["stored"].values())
+    parts = (("put in by the drives", energy["work"]), ("released from store", released))
+    sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in (*parts, ("dissipated", energy["dissipated"])) if value]
+    told = f" ({', '.join(sums)})" if sums else ""
+    return f"energy balance: {abs(energy['residual_relative']) * 100:.2g} % unaccounted for{told}"
 
 
 def _ledger(energy: dict[str, Any]) -> str:
@@ -127,7 +151,8 @@ def summary(result: dict[str, Any]) -> None:
     r = result
     lines = [
         _pace(r),
-        _observables(r["observables"]),
+        *_observables(r),
+        *_phases(r["phases"]),
         _error(r["error"]) if r["error"] else "",
         _balance(r["energy"]) if r["energy"] else "",
         *(warning(told) for told in r["warnings"]),
@@ -137,7 +162,7 @@ def summary(result: dict[str, Any]) -> None:
         *(_check(*each) for each in r["checks"].items()),
         _ledger(r["energy"]) if r["energy"] else "",
         *(_cost(*each) for each in r["components"].items()),
-        f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)",
+        f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else "",
     ]
     print(_headline(r))
     for line in filter(None, lines):

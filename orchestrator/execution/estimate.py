@@ -97,7 +97,11 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
                     return unknown("there is no coarser run: internal steps are as long as stability allows")
             logs[name] = Path(told["log"])
         try:
-            with Log(log) as fine, Log(logs["both"]) as both, Log(logs.get("coupling", log)) as coupling:
+            with (
+                Log(log, unfinished=True) as fine,
+                Log(logs["both"]) as both,
+                Log(logs.get("coupling", log), unfinished=True) as coupling,
+            ):
                 runs = [RunData(each) for each in (fine, coupling, both)]
                 total = differences(runs[2], runs[0])
                 alone = wanted.coupling is None

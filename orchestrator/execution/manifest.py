@@ -18,6 +18,7 @@ from typing import Any
 
 from llvmlite.binding import llvm_version_info
 
+from orchestrator import __version__
 from orchestrator.cosim import between
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
@@ -27,7 +28,7 @@ from orchestrator.log import schema
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import Scene
 
-PACKAGES = ("cotrack", "numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
+PACKAGES = ("numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
 NATIVE = "native"  # kind of FMUs, in a log's metadata
 STATS_PERIOD = 0.1  # s of simulated time between records of cost
 
@@ -88,6 +89,7 @@ def manifest(
         },
         "versions": {
             "python": platform.python_version(),
+            "cotrack": __version__,
             **{package: _version(package) for package in PACKAGES},
         },
         "provenance": provenance(),

@@ -16,6 +16,7 @@ from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
 from orchestrator.execution.manifest import NATIVE, as_json, describe, description, sha256
+from orchestrator.log import notices
 from orchestrator.log.described import system_of
 from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
@@ -86,6 +87,7 @@ def opened(
     Raises BadInput, Unfit, BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
     """
     with Log(path) as log:
+        notices.notice(notices.other_version(path, log.metadata.get("versions", {})))
         if about := log.metadata.get(BRANCHED):
             step, of = about.get("step"), shown(about.get("of"))
             raise BadInput(f"{path} has other numbers from step {step} on: replay {of}, from which it branched off")

@@ -17,6 +17,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.execution.branch import branched, taken_over
 from orchestrator.execution.manifest import NATIVE, sha256
 from orchestrator.execution.simulate import Begun, simulate
+from orchestrator.log import notices
 from orchestrator.log.described import system_of
 from orchestrator.log.log_format import BRANCHED, CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
@@ -42,6 +43,7 @@ def resume(
     The summary is that of ``simulate``; raises what that raises, LogUnreadable and BadInput.
     """
     with Log(source) as log:
+        notices.notice(notices.other_version(source, log.metadata.get("versions", {})))
         if path.exists() and path.samefile(source):
             raise BadInput(f"{path} is the log itself: give another name")
         scene = _scene(log, stop)

@@ -112,11 +112,13 @@ def _simulate(
             told.append({"component": "log", "text": aliases, "time": 0.0, "count": 1})
             if logger:
                 logger("log", 1, aliases)
+        named: dict[str, Any] = {}
         outcome, startup, wall, spent = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0, 0.0
         reached = Reached()
         try:
             about, more = {"fmus": NATIVE} if native else {}, begun.metadata if begun else {}
             with open_log(path, scene, graph, components, scheme, about, more) as recorder:
+                named = {"log": str(path)}
                 if begun is not None:
                     begun.copy(recorder)
                 recorded = list(components.values())
@@ -164,7 +166,7 @@ def _simulate(
             outcome = master.Outcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
             result |= _how_it_ended(outcome, startup, wall) | {"warnings": [*told, *warnings(components)]}
         interrupt.gentle = False
-    return result | {"log": str(path), "log_bytes": path.stat().st_size if path.exists() else 0}
+    return result | named | {"log_bytes": path.stat().st_size if named and path.exists() else 0}
 
 
 def _how_it_ended(outcome: master.Outcome, startup: float, wall: float, since: float = 0.0) -> dict[str, Any]:
@@ -184,7 +186,7 @@ def _evaluated(
 ) -> tuple[dict[str, Any], list[Told]]:
     """Energy, checks, observables, an energy warning where there is one; and what happened."""
     try:
-        with Log(path) as log:
+        with Log(path, unfinished=True) as log:
             run = RunData(log)
             found = summary.evaluate(run, scene, outcome.time)
             happened = events.of(run, teeth=True, warned=warned).events

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -11,12 +11,15 @@ import numpy as np
 
 from orchestrator.log.reader import NoSuchSignal
 from orchestrator.results import measures, turning
+from orchestrator.results.analyses import phases
 from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
 from orchestrator.scene.tables import SIDES, Check
 
-LAST = 1.0  # s: observables are means over the end of a run
+LAST = 1.0  # s: observables are means over the end of a run, but these:
+OF_THE_RUN = ("tension_max", "distance", "path_error")  # largest of the run, or from its start to its end
+TIMELESS = ("weight",)
 OPEN = 0.05  # of the work: an energy ledger that leaves more is worth a word
 
 
@@ -41,6 +44,8 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "error": None,
         "checks": {},
         "observables": {},
+        "windows": {},
+        "phases": [],
         "warnings": [],
     }
 
@@ -54,7 +59,25 @@ def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
     return {
         "energy": energy,
         "checks": checks(run, scene, simulated),
-        "observables": observables(run, scene, simulated),
+        "observables": (found := observables(run, scene, simulated)),
+        "windows": windows(found, simulated),
+        "phases": happened(run),
+    }
+
+
+def happened(run: RunData) -> list[dict[str, Any]]:
+    """Phases of a vehicle's run with their figures (``analyses/phases``); none of what has no hull."""
+    try:
+        return [one._asdict() for one in phases.of(run).phases]
+    except (Missing, NoSuchSignal):
+        return []
+
+
+def windows(names: Iterable[str], simulated: float) -> dict[str, dict[str, float]]:
+    """By observable the time that it is of, s."""
+    last = max(0.0, simulated - LAST)
+    return {
+        name: {"from": 0.0 if name in OF_THE_RUN else last, "to": simulated} for name in names if name not in TIMELESS
     }
 
 
@@ -120,7 +143,7 @@ def _evaluated(evaluate: Callable[[], float], measure: str | None = None) -> tup
 
 
 def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float]:
-    """What is worth knowing of a run of this kind, whatever it expects; means over its last second."""
+    """What is worth knowing of a run of this kind, whatever it expects; of which time: ``windows``."""
     last = Window(max(0.0, simulated - LAST), simulated)
     if not run.tracks:
         return {}

@@ -24,7 +24,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record, log_format
+from orchestrator.log import channel_metadata, closing_record, log_format, notices
 from orchestrator.log.chunk_reader import Chunks
 from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parsed
 from orchestrator.log.message_records import Messages
@@ -46,12 +46,13 @@ class Log(AbstractContextManager["Log"]):
     step 0; ``closing`` is the closing record with ``status``, ``message``, ``steps``, ``results``, ``warnings`` (dicts
     with component, text, time in s and count), and ``messages`` and ``sha256`` by topic, or None where the log was cut
     off; ``complete`` says whether closing record and indexes are there and the log could be walked without a fault,
-    ``faults`` what is wrong, in sentences.
+    ``faults`` what is wrong, in sentences. A log that was cut off says so when it is opened, in a LogNotice, but for
+    those who look at what a run is still to close (``unfinished``).
 
     :raises LogUnreadable: for a file that is missing or no log.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], unfinished: bool = False) -> None:
         self.path = Path(path)
         self._file = ContainerReader(self.path)
         self.size = self._file.size
@@ -70,6 +71,11 @@ class Log(AbstractContextManager["Log"]):
         self._file.walk(self._note)
         self._check_wires()
         self.complete = self.closing is not None and self._file.ended and not self.faults
+        cut = self.closing is None and bool(self.topics) and not self.being_written
+        last = max((end for _, end in self._chunks.spans.values()), default=0.0)
+        self.cut_off = notices.cut_off(self.path, last) if cut else ""
+        if not unfinished:
+            notices.notice(self.cut_off)
         self._places: dict[str, tuple[str, int]] = {}
         for topic, about in self.topics.items():
             for column in range(len(about.names)):

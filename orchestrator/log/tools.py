@@ -80,7 +80,7 @@ class Info(NamedTuple):
 def verify(path: str | os.PathLike[str]) -> Verdict:
     """Whether a log is whole: every checksum, step and sha256, the closing record, wires along connections."""
     try:
-        with Log(path) as log:
+        with Log(path, unfinished=True) as log:
             faults = _faults(log)
             if faults:
                 return Verdict(BROKEN, faults)
@@ -163,7 +163,7 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdic
     if target.exists() and source.exists() and target.samefile(source):
         return Verdict(BROKEN, [f"{target} is the log itself: give another name"])
     try:
-        with Log(source) as log:
+        with Log(source, unfinished=True) as log:
             if not log.topics:
                 return Verdict(BROKEN, [f"nothing could be saved from {source}", *log.faults])
             with _replacing(target) as fresh:
@@ -268,7 +268,7 @@ def _attachment(log: Log, name: str) -> bytes | None:
 
 def info(path: str | os.PathLike[str]) -> Info:
     """A log at a glance; reads all of it. Raises LogUnreadable."""
-    with Log(path) as log:
+    with Log(path, unfinished=True) as log:
         tallies, known = {topic: Tally() for topic in log.topics}, len(log.faults)
         for messages in log.intact():
             tallies[messages.topic].add(messages, None)

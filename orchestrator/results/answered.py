@@ -10,6 +10,7 @@ import numpy as np
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.picture import saved
+from orchestrator.results.run_data import mean
 
 PARTED = 0.01  # of the largest value: from there on two answers have parted
 ROUNDING = 1e-9  # of the largest value of its unit
@@ -80,7 +81,7 @@ def lines(found: list[Answer]) -> list[str]:
     ]
     for one in found:
         most, at = one.peak
-        figures = _rms(one.recorded), _rms(one.now), _rms(one.apart), most
+        figures = *(mean(one.t, values**2) ** 0.5 for values in (one.recorded, one.now, one.apart)), most
         parted = f"{one.parted:10.4f}" if np.isfinite(one.parted) else f"{'never':>10}"
         rows.append(f"{one.signal:28} {one.unit:5} {' '.join(f'{x:12.5g}' for x in figures)} {at:8.4f} {parted}")
     return rows
@@ -110,7 +111,3 @@ def draw(found: list[Answer], output: Path, title: str) -> None:
         pane.set_xlabel("t, s")
     figure.suptitle(title, fontsize=10, parse_math=False)
     saved(figure, output)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))

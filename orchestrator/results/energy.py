@@ -45,6 +45,12 @@ class Ledger(NamedTuple):
     residual_relative: float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
     port: float  # the part of the residual that the ports make
     integration: dict[str, float]  # the part of each component, of one where the vehicle has two
+    stored: dict[str, float]  # change by kind, as in STORED: what is below zero was released
+
+    @property
+    def supplied(self) -> float:
+        """What was put in and released from store, J: it is dissipated, stored elsewhere or unaccounted for."""
+        return max(self.work, 0.0) - sum(min(change, 0.0) for change in self.stored.values())
 
 
 def ledger(run: RunData) -> Ledger:
@@ -79,7 +85,8 @@ def _ledger(run: RunData) -> Ledger:
         - book.get("covered", 0.0)
         for name, book in books.items()
     }
-    return Ledger(work, change, dissipated, covered, residual, residual / scale, lost, integration)
+    stored = {kind: total(kind) for kind in STORED}
+    return Ledger(work, change, dissipated, covered, residual, residual / scale, lost, integration, stored)
 
 
 def drift(run: RunData, window: Window) -> float:

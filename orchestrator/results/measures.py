@@ -42,12 +42,13 @@ def reduce(t: Floats, values: Floats, how: str) -> float:
 def sag(run: RunData, of: str, window: Window) -> float:
     """Depth of the lowest pin below the highest, m."""
     links = run.links(of or run.tracks[0], window)
-    return float(np.mean(links.up.max(axis=1) - links.up.min(axis=1)))
+    return mean(links.t, links.up.max(axis=1) - links.up.min(axis=1))
 
 
 def end_tension(run: RunData, of: str, window: Window) -> float:
     """Force in the pin at the end of a hanging chain (the largest of all pins), N."""
-    return float(_joint_forces(run, of, window).max(axis=1).mean())
+    t, forces = _joint_forces(run, of, window)
+    return mean(t, forces.max(axis=1))
 
 
 # --- free chains -----------------------------------------------------------------------------------
@@ -55,20 +56,20 @@ def end_tension(run: RunData, of: str, window: Window) -> float:
 
 def joint_force(run: RunData, of: str, window: Window) -> float:
     """Mean force in the pins, N."""
-    return float(_joint_forces(run, of, window).mean())
+    return mean(*_joint_forces(run, of, window))
 
 
 def joint_force_spread(run: RunData, of: str, window: Window) -> float:
     """Largest difference between the force in a pin, at any instant, and the mean, over the mean."""
-    forces = _joint_forces(run, of, window)
-    return float(np.abs(forces / forces.mean() - 1.0).max())
+    t, forces = _joint_forces(run, of, window)
+    return float(np.abs(forces / mean(t, forces) - 1.0).max())
 
 
 def hoop_strain(run: RunData, of: str, window: Window) -> float:
     """Mean stretch of the chords between the pins of a loop."""
     links = run.links(of or run.tracks[0], window)
     chords = np.hypot(*(np.roll(x, -1, axis=1) - x for x in (links.forward, links.up)))
-    return float((chords / run.scene["vehicle"]["track"]["pitch"] - 1.0).mean())
+    return mean(links.t, chords / run.scene["vehicle"]["track"]["pitch"] - 1.0)
 
 
 def fall_time(run: RunData, of: str, window: Window) -> float:
@@ -159,7 +160,7 @@ def span_tension(run: RunData, of: str, window: Window) -> float:
     distance = run.scene["rig"]["axle_distance"]
     forward, up = _middles(links)
     free = (forward < -SPAN_MARGIN * distance) & (forward > -(1 - SPAN_MARGIN) * distance)
-    return float(links.tension[free & ((up > 0) if of == "upper" else (up < 0))].mean())
+    return mean(links.t, links.tension, free & ((up > 0) if of == "upper" else (up < 0)))
 
 
 def span_moment_ratio(run: RunData, of: str, window: Window) -> float:
@@ -216,10 +217,10 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
         for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
     ]
     hull = "chassis.chassis.position.z"
-    _, height = run.signal(hull, window)
+    t, height = run.signal(hull, window)
     rise = np.mean([run.signal(wheel, window)[1] - height for wheel in wheels], axis=0)
     first = np.mean([run.ends(wheel)[0] - run.ends(hull)[0] for wheel in wheels])
-    return float(rise.mean() - first)
+    return mean(t, rise) - float(first)
 
 
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
@@ -301,7 +302,7 @@ def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
         forward, up = _middles(links)
         split = vehicle["road_wheel"]["z"] if where == "top" else -0.1
         there = (np.abs(forward - middle) < reach) & ((up > split) if where == "top" else (up < split))
-        means.append(links.tension[there].mean())
+        means.append(mean(links.t, links.tension, there))
     return float(np.mean(means))
 
 
@@ -316,14 +317,14 @@ def _middles(links: Links) -> tuple[Floats, Floats]:
     )
 
 
-def _joint_forces(run: RunData, of: str, window: Window) -> Floats:
-    """Force in every pin (m, pins), N."""
+def _joint_forces(run: RunData, of: str, window: Window) -> tuple[Floats, Floats]:
+    """Times (m,), and the force in every pin (m, pins), N."""
     topic = run.log.known_topic(f"/{of or run.tracks[0]}/links")
     names = run.log.topics[topic].names
     columns = [[i for i, name in enumerate(names) if name.endswith(f"].force.{axis}")] for axis in "xyz"]
     series = run.log.select({topic: [*columns[0], *columns[1], *columns[2]]}, window)[topic]
     forces = np.split(series.values, 3, axis=1)
-    return np.asarray(np.sqrt(sum(force**2 for force in forces)))
+    return series.t, np.asarray(np.sqrt(sum(force**2 for force in forces)))
 
 
 def _fall(run: RunData, of: str, window: Window) -> tuple[Floats, Floats, float, float]:

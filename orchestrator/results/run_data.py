@@ -14,6 +14,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats, Series
 
 Made = TypeVar("Made")
+Kept = NDArray[np.bool_] | bool
 BLOCK = 1000  # steps that are in memory at once
 KEPT = 4  # records of links that are kept: measures of a scene ask for the same ones
 BEFORE = 1.0  # s: a step that ends in a window seldom began earlier
@@ -232,14 +233,32 @@ def within(t: Floats, window: Window) -> NDArray[np.bool_]:
     return (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
 
 
-def since(t: Floats) -> Floats:
-    """Time since the sample before, s; of the first one, that of the second; 1 for a single sample."""
-    return np.diff(t, prepend=2.0 * t[0] - t[1]) if len(t) > 1 else np.ones(len(t))
+def since(t: Floats, before: float | None = None) -> Floats:
+    """Time since the record before (m,), s; of the first one since ``before``, or as of the second; 1 for a single one.
+
+    Ask it of all records, also of those that are left out afterwards: a record stands for its own interval alone.
+    """
+    if before is None:
+        return np.diff(t, prepend=2.0 * t[0] - t[1]) if len(t) > 1 else np.ones(len(t))
+    return np.diff(t, prepend=before)
 
 
-def mean(t: Floats, values: Floats) -> float:
-    """Of samples (m,), each weighed by the time since the one before it: steps may vary."""
-    return float(np.average(values, weights=since(t)))
+def mean(t: Floats, values: Floats, kept: Kept = True) -> float:
+    """Mean over time and columns of records (m, ...), each weighed by the time since the record before: steps may vary.
+
+    ``kept`` (m, ...): of these alone; what is left out takes its time with it. Raises ZeroDivisionError where none is.
+    """
+    return float(_average(t, values, kept, None))
+
+
+def means(t: Floats, values: Floats, kept: Kept = True) -> Floats:
+    """The same of each column (...,)."""
+    return np.asarray(_average(t, values, kept, 0))
+
+
+def _average(t: Floats, values: Floats, kept: Kept, axis: int | None) -> Any:
+    own = since(t).reshape(-1, *[1] * (values.ndim - 1))
+    return np.average(np.where(kept, values, 0.0), axis, np.broadcast_to(own * kept, values.shape))
 
 
 def pitch_radius(vehicle: dict[str, Any]) -> float:

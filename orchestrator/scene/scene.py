@@ -6,6 +6,7 @@ scene holds the whole vehicle table under ``vehicle``, so that a dotted key reac
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
@@ -387,9 +388,18 @@ def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[s
     for where, table in (one, other):
         if not table:
             raise BadInput(f"{where} does not say of which scene it is")
-    if apart := unlike(one[1], other[1]):
+    if unlike(one[1], other[1]) and (apart := unlike(_as_read_now(one[1]), _as_read_now(other[1]))):
         named = [f"{where} ({shown(table.get('name'))})" for where, table in (one, other)]
         raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}{remedy}")
+
+
+def _as_read_now(table: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A logged scene with the keys of this version: a log of an older one says nothing of those that came later."""
+    try:
+        found: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
+        return found
+    except BadInput:
+        return table
 
 
 def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:

@@ -506,6 +506,60 @@ def test_slip_and_thrust_are_along_the_heading(driven):
     np.testing.assert_array_equal(found.load[:, 0], force[:, 2])
 
 
+def over_time(t, values, keep):
+    """Mean of a step function, value k from t[k - 1] to t[k], over the steps that are kept: by hand."""
+    total = time = 0.0
+    for k in range(len(t)):
+        if keep[k]:
+            own = t[k] - t[k - 1] if k else t[1] - t[0]
+            total, time = total + own * values[k], time + own
+    return total / time
+
+
+@pytest.mark.parametrize("even", [True, False])
+def test_a_slip_ratio_weighs_a_record_by_its_own_step_alone(tmp_path, even):
+    """Stop and go: after every halt the first record is kept, the halt before it is not."""
+    t = np.linspace(0.0, 4.0, 401)
+    t = t if even else t + 0.4 * np.sin(t)
+    speed = np.where(np.sin(2 * np.pi * t) > 0.2, 2.0 + t, 0.01)
+    ratio = 0.02 + 0.3 * np.exp(-40.0 * ((t + 0.97) % 1.0))  # most where it drives off
+    names = ["travel", "slip", "speed", *(f"ground.force.{axis}" for axis in "xyz")]
+    values = np.column_stack([t, ratio * speed, speed, np.zeros((len(t), 2)), np.full(len(t), 1e4)])
+    topics = {"/chassis/out": [("yaw", "rad")], "/track/out": [(name, "1") for name in names]}
+    rows = {"/chassis/out": (t, np.zeros((len(t), 1))), "/track/out": (t, values)}
+    path = made(tmp_path / "s.mcap", topics, rows, {"assembly": "vehicle"}, ("chassis", "track"))
+    with Log(path) as log:
+        found = slip.of(RunData(log)).table().records()[0]
+    wanted = 100.0 * over_time(t, ratio, speed > slip.SLOWEST)
+    assert found["slip ratio"] == pytest.approx(wanted, rel=1e-9)
+    kept = np.flatnonzero(speed > slip.SLOWEST)
+    assert np.average(100.0 * ratio[kept], weights=np.diff(t[kept], prepend=0.0)) > 1.5 * wanted, "the twin"
+
+
+def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):
+    """Records of 1 and of 10 ms: the mean by place, of forces and of patches is that over time."""
+    t = np.concatenate([np.arange(0.0, 0.5, 1e-3), np.arange(0.5, 1.0005, 1e-2)])
+    tension = 1e4 * (1.0 + (t > 0.5 - 1e-9))
+    angle = -2.0 * np.pi * (np.arange(12) + 0.5) / 12
+    pins = np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=1)
+    names = [f"joint[{i}].{what}.{a}" for what in ("position", "force") for i in range(1, 13) for a in "xyz"]
+    names += [f"link[{i}].tension" for i in range(1, 13)]
+    force = np.einsum("m,nk->mnk", tension, np.roll(pins, -1, axis=0) - pins).reshape(len(t), 36)
+    values = np.hstack([np.tile(pins.ravel(), (len(t), 1)), force, np.tile(tension[:, None], (1, 12))])
+    topics = {"/track/out": [("travel", "m")], "/track/links": [(name, "1") for name in names]}
+    path = made(tmp_path / "u.mcap", topics, {"/track/out": (t, t[:, None]), "/track/links": (t, values)})
+    wanted = over_time(t, tension, np.ones(len(t), bool))
+    assert tension.mean() < 0.8 * wanted, "the twin: over records"
+    with Log(path) as log:
+        run = RunData(log)
+        np.testing.assert_allclose(envelope.of(run, bins=5).mean, wanted, rtol=1e-9)
+        (along,) = [row for row in links.summary(run).rows if row[:2] == ("joint force", "along")]
+        side = float(np.linalg.norm(pins[1] - pins[0]))
+    assert along[4] == pytest.approx(1e-3 * wanted * side, rel=1e-9)
+    long = patches.Patches(("wheel",), t, *np.repeat(tension[None, :, None], 3, axis=0))
+    assert long.table().records()[0]["length"] == pytest.approx(1e3 * wanted, rel=1e-9)
+
+
 def rolling(path, load, **more):
     """A log of two road wheels with such loads (m, 2)."""
     t = np.arange(len(load)) * STEP

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orchestrator.results import measures
-from orchestrator.results.run_data import Links, Window, within
+from orchestrator.results.run_data import Links, Window, mean, means, within
 
 TEETH, PITCH = 10, 0.1524
 RADIUS = PITCH / (2 * np.sin(np.pi / TEETH))
@@ -152,6 +152,33 @@ def test_a_mean_weighs_samples_by_their_steps():
     assert measures.reduce(t, t, "mean") == pytest.approx(0.5, rel=0.01)
     assert measures.reduce(t, t, "rms") == pytest.approx(3**-0.5, rel=0.01)
     assert t.mean() < 0.4
+
+
+def test_a_mean_of_some_records_leaves_out_the_time_of_the_others():
+    t = np.array([0.0, 0.1, 0.2, 5.0, 5.1, 5.2])
+    values = np.array([[1.0], [2.0], [np.nan], [100.0], [4.0], [6.0]]) * [1.0, 2.0]
+    kept = np.array([True, True, False, False, True, True])[:, None]
+    assert mean(t, values[:, 0], kept[:, 0]) == pytest.approx((0.1 * 1 + 0.1 * 2 + 0.1 * 4 + 0.1 * 6) / 0.4)
+    assert mean(t, values, np.broadcast_to(kept, values.shape)) == pytest.approx(1.5 * 3.25)
+    np.testing.assert_allclose(means(t, values, kept), [3.25, 6.5])
+
+
+@pytest.mark.parametrize("measure", [measures.sag, measures.hoop_strain, measures.span_tension])
+def test_measures_of_links_are_means_over_time(measure):
+    """Twice as much from 0.5 s on, where records are ten times as far apart."""
+    t = np.concatenate([np.arange(0.0, 0.5, 1e-3), np.arange(0.5, 1.0005, 1e-2)])
+    size = 1.0 + (t > 0.5 - 1e-9)
+    forward = -0.5 * PITCH * np.array([0.0, 1.0, 1.0, 0.0]) * size[:, None] - 0.5
+    up = PITCH * np.array([0.0, 0.0, 1.0, 1.0]) * size[:, None]
+    links = Links(t, forward, up, 1e4 * size[:, None] * np.ones(4))
+
+    def found(which):
+        run = Record(Links(*(column[which] for column in links)), rig={"axle_distance": 2.0})
+        return measure(run, "upper", Window(0.0, 1.0))
+
+    short, long = found(t < 0.499), found(t > 0.499)
+    assert abs(long - short) > 0.1 * abs(long)
+    assert found(slice(None)) == pytest.approx(0.5 * (short + long), rel=0.01)
 
 
 def test_every_measure_has_its_own_name():

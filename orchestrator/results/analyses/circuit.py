@@ -21,6 +21,7 @@ class Placed(NamedTuple):
     """Some records of links with their places."""
 
     t: Floats  # (m,) s
+    since: Floats  # (m,) s, time since the record before
     length: Floats  # (m,) m, of the whole circuit
     links: Floats  # (m, links) m, places of the middles of links
     joints: Floats  # (m, joints) m, places of pins
@@ -49,7 +50,7 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
         except ValueError as problem:
             raise Missing(f"{run.log.path}: '{track}' {problem} between {block.t[0]:g} and {block.t[-1]:g} s") from None
         centres = 0.5 * (flat + np.roll(flat, -1, axis=1))
-        yield Placed(block.t, length, links, joints, centres, pins, axes, block.values[1:])
+        yield Placed(block.t, block.since, length, links, joints, centres, pins, axes, block.values[1:])
 
 
 def places(pins: Floats, away: Floats) -> tuple[Floats, Floats, Floats]:

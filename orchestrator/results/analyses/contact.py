@@ -22,7 +22,7 @@ class Contact(NamedTuple):
 
     track: str
     place: Floats  # (bins,) m
-    mean: Floats  # (bins,) Pa, over the records of the window
+    mean: Floats  # (bins,) Pa, over time
     most: Floats  # (bins,) Pa
     forward: Floats  # (bins,) m ahead of the sprocket axle, in the axes of the hull
     peak: float  # Pa, of all links and records
@@ -66,14 +66,15 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
     area = pad_area(run)
     bins: Bins | None = None
     lengths: list[Floats] = []
-    sums: list[Floats] = []
+    total = time = 0.0
     peak, link, at = -np.inf, 0, 0.0
     for block in circuit.records(run, track, window, SIGNAL):
         bins = bins or Bins(block.links.shape[1], 2)
         under = pressure(block.pins, block.axes, block.values[0], area)
-        bins.add(block.links / block.length[:, None], np.stack([under, block.centres[..., 0]], axis=2))
+        of_place = np.stack([under, block.centres[..., 0]], axis=2)
+        bins.add(block.since, block.links / block.length[:, None], of_place)
         lengths.append(block.length)
-        sums.append(under.sum(axis=1))
+        total, time = total + float(block.since @ under.sum(axis=1)), time + float(block.since.sum())
         record, number = np.unravel_index(int(under.argmax()), under.shape)
         if under[record, number] > peak:
             peak, link, at = float(under[record, number]), int(number) + 1, float(block.t[record])
@@ -81,5 +82,4 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
         raise Missing(f"{run.log.path}: no link of '{track}' touches the ground in the window")
     count = len(bins.count)
     place = (np.arange(count) + 0.5) * float(np.concatenate(lengths).mean()) / count
-    force = float(np.concatenate(sums).mean()) * area
-    return Contact(track, place, *bins.of(0)[1:], bins.of(1)[1], peak, link, at, force, area)
+    return Contact(track, place, *bins.of(0)[1:], bins.of(1)[1], peak, link, at, total / time * area, area)

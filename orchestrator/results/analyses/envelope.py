@@ -43,21 +43,24 @@ class Bins:
         self.least = np.full((bins, columns), np.inf)
         self.most = np.full((bins, columns), -np.inf)
         self.total = np.zeros((bins, columns))
+        self.time = np.zeros(bins)  # s
         self.count = np.zeros(bins)
 
-    def add(self, share: Floats, values: Floats) -> None:
-        """Values (..., columns) at places (...,), shares of the circuit."""
+    def add(self, since: Floats, share: Floats, values: Floats) -> None:
+        """Values (m, ..., columns) at places (m, ...), shares of the circuit, of records with their times (m,), s."""
         at = np.minimum((share * len(self.count)).astype(int), len(self.count) - 1).ravel()
         flat = values.reshape(len(at), -1)
         np.minimum.at(self.least, at, flat)
         np.maximum.at(self.most, at, flat)
-        np.add.at(self.total, at, flat)
+        weights = np.broadcast_to(since[:, None], share.shape).ravel()
+        np.add.at(self.total, at, weights[:, None] * flat)
+        self.time += np.bincount(at, weights, len(self.time))
         self.count += np.bincount(at, minlength=len(self.count))
 
     def of(self, column: int) -> tuple[Floats, Floats, Floats]:
-        """Least, mean and largest (bins,); NaN where there is nothing."""
+        """Least, mean over time and largest (bins,); NaN where there is nothing."""
         empty = self.count == 0
-        mean = self.total[:, column] / np.where(empty, np.nan, self.count)
+        mean = self.total[:, column] / np.where(empty, np.nan, self.time)
         return np.where(empty, np.nan, self.least[:, column]), mean, np.where(empty, np.nan, self.most[:, column])
 
 
@@ -78,7 +81,8 @@ def of(
             gathered = Bins(bins, 3)
         value = block.values[0] if block.values[0].ndim == 2 else np.linalg.norm(block.values[0], axis=2)
         where = block.joints if signal.startswith("joint") else block.links
-        gathered.add(where / block.length[:, None], np.concatenate([value[..., None], block.centres], axis=2))
+        of_place = np.concatenate([value[..., None], block.centres], axis=2)
+        gathered.add(block.since, where / block.length[:, None], of_place)
         lengths.append(block.length)
     if gathered is None:
         raise Missing(f"{run.log.path} holds no links of '{track}'")

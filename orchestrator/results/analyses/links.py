@@ -26,6 +26,7 @@ class LinkForces(NamedTuple):
 
     track: str
     t: Floats  # (m,) s
+    since: Floats  # (m,) s, time since the record before
     joint: Floats  # (m, links, 3) N, along, across, outwards; (m, 0, 3) where not recorded, as below
     ground: Floats  # (m, links, 3) N
     wheels: Floats  # (m, links, 3) N, of the wheels on the link and on the pin where it ends
@@ -66,12 +67,13 @@ def _gathered(parts: Iterable[LinkForces]) -> Summary:
         components[("bending moment", AXES[1], "N.m")] = part.moment
         for key, values in components.items():
             if values.size:
-                extremes = np.array([values.min(), values.sum(), values.max(), values.size])
+                total, time = part.since @ values.sum(axis=1), part.since.sum() * values.shape[1]
+                extremes = np.array([values.min(), total, values.max(), time])
                 gathered.setdefault(key, []).append(extremes)
     rows = []
     for key, found in gathered.items():
-        least, total, most, size = np.array(found).T
-        rows.append((*key, float(least.min()), float(total.sum() / size.sum()), float(most.max())))
+        least, total, most, time = np.array(found).T
+        rows.append((*key, float(least.min()), float(total.sum() / time.sum()), float(most.max())))
     return Summary(track, rows)
 
 
@@ -113,6 +115,7 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
         yield LinkForces(
             track=track,
             t=block.t,
+            since=block.since,
             joint=forces.get("joint", none),
             ground=forces.get("ground", none),
             wheels=forces.get("wheels", none),

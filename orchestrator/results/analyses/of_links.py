@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
 
 SIZE = 200  # records that are in memory at once
 GROUPS = {  # signals by the groups of ``track.link_outputs`` that record them
@@ -33,6 +33,7 @@ class Records(NamedTuple):
     """Some records one after the other."""
 
     t: Floats  # (m,) s
+    since: Floats  # (m,) s, time since the record before
     values: tuple[Floats, ...]  # of each signal (m, links or pins), of a vector (m, links or pins, 3)
 
 
@@ -66,13 +67,13 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
     wanted = list(dict.fromkeys(int(column) for place in places for column in place.flat))
     order = {column: k for k, column in enumerate(wanted)}
     found = [np.vectorize(order.__getitem__)(place) for place in places]
-    empty = True
+    last: float | None = None
     for block in run.log.blocks({topic: wanted}, SIZE, window=window):
         series = block[topic]
         if len(series.t):
-            empty = False
-            yield Records(series.t, tuple(series.values[:, place] for place in found))
-    if empty:
+            yield Records(series.t, since(series.t, last), tuple(series.values[:, place] for place in found))
+            last = float(series.t[-1])
+    if last is None:
         when = f"between {window.start:g} and {window.end:g} s"
         raise Missing(f"{run.log.path}: no links of '{track}' were recorded {when}")
 

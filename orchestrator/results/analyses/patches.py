@@ -13,7 +13,7 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.table import Table
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, means
 from orchestrator.results.views.bodies import Bodies
 
 GAUSS = 0.5 / np.sqrt(3.0)  # two points on a unit interval lie so far off its middle
@@ -33,8 +33,8 @@ class Patches(NamedTuple):
     def table(self) -> Table:
         """A row for each wheel: over the records of the window."""
         values = (
-            1e3 * self.length.mean(axis=0), 1e3 * self.length.max(axis=0), 1e3 * self.depth.mean(axis=0),
-            1e3 * self.depth.max(axis=0), self.links.mean(axis=0),
+            1e3 * means(self.t, self.length), 1e3 * self.length.max(axis=0), 1e3 * means(self.t, self.depth),
+            1e3 * self.depth.max(axis=0), means(self.t, self.links),
         )  # fmt: skip
         columns = (
             ("wheel", ""), ("length", "mm"), ("longest", "mm"), ("depth", "mm"), ("deepest", "mm"), ("links", "mean"),

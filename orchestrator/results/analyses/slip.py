@@ -39,7 +39,7 @@ class Slip(NamedTuple):
         for k, track in enumerate(self.tracks):
             whole = [mean(self.t, each[:, k]) for each in (self.slip, self.thrust, self.lateral, self.load)]
             known = np.isfinite(self.ratio[:, k])
-            ratio = mean(self.t[known], self.ratio[known, k]) if known.any() else float("nan")
+            ratio = mean(self.t, self.ratio[:, k], known) if known.any() else float("nan")
             thrust = self.thrust[:, k]
             rows.append(
                 (

@@ -93,5 +93,5 @@ def _weighed(blocks: Blocks) -> Iterator[tuple[Floats, Floats, Floats]]:
     last: float | None = None
     for t, loads in blocks:
         if len(t):
-            yield t, since(t) if last is None else np.diff(t, prepend=last), loads
+            yield t, since(t, last), loads
             last = float(t[-1])

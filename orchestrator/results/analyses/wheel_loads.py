@@ -12,7 +12,7 @@ from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.at_steps import RECOVER
 from orchestrator.results.analyses.spells import TOUCHES, Spells, spells
 from orchestrator.results.analyses.table import Table
-from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, since
+from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, means, since
 
 
 class WheelLoads(NamedTuple):
@@ -87,9 +87,8 @@ def of(run: RunData, window: Window = EVER) -> WheelLoads:
     t, load = (np.concatenate(parts) for parts in zip(*blocks(run, window), strict=True))
     if not len(t):
         raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
-    weights = since(t)
-    mean = np.average(load, axis=0, weights=weights)
-    rms = np.sqrt(np.average((load - mean) ** 2, axis=0, weights=weights))
+    mean = means(t, load)
+    rms = np.sqrt(means(t, (load - mean) ** 2))
     found = lifted(run, window)
-    share = np.array([sum(spell.time for spell in found.of[name]) for name in names(run)]) / weights.sum()
+    share = np.array([sum(spell.time for spell in found.of[name]) for name in names(run)]) / since(t).sum()
     return WheelLoads(names(run), mean, load.min(axis=0), load.max(axis=0), rms, share, found.threshold)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.log.described import said_of
-from orchestrator.results.energy import STORED, Ledger
+from orchestrator.results.energy import Ledger
 from orchestrator.results.page.words import and_list, instance, percent, quantity
 from orchestrator.results.run_data import RunData
 
@@ -16,6 +16,7 @@ KINDS = {
     "spring": "springs",
     "contact": "contacts",
 }
+SHARE = 1e-4  # of what came in: less is not told
 
 
 class Loss(NamedTuple):
@@ -29,7 +30,7 @@ class Loss(NamedTuple):
 class Balance(NamedTuple):
     """Energies over the run, J."""
 
-    stored: dict[str, float]  # by kind, as in STORED: change
+    stored: dict[str, float]  # by kind: change, without what has none
     losses: dict[str, Loss]  # by component
     ledger: Ledger
 
@@ -41,7 +42,6 @@ class Balance(NamedTuple):
 
 def balance(run: RunData, found: Ledger) -> Balance:
     """The parts of a ledger's sums; raises Missing, LogUnreadable."""
-    stored = dict.fromkeys(STORED, 0.0)
     losses = {}
 
     def change(name: str, kind: str) -> float:
@@ -49,38 +49,45 @@ def balance(run: RunData, found: Ledger) -> Balance:
         return run.copies(name) * (last - first)
 
     for name in run.instances:
-        for kind in STORED:
-            stored[kind] += change(name, kind)
         if run.has(f"{name}.energy.dissipated"):
             parts = said_of(run.log, f"{name}.energy.dissipated")
             losses[name] = Loss(change(name, "dissipated"), change(name, "covered"), parts)
-    return Balance({kind: energy for kind, energy in stored.items() if energy}, losses, found)
+    return Balance({kind: energy for kind, energy in found.stored.items() if energy}, losses, found)
+
+
+def sources(found: Balance) -> str:
+    """What the energy came from, HTML: "53.26 kJ put in by the drives and 3.658 kJ released (height)"."""
+    released = {kind: -energy for kind, energy in found.stored.items() if -energy > SHARE * found.ledger.supplied}
+    parts = [f"{quantity(found.ledger.work, 'J')} put in by the drives"] if found.ledger.work > 0.0 else []
+    if released:
+        kinds = and_list([KINDS[kind] for kind in sorted(released, key=lambda kind: -released[kind])])
+        parts.append(f"{quantity(sum(released.values()), 'J')} released ({kinds})")
+    return and_list(parts)
 
 
 def sentence(found: Balance) -> str:
     """In words, HTML."""
-    work, change = found.ledger.work, found.ledger.change
-    lost, left = found.ledger.dissipated, found.ledger.residual
-    scale = max(abs(work), abs(change), abs(lost))
-    if scale < 1e-3:
+    books, supplied = found.ledger, found.ledger.supplied
+    if max(supplied, abs(books.dissipated)) < 1e-3:
         return "Next to no energy moved in this run."
-    told = []
-    if abs(work) > 1e-6 * scale:
-        told.append(f"The drives put in <b>{quantity(work, 'J')}</b>.")
-    kinds = sorted(found.stored.items(), key=lambda each: -abs(each[1]))
-    kinds = [(kind, energy) for kind, energy in kinds if abs(energy) > 0.01 * scale][:3]
-    of_work = f" ({percent(change / work)} of the work)" if work > 1e-3 * scale else ""
-    named = [f"{KINDS[kind]} {quantity(energy, 'J')}" for kind, energy in kinds]
-    parts = f": {and_list(named)}" if named else ""
-    verb = "more" if change >= 0.0 else "less"
-    told.append(f"At the end {quantity(abs(change), 'J')}{of_work} {verb} is stored than at the start{parts}.")
+    told = [f"<b>{quantity(supplied, 'J')}</b> came in: {sources(found)}."] if supplied > 0.0 else []
+    if books.work < -SHARE * supplied:
+        told.append(f"{quantity(-books.work, 'J')}{_share(-books.work, supplied)} went back into the drives.")
+    kinds = sorted(((kind, energy) for kind, energy in found.stored.items() if energy > 0.0), key=lambda each: -each[1])
+    if kept := sum(energy for _, energy in kinds):
+        named = [f"{KINDS[kind]} {quantity(energy, 'J')}" for kind, energy in kinds if energy > 0.01 * supplied]
+        parts = f": {and_list(named)}" if named else ""
+        told.append(f"{quantity(kept, 'J')}{_share(kept, supplied)} is stored at the end{parts}.")
     losers = sorted(found.lost.items(), key=lambda each: -abs(each[1]))[:3]
-    named = [f"{instance(name)} {quantity(energy, 'J')}" for name, energy in losers if abs(energy) > 0.01 * abs(lost)]
+    named = [f"{instance(name)} {quantity(energy, 'J')}" for name, energy in losers if energy > 0.01 * books.dissipated]
     most = f", most of it in {and_list(named)}" if named else ""
-    of_work = f" ({percent(lost / work)})" if work > 1e-3 * scale else ""
-    told.append(f"{quantity(lost, 'J')}{of_work} was dissipated{most}.")
+    told.append(f"{quantity(books.dissipated, 'J')}{_share(books.dissipated, supplied)} was dissipated{most}.")
     told.append(
-        f"{quantity(left, 'J')} is unaccounted for, {percent(found.ledger.residual_relative, 2)} of the largest sum:"
+        f"{quantity(books.residual, 'J')} is unaccounted for, {percent(books.residual_relative, 2)} of the largest sum:"
         " that is an error of the steps, not a physical loss."
     )
     return " ".join(told)
+
+
+def _share(energy: float, supplied: float) -> str:
+    return f" ({percent(energy / supplied)})" if supplied > 1e-3 * abs(energy) else ""

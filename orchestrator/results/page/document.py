@@ -12,6 +12,7 @@ from orchestrator.results.page import facts, sections
 from orchestrator.results.page.embedded import script
 from orchestrator.results.page.ending import ending
 from orchestrator.results.page.exactness import exactness
+from orchestrator.results.page.phases import phases
 from orchestrator.results.page.provenance import compared, made
 from orchestrator.results.page.sections import Pair, Section
 from orchestrator.results.page.side_view import side_view
@@ -36,7 +37,7 @@ def document(run: Study, reference: Study | None, plots: str) -> str:
     parts = [
         sections.checks(pair),
         exactness(pair),
-        *filter(None, [player, compared(pair)]),
+        *filter(None, [phases(pair), player, compared(pair)]),
         *(one for make in (ending, sections.motion, sections.drive, sections.energy, sections.tension, sections.loads)
           if (one := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
         sections.happened(pair),
@@ -106,11 +107,16 @@ def _pieces(
         f'<header><p class="kicker">Report of the run {text(run.run.log.path.name)}{against} &middot;'
         f" {number(run.span[1] - run.span[0])} s</p><h1>{title}</h1>",
         f'<p class="verdict {verdict.mood}"><b>{verdict.word}.</b> {verdict.sentence}</p>',
+        *(f'<p class="verdict bad"><b>Reference.</b> {text(cut)}.</p>' for cut in [_cut(reference)] if cut),
         f'<div class="tiles">{tiles}</div><dl class="setting">{setting}</dl></header>',
         f'<nav aria-label="contents">{contents}</nav><main>{body}</main>',
         f'<script type="application/json" id="data">{script(data)}</script>',
         f"<script>{plots}</script><script>{_asset('page.js')}</script></body></html>\n",
     ]
+
+
+def _cut(reference: Study | None) -> str:
+    return reference.run.log.cut_off if reference else ""
 
 
 def _asset(name: str) -> str:

@@ -6,6 +6,7 @@ import json
 from typing import Any, NamedTuple
 
 from orchestrator.results.page import chain as links
+from orchestrator.results.page.balance import sources
 from orchestrator.results.page.signals import Recorded
 from orchestrator.results.page.study import ALIKE, NOTHING, Study
 from orchestrator.results.page.words import instance, number, percent, quantity, text, wheel_name
@@ -135,8 +136,7 @@ def verdict(study: Study) -> Verdict:
     judged += f"; {left} more could not be made" if left else ""
     open_share = abs(study.balance.ledger.residual_relative) if study.balance else 0.0
     if log.closing is None:
-        told = f"The record ends at {number(study.span[1])} s without a closing record; {judged}."
-        return Verdict("bad", "Cut off", told)
+        return Verdict("bad", "Cut off", f"{text(log.cut_off or 'The run is still going on')}; {judged}.")
     if log.closing["status"] != "ok":
         message = text(log.closing["message"] or "no reason was recorded")
         return Verdict("bad", "Failed", f"The run ended at {number(study.span[1])} s: {message}")
@@ -253,7 +253,7 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
         name = "Weight" if shown[0] == "weight" else "Ground carries"
         made.append(Tile(name, quantity(carried[shown[0]], "N"), ground))
     if (energy := found.get("energy")) and max(abs(energy[each]) for each in ("work", "change", "dissipated")) > 1e-3:
-        share = f"of {quantity(energy['work'], 'J')} put in" if abs(energy["work"]) > 1e-3 else ""
+        share = f"of {quantity(study.balance.ledger.supplied, 'J')}: {sources(study.balance)}" if study.balance else ""
         made.append(Tile("Energy dissipated", quantity(energy["dissipated"], "J"), share))
         open_share, left = percent(energy["residual_relative"], 2), quantity(energy["residual"], "J", 3)
         made.append(Tile("Energy unaccounted for", open_share, f"{left}, an error of the steps"))

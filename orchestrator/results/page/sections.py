@@ -254,7 +254,8 @@ def energy(pair: Pair) -> Section | None:
         return None
     books = found.ledger
     rows = [("put in by drives", books.work, "work")]
-    rows += [(f"stored: {KINDS[kind]}", change, "stored") for kind, change in found.stored.items()]
+    rows += [(f"released: {KINDS[kind]}", change, "stored") for kind, change in found.stored.items() if change < 0.0]
+    rows += [(f"stored: {KINDS[kind]}", change, "stored") for kind, change in found.stored.items() if change > 0.0]
     rows += [
         (f"dissipated: {plain(name)}{', both sides' if study.run.copies(name) > 1 else ''}", lost, "lost")
         for name, lost in found.lost.items()
@@ -270,7 +271,7 @@ def energy(pair: Pair) -> Section | None:
     if moved > 1e-3:
         charts["energy"] = waterfall(rows)
         html += figure("energy", "From what was put in to what is unaccounted for",
-                       "Each bar begins where the one above ends: what is stored or lost is taken away from the work.",
+                       "Each bar begins where the one above ends: what is stored or lost is taken from what came in.",
                        "tall")  # fmt: skip
         names = {"work": "put in", "stored": "stored", "lost": "lost"}
         drawn = [Line(names[part], curve, k) for k, (part, curve) in enumerate(study.energies.items())]

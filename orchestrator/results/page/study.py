@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
 from orchestrator.log.container_reader import LogUnreadable
-from orchestrator.results.analyses import wheel_loads
+from orchestrator.results.analyses import phases, wheel_loads
+from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.energy import ledger
 from orchestrator.results.page import chain as links
 from orchestrator.results.page import signals
@@ -45,6 +46,7 @@ class Study(NamedTuple):
     balance: Balance | None
     energies: dict[str, Curve]
     ripple: Ripple  # of curves that are bands
+    phases: tuple[Phase, ...]  # none of what has no hull
     missing: list[str]  # sentences about what could not be had
 
     def mean(self, signal: str, window: float) -> Curve | None:
@@ -77,10 +79,11 @@ def study(run: RunData, judged: Judged) -> Study:
         if found := attempt(lambda track=track: links.chain(run, track), missing):  # type: ignore[misc]
             chains[track] = found
     span = signals.span(run)
+    happened = attempt(lambda: phases.of(run).phases, missing) if "chassis.speed" in known else None
     return Study(
         run, judged, span, known, drives, chains,
         attempt(lambda: balance(run, ledger(run)), missing), attempt(lambda: signals.energies(run), missing) or {},
-        ripple(run, drives, known, span), missing,
+        ripple(run, drives, known, span), happened or (), missing,
     )  # fmt: skip
 
 

@@ -1,0 +1,32 @@
+"""What a reader says of a log before anything else, as a warning: commands show it as their first line on stderr."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+
+from orchestrator import __version__
+
+
+class LogNotice(UserWarning):
+    """A sentence about a log that is read."""
+
+
+def cut_off(path: Path, t: float) -> str:
+    """Of a log without a closing record, whose last record is at ``t`` s."""
+    return f"{path} was cut off at t = {t:.6g} s: no closing record"
+
+
+def other_version(path: Path, versions: Mapping[str, str]) -> str:
+    """Of a log by another version of cotrack, as its metadata ``versions`` say; empty for this one."""
+    made = versions.get("cotrack", "unknown")
+    if made == __version__:
+        return ""
+    return f"{path} was made by cotrack {made}, and this is cotrack {__version__}, which computes other numbers"
+
+
+def notice(sentence: str) -> None:
+    """Say it, unless it is empty."""
+    if sentence:
+        warnings.warn(sentence, LogNotice, stacklevel=3)

@@ -1,0 +1,342 @@
+"""Phases of a run: rest, acceleration, steady motion, turn and braking, with figures for each.
+
+Speed and yaw rate of the hull are each taken as a line with few breaks (``results/broken_line.py``), which follows a
+ramp and leaves out ringing. Each piece has a state:
+
+    speed      grows or falls: its size changes by more than RATE; else the vehicle rests or moves on
+    yaw rate   left, right: the mean is beyond TURNS and the heading changes by more than TURNED; else straight
+
+A growth or fall counts from CHANGE of the largest speed on; a quick one, shorter than QUICK, from LARGE on: less is the
+hull's own nodding, which dies out within some half seconds. A line through zero is two pieces. A phase is a time in
+which both states stay: ``steady`` where the speed is held, ``turn`` where it is held and the vehicle turns;
+``acceleration`` and ``braking`` say in ``turning`` to which side they turn. What is shorter than SHORTEST belongs to
+the phase beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.broken_line import Lines, breaks
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
+
+PRECISION = 0.02  # of the largest speed or yaw rate: the line is that near to the signal, RMS
+LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: nearer it need not be
+RATE = 0.1  # m/s2: a speed that changes more slowly is held
+CHANGE, LARGE = 0.1, 0.25  # of the largest speed: what an acceleration changes at least, and a quick one
+QUICK = 0.8  # s
+STANDS, STAYS = 0.02, 0.1  # m/s, m: at rest it is slower, or goes less far
+TURNS, TURNED = 0.02, 0.05  # rad/s, rad
+SHORTEST = 0.25  # s
+ALIKE = 1e-3  # m/s: slips of both sides are told once
+HELD = 0.5  # s: over which the largest yaw rate is a mean
+SIDES = {1: "left", -1: "right", 0: ""}
+MOTION = ("speed", "yaw", "chassis.angular_velocity.z", "chassis.velocity.x", "chassis.velocity.y")
+
+
+class Phase(NamedTuple):
+    """A part of a run; NaN is what the log does not hold."""
+
+    kind: str  # "rest", "acceleration", "steady", "turn", "braking"
+    turning: str  # "left", "right" or ""
+    start: float  # s
+    end: float  # s
+    way: float  # m, of the hull's centre of mass, on the level
+    speed: float  # m/s, ahead, mean
+    speed_start: float  # m/s
+    speed_end: float  # m/s
+    yaw_rate: float  # rad/s, change of heading over time
+    yaw_rate_most: float  # rad/s, the largest mean over HELD, with its sign
+    radius: float  # m, way over change of heading; NaN where it does not turn
+    power: float  # W, work of the drives over time
+    slip_left: float  # m/s, of the links on the ground, mean
+    slip_right: float  # m/s
+    tension: float  # N, the largest of all links
+    tension_t: float  # s
+    tension_track: str  # that bore it
+
+
+class Phases(NamedTuple):
+    """In order of time, without gaps."""
+
+    phases: tuple[Phase, ...]
+
+    def table(self) -> Table:
+        """A row for each phase."""
+        rows = [
+            (
+                called(one), one.start, one.end, one.way, one.speed, one.speed_start, one.speed_end, one.yaw_rate,
+                one.yaw_rate_most, one.radius, one.power / 1e3, one.slip_left, one.slip_right, one.tension / 1e3,
+                one.tension_t, one.tension_track,
+            )
+            for one in self.phases
+        ]  # fmt: skip
+        columns = (
+            ("phase", ""), ("from", "s"), ("to", "s"), ("way", "m"), ("speed", "m/s"), ("at first", "m/s"),
+            ("at last", "m/s"), ("yaw rate", "rad/s"), ("largest", "rad/s"), ("radius", "m"), ("power", "kW"),
+            ("slip left", "m/s"), ("slip right", "m/s"), ("largest tension", "kN"), ("at", "s"), ("in", ""),
+        )  # fmt: skip
+        return Table(f"{len(self.phases)} phases", columns, rows)
+
+
+def sentence(one: Mapping[str, Any]) -> str:
+    """A phase, as ``Phase`` or JSON names its figures, in words."""
+    figures: dict[str, Any] = {name: float("nan") if value is None else value for name, value in one.items()}
+    known = Phase(**figures)
+    return "; ".join(filter(None, (_moves(known), _turns(known), _works(known))))
+
+
+def _moves(one: Phase) -> str:
+    when = f"{one.start:.4g} to {one.end:.4g} s: {called(one)}"
+    if one.kind == "rest":
+        return when
+    changes = f"{', ' if one.turning else ' '}from {one.speed_start:.2f} to {one.speed_end:.2f} m/s"
+    speed = changes if one.kind in ("acceleration", "braking") else f" at {one.speed:.4g} m/s"
+    return f"{when}{speed} over {one.way:.4g} m"
+
+
+def _turns(one: Phase) -> str:
+    if not one.turning:
+        return ""
+    radius = f", radius {one.radius:.3g} m"
+    return f"yaw rate {one.yaw_rate:.3g} rad/s, {one.yaw_rate_most:.3g} at most{radius}"
+
+
+def _works(one: Phase) -> str:
+    slips = [slip for slip in (one.slip_left, one.slip_right) if slip == slip]
+    alike = len(slips) < 2 or abs(slips[0] - slips[1]) < ALIKE
+    shown = [f"{slip:.3f}" for slip in (slips[:1] if alike else slips)]
+    parts = [
+        f"power {one.power / 1e3:.3g} kW" if one.power == one.power else "",
+        f"slip {' and '.join(shown)} m/s{'' if alike else ' left and right'}" if slips else "",
+        f"largest tension {one.tension / 1e3:.4g} kN in {one.tension_track.replace('_', ' ')} at {one.tension_t:.4g} s"
+        if one.tension_track
+        else "",
+    ]
+    return "" if one.kind == "rest" else ", ".join(filter(None, parts))
+
+
+class _Motion(NamedTuple):
+    """Outputs of all steps, columns of the same length."""
+
+    t: Floats
+    of: Mapping[str, Floats]
+
+
+def called(one: Phase) -> str:
+    """A phase in words."""
+    if one.kind == "turn":
+        return f"turn {one.turning}"
+    return f"{one.kind}, turning {one.turning}" if one.turning else one.kind
+
+
+def of(run: RunData, window: Window = EVER) -> Phases:
+    """Of a vehicle; raises Missing where the log holds no motion of a hull."""
+    motion = _read(run, window)
+    t, v, yaw_rate = motion.t, motion.of["chassis.speed"], motion.of["chassis.chassis.angular_velocity.z"]
+    speeds, turns = _speed_states(t, v), _yaw_states(t, yaw_rate)
+    edges = sorted({*speeds, *turns, len(t)})
+    states = [(_latest(speeds, edge), _latest(turns, edge)) for edge in edges[:-1]]
+    parts = _merged(_without_slivers(t, [(a, b, state) for a, b, state in zip(edges, edges[1:], states, strict=False)]))
+    return Phases(tuple(_figures(run, motion, a, min(b, len(t) - 1), *state) for a, b, state in parts))
+
+
+def _read(run: RunData, window: Window) -> _Motion:
+    """Up to the last step that all components have, or the first number that is none; raises Missing."""
+    names = [f"chassis.{name}" for name in MOTION]
+    if not all(map(run.has, names)):
+        raise Missing(f"{run.log.path} holds no motion of a hull: there are no phases")
+    names += [f"{track}.{name}" for track in run.tracks for name in ("slip", "tension.max")]
+    names = [name for name in names if run.has(name)]
+    drawn = {f"{name}.energy.work": run.copies(name) for name in run.instances if run.has(f"{name}.energy.work")}
+    run.hold([*names, *drawn], window)  # one pass
+    found = {name: run.signal(name, window) for name in [*names, *drawn]}
+    steps = min(len(t) for t, _ in found.values())
+    t = found[names[0]][0][:steps]
+    values = {name: each[:steps] for name, (_, each) in found.items()}
+    whole = np.isfinite(t) & np.all([np.isfinite(values[name]) for name in names[: len(MOTION)]], axis=0)
+    steps = steps if whole.all() else int(whole.argmin())
+    if steps < 3:
+        raise Missing(f"{run.log.path} holds too few steps for phases")
+    values["work"] = (
+        np.sum([n * values[name] for name, n in drawn.items()], axis=0) if drawn else np.full_like(t, np.nan)
+    )
+    return _Motion(t[:steps], {name: each[:steps] for name, each in values.items()})
+
+
+# --- states ----------------------------------------------------------------------------------------
+
+
+class _Piece(NamedTuple):
+    """Of a broken line, with its values at both ends."""
+
+    start: int
+    end: int  # the first record after it
+    time: float
+    first: float
+    last: float
+
+    @property
+    def middle(self) -> float:
+        return 0.5 * (self.first + self.last)
+
+
+def _pieces(t: Floats, y: Floats, least: float, crossing: float) -> Iterator[_Piece]:
+    """Of the broken line of a signal; one with both ends beyond ``crossing`` on either side of zero is two."""
+    edges, lines = breaks(t, y, max(least, PRECISION * float(np.abs(y).max())))
+    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        one = _piece(lines, a, b)
+        if min(abs(one.first), abs(one.last)) > crossing and one.first * one.last < 0.0:
+            middle = a + round((b - a) * one.first / (one.first - one.last))
+            if a < middle < b:
+                share = one.time * one.first / (one.first - one.last)
+                yield _Piece(a, middle, share, one.first, 0.0)
+                yield _Piece(middle, b, one.time - share, 0.0, one.last)
+                continue
+        yield one
+
+
+def _piece(lines: Lines, a: int, b: int) -> _Piece:
+    line = lines.fit(a, b)
+    time, half = float(line.time), 0.5 * float(line.slope * line.time)
+    return _Piece(a, b, time, float(line.middle) - half, float(line.middle) + half)
+
+
+def _speed_states(t: Floats, v: Floats) -> dict[int, str]:
+    """By the record where it begins: "acceleration", "braking", "steady" or "rest"."""
+    top = float(np.abs(v).max())
+    parts = [(p, _trend(p)) for p in _pieces(t, v, LEAST_SPEED, CHANGE * top)]
+    states: dict[int, str] = {}
+    for group in _grouped(parts):
+        first, last, trend = group[0][0], group[-1][0], group[0][1]
+        time, change = sum(p.time for p, _ in group), abs(abs(last.last) - abs(first.first))
+        if trend and change >= max((LARGE if time < QUICK else CHANGE) * top, 2.0 * LEAST_SPEED):
+            states[first.start] = "acceleration" if trend > 0 else "braking"
+            continue
+        way = sum(p.time * p.middle for p, _ in group)
+        still = abs(way) < STAYS or abs(way) < STANDS * time or (time < QUICK and abs(way) < CHANGE * top * time)
+        states[first.start] = "rest" if still else "steady"
+    return states
+
+
+def _trend(piece: _Piece) -> int:
+    """1 where its size grows, -1 where it falls, 0 where it is held."""
+    change = abs(piece.last) - abs(piece.first)
+    return 0 if abs(change) < RATE * piece.time else int(np.sign(change))
+
+
+def _yaw_states(t: Floats, yaw_rate: Floats) -> dict[int, int]:
+    """By the record where it begins: 1 to the left, -1 to the right, 0 straight."""
+    parts = [
+        (p, int(np.sign(p.middle)) if abs(p.middle) > TURNS else 0) for p in _pieces(t, yaw_rate, LEAST_YAW_RATE, TURNS)
+    ]
+    return {
+        group[0][0].start: group[0][1] if abs(sum(p.time * p.middle for p, _ in group)) > TURNED else 0
+        for group in _grouped(parts)
+    }
+
+
+def _grouped(parts: list[tuple[_Piece, int]]) -> list[list[tuple[_Piece, int]]]:
+    """Neighbours of one label together."""
+    groups: list[list[tuple[_Piece, int]]] = []
+    for part in parts:
+        if groups and groups[-1][-1][1] == part[1]:
+            groups[-1].append(part)
+        else:
+            groups.append([part])
+    return groups
+
+
+_Part = tuple[int, int, tuple[str, int]]  # records from, to, and both states
+
+
+def _latest(states: Mapping[int, Any], at: int) -> Any:
+    return states[max(start for start in states if start <= at)]
+
+
+def _without_slivers(t: Floats, parts: list[_Part]) -> list[_Part]:
+    """Parts shorter than SHORTEST join a neighbour: one whose speed does the same, else the longer one."""
+
+    def length(part: _Part) -> float:
+        return float(t[min(part[1], len(t) - 1)] - t[part[0]])
+
+    parts = _merged(parts)
+    while len(parts) > 1 and length(shortest := min(parts, key=length)) < SHORTEST:
+        at = parts.index(shortest)
+        beside = [k for k in (at - 1, at + 1) if 0 <= k < len(parts)]
+        into = max(beside, key=lambda k: (parts[k][2][0] == shortest[2][0], length(parts[k])))
+        parts[at] = (*shortest[:2], parts[into][2])
+        parts = _merged(parts)
+    return parts
+
+
+def _merged(parts: list[_Part]) -> list[_Part]:
+    """Neighbours of the same states as one."""
+    found: list[_Part] = []
+    for a, b, state in parts:
+        if found and found[-1][2] == state:
+            found[-1] = (found[-1][0], b, state)
+        else:
+            found.append((a, b, state))
+    return found
+
+
+# --- figures ---------------------------------------------------------------------------------------
+
+
+def _figures(run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: int) -> Phase:
+    """From record a to record b."""
+    t, of = motion.t[a : b + 1], {name: values[a : b + 1] for name, values in motion.of.items()}
+    time, yaw, v = float(t[-1] - t[0]), np.unwrap(of["chassis.yaw"]), of["chassis.speed"]
+    way = float(np.trapezoid(np.hypot(of["chassis.chassis.velocity.x"], of["chassis.chassis.velocity.y"]), t))
+    turned = float(yaw[-1] - yaw[0])
+    slip_left, slip_right = (_slip(of.get(f"{side}_track.slip"), t) for side in ("left", "right"))
+    tension, tension_t, tension_track = _largest_tension(run, motion, a + (a > 0), b + 1)
+    return Phase(
+        kind="turn" if turn and speed in ("rest", "steady") else speed,
+        turning=SIDES[turn],
+        start=float(t[0]),
+        end=float(t[-1]),
+        way=way,
+        speed=float(np.trapezoid(v, t)) / time,
+        speed_start=float(v[0]),
+        speed_end=float(v[-1]),
+        yaw_rate=turned / time,
+        yaw_rate_most=_largest_rate(t, yaw),
+        radius=way / abs(turned) if turn else float("nan"),
+        power=float(of["work"][-1] - of["work"][0]) / time,
+        slip_left=slip_left,
+        slip_right=slip_right,
+        tension=tension,
+        tension_t=tension_t,
+        tension_track=tension_track,
+    )
+
+
+def _largest_rate(t: Floats, yaw: Floats) -> float:
+    """The largest mean over HELD, or over all of it where it is shorter."""
+    held = min(HELD, float(t[-1] - t[0]))
+    begin = t[t <= t[-1] - held + 1e-9]
+    rates = (np.interp(begin + held, t, yaw) - yaw[: len(begin)]) / held
+    return float(rates[np.abs(rates).argmax()])
+
+
+def _slip(values: Floats | None, t: Floats) -> float:
+    """Mean over the steps that end in it: each value is that of a step."""
+    return float("nan") if values is None else float(np.average(values[1:], weights=since(t)[1:]))
+
+
+def _largest_tension(run: RunData, motion: _Motion, a: int, b: int) -> tuple[float, float, str]:
+    """Of all links, when and in which track, in records a to b - 1."""
+    names = [track for track in run.tracks if f"{track}.tension.max" in motion.of]
+    if not names:
+        return float("nan"), float("nan"), ""
+    found = {track: motion.of[f"{track}.tension.max"][a:b] for track in names}
+    track = max(names, key=lambda name: float(found[name].max()))
+    at = int(found[track].argmax())
+    return float(found[track][at]), float(motion.t[a + at]), track
