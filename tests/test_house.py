@@ -69,7 +69,7 @@ GENERIC = (
 )
 DOORS = {
     "fmus.ahead", "fmus.build", "fmus.cache", "fmus.link_outputs", "fmus.loaded", "fmus.vehicle", "fmus.ports",
-    "fmus.saved", "fmus.tensioning", "fmus.monolith.model", "fmus.native.pack",
+    "fmus.ranges", "fmus.saved", "fmus.tensioning", "fmus.monolith.model", "fmus.native.pack",
 }  # fmt: skip
 # scenes without an FMU, studies of the mechanics and the motion that other codes are given need the mechanics
 TO_PHYSICS = {"without_fmu", "studies", "bench"}

@@ -34,6 +34,7 @@ class What(StrEnum):
     links = "links"
     deformation = "deformation"
     events = "events"
+    validity = "validity"
 
 
 class Shape(StrEnum):
@@ -105,6 +106,7 @@ def analyse(
     links        forces on links in their own axes
     deformation  of links along their length, in their tangent frames
     events       wheels that lift off, brakes that hold, steps taken back, warnings
+    validity     where the run stops being valid: penetration, tooth jumps, travel of idlers, ...
 
     With -o a CSV file: the table, or all of power, spectrum, slip and deformation over time, frequency or length.
     """  # noqa: D301
