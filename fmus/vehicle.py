@@ -14,6 +14,8 @@ from typing import Annotated, Any, Literal
 from annotated_types import GroupedMetadata
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from fmus.ranges import VEHICLE, outside
+
 
 class BadInput(ValueError):
     """The user gave something unusable; the message names file, key, value and what is allowed."""
@@ -153,6 +155,7 @@ class Tensioner(Table):  # noqa: D101
     stiffness: Stiffness
     damping: Damping
     preload: Force
+    travel: Distance = 0.1  # of the idler, either way from its place at the start
 
 
 class Track(Table):  # noqa: D101
@@ -207,6 +210,8 @@ def _fits(vehicle: Vehicle) -> Vehicle:
             f"sprocket.outer_radius = {vehicle.sprocket.outer_radius} m"
             f" must exceed the pitch radius {pitch_radius:.4f} m"
         )
+    for complaint in outside(vehicle.model_dump(), VEHICLE, "possible"):
+        raise ValueError(complaint)
     section = vehicle.section
     polar = section.bending + section.lateral_bending
     if section.torsion > polar:

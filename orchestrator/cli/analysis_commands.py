@@ -35,6 +35,7 @@ class What(StrEnum):
     deformation = "deformation"
     events = "events"
     phases = "phases"
+    validity = "validity"
 
 
 class Shape(StrEnum):
@@ -107,6 +108,7 @@ def analyse(
     deformation  of links along their length, in their tangent frames
     events       wheels that lift off, brakes that hold, steps taken back, warnings
     phases       rest, acceleration, steady motion, turns, braking: speed, yaw rate, power, slip, tension
+    validity     where the run stops being valid: penetration, tooth jumps, travel of idlers, ...
 
     With -o a CSV file: the table, or all of power, spectrum, slip and deformation over time, frequency or length.
     """  # noqa: D301

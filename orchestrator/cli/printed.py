@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from orchestrator.results.validity.entry import Entry
+
 MOST = 1000  # characters of a sentence
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # of the last second they may say nothing of the run
 
@@ -119,6 +121,12 @@ def warning(told: dict[str, Any]) -> str:
     return f"warning: {told['component']} at {told['time']:.6g} s{times}: {told['text']}"
 
 
+def validity(told: dict[str, Any]) -> str:
+    """An entry of the validity ledger as a line."""
+    entry = Entry(**told)
+    return f"validity, {entry.severity}: {entry.component} from {entry.time:.6g} s on: {entry.sentence}"
+
+
 def _balance(energy: dict[str, Any]) -> str:
     released = -sum(min(change, 0.0) for change in energy["stored"].values())
     parts = (("put in by the drives", energy["work"]), ("released from store", released))
@@ -156,6 +164,7 @@ def summary(result: dict[str, Any]) -> None:
         _error(r["error"]) if r["error"] else "",
         _balance(r["energy"]) if r["energy"] else "",
         *(warning(told) for told in r["warnings"]),
+        *(validity(told) for told in r["validity"]),
         f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"
         if r["rejected_steps"]
         else "",

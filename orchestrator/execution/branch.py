@@ -15,7 +15,7 @@ from fmus.vehicle import BadInput
 from orchestrator.cosim.component import Component
 from orchestrator.scene.scene import Scene, changed
 
-MAY_CHANGE = ("run.stop", "run.checkpoints")  # of how the run is stepped and recorded
+MAY_CHANGE = ("run.stop", "run.checkpoints", "run.allow")  # of how the run is stepped and recorded
 
 
 def branched(scene: Scene, settings: Sequence[str], where: str) -> Scene:

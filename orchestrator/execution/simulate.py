@@ -34,6 +34,7 @@ from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.ranges import implausible
 from orchestrator.scene.scene import Scene, TrackScene
 from orchestrator.scene.tables import Run
 
@@ -107,11 +108,12 @@ def _simulate(
             at = checkpoint.restore(begun.checkpoint, scheme, begun.step, remember, begun.made)
             if isinstance(pace, master.Clock):
                 pace = pace._replace(done=at.k)
-        told = []  # of the record itself
-        if aliases := scene.folded if any_links(components) else "":
-            told.append({"component": "log", "text": aliases, "time": 0.0, "count": 1})
+        told: list[dict[str, Any]] = []  # of the record and the scene
+        aliases = scene.folded if any_links(components) else ""
+        for component, text in [("log", aliases)] * bool(aliases) + _beforehand(scene):
+            told.append({"component": component, "text": text, "time": 0.0, "count": 1})
             if logger:
-                logger("log", 1, aliases)
+                logger(component, 1, text)
         named: dict[str, Any] = {}
         outcome, startup, wall, spent = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0, 0.0
         reached = Reached()
@@ -161,12 +163,20 @@ def _simulate(
                     if estimated and result["status"] == "ok":
                         say(f"{scene.name}: the error is estimated, by up to two runs with longer steps")
                         result["error"] = estimate.estimate(scene, path, result, _companion(interrupt))
-                recorder.close(outcome.status, outcome.message, outcome.steps, _results(result), result["warnings"])
+                status, message = (outcome.status, outcome.message)
+                if invalid := summary.invalid(result["validity"]):
+                    status, message = "failed", "; ".join(filter(None, (message, invalid)))
+                recorder.close(status, message, outcome.steps, _results(result), result["warnings"])
         except LogFailed as failure:
             outcome = master.Outcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
             result |= _how_it_ended(outcome, startup, wall) | {"warnings": [*told, *warnings(components)]}
         interrupt.gentle = False
     return result | named | {"log_bytes": path.stat().st_size if named and path.exists() else 0}
+
+
+def _beforehand(scene: Scene) -> list[tuple[str, str]]:
+    """What a scene says before it runs: numbers outside the plausible."""
+    return [("scene", sentence) for sentence in implausible(scene.resolved(), f"{scene.name}.toml")]
 
 
 def _how_it_ended(outcome: master.Outcome, startup: float, wall: float, since: float = 0.0) -> dict[str, Any]:
@@ -192,11 +202,13 @@ def _evaluated(
             happened = events.of(run, teeth=True, warned=warned).events
     except LogUnreadable as error:  # someone else has changed the file
         return {"status": "failed", "message": str(error)}, []
-    message = "; ".join(filter(None, (outcome.message, summary.energy_warning(found["energy"]))))
+    said = (outcome.message, summary.energy_warning(found["energy"]), summary.invalid(found["validity"]))
+    message = "; ".join(filter(None, said))
     told = [
         Told(*event, events_topic.WARNING if event.kind in events.WARNINGS else events_topic.INFO) for event in happened
     ]
-    return found | {"message": message}, told
+    status = {"status": "failed"} if said[2] else {}
+    return found | {"message": message} | status, told
 
 
 def _companion(interrupt: _Interrupt) -> estimate.Run:
@@ -224,6 +236,7 @@ def _results(result: Mapping[str, Any]) -> dict[str, str]:
         "cpu_time": result["cpu_time"],
         "energy_residual": energy.get("residual_relative"),
         "error": result["error"],
+        "validity": result["validity"] or None,
     }
     return {name: json.dumps(value) for name, value in chosen.items() if value is not None}
 

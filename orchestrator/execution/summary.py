@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,6 +14,8 @@ from orchestrator.results import measures, turning
 from orchestrator.results.analyses import phases
 from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.validity.entry import FAILURE, Entry
+from orchestrator.results.validity.ledger import validity
 from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
 from orchestrator.scene.tables import SIDES, Check
 
@@ -47,6 +49,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "windows": {},
         "phases": [],
         "warnings": [],
+        "validity": [],
     }
 
 
@@ -62,6 +65,7 @@ def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
         "observables": (found := observables(run, scene, simulated)),
         "windows": windows(found, simulated),
         "phases": happened(run),
+        "validity": [entry._asdict() for entry in validity(run).entries],
     }
 
 
@@ -83,11 +87,28 @@ def windows(names: Iterable[str], simulated: float) -> dict[str, dict[str, float
 
 def energy_warning(energy: dict[str, Any] | None) -> str:
     """Energy warning: a sentence when the ledger says that the run cannot be right, else nothing."""
-    if energy is None or abs(energy["residual_relative"]) <= OPEN:
+    if energy is None:
+        return ""
+    parts = {"the energy ledger": energy["residual_relative"]}
+    parts |= {f"the energy ledger of {name}": part for name, part in energy["integration_relative"].items()}
+    worst = max(parts, key=lambda each: abs(parts[each]))
+    if all(abs(part) <= OPEN for part in parts.values()):  # false for a NaN
         return ""
     return (
-        f"the energy ledger leaves {abs(energy['residual_relative']):.0%} open: the internal or the communication step "
-        "is too long for what this run does"
+        f"{worst} leaves {abs(parts[worst]):.0%} open: the internal or the communication step is too long for what this"
+        " run does"
+    )
+
+
+def invalid(entries: Sequence[Mapping[str, Any]]) -> str:
+    """Sentence when the validity ledger has a failure, else nothing."""
+    failures = [Entry(**entry) for entry in entries if entry["severity"] == FAILURE]
+    if not failures:
+        return ""
+    first, more = failures[0], f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
+    return (
+        f"not valid from {first.time:.6g} s on{more}: {first.component}: {first.sentence}; run.allow ="
+        f' ["{first.what}"] makes it a warning'
     )
 
 

@@ -22,6 +22,7 @@ from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Windo
 
 Block = Mapping[str, Series]  # of each topic the messages of the same steps
 LEAST = 1.0  # J: below it all is rest
+LEAST_OWN = 100.0  # J, of a component beside others: a link that is lifted by half a metre
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
 
 
@@ -42,9 +43,10 @@ class Ledger(NamedTuple):
     dissipated: float
     covered: float
     residual: float
-    residual_relative: float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
+    residual_relative: float  # of the largest of work, change, dissipated and what a component held, or LEAST
     port: float  # the part of the residual that the ports make
     integration: dict[str, float]  # the part of each component, of one where the vehicle has two
+    integration_relative: dict[str, float]  # of the largest of its own energies, or LEAST_OWN
     stored: dict[str, float]  # change by kind, as in STORED: what is below zero was released
 
     @property
@@ -76,7 +78,8 @@ def _ledger(run: RunData) -> Ledger:
     work, change, dissipated = total("work"), total(*STORED), total("dissipated")
     covered = total("covered")
     residual = work - change - dissipated - covered
-    scale = max(abs(work), abs(change), abs(dissipated), _liveliest(run), LEAST)
+    held = _held(run)
+    scale = max(abs(work), abs(change), abs(dissipated), *held.values(), LEAST)
     integration = {
         name: book.get("work", 0.0)
         + received[name]
@@ -85,8 +88,10 @@ def _ledger(run: RunData) -> Ledger:
         - book.get("covered", 0.0)
         for name, book in books.items()
     }
+    own = {name: [abs(book.get(part, 0.0)) for part in ("work", "dissipated")] for name, book in books.items()}
+    relative = {name: part / max(*own[name], held[name], LEAST_OWN) for name, part in integration.items()}
     stored = {kind: total(kind) for kind in STORED}
-    return Ledger(work, change, dissipated, covered, residual, residual / scale, lost, integration, stored)
+    return Ledger(work, change, dissipated, covered, residual, residual / scale, lost, integration, relative, stored)
 
 
 def drift(run: RunData, window: Window) -> float:
@@ -111,6 +116,29 @@ def _liveliest(run: RunData) -> float:
     """Largest kinetic energy of a component, J: of what falls or spins freely it says how much went back and forth."""
     names = [f"{name}.energy.kinetic" for name in run.instances if run.has(f"{name}.energy.kinetic")]
     return run.largest(names) if names else 0.0
+
+
+def _held(run: RunData) -> dict[str, float]:
+    """The most that each component held of a kind of energy, J: kinetic, or potential since the start.
+
+    A hull that sinks into its springs and comes back changes nothing in the end, but that much went through the steps.
+    """
+    wanted: dict[str, list[int]] = {}
+    for name in run.instances:
+        topic = f"/{name}/out"
+        stored = [f"energy.{kind}" for kind in STORED]
+        wanted[topic] = [k for k, each in enumerate(run.log.topics[topic].names) if each in stored]
+    most = dict.fromkeys(run.instances, 0.0)
+    start: dict[str, Floats] = {}
+    for block in run.log.blocks({topic: columns for topic, columns in wanted.items() if columns}, BLOCK):
+        for topic, series in block.items():
+            if not len(series.t):
+                continue
+            kinetic = np.array([name == "energy.kinetic" for name in series.names])
+            begun = start.setdefault(topic, np.where(kinetic, 0.0, series.values[0]))
+            name = topic.split("/")[1]
+            most[name] = max(most[name], float(np.nan_to_num(np.abs(series.values - begun), nan=0.0).max()))
+    return most
 
 
 def ports(run: RunData) -> list[Port]:

@@ -15,8 +15,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
+from fmus.ranges import outside
 from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery, points
+from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.recording import UNKNOWN, folded, links_every
 from orchestrator.scene.settings import keys, merged, put, setting
 from orchestrator.scene.tables import (
@@ -45,7 +47,7 @@ from orchestrator.scene.tables import (
 
 # how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
 COMPUTED = (
-    "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name",
+    "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name", "vehicle.tensioner.travel",
     *(f"track.{key}" for key in Track.model_fields if key != "start"), "start.state", "start.equilibrium", "push",
 )  # fmt: skip
 # what a drive in mode controller may say beside a driver
@@ -64,6 +66,12 @@ class Scene(Table):
     assembly: str
     run: Run
     expect: dict[str, Check] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _is_possible(self) -> Scene:
+        for complaint in outside(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
+            raise ValueError(complaint)
+        return self
 
     @field_validator("expect")
     @classmethod

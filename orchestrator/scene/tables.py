@@ -14,6 +14,7 @@ from fmus.ports import TOLERANCES
 from fmus.vehicle import Distance, Force, In, Mass, Table
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
+from orchestrator.results.validity.limits import ALLOWED
 from orchestrator.scene.gallery import hint
 
 Duration = Annotated[float, In("s", gt=0)]
@@ -89,6 +90,14 @@ def off(value: object) -> object:
     return None if value is False else value
 
 
+def _kinds(allowed: object) -> object:
+    """Kinds of failures of the validity ledger; one may stand alone."""
+    names = [allowed] if isinstance(allowed, str) else allowed
+    if isinstance(names, list | tuple) and all(isinstance(name, str) and name in ALLOWED for name in names):
+        return tuple(name for name in ALLOWED if name in names)
+    raise ValueError(f"must be a list of {', '.join(ALLOWED)}: failures that become warnings")
+
+
 class Run(Table):
     """How long, in which steps, and how often results are recorded."""
 
@@ -100,6 +109,7 @@ class Run(Table):
     links: Every | None = None  # per-link outputs are recorded every n communication steps; default: ``recording``
     # the log gets what the run needs to go on from there so often; false: never
     checkpoints: Annotated[Duration | None, BeforeValidator(off)] = 0.5
+    allow: Annotated[tuple[str, ...], BeforeValidator(_kinds)] = ()  # what of ``results/validity`` does not fail a run
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Run:

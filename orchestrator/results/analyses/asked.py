@@ -12,7 +12,7 @@ from orchestrator.results.run_data import EVER, RunData, Window
 
 NAMES = (
     "power", "spectrum", "envelope", "fatigue", "wheel-loads", "patches", "contact", "slip", "joints", "links",
-    "deformation", "events", "phases",
+    "deformation", "events", "phases", "validity",
 )  # fmt: skip
 
 

@@ -10,17 +10,19 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
-from orchestrator.results.analyses.spells import Spells, settling, spells, switches
+from orchestrator.results.analyses.airborne import off_ground
+from orchestrator.results.analyses.spells import Spells, settling, switches
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.energy import Port, ports
-from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, within
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
+from orchestrator.results.validity.ledger import validity
 
 STANDS = 0.1  # rad/s: a sprocket that turns more slowly stands: there brakes fade, by default, and creep
 TURNS = 0.2  # rad/s: one that turns faster is let go
 
 
 REJECTED = "solver.rejected"  # of the statistics of a component
-WARNINGS = ("step", "warning")  # kinds that tell of the simulation, not of the vehicle
+WARNINGS = ("step", "warning", "validity")  # kinds that tell of the simulation, not of the vehicle
 
 
 class Event(NamedTuple):
@@ -28,7 +30,8 @@ class Event(NamedTuple):
 
     t: float  # s
     component: str  # "left_track.road_wheel[1]"
-    kind: str  # "lifted", "touches", "airborne", "lands", "tooth", "locked", "released", "step", "warning"
+    kind: str  # "lifted", "touches", "airborne", "lands", "tooth", "locked", "released", "step", "warning",
+    # "validity"
     text: str
 
 
@@ -59,6 +62,7 @@ def of(
     """
     run.hold(_signals(run), window)
     found = [*_borne(run, window), *_locks(run, window), *_steps(run, window), *warnings(run, window, warned)]
+    found += _validity(run, window)
     counts = {}
     for name, t, passed in _turned(run, window):
         moves = np.diff(np.floor(passed))
@@ -77,20 +81,6 @@ def _signals(run: RunData) -> Iterator[str]:
         about = run.log.topics.get(f"/stats/{name}")
         if about and REJECTED in about.names:
             yield f"stats.{name}.{REJECTED}"
-
-
-def off_ground(run: RunData, window: Window = EVER) -> Spells:
-    """When tracks are off the ground (``spells.py``), by their names: by the vertical force of the ground on each."""
-    names = tuple(track for track in run.tracks if run.has(f"{track}.ground.force.z"))
-    wanted = {topic: [column] for topic, column in (run.log.find(f"{track}.ground.force.z") for track in names)}
-
-    def blocks() -> Iterator[tuple[Floats, Floats]]:
-        for block in run.log.blocks(wanted, BLOCK, window=window) if wanted else ():
-            count = min(len(series.t) for series in block.values())
-            found = [series.rows(slice(count)) for series in block.values()]
-            yield found[0].t, np.concatenate([series.values for series in found], axis=1)
-
-    return run.once(f"tracks off the ground, {window}", lambda _: spells(names, blocks))
 
 
 def _borne(run: RunData, window: Window) -> Iterator[Event]:
@@ -180,6 +170,12 @@ def _steps(run: RunData, window: Window) -> Iterator[Event]:
     for name, t, more in rejections(run, window):
         for at, count in zip(t.tolist(), more.astype(int).tolist(), strict=True):
             yield Event(at, name, "step", f"halved its step {count} time{'s' if count > 1 else ''}")
+
+
+def _validity(run: RunData, window: Window) -> Iterator[Event]:
+    for entry in validity(run, window).entries:
+        name = f"{entry.component}.{entry.place}" if entry.place else entry.component
+        yield Event(entry.time, name, "validity", f"{entry.severity}: {entry.sentence}")
 
 
 def warnings(run: RunData, window: Window = EVER, warned: Sequence[Mapping[str, Any]] | None = None) -> Iterator[Event]:

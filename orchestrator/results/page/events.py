@@ -9,6 +9,7 @@ from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.analyses.spells import Spell, settling
 from orchestrator.results.page.words import instance, number, text, wheel_name
 from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.validity.ledger import validity
 
 SHOWN = 40  # warnings
 
@@ -33,7 +34,7 @@ def lifted(run: RunData) -> dict[tuple[str, str], list[Spell]]:
 
 def events(run: RunData) -> list[Event]:
     """In the order of time; raises LogUnreadable."""
-    found = [*_borne(run), *_rejections(run), *_warnings(run)]
+    found = [*_borne(run), *_rejections(run), *_warnings(run), *_limits(run)]
     return sorted(found, key=lambda event: event.t)
 
 
@@ -67,3 +68,10 @@ def _rejections(run: RunData) -> list[Event]:
 def _warnings(run: RunData) -> list[Event]:
     told = [*happened.warnings(run)][:SHOWN]
     return [Event(event.t, "Warning", instance(event.component), text(event.text)) for event in told]
+
+
+def _limits(run: RunData) -> list[Event]:
+    return [
+        Event(entry.time, f"Limit of validity, {entry.severity}", instance(entry.component), text(entry.sentence))
+        for entry in validity(run).entries
+    ]

@@ -1,0 +1,76 @@
+"""Ranges of physical numbers: outside the plausible a run warns, outside the possible its input is refused.
+
+One table (``VEHICLE``) for the numbers of a vehicle; that of scenes stands beside their tables and has the same type.
+The plausible holds machines from a toy of some kilograms to the largest crawlers; the possible ends where a number
+can only be a slip of the unit or of the pen, and where doubles lose the smaller parts of the vehicle beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+Bounds = tuple[float, float]
+
+
+class Range(NamedTuple):
+    """What a number of a table may be, SI."""
+
+    key: str  # dotted, in its table
+    unit: str
+    plausible: Bounds
+    possible: Bounds
+    reason: str  # of the plausible range
+
+
+MACHINE = "from a robot of some kilograms to the crawlers of open-cast mines"
+PART = "parts of such machines"
+CONTACT = "pads, rubber and steel under a link give way by 0.1 to 30 mm"
+VEHICLE = (
+    Range("gravity", "m/s^2", (0.0, 25.0), (0.0, 1e3), "Jupiter has 24.8 m/s^2"),
+    Range("chassis.mass", "kg", (5.0, 2e6), (1e-3, 1e8), MACHINE),
+    *(
+        Range(f"{part}.mass", "kg", (0.01, 2e4), (1e-6, 1e7), PART)
+        for part in ("sprocket", "idler", "road_wheel", "road_arm")
+    ),
+    *(
+        Range(f"{part}.spin_inertia", "kg m^2", (1e-6, 2e4), (1e-12, 1e8), PART)
+        for part in ("sprocket", "idler", "road_wheel")
+    ),
+    *(
+        Range(f"{part}.radius", "m", (0.01, 2.0), (1e-3, 50.0), PART) for part in ("idler", "road_wheel")
+    ),
+    Range("suspension.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13), "stiffer than the contacts, a spring is rigid"),
+    Range("suspension.damping", "N s/m", (0.0, 1e7), (0.0, 1e11), "more is a rigid strut"),
+    Range("tensioner.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13), "stiffer than the contacts, a spring is rigid"),
+    Range("tensioner.damping", "N s/m", (0.0, 1e7), (0.0, 1e11), "more is a rigid strut"),
+    Range("tensioner.travel", "m", (1e-3, 1.0), (1e-6, 50.0), "a tensioner takes up some links at most"),
+    Range("track.pitch", "m", (5e-3, 1.0), (1e-4, 10.0), "links of toys and of crawlers"),
+    Range("track.mass", "kg", (1e-3, 2e3), (1e-9, 1e6), "links of toys and of crawlers"),
+    Range("track.tension", "N", (0.0, 1e6), (-1e9, 1e9), "a chain pulls, by some weights of the vehicle at most"),
+    *(
+        Range(f"contact.{pair}.{key}", unit, plausible, possible, reason)
+        for pair in ("sprocket", "wheel", "ground")
+        for key, unit, plausible, possible, reason in (
+            ("stiffness", "N/m", (1e3, 1e9), (0.0, 1e13), CONTACT),
+            ("damping", "N s/m", (0.0, 1e6), (0.0, 1e11), "beyond critical damping a contact only sticks"),
+            ("friction", "1", (0.0, 1.6), (0.0, 100.0), "rubber on dry concrete has 1, gripping cleats somewhat more"),
+            ("friction_velocity", "m/s", (1e-5, 0.1), (1e-12, 1e3), "what sticks must creep slower than it drives"),
+        )
+    ),
+    Range("material.youngs_modulus", "Pa", (1e5, 2e12), (1.0, 1e16), "from soft rubber to diamond"),
+    Range("material.relaxation_time", "s", (0.0, 1e-2), (0.0, 1e3), "metals 1e-7 to 1e-5 s, rubber a millisecond"),
+)  # fmt: skip
+
+
+def outside(table: Mapping[str, Any], ranges: Sequence[Range], which: str, above: str = "") -> Iterator[str]:
+    """A sentence for each number of a ``table`` outside its range, "plausible" or "possible"; ``above`` its keys."""
+    for each in ranges:
+        value: Any = table
+        for part in each.key.split("."):
+            value = value.get(part) if isinstance(value, Mapping) else None
+        low, high = getattr(each, which)
+        if isinstance(value, int | float) and not low <= value <= high:
+            unit = "" if each.unit == "1" else f" {each.unit}"
+            what = "must be" if which == "possible" else "plausible is"
+            yield f"{above}{each.key} = {value:g}{unit}: {what} {low:g} to {high:g}{unit} ({each.reason})"

@@ -1,0 +1,47 @@
+"""Links that push."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull
+from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.validity import limits
+from orchestrator.results.validity.entry import WARNING, Entry, passed
+from orchestrator.results.validity.piece import Piece
+
+
+def signals(run: RunData) -> Iterator[str]:
+    """The least tension of every step."""
+    yield from (f"{track}.tension.min" for track in run.tracks)
+
+
+def find(piece: Piece) -> Iterator[Entry]:
+    """Tracks of vehicles whose links push more than their weight holds down, for longer than HELD; raises Missing."""
+    limit = thrust(piece.run)
+    for track in piece.run.tracks:
+        t, tension = piece.signal(f"{track}.tension.min")
+        if (found := passed(*held(t, -tension, limits.HELD), limit)) is not None:
+            yield Entry("compression", track, found[0], "", found[1], limit, WARNING)
+
+
+def thrust(run: RunData) -> float:
+    """What links between two road wheels bear without lifting, N; raises Missing."""
+    weight = hull.number(run, "track", "mass") * hull.number(run, "gravity") / hull.number(run, "track", "pitch")
+    x = run.scene["vehicle"]["road_wheel"]["x"]
+    if run.scene.get("assembly") != "vehicle" or len(x) < 2:
+        raise Missing("links that push lie between road wheels")
+    span = float(np.abs(np.diff(x)).max())
+    return weight * span**2 / (8.0 * limits.RISE)
+
+
+def held(t: Floats, values: Floats, time: float) -> tuple[Floats, Floats]:
+    """The least value over the ``time``, s, before each instant: what lasts as long; without the first of them."""
+    if len(t) < 2 or t[-1] - t[0] < time:
+        return t[:0], values[:0]
+    count = max(1, round(time / float(np.median(np.diff(t)))))
+    windows = np.lib.stride_tricks.sliding_window_view(values, min(count, len(values)))
+    return t[count - 1 :], windows.min(axis=1)

@@ -1,0 +1,54 @@
+"""Vehicles that stand and creep, by the regularisation of friction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orchestrator.results.analyses import hull
+from orchestrator.results.run_data import Missing, RunData, mean
+from orchestrator.results.validity import limits
+from orchestrator.results.validity.entry import WARNING, Entry
+from orchestrator.results.validity.on_sprocket import shaft, toothed
+from orchestrator.results.validity.piece import Piece
+
+STANDS = 0.1  # rad/s of a sprocket: below it brakes fade
+TURNS = 0.02  # rad/s of the hull: a vehicle that turns slides sideways
+YAW = "chassis.chassis.angular_velocity.z"
+
+
+def signals(run: RunData) -> Iterator[str]:
+    """Slip and force of the ground, speeds of sprockets, turning of the hull."""
+    yield YAW
+    for track in toothed(run):
+        yield f"{shaft(run, track)}speed"
+        yield f"{track}.slip"
+        yield from (f"{track}.ground.force.{axis}" for axis in "xyz")
+
+
+def find(piece: Piece) -> Iterator[Entry]:
+    """Tracks of a vehicle that stands for STANDING seconds, while friction could hold it; raises Missing."""
+    friction = hull.number(piece.run, "contact", "ground", "friction")
+    _, yaw = piece.signal(YAW)
+    for track in toothed(piece.run):
+        t, slip = piece.signal(f"{track}.slip")
+        _, speed = piece.signal(f"{shaft(piece.run, track)}speed")
+        _, force = piece.vector(f"{track}.ground.force")
+        if not len(t) == len(yaw) == len(speed) == len(force):
+            raise Missing("the log holds different steps of its components")
+        borne = np.hypot(force[:, 0], force[:, 1]) < limits.STICKS * friction * force[:, 2]
+        still = borne & (np.abs(speed) < STANDS) & (np.abs(yaw) < TURNS)
+        begin = 0
+        while len(t) - begin > 1:
+            end = int(np.searchsorted(t, t[begin] + limits.STANDING, "right"))
+            if end >= len(t):
+                return
+            part = slice(begin, end)
+            if not still[part].all():
+                begin += int(np.flatnonzero(~still[part])[-1]) + 1
+                continue
+            creeping = abs(mean(t[part], slip[part]))
+            if creeping > limits.CREEP:
+                yield Entry("creep", track, float(t[begin]), "", creeping, limits.CREEP, WARNING)
+            begin = end

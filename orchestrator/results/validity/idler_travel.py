@@ -1,0 +1,45 @@
+"""Idlers that move further than their tensioner can."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orchestrator.results.analyses import hull
+from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.validity.entry import WARNING, Entry, passed
+from orchestrator.results.validity.on_sprocket import HULL
+from orchestrator.results.validity.piece import Piece
+
+TRAVEL = 0.1  # m, of vehicles that were written down before tensioners had one
+
+
+def signals(run: RunData) -> Iterator[str]:
+    """Places of the idlers and the attitude of the hull."""
+    yield from (f"{HULL}.{part}" for part in "wxyz")
+    for name in ("chassis.chassis.position", *_idlers(run)):
+        yield from (f"{name}.{axis}" for axis in "xyz")
+
+
+def find(piece: Piece) -> Iterator[Entry]:
+    """How far each idler is from where it stood at the start, against the travel; raises Missing."""
+    run = piece.run
+    try:
+        travel = hull.number(run, "tensioner", "travel")
+    except Missing:
+        travel = TRAVEL
+    drawn = run.scene.get("vehicle", {}).get("idler", {}).get("x", np.nan)
+    for name in _idlers(run):
+        t, place = piece.vector(name)
+        ahead = hull.matrices(piece.vector(HULL, "wxyz")[1])[..., 0]
+        x = np.einsum("mi,mi->m", place - piece.vector("chassis.chassis.position")[1], ahead)
+        moved = np.abs(x + run.scene["vehicle"]["chassis"]["centre"][0] - drawn)
+        if (found := passed(t, moved, travel)) is not None:
+            place_of = name.removeprefix("chassis.").removesuffix(".position")
+            yield Entry("idler_travel", "chassis", found[0], place_of, found[1], travel, WARNING)
+
+
+def _idlers(run: RunData) -> list[str]:
+    names = [f"chassis.{side}.idler.position" for side in ("left", "right")]
+    return [name for name in names if run.has(f"{name}.x")]

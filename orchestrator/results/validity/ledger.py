@@ -1,0 +1,84 @@
+"""The validity ledger: all entries of a run, from what was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from typing import NamedTuple
+
+from orchestrator.results.analyses.table import Table
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.validity import (
+    compression,
+    contact_step,
+    creep,
+    idler_travel,
+    lift,
+    penetration,
+    seats,
+    tooth_jump,
+)
+from orchestrator.results.validity.entry import FAILURE, WARNING, Entry
+from orchestrator.results.validity.piece import pieces
+
+KINDS = (contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift)
+
+
+class Validity(NamedTuple):
+    """What a run says of its own limits."""
+
+    entries: tuple[Entry, ...]  # in order of time
+    unseen: dict[str, str]  # by module of this room, why it could not look
+
+    @property
+    def failures(self) -> tuple[Entry, ...]:
+        """Those that end the model's meaning, unless the scene allows them."""
+        return tuple(entry for entry in self.entries if entry.severity == FAILURE)
+
+    def table(self) -> Table:
+        """A row for each entry."""
+        columns = (("time", "s"), ("component", ""), ("kind", ""), ("severity", ""), ("what", ""))
+        rows = [(entry.time, entry.component, entry.what, entry.severity, entry.sentence) for entry in self.entries]
+        notes = tuple(f"not looked at, {name.replace('_', ' ')}: {reason}" for name, reason in self.unseen.items())
+        return Table(f"{len(rows)} limits passed", columns, rows, notes)
+
+
+def validity(run: RunData, window: Window = EVER) -> Validity:
+    """Of a log, as far as its signals go; raises LogUnreadable."""
+    return run.once(f"validity, {window}", lambda _: _validity(run, window))
+
+
+def _validity(run: RunData, window: Window) -> Validity:
+    allowed = (run.scene.get("run") or {}).get("allow") or ()
+    found: list[Entry] = []
+    unseen: dict[str, str] = {}
+    names = chain.from_iterable(kind.signals(run) for kind in KINDS)
+    for piece in pieces(run, names, run.tracks, window):
+        for kind in KINDS:
+            try:
+                found += kind.find(piece)
+            except (Missing, LookupError, TypeError) as problem:
+                unseen[kind.__name__.rpartition(".")[2]] = str(problem)
+    return Validity(tuple(merged(softened(found, allowed))), unseen)
+
+
+def softened(entries: Iterable[Entry], allowed: Sequence[str]) -> list[Entry]:
+    """Failures of kinds that the scene allows become warnings."""
+    return [entry._replace(severity=WARNING) if entry.what in allowed else entry for entry in entries]
+
+
+def merged(entries: Iterable[Entry]) -> list[Entry]:
+    """One entry for each kind, part, limit and severity, with its first time and place and its worst value.
+
+    Where there is a failure of a part, the warning that came before it is left out.
+    """
+    found: dict[tuple[str, str, str, float, str], Entry] = {}
+    for entry in sorted(entries, key=lambda entry: entry.time):
+        part = entry.place.partition(",")[0]
+        first = found.setdefault((entry.what, entry.component, part, entry.limit, entry.severity), entry)
+        found[entry.what, entry.component, part, entry.limit, entry.severity] = first._replace(
+            value=max(first.value, entry.value)
+        )
+    failed = {key[:3] for key in found if key[4] == FAILURE}
+    kept = [entry for key, entry in found.items() if key[4] == FAILURE or key[:3] not in failed]
+    return sorted(kept, key=lambda entry: (entry.time, entry.component, entry.place))

@@ -1,0 +1,78 @@
+"""How deep bodies are in each other, against their own sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.ground_profile import ground
+from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.validity import limits
+from orchestrator.results.validity.entry import Entry, levels
+from orchestrator.results.validity.piece import Piece
+
+NEAR = 0.25  # s: pins are recorded more often than that
+EXPLAINS = 0.85  # of a depth: a rim or the ground that is this deep at the last record of pins made it
+
+
+def signals(run: RunData) -> Iterator[str]:
+    """The depth of every step."""
+    yield from (f"{track}.penetration.max" for track in run.tracks)
+
+
+def find(piece: Piece) -> Iterator[Entry]:
+    """Contacts of each track against the thickness of its links; raises Missing."""
+    face = hull.number(piece.run, "track", "face")
+    for track in piece.run.tracks:
+        t, depth = piece.signal(f"{track}.penetration.max")
+        most = face * limits.LINK_WARNING, face * limits.LINK_FAILURE
+        for entry, worst in levels("penetration", track, t, depth, *most):
+            yield entry._replace(place=deepest(piece.run, track, worst, entry.value))
+
+
+def deepest(run: RunData, track: str, t: float, depth: float) -> str:
+    """Which wheel or the ground is ``depth`` m deep in links at a time, s; empty where no pins were recorded.
+
+    What neither rims nor the ground explain is the sprocket, whose teeth have an outline of their own.
+    """
+    try:
+        found = depths(run, track, t)
+    except (Missing, LookupError):
+        return ""
+    name = max(found, key=lambda each: found[each], default="")
+    return name if name and found[name] > EXPLAINS * depth else "sprocket"
+
+
+def depths(run: RunData, track: str, t: float) -> dict[str, float]:
+    """Depth, m, of rims and the ground in the links at the record of pins nearest to a time, s; raises Missing."""
+    blocks = list(of_links.records(run, track, Window(t - NEAR, t + NEAR), "joint[*].position"))
+    times = np.concatenate([block.t for block in blocks])
+    at = int(np.abs(times - t).argmin())
+    pins = np.concatenate([block.values[0] for block in blocks])[at]
+    pose = hull.poses(run, track, times[at : at + 1])
+    axes, face = pose.axes[0][:, [0, 2]], hull.number(run, "track", "face")
+    found = {}
+    for name in wheels(run, track):
+        centre = run.near(track, "in", f"{name}.position", float(times[at]))
+        radius = hull.number(run, name.partition("[")[0], "radius")
+        found[name] = radius + face - _distance((pins - centre) @ axes)
+    if (floor := ground(run.scene)) is not None:
+        under = floor.at((pins - floor.start) @ floor.ahead) - pins[:, 2]
+        found["ground"] = float(under.max()) + face
+    return found
+
+
+def wheels(run: RunData, track: str) -> list[str]:
+    """Names of the wheels with rims that a track runs on."""
+    names = [name.removesuffix(".position.x") for name in run.log.topics[f"/{track}/in"].names]
+    return [name for name in dict.fromkeys(names) if name == "idler" or (name[-1] == "]" and "road_wheel[" in name)]
+
+
+def _distance(pins: Floats) -> float:
+    """Least distance of the sides of a closed polygon (n, 2) from the origin, m."""
+    side = np.roll(pins, -1, axis=0) - pins
+    share = np.clip(-np.sum(pins * side, axis=1) / np.sum(side * side, axis=1), 0.0, 1.0)
+    return float(np.linalg.norm(pins + share[:, None] * side, axis=1).min())

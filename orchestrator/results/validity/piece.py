@@ -1,0 +1,91 @@
+"""A piece of a run: all signals that the ledger looks at, in a window of time, read in one pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from math import ceil
+from typing import Any, TypeVar
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats, Series
+from orchestrator.results.analyses import of_links
+from orchestrator.results.run_data import Missing, RunData, Window
+
+Made = TypeVar("Made")
+LENGTH = 10.0  # s
+OVERLAP = 1.0  # s that two pieces share: what lasts shorter is whole in one of them
+
+
+class Piece:
+    """Signals within a window; what lasts no longer than OVERLAP is in one piece from its beginning to its end."""
+
+    def __init__(self, run: RunData, window: Window, found: Mapping[str, Series]) -> None:
+        self.run, self.window, self._found = run, window, found
+        self._made: dict[str, Any] = {}
+
+    def once(self, name: str, make: Callable[[], Made]) -> Made:
+        """What ``make`` makes of this piece; asked again by that name, the same."""
+        if name not in self._made:
+            self._made[name] = make()
+        return self._made[name]
+
+    def signal(self, name: str) -> tuple[Floats, Floats]:
+        """Times and values (m,) of ``instance.variable``; raises Missing."""
+        return self.columns([name])[0], self.columns([name])[1][:, 0]
+
+    def vector(self, name: str, parts: str = "xyz") -> tuple[Floats, Floats]:
+        """Times and ``name.{parts}`` (m, len(parts)); raises Missing."""
+        return self.columns([f"{name}.{part}" for part in parts])
+
+    def columns(self, names: list[str]) -> tuple[Floats, Floats]:
+        """Times and values (m, names) of signals of one topic; raises Missing."""
+        topic, _ = place(self.run, names[0])
+        series = self._found.get(topic)
+        variables = [name.partition(".")[2] for name in names]
+        if series is None or not set(variables) <= set(series.names):
+            raise Missing(f"the log has no '{names[0]}'")
+        return series.t, series.values[:, [series.names.index(each) for each in variables]]
+
+    def pins(self, track: str) -> tuple[Floats, Floats]:
+        """Times (m,) and places of the pins of a track (m, pins, 3), m, world; raises Missing."""
+        series = self._found.get(f"/{track}/links")
+        if series is None or not len(series.t):
+            raise Missing(f"no pins of '{track}' were recorded")
+        return series.t, series.values.reshape(len(series.t), -1, 3)
+
+
+def place(run: RunData, name: str) -> tuple[str, int]:
+    """Topic and column of a signal; raises Missing."""
+    try:
+        return run.log.find(name)
+    except LookupError:
+        raise Missing(f"the log has no signal '{name}'") from None
+
+
+def pieces(run: RunData, names: Iterable[str], tracks: Iterable[str], window: Window) -> Iterator[Piece]:
+    """The run piece by piece: signals ``names``, those that there are, and the pins of ``tracks``."""
+    wanted: dict[str, list[int]] = {}
+    for name in dict.fromkeys(names):
+        try:
+            topic, column = run.log.find(name)
+        except LookupError:
+            continue
+        wanted.setdefault(topic, []).append(column)
+    for track in tracks:
+        if of_links.has(run, track, "joint[*].position"):
+            names_of = run.log.topics[f"/{track}/links"].names
+            wanted[f"/{track}/links"] = of_links.columns(names_of, "joint[*].position").ravel().tolist()
+    if not wanted:
+        return
+    first, last = _span(run, wanted, window)
+    for k in range(max(1, ceil((last - first) / LENGTH))):
+        begin = first + k * LENGTH
+        part = Window(begin - OVERLAP if k else begin, min(begin + LENGTH, last))
+        yield Piece(run, part, run.log.select(wanted, part))
+
+
+def _span(run: RunData, wanted: Mapping[str, list[int]], window: Window) -> tuple[float, float]:
+    """First and last time that is looked at, s."""
+    t = np.concatenate([run.log.ends(topic).t for topic in wanted])
+    return max(window.start, float(t.min(initial=0.0))), min(window.end, float(t.max(initial=0.0)))

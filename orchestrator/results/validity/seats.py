@@ -1,0 +1,30 @@
+"""How deep pins sit in the teeth of a sprocket, against the size of a pin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orchestrator.results.analyses import hull
+from orchestrator.results.run_data import pitch_radius
+from orchestrator.results.validity import limits
+from orchestrator.results.validity.entry import Entry, levels
+from orchestrator.results.validity.on_sprocket import polar, signals, toothed
+from orchestrator.results.validity.piece import Piece
+
+__all__ = ["find", "signals"]
+
+
+def find(piece: Piece) -> Iterator[Entry]:
+    """Pins of each track, where they are recorded; raises Missing."""
+    radius = hull.number(piece.run, "sprocket", "pin_radius")
+    seated = pitch_radius(piece.run.scene["vehicle"])
+    most = radius * limits.PIN_WARNING, radius * limits.PIN_FAILURE
+    for track in toothed(piece.run):
+        t, distance, _ = polar(piece, track)
+        deepest = distance.argmin(axis=1)
+        depth = seated - distance.min(axis=1)
+        for entry, worst in levels("penetration", track, t, depth, *most):
+            pin = int(deepest[np.searchsorted(t, worst)]) + 1
+            yield entry._replace(place=f"sprocket, pin {pin}")

@@ -1,0 +1,53 @@
+"""Chains that jump over teeth: the number of a seated pin against that of its gap changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull
+from orchestrator.results.run_data import pitch_radius
+from orchestrator.results.validity import limits
+from orchestrator.results.validity.entry import FAILURE, Entry
+from orchestrator.results.validity.on_sprocket import polar, signals, toothed
+from orchestrator.results.validity.piece import Piece
+
+__all__ = ["find", "signals"]
+SEATED = 0.5  # of the height of a tooth over the pitch circle: pins that are nearer to the axle sit in a gap
+
+
+def find(piece: Piece) -> Iterator[Entry]:
+    """The first jump of each track, and the most teeth that it was off, where pins are recorded; raises Missing."""
+    teeth = round(hull.number(piece.run, "sprocket", "teeth"))
+    circle = pitch_radius(piece.run.scene["vehicle"])
+    top = hull.number(piece.run, "sprocket", "outer_radius") + hull.number(piece.run, "sprocket", "pin_radius")
+    for track in toothed(piece.run):
+        t, distance, angle = polar(piece, track)
+        found = [*jumps(angle * teeth / (2.0 * np.pi), distance, circle + SEATED * (top - circle))]
+        for at, pin, off in found[:1]:
+            most = max(off for _, _, off in found)
+            yield Entry("tooth_jump", track, float(t[at]), f"sprocket, pin {pin + 1}", most, limits.JUMP, FAILURE)
+
+
+def jumps(gaps: Floats, distance: Floats, seated: float) -> Iterator[tuple[int, int, float]]:
+    """Of pins (m, n) by the numbers of the gaps that they are at: record and deepest pin after each jump, and by how
+    many teeth the chain is then off its first seat.
+
+    The number of a pin against that of its gap is one and the same for all seated pins, as a chain turns with its
+    sprocket. In each record the deepest pin decides, if its distance from the axle, m, is less than ``seated``. Pins
+    are numbered round the chain.
+    """
+    pins = gaps.shape[1]
+    deepest = distance.argmin(axis=1)
+    rows = np.flatnonzero(distance[np.arange(len(deepest)), deepest] < seated)
+    if not len(rows):
+        return
+    pin = deepest[rows]
+    beside = gaps[rows[0], [(pin[0] + 1) % pins, pin[0] - 1]]
+    along = np.sign(np.nanmean((beside - gaps[rows[0], pin[0]]) * [1.0, -1.0]))
+    apart = gaps[rows, pin] - along * pin
+    number = np.unwrap(np.round(apart - apart[0]), period=pins)  # a chain ends where it begins
+    for k in np.flatnonzero(np.diff(number)) + 1:
+        yield int(rows[k]), int(pin[k]), float(abs(number[k] - number[0]))
