@@ -23,7 +23,8 @@ from fmus.physics.arrays import Floats
 
 STEP = 0.1  # m: distance of two places, on paths that are not longer than
 PLACES = 100_000  # times that
-ALONG = 0.5  # of the grip for a change of speed: turning wants the rest
+ALONG, TURNS = 0.5, 0.2  # of the grip for a change of speed: straight on, and in a turn, which needs most of the rest
+FAINT = 0.03  # rad/s: a yaw rate that counts as a turn
 FEWEST = 8  # on a piece
 ROUNDS = 8  # of planning slower where the vehicle cannot turn fast enough
 
@@ -108,18 +109,29 @@ def _brake(plan, p, a, b, ds):
     """Squares of the speed, with 0 at the end; and those that a vehicle reaches that begins with 0."""
     plan.square[b - 1] = 0.0
     for i in range(b - 2, a - 1, -1):
-        room = _left(p.grip, plan.square[i + 1] * plan.drawn[i + 1])
-        plan.square[i] = min(plan.most[i], plan.square[i + 1] + 2.0 * min(p.deceleration, room) * ds)
+        room = min(p.deceleration, _along(plan, p, plan.square[i + 1], i + 1, b, ds))
+        plan.square[i] = min(plan.most[i], plan.square[i + 1] + 2.0 * room * ds)
     plan.taken[a] = 0.0
     for i in range(a + 1, b):
-        room = _left(p.grip, plan.taken[i - 1] * plan.drawn[i - 1])
+        room = _along(plan, p, plan.taken[i - 1], i, b, ds)
         plan.taken[i] = min(plan.square[i], plan.taken[i - 1] + 2.0 * room * ds)
 
 
 @kernel
-def _left(grip, across):
-    """Of the grip along, where so much is used across."""
-    return ALONG * np.sqrt(max(grip * grip - across * across, 0.1 * grip * grip)) if grip < np.inf else grip
+def _along(plan, p, square, i, b, ds):
+    """Change of speed that is left at a place, m/s2, with the square of the speed there."""
+    slope = (plan.curvature[min(i + 1, b - 1)] - plan.curvature[i - 1]) / (2.0 * ds)
+    rate = np.sqrt(square) * plan.curvature[i]
+    return left(p.grip, rate, square * plan.curvature[i], square * slope / p.turning if p.turning < np.inf else 0.0)
+
+
+@kernel
+def left(grip, rate, across, turning):
+    """Acceleration along, m/s2, that the grip leaves at a yaw rate, beside that across and a share of the turning."""
+    if not grip < np.inf:
+        return grip
+    most = ALONG - (ALONG - TURNS) * rate * rate / (rate * rate + FAINT * FAINT)
+    return most * grip * np.sqrt(max(1.0 - (across / grip) ** 2 - turning * turning, 0.1))
 
 
 @kernel

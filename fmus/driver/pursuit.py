@@ -37,8 +37,7 @@ REST = 0.4  # s in which what is left of a way to a stop fades
 STANDS, THERE = 0.02, 0.02  # m before its end a piece is driven, rad before its angle a turn on the spot is done
 HARD = 1.5  # yaw acceleration that is asked for, over what friction gives beside the resistance to turning
 BLUNT = 4.0  # of the distance over which a large error fades: v^2 e / L^3 is a yaw acceleration
-FAINT = 0.02  # rad/s: a vehicle that turns more slowly turns about its middle
-ALONG = 0.5  # of the grip for a change of speed: turning wants the rest
+PLANNED = 0.6  # share of the yaw acceleration that friction gives, for the plan
 FULL = 0.95  # share of the friction beyond which none is asked for
 
 
@@ -112,7 +111,7 @@ def bounds(p, footing):
     for i in range(p.speeds.value.size):
         top = max(top, p.speeds.value[i])
     grip = p.grip * limit(p, footing)
-    return planning.Bounds(top, p.lateral, grip, p.deceleration, turning(p, footing), p.tolerance)
+    return planning.Bounds(top, p.lateral, grip, p.deceleration, PLANNED * turning(p, footing), p.tolerance)
 
 
 @kernel
@@ -203,7 +202,7 @@ def hold(c, seen, speed, h):
     most = bound(p, c.footing, seen.ahead)
     x[CURVATURE] = min(max(-p.heading_gain * x[ASKEW] / max(seen.ahead, SLOW), -most), most)
     rate = x[CURVATURE] * max(seen.ahead, 0.0)
-    return Wish(paced(c, seen, speed, 1.0, h), rate, -p.heading_gain * rate)
+    return Wish(paced(c, seen, speed, 0.0, h), rate, -p.heading_gain * rate)
 
 
 @kernel
@@ -250,8 +249,8 @@ def drive(c, piece, seen, speed, h):
     p, x, s, direction = c.law, c.state, c.state[PROGRESS], c.path.direction[c.path.first[piece]]
     most, k, slope, off, askew = planning.at(c.plan, c.path, piece, s)
     most = min(most, max(route.ends(c.path, piece)[1] - s, 0.0) / REST)
-    wanted = paced(c, seen, min(speed, most), direction, h)
     v = max(direction * seen.ahead, 0.0)
+    wanted = paced(c, seen, direction * min(speed, most), v * v * slope, h)
     way = direction * np.arctan2(seen.left, max(v, SLOW))
     x[ASKEW] = turned(seen.heading - route.at(c.path, piece, s)[2])
     off, askew = x[OFF] - off, turned(x[ASKEW] + way - askew)
@@ -262,26 +261,20 @@ def drive(c, piece, seen, speed, h):
     largest = bound(p, c.footing, v)
     x[CURVATURE] = min(max(k + back, -largest), largest)
     u, back = direction * v, x[CURVATURE] - k
-    leans = -x[SLIPS + 2] * x[YAW_RATE] / (x[YAW_RATE] ** 2 + FAINT * FAINT)  # how far ahead it turns about
     fades = -2.0 * v * back / far - u * askew / (far * far)
-    rate = u * x[CURVATURE] + leans * v * slope
-    return Wish(wanted, rate, u * (v * slope + fades) + direction * paces(x, wanted, h) * k)
+    pace = (wanted - x[SPEED]) / h if h > 0.0 else 0.0
+    leans = direction * 2.0 * c.footing.leans / limit(p, c.footing) * abs(k) * u * (u * v * slope + pace * k)
+    return Wish(wanted, u * x[CURVATURE] + leans, u * (v * slope + fades) + pace * k)
 
 
 @kernel
-def paces(x, wanted, h):
-    """Acceleration of the wanted speed, m/s2."""
-    return (wanted - x[SPEED]) / h if h > 0.0 else 0.0
-
-
-@kernel
-def paced(c, seen, speed, direction, h):
-    """The speed with its sign, changed no faster than the grip allows, m/s."""
+def paced(c, seen, speed, bend, h):
+    """The speed, m/s, changed no faster than the friction allows that turning leaves; ``bend``: yaw acceleration."""
     if h == 0.0 or c.law.friction == 0.0:
-        return direction * speed
+        return speed
     grip = c.law.grip * limit(c.law, c.footing)
-    room = ALONG * h * np.sqrt(max(grip**2 - (seen.ahead * seen.rate) ** 2, 0.1 * grip**2))
-    return min(max(direction * speed, c.state[SPEED] - room), c.state[SPEED] + room)
+    most = h * planning.left(grip, seen.rate, seen.ahead * seen.rate, bend / turning(c.law, c.footing))
+    return min(max(speed, c.state[SPEED] - most), c.state[SPEED] + most)
 
 
 @kernel

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import kernel, plain
 from fmus.physics.arrays import Floats
 
 ITERATIONS = 20  # of Newton's method
@@ -44,6 +44,7 @@ class Footing(NamedTuple):
     middle: float  # centroid of the shares, m
     spread: float  # variance of the places, weighted by the shares, m2
     arm: float  # mean distance of the loads from the middle: they resist turning on the spot, m
+    leans: float  # how far ahead a vehicle turns about, m, over the share of the friction that it uses across
 
 
 def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
@@ -57,7 +58,7 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
     shares = _shares(vehicle, wheels, 0.5 * mass * gravity)
     middle = float(shares @ wheels)
     edge = 0.25 * track["width"]
-    return Footing(
+    stands = Footing(
         mass=float(mass),
         inertia=float(inertia),
         gravity=gravity,
@@ -69,7 +70,10 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
         middle=middle,
         spread=max(float(shares @ (wheels - middle) ** 2), 1e-6),
         arm=float(shares @ np.hypot(wheels - middle, edge)),
-    ), float(ahead)
+        leans=0.0,
+    )
+    (_, _, v), _ = plain(slips)(stands, (1.0, 1e-3), 1.0, 0.0, 0.5 * gravity, 0.0, (0.0, 0.0, 0.0))
+    return stands._replace(leans=-v / 0.5), float(ahead)
 
 
 def _bodies(v: Mapping[str, Any]) -> Any:
