@@ -10,19 +10,23 @@ import numpy as np
 from fmus.course import course
 from fmus.defaults import configured, given
 from fmus.driver.path import NONE, Path, of_arcs, through
+from fmus.driver.plan import plan
 from fmus.driver.pursuit import WIDTH, Law, Parts, begin, show, step
+from fmus.driver.skid import footing
 from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, start_pose, wheel_state
+from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, start_pose, wheel_state
 from fmus.sentences import Sentence
 from fmus.start import KEYS, start
 
+SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")
 SLIPPERY = 1.4  # width that turns alike without slip over the tracks' distance: 0.449 over 0.3142 rad/s of `turn`
 
 
 def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
     """What can be set before initialisation."""
     width = 2.0 * SLIPPERY * float(vehicle["track"]["lateral"])
+    friction = float(vehicle["contact"]["ground"]["friction"])
     frame = "from where the middle of the road wheels stands at the start, in the frame of the start"
     return [
         *start_pose(),
@@ -38,8 +42,15 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
              allowed=POSITIVE),
         Port("reach", "parameter", "m", "least distance ahead of the point that is pursued", 2.0, allowed=POSITIVE),
         Port("preview", "parameter", "s", "the same in time: the larger of both counts", 1.0, allowed=NOT_NEGATIVE),
+        Port("friction", "parameter", "1", "of tracks on the ground; 0: not known, tracks slip as width says", friction,
+             allowed=NOT_NEGATIVE),
+        Port("grip", "parameter", "1", "share of the friction that speeds and curves are planned with", 0.6,
+             allowed=SHARE),
+        Port("drive.lag", "parameter", "s", "time constant with which the drives follow", 0.1, allowed=NOT_NEGATIVE),
+        Port("path.tolerance", "parameter", "m", "how far to pass beside the path where its curvature jumps", 0.1,
+             allowed=POSITIVE),
         Port("curvature.largest", "parameter", "1/m", "sharpest turn that is demanded", 0.5, allowed=POSITIVE),
-        Port("acceleration.lateral", "parameter", "m/s2", "what speed times yaw rate may be: slower in curves", 1.0,
+        Port("acceleration.lateral", "parameter", "m/s2", "what speed times yaw rate may be: slower in curves", 10.0,
              allowed=POSITIVE),
         Port("heading.gain", "parameter", "1/s", "yaw rate per error of the held heading", 1.0, allowed=NOT_NEGATIVE),
         Port("yaw.gain", "parameter", "1", "yaw rate per error of the yaw rate", 1.0, allowed=NOT_NEGATIVE),
@@ -72,6 +83,8 @@ class Model(Component):
         x, y, z = (float(part) for part in vehicle["chassis"]["centre"])
         self._centre = x, y, z
         self._ahead = float(np.mean(vehicle["road_wheel"]["x"])) - x
+        self._footing, _ = footing(vehicle)
+        self._creep = float(vehicle["contact"]["ground"]["friction_velocity"])
         self._radius = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2.0 * np.pi)
         parameters = configured(parameter_ports(vehicle), config)
         standing = self._standing({port.name: port.start for port in parameters})
@@ -105,8 +118,10 @@ class Model(Component):
             values,
             Parts(
                 self._law,
+                self._footing,
                 self._path,
                 placed,
+                plan(self._path),
                 self._centre,
                 self._unconnected,
                 self._stands,
@@ -122,7 +137,7 @@ class Model(Component):
             width="width", heading_gain="heading.gain", reach="reach", preview="preview", gain="yaw.gain",
             integral="yaw.integral", sharpest="curvature.largest", lateral="acceleration.lateral",
             deceleration="deceleration", start_speed="speed.start", end_speed="speed.end", ramp_start="ramp.start",
-            ramp_end="ramp.end",
+            ramp_end="ramp.end", friction="friction", grip="grip", lag="drive.lag", tolerance="path.tolerance",
         )  # fmt: skip
         numbers = {f"law.{field}": f"{{{name}}}" for field, name in own.items()}
         return Free({**numbers, "law.heading": "{heading} + {start.heading}"}, self.placing)
@@ -163,4 +178,9 @@ class Model(Component):
             ramp_start=float(values["ramp.start"]),
             ramp_end=float(values["ramp.end"]),
             speeds=speeds,
+            friction=float(values["friction"]),
+            creep=self._creep,
+            grip=float(values["grip"]),
+            lag=float(values["drive.lag"]),
+            tolerance=float(values["path.tolerance"]),
         )

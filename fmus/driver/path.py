@@ -1,4 +1,8 @@
-"""A path on the ground: arcs of constant curvature, each from where the one before it ends, straight on at the end."""
+"""A path on the ground: arcs of constant curvature, each from where the one before it ends, straight on at the end.
+
+A vehicle drives along pieces of it, each in one direction, ahead or backwards, or turns on the spot between two of
+them. The way s along the path grows in both directions; headings are those of the vehicle.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from fmus.course import interval
 from fmus.jit import kernel
 from fmus.model import InvalidParameter
 from fmus.physics.arrays import Floats
@@ -25,26 +29,38 @@ class Path(NamedTuple):
     s: Floats  # (n) way along the path at which each arc begins, m
     x: Floats  # (n) where that is, m
     y: Floats  # (n)
-    heading: Floats  # (n) rad
-    curvature: Floats  # (n) to the left, 1/m
+    heading: Floats  # (n) of the vehicle, rad
+    curvature: Floats  # (n) to the left, 1/m; on the spot the angle to turn by, rad
+    direction: Floats  # (n) 1 ahead, -1 backwards, 0 on the spot
+    first: NDArray[np.int64]  # (m + 1) first arc of each piece; of arcs in one direction
     length: float  # of the whole, m
 
 
 NOTHING = np.zeros(0)
-NONE = Path(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, 0.0)
+NONE = Path(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, np.zeros(1, dtype=np.int64), 0.0)
 
 
 def of_arcs(name: str, text: str) -> Path:
-    """Of a parameter ``name``, "length curvature; ...", from the origin along x; raises InvalidParameter."""
+    """Of a parameter ``name``, "length curvature; ...", from the origin along x; raises InvalidParameter.
+
+    A negative length goes backwards, the length 0 turns on the spot, by the second number as an angle.
+    """
     arcs = _pairs(name, text, "'length curvature; length curvature; ...'")
-    if not (arcs[:, 0] > 0.0).all():
-        raise InvalidParameter(f"{name} = '{text[:80]}': lengths must be positive")
-    s = np.concatenate([[0.0], np.cumsum(arcs[:, 0])])
+    direction = np.sign(arcs[:, 0])
+    if ((direction == 0.0) & (arcs[:, 1] == 0.0)).any():
+        raise InvalidParameter(f"{name} = '{text[:80]}': an arc of length 0 turns on the spot, by an angle that is not 0")
+    s = np.concatenate([[0.0], np.cumsum(np.abs(arcs[:, 0]))])
     x, y, heading = np.zeros((3, len(arcs)))
-    path = Path(s[:-1], x, y, heading, arcs[:, 1].copy(), float(s[-1]))
+    path = Path(s[:-1], x, y, heading, arcs[:, 1].copy(), direction, _pieces(direction), float(s[-1]))
     for k in range(1, len(arcs)):
-        x[k], y[k], heading[k] = _along(path, k - 1, arcs[k - 1, 0])
+        x[k], y[k], heading[k] = _along(path, k - 1, abs(arcs[k - 1, 0]))
     return path
+
+
+def _pieces(direction: Floats) -> NDArray[np.int64]:
+    """First arc of each piece, and how many arcs there are; each turn on the spot is a piece."""
+    changes = (np.diff(direction) != 0.0) | (direction[1:] == 0.0)
+    return np.concatenate([[0], 1 + np.flatnonzero(changes), [len(direction)]]).astype(np.int64)
 
 
 def through(name: str, text: str) -> Path:
@@ -65,7 +81,10 @@ def through(name: str, text: str) -> Path:
     curvature = (dx * ddy - dy * ddx) / speed**3
     middle = np.hypot(*spline(0.5 * (u[1:] + u[:-1]), 1).T)  # Simpson's rule
     s = np.concatenate([[0.0], np.cumsum(np.diff(u) * (speed[1:] + 4.0 * middle + speed[:-1]) / 6.0)])
-    return Path(s[:-1], x[:-1].copy(), y[:-1].copy(), heading[:-1], curvature[:-1], float(s[-1]))
+    direction = np.ones(len(s) - 1)
+    return Path(
+        s[:-1], x[:-1].copy(), y[:-1].copy(), heading[:-1], curvature[:-1], direction, _pieces(direction), float(s[-1])
+    )
 
 
 def _pairs(name: str, text: str, form: str) -> Floats:
@@ -81,41 +100,61 @@ def _pairs(name: str, text: str, form: str) -> Floats:
 @kernel
 def _along(path, k, way):
     """Place and heading at ``way`` m along the arc k."""
-    c, h = path.curvature[k], path.heading[k]
+    c, h, way = path.curvature[k], path.heading[k], path.direction[k] * way
+    if path.direction[k] == 0.0:
+        return path.x[k], path.y[k], h + c
     half = 0.5 * c * way
     chord = way * (np.sin(half) / half if abs(half) > 1e-8 else 1.0)
     return path.x[k] + chord * np.cos(h + half), path.y[k] + chord * np.sin(h + half), h + c * way
 
 
 @kernel
-def at(path, s):
-    """Place, heading and curvature at the way ``s``; beyond both ends the path is straight."""
-    if s < 0.0:
-        h = path.heading[0]
-        return path.x[0] + s * np.cos(h), path.y[0] + s * np.sin(h), h, 0.0
-    low = interval(path.s, s)
-    beyond = max(s - path.length, 0.0)
-    x, y, h = _along(path, low, s - beyond - path.s[low])
-    if beyond > 0.0:
-        return x + beyond * np.cos(h), y + beyond * np.sin(h), h, 0.0
-    return x, y, h, path.curvature[low]
+def ends(path, piece):
+    """The way at which a piece begins, and at which it ends."""
+    last = path.first[piece + 1]
+    return path.s[path.first[piece]], path.s[last] if last < path.s.size else path.length
 
 
 @kernel
-def nearest(path, x, y, s):
-    """The way at which the path is nearest to a point, from the guess ``s``, and how far left of it the point is.
+def _arc(path, piece, s):
+    """The arc of a piece at the way ``s``, the first or the last beyond its ends."""
+    low, high = path.first[piece], path.first[piece + 1]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if path.s[middle] <= s:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def at(path, piece, s):
+    """Place, heading and curvature of a piece at the way ``s``; beyond both ends it is straight."""
+    begin, end = ends(path, piece)
+    within = min(max(s, begin), end)
+    low = _arc(path, piece, within)
+    x, y, h = _along(path, low, within - path.s[low])
+    beyond = (s - within) * path.direction[low]
+    c = path.curvature[low] if within == s and path.direction[low] != 0.0 else 0.0
+    return x + beyond * np.cos(h), y + beyond * np.sin(h), h, c
+
+
+@kernel
+def nearest(path, piece, x, y, s):
+    """The way at which a piece is nearest to a point, from the guess ``s``, and how far left of it the point is.
 
     A point before its beginning is as far off as the beginning is.
     """
-    left = 0.0
+    left, begin, direction = 0.0, ends(path, piece)[0], path.direction[path.first[piece]]
     for _ in range(MOST):
-        px, py, h, c = at(path, s)
-        ahead = (x - px) * np.cos(h) + (y - py) * np.sin(h)
+        px, py, h, c = at(path, piece, s)
+        ahead = direction * ((x - px) * np.cos(h) + (y - py) * np.sin(h))
         left = (y - py) * np.cos(h) - (x - px) * np.sin(h)
         if abs(ahead) < CLOSE:
             break
-        if s == 0.0 and ahead < 0.0:
+        if s == begin and ahead < 0.0:
             far = np.sqrt(ahead * ahead + left * left)
-            return 0.0, far if left >= 0.0 else -far
-        s = max(s + ahead / max(1.0 - c * left, 0.2), 0.0)
+            return begin, far if left >= 0.0 else -far
+        s = max(s + ahead / max(1.0 - c * left, 0.2), begin)
     return s, left

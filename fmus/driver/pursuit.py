@@ -1,11 +1,11 @@
-"""The driver's law: pure pursuit of a path, or a held heading; the slip of the tracks is learnt by an integral.
+"""The driver's law: feed forward of what the path asks of the tracks, and errors that fade over a distance ahead.
 
-Pure pursuit: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01 (1992). What is
-steered is where the vehicle goes, not where it points: a tracked vehicle turns about a point ahead of its middle.
-Tracks slip, so that the speeds of two sprockets turn the vehicle by about 0.7 of what their difference would without:
-J. L. Martinez, A. Mandow, J. Morales, S. Pedraza, A. Garcia-Cerezo, Approximating kinematics for tracked mobile robots,
-Int. J. Robotics Research 24 (2005), doi 10.1177/0278364905058239, give the tracks a larger distance, ``width`` here.
-What it misses an integral of the yaw rate's error adds, which is ours.
+The plan of the path (``plan``) says how the vehicle is to turn, the general theory of skid steering (``skid``) how fast
+its tracks must run for that, with their slip and the yaw acceleration. Errors of place and direction fade as those of a
+pure pursuit (R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01, 1992) of a
+point at the distance L, but with critical damping instead of 1/sqrt(2). What is steered is where the vehicle goes, not
+where it points: a tracked vehicle turns about a point ahead of its middle. What the theory misses, the yaw rate's error
+and its integral add.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.course import Course, at, given, interval, ramp
+from fmus.course import Course, at, given, ramp
 from fmus.driver import path as route
+from fmus.driver import plan as planning
+from fmus.driver import skid
 from fmus.drives.mount import stand
 from fmus.jit import allocating, kernel
 from fmus.model import no_rotation
@@ -25,23 +27,29 @@ from fmus.physics.vector import add, cross, scale, to_world, vector
 from fmus.start import HEADING, place, stay
 
 # where things stand in the flat state; from LEFT to CURVATURE they are shown
-SLIP, LEFT, RIGHT, OFF, ASKEW, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)
-WIDTH = 10
+LEARNT, LEFT, RIGHT, OFF, ASKEW, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)
+PIECE, HEADED, SLIPS = 10, 11, 12  # of the path; heading, however often turned; slip left, right, lateral velocity
+WIDTH = 15
 SLOW = 0.1  # m/s: a slower vehicle is not steered
 FAR = 1.0  # m beside the path: worth a warning
 TURNED_NOT, ASTRAY = 1, 2  # failures
-STEEP, FARTHEST = 2.0, 10.0  # the point that is pursued is so many times as far away as the path, up to so many m
+REST = 0.4  # s in which what is left of a way to a stop fades
+STANDS, THERE = 0.02, 0.02  # m before its end a piece is driven, rad before its angle a turn on the spot is done
+HARD = 1.5  # yaw acceleration that is asked for, over what friction gives beside the resistance to turning
+BLUNT = 4.0  # of the distance over which a large error fades: v^2 e / L^3 is a yaw acceleration
+PLANNED = 0.6  # share of the yaw acceleration that friction gives, for the plan
+FULL = 0.95  # share of the friction beyond which none is asked for
 
 
 class Law(NamedTuple):
     """Parameters of a driver, SI."""
 
     radius: float  # way of the vehicle a radian of its sprockets, m
-    width: float  # distance of two tracks without slip that would turn the vehicle alike, m
+    width: float  # distance of two tracks without slip that would turn the vehicle alike, m: for errors
     ahead: float  # place that follows the path, ahead of the hull's centre of mass, m
     heading: float  # to be held where there is no path, rad
     heading_gain: float  # yaw rate per error of it, 1/s
-    reach: float  # least distance of the point that is pursued, m
+    reach: float  # least distance over which errors fade, m
     preview: float  # and in time, s
     gain: float  # of the yaw rate's error
     integral: float  # the same summed up, 1/s
@@ -53,14 +61,21 @@ class Law(NamedTuple):
     ramp_start: float  # s
     ramp_end: float
     speeds: Course  # instead of the ramp
+    friction: float  # of tracks on the ground; 0: not known, slip is what ``width`` says
+    creep: float  # m/s, of the friction law
+    grip: float  # share of the friction that the plan uses
+    lag: float  # s, with which drives follow their demands
+    tolerance: float  # m, how far the way that is taken may lie beside the path where it bends
 
 
 class Parts(NamedTuple):
     """A driver that drives."""
 
     law: Law
+    footing: skid.Footing
     drawn: route.Path  # from where the vehicle stands at the start, in its frame
     path: route.Path  # in the world
+    plan: planning.Plan
     centre: tuple[float, float, float]  # of mass of the hull, in the vehicle frame, m
     unconnected: np.ndarray  # (13) start values of the inputs: they say that nothing moves the hull
     standing: np.ndarray  # (13) it then stands still here
@@ -81,10 +96,35 @@ def begin(c, told, p):
         path.x[k] = x + cos * drawn.x[k] - sin * drawn.y[k]
         path.y[k] = y + sin * drawn.x[k] + cos * drawn.y[k]
         path.heading[k] = drawn.heading[k] + heading
+    planning.make(c.plan, path, bounds(c.law, c.footing))
     stay(p, c.centre[0], c.centre[1], c.centre[2], c.standing, 0)
     c.state[:] = 0.0
-    advance(c.law, path, c.state, 0.0, 0.0, c.standing)
+    c.state[HEADED] = heading
+    advance(c, 0.0, 0.0, c.standing)
     return 0
+
+
+@kernel
+def bounds(p, footing):
+    """What the plan may ask of the vehicle."""
+    top = max(p.start_speed, p.end_speed)
+    for i in range(p.speeds.value.size):
+        top = max(top, p.speeds.value[i])
+    grip = p.grip * limit(p, footing)
+    return planning.Bounds(top, p.lateral, grip, p.deceleration, PLANNED * turning(p, footing), p.tolerance)
+
+
+@kernel
+def limit(p, footing):
+    """Acceleration that friction gives, m/s2."""
+    return p.friction * footing.gravity if p.friction > 0.0 else np.inf
+
+
+@kernel
+def turning(p, footing):
+    """Yaw acceleration that friction gives beside the resistance to turning on the spot, rad/s2; at least a tenth."""
+    arm = max(footing.half - footing.arm, 0.1 * footing.half)
+    return limit(p, footing) * footing.mass * arm / footing.inertia
 
 
 @allocating
@@ -96,7 +136,7 @@ def step(c, told, t, h, u):
     stand(seen, 0, c.unconnected, c.standing, 0)
     if no_rotation(told[0], t, 0, seen, 3):
         return TURNED_NOT
-    advance(c.law, c.path, x, t, h, seen)
+    advance(c, t, h, seen)
     for i in range(x.size):
         if not np.isfinite(x[i]):
             told[0, 0] = t
@@ -116,67 +156,160 @@ def show(c, y):
         y[i] = c.state[LEFT + i]
 
 
+class Seen(NamedTuple):
+    """Motion of the place that follows the path."""
+
+    x: float  # m
+    y: float
+    heading: float  # rad
+    ahead: float  # m/s, along the hull
+    left: float
+    rate: float  # rad/s
+
+
+class Wish(NamedTuple):
+    """How the vehicle is to move."""
+
+    speed: float  # m/s, negative backwards
+    rate: float  # of the heading, rad/s
+    turning: float  # its derivative, rad/s2
+
+
 @allocating
-def advance(p, path, x, t, h, u):
-    """The demands of the step from t on, those of its middle, into x (WIDTH); u: motion of the hull at t (13)."""
-    half = 0.5 * h
+def advance(c, t, h, u):
+    """The demands of the step from t on, those of its middle, into the state; u: motion of the hull at t (13)."""
+    p, x, half = c.law, c.state, 0.5 * h
     A, v, w = quat_to_matrix(quat_normalise(u[3:7])), vector(u, 7), vector(u, 10)
     arm = to_world(A, (p.ahead, 0.0, 0.0))
     v = add(v, cross(w, arm))
     px, py, _ = add(add(vector(u, 0), arm), scale(half, v))
     heading = np.arctan2(A[1, 0], A[0, 0]) + half * w[2]
-    c, s = np.cos(heading), np.sin(heading)
-    forward, sideways = c * v[0] + s * v[1], c * v[1] - s * v[0]
-    way = heading + np.arctan2(sideways, max(abs(forward), SLOW))
-    x[SPEED] = at(p.speeds, t + half)[0] if given(p.speeds) else ramp(p, t + half)[0]
-    if path.s.size > 0:
-        follow(p, path, x, px, py, heading, way, abs(forward))
+    x[HEADED] += turned(heading - x[HEADED])
+    cos, sin = np.cos(heading), np.sin(heading)
+    seen = Seen(px, py, x[HEADED], cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], w[2])
+    speed = at(p.speeds, t + half)[0] if given(p.speeds) else ramp(p, t + half)[0]
+    before = x[SPEED]
+    wish = follow(c, seen, speed, h) if c.path.s.size > 0 else hold(c, seen, speed, h)
+    x[SPEED], x[YAW_RATE] = wish.speed, wish.rate
+    command(c, seen, wish, (wish.speed - before) / h if h > 0.0 else 0.0, h)
+
+
+@kernel
+def hold(c, seen, speed, h):
+    """Wish of who holds a heading."""
+    p, x = c.law, c.state
+    x[ASKEW] = turned(seen.heading - p.heading)
+    most = bound(p, c.footing, seen.ahead)
+    x[CURVATURE] = min(max(-p.heading_gain * x[ASKEW] / max(seen.ahead, SLOW), -most), most)
+    rate = x[CURVATURE] * max(seen.ahead, 0.0)
+    return Wish(paced(c, seen, speed, 0.0, h), rate, -p.heading_gain * rate)
+
+
+@kernel
+def follow(c, seen, speed, h):
+    """Wish of who follows a path, on the piece of it that is being driven."""
+    x, path, piece = c.state, c.path, int(c.state[PIECE])
+    x[PROGRESS], x[OFF] = route.nearest(path, piece, seen.x, seen.y, x[PROGRESS])
+    if done(path, piece, x[PROGRESS], seen) and piece + 2 < path.first.size:
+        x[PROGRESS], x[PIECE] = route.ends(path, piece)[1], piece + 1.0
+        piece += 1
+    if path.direction[path.first[piece]] == 0.0:
+        return spin(c, piece, seen, speed, h)
+    return drive(c, piece, seen, speed, h)
+
+
+@kernel
+def done(path, piece, s, seen):
+    """Whether a piece is driven, and the vehicle stands."""
+    if path.direction[path.first[piece]] == 0.0:
+        return abs(remaining(path, piece, seen)) < THERE and abs(seen.rate) < THERE
+    return route.ends(path, piece)[1] - s < STANDS and abs(seen.ahead) < SLOW
+
+
+@kernel
+def remaining(path, piece, seen):
+    """Angle by which the vehicle has still to turn on the spot, to the left, rad."""
+    arc = path.first[piece]
+    return path.heading[arc] + path.curvature[arc] - seen.heading
+
+
+@kernel
+def spin(c, piece, seen, speed, h):
+    """Wish on a turn on the spot: as fast as half of the friction can stop it, tracks no faster than the speed."""
+    p, x, left = c.law, c.state, remaining(c.path, piece, seen)
+    x[ASKEW], x[CURVATURE], most = -left, 0.0, min(0.5 * turning(p, c.footing), 1.0)
+    wanted = min(min(np.sqrt(2.0 * most * abs(left)), abs(left) / REST), 2.0 * speed / p.width)
+    rate = min(max(wanted if left > 0.0 else -wanted, x[YAW_RATE] - most * h), x[YAW_RATE] + most * h)
+    return Wish(0.0, rate, (rate - x[YAW_RATE]) / h if h > 0.0 else 0.0)
+
+
+@kernel
+def drive(c, piece, seen, speed, h):
+    """Wish along a piece: what the plan says, and what makes errors fade. (4)"""
+    p, x, s, direction = c.law, c.state, c.state[PROGRESS], c.path.direction[c.path.first[piece]]
+    most, k, slope, off, askew = planning.at(c.plan, c.path, piece, s)
+    most = min(most, max(route.ends(c.path, piece)[1] - s, 0.0) / REST)
+    v = max(direction * seen.ahead, 0.0)
+    wanted = paced(c, seen, direction * min(speed, most), v * v * slope, h)
+    way = direction * np.arctan2(seen.left, max(v, SLOW))
+    x[ASKEW] = turned(seen.heading - route.at(c.path, piece, s)[2])
+    off, askew = x[OFF] - off, turned(x[ASKEW] + way - askew)
+    far = max(p.reach, p.preview * v)
+    if p.friction > 0.0:
+        far = max(far, (BLUNT * v * v * abs(off) / turning(p, c.footing)) ** (1.0 / 3.0))
+    back = -2.0 * direction * askew / far - np.arctan(off / (2.0 * far)) * 2.0 / far
+    largest = bound(p, c.footing, v)
+    x[CURVATURE] = min(max(k + back, -largest), largest)
+    u, back = direction * v, x[CURVATURE] - k
+    fades = -2.0 * v * back / far - u * askew / (far * far)
+    pace = (wanted - x[SPEED]) / h if h > 0.0 else 0.0
+    leans = direction * 2.0 * c.footing.leans / limit(p, c.footing) * abs(k) * u * (u * v * slope + pace * k)
+    return Wish(wanted, u * x[CURVATURE] + leans, u * (v * slope + fades) + pace * k)
+
+
+@kernel
+def paced(c, seen, speed, bend, h):
+    """The speed, m/s, changed no faster than the friction allows that turning leaves; ``bend``: yaw acceleration."""
+    if h == 0.0 or c.law.friction == 0.0:
+        return speed
+    grip = c.law.grip * limit(c.law, c.footing)
+    most = h * planning.left(grip, seen.rate, seen.ahead * seen.rate, bend / turning(c.law, c.footing))
+    return min(max(speed, c.state[SPEED] - most), c.state[SPEED] + most)
+
+
+@kernel
+def bound(p, footing, speed):
+    """Largest curvature at this speed, 1/m: errors get half of what friction has beyond the plan."""
+    across = min(1.1 * p.lateral, 0.5 * (1.0 + p.grip) * limit(p, footing))
+    return min(p.sharpest, across / max(speed * speed, SLOW * SLOW))
+
+
+@kernel
+def command(c, seen, wish, pace, h):
+    """Speeds of both sprockets. (5), (6)"""
+    p, x, f = c.law, c.state, c.footing
+    lacks = wish.rate - seen.rate
+    if abs(seen.ahead) > SLOW:
+        most = bound(p, f, seen.ahead) * abs(seen.ahead)
+        x[LEARNT] = min(max(x[LEARNT] + h * p.integral * lacks, -most), most)
+    moves = 1.0 if wish.speed == 0.0 and wish.rate != 0.0 else abs(wish.speed) / np.hypot(wish.speed, SLOW)
+    more = 0.5 * p.width * (p.gain * lacks + x[LEARNT]) * moves
+    if p.friction == 0.0:
+        more += 0.5 * p.width * wish.rate * moves
+        left, right = -more, more
     else:
-        x[ASKEW] = turned(heading - p.heading)
-        x[CURVATURE] = bounded(p, -p.heading_gain * x[ASKEW] / max(forward, SLOW), forward)
-    x[YAW_RATE] = x[CURVATURE] * max(forward, 0.0)
-    if forward > SLOW:
-        most = bounded(p, np.inf, forward) * forward
-        x[SLIP] = min(max(x[SLIP] + h * p.integral * (x[YAW_RATE] - w[2]), -most), most)
-    fades = x[SPEED] / np.sqrt(x[SPEED] ** 2 + SLOW**2)
-    more = 0.5 * p.width * (x[YAW_RATE] + p.gain * (x[YAW_RATE] - w[2]) + x[SLIP]) * fades
-    x[LEFT], x[RIGHT] = (x[SPEED] - more) / p.radius, (x[SPEED] + more) / p.radius
-
-
-@kernel
-def follow(p, path, x, px, py, heading, way, forward):
-    """Progress along the path, errors, curvature towards the point ahead; slower where the path ends."""
-    x[PROGRESS], x[OFF] = route.nearest(path, px, py, x[PROGRESS])
-    x[ASKEW] = turned(heading - route.at(path, x[PROGRESS])[2])
-    x[SPEED] = safe(p, path, x[PROGRESS], x[SPEED])
-    gx, gy, _, _ = route.at(path, x[PROGRESS] + max(p.reach, p.preview * forward, min(STEEP * abs(x[OFF]), FARTHEST)))
-    dx, dy = gx - px, gy - py
-    ahead, left = np.cos(way) * dx + np.sin(way) * dy, np.cos(way) * dy - np.sin(way) * dx
-    curvature = 2.0 * left / (dx * dx + dy * dy)
-    if ahead < 0.0:  # behind: as sharply as may be
-        curvature = np.inf if left >= 0.0 else -np.inf
-    x[CURVATURE] = bounded(p, curvature, forward)
-
-
-@kernel
-def safe(p, path, s, speed):
-    """A speed from which the vehicle can slow down to each curve ahead of ``s``, and to the end."""
-    k, speed = interval(path.s, s), min(speed, np.sqrt(2.0 * p.deceleration * max(path.length - s, 0.0)))
-    while k < path.s.size:
-        free = 2.0 * p.deceleration * max(path.s[k] - s, 0.0)
-        if free >= speed * speed:
-            break
-        if path.curvature[k] != 0.0:
-            speed = min(speed, np.sqrt(p.lateral / abs(path.curvature[k]) + free))
-        k += 1
-    return speed
-
-
-@kernel
-def bounded(p, curvature, speed):
-    """The curvature as far as the sharpest turn and the acceleration at this speed allow it."""
-    most = min(p.sharpest, p.lateral / max(speed * speed, SLOW * SLOW))
-    return min(max(curvature, -most), most)
+        hard = HARD * turning(p, f)
+        bend = min(max(wish.turning, -hard), hard)
+        rate, most = wish.rate + p.lag * bend, FULL * limit(p, f)
+        across = min(max(seen.ahead * rate, -most), most)
+        most = np.sqrt(most * most - across * across)
+        along = min(max(pace - rate * x[SLIPS + 2], -most), most)
+        z = x[SLIPS], x[SLIPS + 1], x[SLIPS + 2]
+        z, _ = skid.slips(f, (p.friction, p.creep), rate, along, across, bend, z)
+        x[SLIPS], x[SLIPS + 1], x[SLIPS + 2] = z
+        left, right = z[0] - f.half * rate - more, z[1] + f.half * rate + more
+    speed = wish.speed + p.lag * pace
+    x[LEFT], x[RIGHT] = (speed + left) / p.radius, (speed + right) / p.radius
 
 
 @kernel

@@ -1,0 +1,205 @@
+"""Slip that a wanted motion needs: the general theory of skid steering on firm ground, solved for the tracks.
+
+W. Steeds, Tracked vehicles, Automobile Engineer 40 (1950); J. Y. Wong and C. F. Chiang, A general theory for skid
+steering of tracked vehicles on firm ground, Proc. IMechE D 215 (2001) 343-355, doi 10.1243/0954407011525683. Tracks
+press on the ground under their road wheels, where Coulomb friction opposes the slip velocity:
+
+    w = (u - r y - V, v + r x),  f = -mu N w / sqrt(|w|^2 + creep^2)                                  (4)
+    sum f_x = M a_x,  sum f_y = M u r,  sum (x f_y - y f_x) = I r'                                    (5)
+
+The theory gives the motion of given track speeds V. A driver wants a motion, and solves the same three equations for
+the slip V - (u - r y) of both tracks and the lateral velocity v, by Newton's method. The yaw acceleration r' in the
+balance is ours: it is what makes a vehicle turn without delay. The ground carries the wheels' loads less what the
+strands to sprocket and idler lift; loads are those of equal springs, moved by the accelerations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel, plain
+from fmus.physics.arrays import Floats
+
+ITERATIONS = 20  # of Newton's method
+ENOUGH = 1e-8  # of the residual over the weight
+HALVINGS = 8  # of one of its steps
+LESS = 4  # times that accelerations beyond the friction are halved
+FASTEST = 0.5  # m/s: of slip, beside what the turn of the vehicle makes
+
+
+class Footing(NamedTuple):
+    """How a vehicle stands, SI; x ahead and y left of its centre of mass."""
+
+    mass: float  # kg
+    inertia: float  # about the vertical through the centre of mass, kg m2
+    gravity: float  # m/s2
+    height: float  # of the centre of mass over the ground, m
+    half: float  # distance of a track's middle from that of the vehicle, m
+    edge: float  # a quarter of a track's width: two points of the ground lie so far beside its middle, m
+    wheels: Floats  # (n) places of the road wheels, m
+    shares: Floats  # (n) of the load of a track
+    middle: float  # centroid of the shares, m
+    spread: float  # variance of the places, weighted by the shares, m2
+    arm: float  # mean distance of the loads from the middle: they resist turning on the spot, m
+    leans: float  # how far ahead a vehicle turns about, m, over the share of the friction that it uses across
+
+
+def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
+    """Of a vehicle's table; and where its centre of mass lies in the vehicle frame, m ahead of its origin."""
+    masses, x, y, z, own = np.array(list(_bodies(vehicle))).T
+    mass = masses.sum()
+    ahead, up = masses @ x / mass, masses @ z / mass
+    inertia = own.sum() + masses @ ((x - ahead) ** 2 + y**2)
+    track, wheel, gravity = vehicle["track"], vehicle["road_wheel"], float(vehicle["gravity"])
+    wheels = np.array(wheel["x"], dtype=float) - ahead
+    shares = _shares(vehicle, wheels, 0.5 * mass * gravity)
+    middle = float(shares @ wheels)
+    edge = 0.25 * track["width"]
+    stands = Footing(
+        mass=float(mass),
+        inertia=float(inertia),
+        gravity=gravity,
+        height=float(up - wheel["z"] + wheel["radius"] + 2.0 * track["face"]),
+        half=float(track["lateral"]),
+        edge=float(edge),
+        wheels=wheels,
+        shares=shares,
+        middle=middle,
+        spread=max(float(shares @ (wheels - middle) ** 2), 1e-6),
+        arm=float(shares @ np.hypot(wheels - middle, edge)),
+        leans=0.0,
+    )
+    (_, _, v), _ = plain(slips)(stands, (1.0, 1e-3), 1.0, 0.0, 0.5 * gravity, 0.0, (0.0, 0.0, 0.0))
+    return stands._replace(leans=-v / 0.5), float(ahead)
+
+
+def _bodies(v: Mapping[str, Any]) -> Any:
+    """Mass, place (3), inertia about its own vertical, of each body as drawn; a track is a rod from sprocket to idler."""
+    hull, sprocket, idler, wheel, arm, track = (
+        v[name] for name in ("chassis", "sprocket", "idler", "road_wheel", "road_arm", "track")
+    )
+    yield hull["mass"], *hull["centre"], hull["inertia"][2]
+    loop = track["links"] * track["mass"]
+    for y in (-track["lateral"], track["lateral"]):
+        yield sprocket["mass"], 0.0, y, 0.0, sprocket["transverse_inertia"]
+        yield idler["mass"], idler["x"], y, idler["z"], idler["transverse_inertia"]
+        for x in wheel["x"]:
+            yield wheel["mass"], x, y, wheel["z"], wheel["transverse_inertia"]
+            yield arm["mass"], x + 0.5 * arm["pivot"][0], y, wheel["z"] + 0.5 * arm["pivot"][1], arm["pin_inertia"]
+        yield loop, 0.5 * idler["x"], y, 0.5 * (wheel["z"] - wheel["radius"]), loop * idler["x"] ** 2 / 12.0
+
+
+def _shares(v: Mapping[str, Any], wheels: Floats, load: float) -> Floats:
+    """Of the ground's load of a track under each wheel (n): springs of equal stiffness, less what strands lift."""
+    track, wheel, idler = v["track"], v["road_wheel"], v["idler"]
+    under = wheel["radius"] + track["face"]
+    pins = v["sprocket"]["teeth"] * track["pitch"] / (2.0 * np.pi)
+    lifts = np.zeros(len(wheels))
+    for x, z, radius in ((0.0, 0.0, pins), (idler["x"], idler["z"], idler["radius"] + track["face"])):
+        k = int(np.argmin(np.abs(np.array(wheel["x"]) - x)))
+        dx, dz = abs(wheel["x"][k] - x), z - wheel["z"]
+        slant = np.arctan2(dz, dx) + np.arcsin(np.clip((under - radius) / np.hypot(dx, dz), -1.0, 1.0))
+        lifts[k] += max(track.get("tension") or 0.0, 0.0) * max(np.sin(slant), 0.0)
+    at = wheels - wheels.mean()
+    pressed = (load + lifts.sum()) / len(wheels) + at * (lifts @ at - load * wheels.mean()) / max(at @ at, 1e-9)
+    ground = np.maximum(pressed - lifts, 1e-3 * load)
+    return np.asarray(ground / ground.sum())
+
+
+@kernel
+def _loads(p, ahead, left, k):
+    """Load of each of two points under wheel k of the left and the right track, N, under these accelerations."""
+    tilt = (-ahead * p.height / p.gravity - p.middle) / p.spread
+    share = 0.25 * p.mass * p.shares[k] * max(1.0 + tilt * (p.wheels[k] - p.middle), 0.0)
+    moved = left * p.height / p.half
+    return share * max(p.gravity - moved, 0.0), share * max(p.gravity + moved, 0.0)
+
+
+@kernel
+def balance(p, law, rate, ahead, left, turning, z):
+    """Residuals of (5) over the weight, and their derivatives row by row, at z = slip left, right, lateral velocity.
+
+    ``rate`` rad/s, accelerations ``ahead``, ``left`` m/s2 and ``turning`` rad/s2; ``law``: friction, creep velocity.
+    """
+    mu, creep = law
+    fx, fy, m = -p.mass * ahead, -p.mass * left, -p.inertia * turning
+    xl, xr, xv, yl, yr, yv, ml, mr, mv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(p.wheels.size):
+        x, loads = p.wheels[k], _loads(p, ahead, left, k)
+        for part in range(4):
+            right, y = part // 2, (2 * (part % 2) - 1) * p.edge
+            a, b = -(z[1] if right else z[0]) - rate * y, z[2] + rate * x
+            y += -p.half if right else p.half
+            n = 1.0 / np.sqrt(a * a + b * b + creep * creep)
+            f = mu * (loads[1] if right else loads[0]) * n
+            fx, fy, m = fx - f * a, fy - f * b, m - f * (x * b - y * a)
+            aa, ab, bb = f * (1.0 - a * a * n * n), -f * a * b * n * n, f * (1.0 - b * b * n * n)
+            if right:
+                xr, yr, mr = xr + aa, yr + ab, mr + x * ab - y * aa
+            else:
+                xl, yl, ml = xl + aa, yl + ab, ml + x * ab - y * aa
+            xv, yv, mv = xv - ab, yv - bb, mv - x * bb + y * ab
+    w = 1.0 / (p.mass * p.gravity)
+    return (fx * w, fy * w, m * w), ((xl * w, xr * w, xv * w), (yl * w, yr * w, yv * w), (ml * w, mr * w, mv * w))
+
+
+@kernel
+def _solved(A, b):
+    """Solution of a system of three equations, by Cramer's rule; zero where there is none."""
+    (a, d, g), (e, h, i), (c, f, k) = A
+    first, second, third = h * k - i * f, i * c - e * k, e * f - h * c
+    det = a * first + d * second + g * third
+    if not abs(det) > 1e-30:
+        return 0.0, 0.0, 0.0
+    x = b[0] * first + b[1] * (g * f - d * k) + b[2] * (d * i - g * h)
+    y = b[0] * second + b[1] * (a * k - g * c) + b[2] * (g * e - a * i)
+    z = b[0] * third + b[1] * (d * c - a * f) + b[2] * (a * h - d * e)
+    return x / det, y / det, z / det
+
+
+@kernel
+def _size(r):
+    return r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+
+
+@kernel
+def slips(p, law, rate, ahead, left, turning, z):
+    """Slip of the left and the right track and lateral velocity, m/s, from the guess z; and whether (5) holds.
+
+    Arguments as of ``balance``. Where friction cannot give both accelerations, half of them is asked for, and so on.
+    """
+    share = 1.0
+    for _ in range(LESS):
+        found, holds = _newton(p, law, rate, share * ahead, left, share * turning, z)
+        if not holds:
+            cold = -p.arm * rate * 0.6, p.arm * rate * 0.6, -p.arm * rate * 0.6
+            found, holds = _newton(p, law, rate, share * ahead, left, share * turning, cold)
+        if holds:
+            return found, True
+        share *= 0.5
+    return z, False
+
+
+@kernel
+def _newton(p, law, rate, ahead, left, turning, z):
+    r, A = balance(p, law, rate, ahead, left, turning, z)
+    size, most = _size(r), FASTEST + 3.0 * p.half * abs(rate)
+    for _ in range(ITERATIONS):
+        if size < ENOUGH * ENOUGH:
+            return z, True
+        dz, part, before = _solved(A, r), 1.0, size
+        for _ in range(HALVINGS):
+            at = z[0] - part * dz[0], z[1] - part * dz[1], z[2] - part * dz[2]
+            if max(abs(at[0]), abs(at[1]), abs(at[2])) < most:
+                r, A = balance(p, law, rate, ahead, left, turning, at)
+                size = _size(r)
+                if size < before:
+                    break
+            part *= 0.5
+        if not size < before:
+            return z, False
+        z = at
+    return z, size < ENOUGH * ENOUGH

@@ -1,0 +1,66 @@
+"""A tracked vehicle in the plane, by the general theory of skid steering with inertia: a quick plant for drivers.
+
+The forces are those of ``skid_steering`` at any motion, steady or not: Coulomb friction under the road wheels, loads
+moved by the accelerations along and across the hull. Sprockets follow their demands with a lag of first order.
+Classical Runge-Kutta; the frame is x ahead, y left, from the centre of mass.
+"""
+
+import numba
+import numpy as np
+from skid_steering import G, Vehicle
+
+X, Y, HEADING, AHEAD, LEFT, RATE, SPEEDS = 0, 1, 2, 3, 4, 5, slice(6, 8)  # of the state; speeds of both sprockets
+LONGEST = 1e-3  # s: an internal step
+
+
+class Planar:
+    """The vehicle; what it is told are the wanted speeds of its sprockets (left, right), rad/s."""
+
+    def __init__(self, vehicle=None, inertia=38.5e3, lag=0.1, place=(0.0, 0.0, 0.0), speed=0.0):
+        v = vehicle or Vehicle()
+        self.vehicle, self.inertia, self.lag = v, inertia, lag
+        self.x = np.array([*place, speed, 0.0, 0.0, speed / v.radius, speed / v.radius])
+        self.told = np.zeros(2)  # acceleration ahead and left in the last step, m/s2
+        self._arrays = np.array(v.wheels), np.array(v.shares)
+
+    def step(self, h, wanted):
+        """Advance by ``h`` s."""
+        v, n = self.vehicle, int(np.ceil(h / LONGEST - 1e-9))
+        numbers = (v.mass, self.inertia, v.height, v.half_width, v.width, v.radius, v.friction, v.creep, self.lag)
+        _march(self.x, self.told, n, h / n, np.asarray(wanted, float), *self._arrays, numbers)
+
+
+@numba.njit
+def _rates(x, told, wanted, wheels, shares, p, out):
+    """Derivatives of the state."""
+    mass, inertia, height, half, width, radius, friction, creep, lag = p
+    u, v, r = x[3], x[4], x[5]
+    middle = (shares * wheels).sum()
+    tilt = (-told[0] * height / G - middle) / (shares * (wheels - middle) ** 2).sum()
+    fx, fy, moment = 0.0, 0.0, 0.0
+    for side in range(2):
+        sign = 1.0 - 2.0 * side
+        load = 0.5 * mass * G - sign * mass * told[1] * height / (2.0 * half)
+        for k in range(wheels.size):
+            normal = 0.5 * load * shares[k] * (1.0 + tilt * (wheels[k] - middle))
+            for part in (-0.25, 0.25):
+                y = sign * half + part * width
+                a, b = u - r * y - radius * x[6 + side], v + r * wheels[k]
+                f = -friction * max(normal, 0.0) / np.sqrt(a * a + b * b + creep * creep)
+                fx, fy, moment = fx + f * a, fy + f * b, moment + f * (wheels[k] * b - y * a)
+    out[0], out[1] = u * np.cos(x[2]) - v * np.sin(x[2]), u * np.sin(x[2]) + v * np.cos(x[2])
+    out[2], out[3], out[4], out[5] = r, fx / mass + r * v, fy / mass - r * u, moment / inertia
+    out[6], out[7] = (wanted[0] - x[6]) / lag, (wanted[1] - x[7]) / lag
+    return fx / mass, fy / mass
+
+
+@numba.njit
+def _march(x, told, n, h, wanted, wheels, shares, p):
+    k = np.zeros((4, 8))
+    for _ in range(n):
+        now = _rates(x, told, wanted, wheels, shares, p, k[0])
+        _rates(x + 0.5 * h * k[0], told, wanted, wheels, shares, p, k[1])
+        _rates(x + 0.5 * h * k[1], told, wanted, wheels, shares, p, k[2])
+        _rates(x + h * k[2], told, wanted, wheels, shares, p, k[3])
+        x += h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3])
+        told[0], told[1] = now
