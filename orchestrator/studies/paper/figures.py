@@ -1,9 +1,7 @@
 """Figures 10 to 21 of the paper, all models in one axis; figure 21 has a pane for each.
 
-Conventions of what the paper leaves open: the first joint is the one between links 1 and 2, pin 2 here, because the cut
-of an open chain is pin 1; its force is that on the link that begins there, along the chassis (ahead) and normal to it
-(up). The end point of link 31 is pin 32. Axial stress is tension over section. Links are numbered backwards over the
-ground: from the sprocket in front down to the ground, to the idler, and ahead along the upper run.
+Below figures 10 to 17 stands a pane of differences from the closed mesh at the same instants; of the path of figure 15
+it is the distance of the points.
 """
 
 from __future__ import annotations
@@ -20,145 +18,185 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results import picture
 from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.run_data import Links, RunData, Window
+from orchestrator.studies.paper.conventions import (
+    FIRST,
+    INSTANT,
+    LINK,
+    NODE,
+    SECTIONS,
+    SIDE,
+    TRACK,
+    edges,
+    in_chassis,
+)
 from orchestrator.studies.paper.models import REFERENCE, Model
-from orchestrator.studies.paper.whole_runs import INSTANT, NODE, SIDE
 
-TRACK = f"{SIDE}_track"
-FIRST = 2  # the first joint
-LINK = 1  # of figures 18 and 19
-Drawn = Callable[[Any, RunData, Model], None]  # adds a model to an axis
+SHADES = ("0.93", "0.97", "0.9")  # of the sections of figure 20
+
+
+class Curve(NamedTuple):
+    """What a figure shows of a run."""
+
+    t: Floats  # (m,) s
+    values: Floats  # (m, k): over time one of them, of a path across and up
 
 
 class Figure(NamedTuple):
-    """One of the paper."""
+    """One of the paper, over time or of a path."""
 
     number: int
     title: str
-    across: str
     up: str
-    add: Drawn
+    apart: str  # label of the differences
+    read: Callable[[RunData], Curve]
+    across: str = "time, s"
 
 
-def curve(pane: Any, model: Model, x: Floats, y: Floats, **more: Any) -> None:
+def signal(name: str, from_start: bool = False) -> Callable[[RunData], Curve]:
+    """A signal over time."""
+
+    def read(run: RunData) -> Curve:
+        t, values = run.signal(name)
+        return Curve(t, (values - values[0] if from_start else values)[:, None])
+
+    return read
+
+
+def node_forward(run: RunData) -> Curve:
+    """Figure 14."""
+    t, place = run.vectors(TRACK, "links", f"joint[{NODE}].position")
+    return Curve(t, place[:, :1])
+
+
+def node_path(run: RunData) -> Curve:
+    """Figure 15."""
+    t, place = run.vectors(TRACK, "links", f"joint[{NODE}].position")
+    return Curve(t, in_chassis(run, t, place, True)[:, [0, 2]])
+
+
+def joint_force(axis: int) -> Callable[[RunData], Curve]:
+    """Figures 16 and 17, kN."""
+
+    def read(run: RunData) -> Curve:
+        t, force = run.vectors(TRACK, "links", f"joint[{FIRST}].force")
+        return Curve(t, in_chassis(run, t, force, False)[:, [axis]] / 1e3)
+
+    return read
+
+
+FIGURES = (
+    Figure(10, "Sprocket rotational velocity", "angular velocity, rad/s", "difference, rad/s",
+           signal(f"{SIDE}_drive.speed")),
+    Figure(11, "Chassis forward velocity", "velocity, m/s", "difference, m/s", signal("chassis.chassis.velocity.x")),
+    Figure(12, "Forward displacement of the chassis", "displacement, m", "difference, m",
+           signal("chassis.chassis.position.x", True)),
+    Figure(13, "Vertical displacement of the chassis", "displacement, m", "difference, m",
+           signal("chassis.chassis.position.z", True)),
+    Figure(14, f"Node {NODE} (end of link {NODE - 1}): forward position", "forward position, m", "difference, m",
+           node_forward),
+    Figure(15, f"Node {NODE}: path in the chassis frame", "above it, m", "distance, m", node_path,
+           "ahead of the centre of mass, m"),
+    Figure(16, "First joint (links 1 and 2): longitudinal force", "force along the chassis, kN", "difference, kN",
+           joint_force(0)),
+    Figure(17, "First joint (links 1 and 2): vertical force", "force up the chassis, kN", "difference, kN",
+           joint_force(2)),
+)  # fmt: skip
+
+
+def differences(curve: Curve, reference: Curve) -> Curve:
+    """From the reference at the instants of the curve: of one value with its sign, of a path the distance."""
+    other = np.stack([np.interp(curve.t, reference.t, column) for column in reference.values.T], axis=1)
+    apart = curve.values - other
+    return Curve(curve.t, apart if apart.shape[1] == 1 else np.linalg.norm(apart, axis=1, keepdims=True))
+
+
+def add(pane: Any, model: Model, x: Floats, y: Floats, **more: Any) -> None:
     """A model's curve in its own style."""
     over = {"-": 2.0, "--": 2.1, "-.": 2.2, ":": 2.3}[model.line]  # dots last: curves lie on one another
     pane.plot(x, y, model.line, color=model.colour, linewidth=over - 0.8, zorder=over, label=model.label, **more)
 
 
-def signal(name: str, from_start: bool = False) -> Drawn:
-    """A signal over time."""
-
-    def add(pane: Any, run: RunData, model: Model) -> None:
-        t, values = run.signal(name)
-        curve(pane, model, t, values - values[0] if from_start else values)
-
-    return add
-
-
-def node_forward(pane: Any, run: RunData, model: Model) -> None:
-    """Figure 14."""
-    t, place = run.vectors(TRACK, "links", f"joint[{NODE}].position")
-    curve(pane, model, t, place[:, 0])
-
-
-def node_path(pane: Any, run: RunData, model: Model) -> None:
-    """Figure 15."""
-    t, place = run.vectors(TRACK, "links", f"joint[{NODE}].position")
-    own = in_chassis(run, t, place, True)
-    curve(pane, model, own[:, 0], own[:, 2])
-    pane.set_aspect("equal")
-
-
-def joint_force(axis: int) -> Drawn:
-    """Figures 16 and 17."""
-
-    def add(pane: Any, run: RunData, model: Model) -> None:
-        t, force = run.vectors(TRACK, "links", f"joint[{FIRST}].force")
-        curve(pane, model, t, in_chassis(run, t, force, False)[:, axis] / 1e3, alpha=0.8)
-
-    return add
-
-
-def axial_stress(pane: Any, run: RunData, model: Model) -> None:
-    """Figure 20: from the middle of the wrap of the sprocket, down to the ground and round."""
-    area = hull.number(run, "section", "area")
-    placed = next(circuit.records(run, TRACK, Window(INSTANT, INSTANT), "link[*].tension"))
-    order = placed.links[0].argsort()
-    curve(pane, model, placed.links[0, order], placed.values[0][0, order] / area / 1e6, drawstyle="steps-mid")
-    if model is REFERENCE:
-        sections(pane, run, placed)
-
-
-def sections(pane: Any, run: RunData, placed: circuit.Placed) -> None:
-    """Shade the slack, the transition and the tight section by where links are: round the wheels of the table."""
-    vehicle = run.scene["vehicle"]
-    first, last = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1]
-    place, (ahead, up) = placed.links[0], placed.centres[0].T
-    low = up < vehicle["road_wheel"]["z"]
-    ground = place[low & (ahead < first) & (ahead > last)]
-    edges = 0.0, float(ground.min()), float(ground.max()), float(placed.length[0])
-    words = "slack", "transition", "tight"
-    for low_edge, high_edge, text, shade in zip(edges, edges[1:], words, ("0.93", "0.97", "0.9"), strict=False):
-        pane.axvspan(low_edge, high_edge, color=shade, zorder=0)
-        pane.text(
-            0.5 * (low_edge + high_edge), 0.02, text, ha="center", fontsize=8, transform=pane.get_xaxis_transform()
-        )
-
-
-def in_chassis(run: RunData, t: Floats, vectors: Floats, placed: bool) -> Floats:
-    """Vectors (m, 3) along the axes of the chassis; places also from its centre of mass."""
-    times, centre = run.vectors("chassis", "out", "chassis.position")
-    _, q = run.vectors("chassis", "out", "chassis.orientation", "wxyz")
-    at = np.clip(np.searchsorted(times, t - 1e-9), 0, len(times) - 1)
-    return np.asarray(np.einsum("mi,mij->mj", vectors - (centre[at] if placed else 0.0), hull.matrices(q[at])))
-
-
-FIGURES = (
-    Figure(10, "Sprocket rotational velocity", "time, s", "angular velocity, rad/s", signal(f"{SIDE}_drive.speed")),
-    Figure(11, "Chassis forward velocity", "time, s", "velocity, m/s", signal("chassis.chassis.velocity.x")),
-    Figure(12, "Forward displacement of the chassis", "time, s", "displacement, m",
-           signal("chassis.chassis.position.x", True)),
-    Figure(13, "Vertical displacement of the chassis", "time, s", "displacement, m",
-           signal("chassis.chassis.position.z", True)),
-    Figure(14, f"Node {NODE} (end of link {NODE - 1}): forward position", "time, s", "forward position, m",
-           node_forward),
-    Figure(15, f"Node {NODE}: path in the chassis frame", "ahead of the centre of mass, m", "above it, m", node_path),
-    Figure(16, "First joint (links 1 and 2): longitudinal force", "time, s", "force along the chassis, kN",
-           joint_force(0)),
-    Figure(17, "First joint (links 1 and 2): vertical force", "time, s", "force up the chassis, kN", joint_force(2)),
-    Figure(20, f"Right chain: axial stress at t = {INSTANT:g} s",
-           "along the circuit from the sprocket to ground, idler and upper run, m", "axial stress, MPa", axial_stress),
-)  # fmt: skip
-
-
 def draw(logs: dict[Model, Path], folder: Path) -> list[Path]:
     """All figures as PNG and SVG; the files."""
-    from matplotlib.figure import Figure as Page
-
+    curves: dict[int, dict[Model, Curve]] = {figure.number: {} for figure in FIGURES}
+    found = {}
+    for model, run in _opened(logs):
+        for figure in FIGURES:
+            curves[figure.number][model] = figure.read(run)
+        found[model] = deformation.of(run, TRACK, at=[INSTANT])
     made = []
     for figure in FIGURES:
-        page = Page(figsize=(9.0, 4.8), layout="constrained")
-        pane = page.subplots()
-        for model, run in _opened(logs):
-            figure.add(pane, run, model)
+        made += _saved(_over_differences(figure, curves[figure.number]), folder, str(figure.number))
+    made += _saved(_deformations(found), folder, "18-19")
+    made += _saved(_stresses(logs), folder, "20")
+    return [*made, *_saved(_configuration(logs), folder, "21")]
+
+
+def _over_differences(figure: Figure, curves: dict[Model, Curve]) -> Any:
+    """The figure, and below it how far the models are from the reference."""
+    from matplotlib.figure import Figure as Page
+
+    path = next(iter(curves.values())).values.shape[1] > 1
+    page = Page(figsize=(9.0, 5.4 if path else 6.4), layout="constrained")
+    pane, below = page.subplots(2, 1, sharex=not path, height_ratios=(1.0, 0.9) if path else (1.6, 1.0))
+    for model, curve in curves.items():
+        add(pane, model, *(curve.values.T if path else (curve.t, curve.values[:, 0])), alpha=0.8)
+        if model is not REFERENCE and REFERENCE in curves:
+            apart = differences(curve, curves[REFERENCE])
+            add(below, model, apart.t, apart.values[:, 0], alpha=0.8)
+    pane.set_title(f"Figure {figure.number}. {figure.title}", fontsize=10, loc="left")
+    below.set_title(f"{'distance from' if path else 'less'} that of the {REFERENCE.label}", fontsize=9, loc="left")
+    if path:
+        pane.set_aspect("equal")
         pane.set_xlabel(figure.across)
-        pane.set_ylabel(figure.up)
-        pane.set_title(f"Figure {figure.number}. {figure.title}", fontsize=10, loc="left")
-        pane.grid(True, color="0.9")
-        page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
-        made += _saved(page, folder, str(figure.number))
+    below.set_xlabel("time, s")
+    pane.set_ylabel(figure.up)
+    below.set_ylabel(figure.apart)
+    for each in (pane, below):
+        each.grid(True, color="0.9")
+    page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
+    return page
+
+
+def _deformations(found: dict[Model, deformation.Deformation]) -> Any:
+    """Figures 18 and 19."""
+    from matplotlib.figure import Figure as Page
+
     page = Page(figsize=(10.0, 4.2), layout="constrained")
     panes = page.subplots(1, 2)
-    length = 0.0
-    for model, run in _opened(logs):
-        found = deformation.of(run, TRACK, at=[INSTANT])
-        found.draw(panes, LINK, model.label, linestyle=model.line, color=model.colour)
-        length = float(found.x[-1])
-    deformation.framed(panes, length)
+    for model, each in found.items():
+        each.draw(panes, LINK, model.label, linestyle=model.line, color=model.colour)
+    deformation.framed(panes, float(next(iter(found.values())).x[-1]))
     for number, pane, what in ((18, panes[0], "Axial"), (19, panes[1], "Transverse")):
         pane.set_title(f"Figure {number}. {what} deformation of link {LINK} of the right chain", fontsize=9, loc="left")
-    made += _saved(page, folder, "18-19")
-    return [*made, *_saved(_configuration(logs), folder, "21")]
+    return page
+
+
+def _stresses(logs: dict[Model, Path]) -> Any:
+    """Figure 20: from the middle of the wrap of the sprocket, down to the ground and round; its sections shaded."""
+    from matplotlib.figure import Figure as Page
+
+    page = Page(figsize=(9.0, 4.8), layout="constrained")
+    pane = page.subplots()
+    for model, run in _opened(logs):
+        area = hull.number(run, "section", "area")
+        placed = next(circuit.records(run, TRACK, Window(INSTANT, INSTANT), "link[*].tension"))
+        order = placed.links[0].argsort()
+        add(pane, model, placed.links[0, order], placed.values[0][0, order] / area / 1e6, drawstyle="steps-mid")
+        if model is REFERENCE:
+            _shade(pane, edges(run.scene["vehicle"], placed))
+    pane.set_xlabel("along the circuit from the sprocket to ground, idler and upper run, m")
+    pane.set_ylabel("axial stress, MPa")
+    pane.set_title(f"Figure 20. Right chain: axial stress at t = {INSTANT:g} s", fontsize=10, loc="left")
+    pane.grid(True, color="0.9")
+    page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
+    return page
+
+
+def _shade(pane: Any, between: tuple[float, ...]) -> None:
+    for low, high, text, shade in zip(between, between[1:], SECTIONS, SHADES, strict=False):
+        pane.axvspan(low, high, color=shade, zorder=0)
+        pane.text(0.5 * (low + high), 0.02, text, ha="center", fontsize=8, transform=pane.get_xaxis_transform())
 
 
 def _configuration(logs: dict[Model, Path]) -> Any:

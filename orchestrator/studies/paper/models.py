@@ -10,6 +10,7 @@ from orchestrator.scene.scene import TrackScene, load
 SCENE = "straight"  # rest, half-cosine to 20 rad/s at both sprockets, and on: figure 10
 CONSTRAINED = ("track.joints=constrained",)
 SPRING = ("track.closure=spring",)
+ROD = (f"vehicle.track.inertia=[0.22, {18.02 * 0.1524**2 / 12.0!r}, 0.25]",)  # kg m2; about the pin m l^2 / 12
 
 
 class Model(NamedTuple):
@@ -44,14 +45,18 @@ TRANSFORMED = Model(
     "--",
     "C6",
 )
-MODELS = (RIGID, RIGID_SPRING, RECURSIVE, CLOSED, OPEN, CONVENTIONAL)  # of the whole runs
+RIGID_ROD = Model("rigid-rod", "rigid, augmented, closed by a pin; inertia of a rod", "rigid", ROD, ":", "C7")
+CLOSED_ROD = Model("flexible-rod", "flexible, closed mesh; inertia of a rod", "flexible", ROD, "-", "C8")
+MODELS = (RIGID, RIGID_SPRING, RECURSIVE, CLOSED, OPEN, CONVENTIONAL)  # of the figures
+RODS = (RIGID_ROD, CLOSED_ROD)  # what inertia does, and what elasticity does
+WHOLE = (*MODELS, *RODS)  # of the whole runs
 PRICED = (*MODELS, TRANSFORMED)  # whose costs are compared; the last one moves as the closed mesh does
 REFERENCE = CLOSED  # that the others are compared with
 
 
 def named(name: str) -> Model:
     """A model by its name."""
-    return next(model for model in PRICED if model.name == name)
+    return next(model for model in (*WHOLE, *PRICED) if model.name == name)
 
 
 def scene(model: Model, *settings: str, of: str = SCENE) -> TrackScene | str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from orchestrator.studies.paper import figures, pieces, through_fmus, whole_runs
+from orchestrator.studies.paper import conventions, figures, pieces, through_fmus, whole_runs
 from orchestrator.studies.paper.statements import Found, crossed
 from orchestrator.studies.tables import Column, Row, Table, to_csv, to_markdown
 
@@ -116,7 +116,7 @@ def write(folder: Path, name: str, judged: Sequence[Row], rows: Sequence[Row], m
     if crossings:
         parts.append("Flexible links cost as much as rigid ones at (0: never less; inf: always less)\n")
         parts += [*crossings, ""]
-    parts += ["## Figures", (figures.__doc__ or "").split("\n\n", 1)[1]]
+    parts += ["## Figures", *((module.__doc__ or "").split("\n\n", 1)[1] for module in (figures, conventions))]
     parts += [f"![{path.stem}]({path.name})\n" for path in made if path.suffix == ".png"]
     files[0].write_text("\n".join(parts), encoding="utf-8")
     files[1].write_text(to_csv(verdicts(judged)), encoding="utf-8")

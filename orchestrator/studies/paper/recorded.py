@@ -1,7 +1,7 @@
 """Logs of whole runs: made, or taken where one that fits is there already.
 
-A log fits when its run ended ok and its scene is, number by number, the one that this model would run here, whatever
-version of the sources made it; which one did stands in the row. Anything else is made anew.
+A log fits when its run ended ok, its scene is, number by number, the one that this model would run here, and its FMUs
+have the same contents. Anything else is made anew.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from typing import Any
 
 from fmus.build import BuildFailed
 from orchestrator.cosim.component import ComponentFailed
+from orchestrator.execution.manifest import sha256
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.scene.assembly import placed
+from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.scene import TrackScene
 from orchestrator.studies.paper.models import Model, scene
 
@@ -44,22 +45,34 @@ def ensure(model: Model, folder: Path, stop: float) -> str:
     if fits(file, wanted):
         return f"taken as it was, made of {_commit(file)}"
     try:
-        told = simulate(wanted, file)
+        ran(wanted, file)
     except (BuildFailed, ComponentFailed) as failure:
         raise NotThere(str(failure)) from None
-    if told["status"] != "ok":
-        raise RuntimeError(told["message"])
     return "made now"
 
 
+def ran(wanted: TrackScene, file: Path) -> dict[str, Any]:
+    """The result of a run into a log; RuntimeError of one that fails, KeyboardInterrupt of one that is interrupted."""
+    result = simulate(wanted, file)
+    if result["status"] == "interrupted":
+        raise KeyboardInterrupt
+    if result["status"] != "ok":
+        raise RuntimeError(result["message"])
+    return result
+
+
 def fits(file: Path, wanted: TrackScene) -> bool:
-    """Whether the log of a run that ended ok is there, of this very scene."""
+    """Whether the log of a run that ended ok is there, of this very scene and the FMUs that it has here."""
     try:
         with Log(file) as log:
             ended = log.complete and log.closing is not None and log.closing["status"] == "ok"
-            return ended and _alike(log.table("scene.json"), placed(wanted).resolved())
+            if not ended or not _alike(log.table("scene.json"), placed(wanted).resolved()):
+                return False
+            recorded = {entry["name"]: entry.get("sha256") for entry in log.table("system.json")["instances"]}
     except (OSError, ValueError, LookupError, LogUnreadable):
         return False
+    here = system(assemble(placed(wanted))).instances
+    return recorded == {instance.name: instance.fmu and sha256(instance.fmu) for instance in here}
 
 
 def _alike(one: Any, other: Any) -> bool:

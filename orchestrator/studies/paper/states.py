@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from fmus.monolith.model import Monolith, started
+from fmus.monolith.model import LONGEST, Monolith, started
 from fmus.saved import from_bytes
 from orchestrator.cosim import checkpoint
 from orchestrator.execution.monolithic import parts_of
@@ -14,6 +14,8 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import TrackScene
+
+__all__ = ["LONGEST", "model", "saved", "whole"]
 
 
 def saved(log: Log) -> Iterator[tuple[float, dict[str, Floats]]]:

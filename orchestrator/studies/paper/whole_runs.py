@@ -14,26 +14,21 @@ from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.difference import differences_of_logs
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.scene import TrackScene
-from orchestrator.studies.paper import recorded, singularity, violation
-from orchestrator.studies.paper.models import MODELS, REFERENCE, Model, scene
+from orchestrator.studies.paper import effects, recorded, singularity, violation
+from orchestrator.studies.paper.conventions import AROUND, HOLD, INSTANT, NODE, SIDE, TRACK, TURNING
+from orchestrator.studies.paper.effects import MOTION
+from orchestrator.studies.paper.models import REFERENCE, WHOLE, Model, scene
 from orchestrator.studies.tables import Row
 
 STOP = 8.0  # s
-INSTANT = 5.0  # s, of figures 18 to 21
-AROUND = Window(4.0, 6.0)  # s, means about it
-HOLD = Window(6.0, 8.0)  # s, at constant speed of the sprockets
-SIDE = "right"
-NODE = 32  # figures 14 and 15: the end point of link 31
 ALIKE = 0.01  # relative: what the paper calls a good agreement
-MOTION = ("position", "velocity", "pitch")
 RUNS = ("top", "rear", "front")  # of the chain: before the sprocket, before the idler, after the sprocket
-TURNING = Window(2.0, 8.0)
 
 
 def rows(folder: str, stop: float = STOP) -> list[Row]:
     """Of every model that is there; REFERENCE first, because the others are compared with it."""
-    found = []
-    for model in sorted(MODELS, key=lambda each: each is not REFERENCE):
+    found, logs = [], {}
+    for model in sorted(WHOLE, key=lambda each: each is not REFERENCE):
         try:
             how = recorded.ensure(model, Path(folder), stop)
         except recorded.NotThere as reason:
@@ -42,9 +37,13 @@ def rows(folder: str, stop: float = STOP) -> list[Row]:
         except RuntimeError as failure:
             found.append(Row("run", model.label, {"model": model.name}, ok=False, note=str(failure)))
             continue
-        found += [Row("run", model.label, {"model": model.name, **recorded.costs(recorded.path(Path(folder), model))},
-                      True, how), *_of(model, Path(folder))]  # fmt: skip
-    return found
+        logs[model.name] = recorded.path(Path(folder), model)
+        found += [Row("run", model.label, {"model": model.name, **recorded.costs(logs[model.name])}, True, how),
+                  *_of(model, Path(folder))]  # fmt: skip
+    try:
+        return [*found, *effects.rows(logs)]
+    except (Missing, LookupError, ValueError) as failure:
+        return [*found, Row("effect", "inertia and elasticity", ok=False, note=f"{type(failure).__name__}: {failure}")]
 
 
 def _of(model: Model, folder: Path) -> list[Row]:
@@ -99,7 +98,7 @@ def _sections(run: RunData) -> dict[str, float]:
 
 def _deformed(run: RunData) -> dict[str, float]:
     """Largest displacements of points of the right chain's links in their tangent frames at the instant, m."""
-    found = deformation.of(run, f"{SIDE}_track", at=[INSTANT]).displacement[:, :-1]  # the last link ends at the cut
+    found = deformation.of(run, TRACK, at=[INSTANT]).displacement[:, :-1]  # the last link ends at the cut
     return {axis: float(np.abs(found[..., k]).max()) for k, axis in enumerate(deformation.AXES)}
 
 
@@ -108,7 +107,7 @@ def _visited(run: RunData) -> dict[str, str]:
     seen: list[str] = []
     vehicle = run.scene["vehicle"]
     first, last = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1]
-    for placed in circuit.records(run, f"{SIDE}_track"):
+    for placed in circuit.records(run, TRACK):
         for ahead, up in placed.centres[:, NODE - 1]:
             low = up < vehicle["road_wheel"]["z"]
             where = "upper run" if not low else "ground"
@@ -123,8 +122,7 @@ def _visited(run: RunData) -> dict[str, str]:
 
 def _singular(run: RunData) -> dict[str, Any]:
     """The recorded motion of the chain as that of a loop of rigid links in the plane."""
-    track = f"{SIDE}_track"
-    placed = list(circuit.records(run, track, TURNING))
+    placed = list(circuit.records(run, TRACK, TURNING))
     t = np.concatenate([each.t for each in placed])
     flat = [np.einsum("mni,mij->mnj", each.pins, each.axes[..., [0, 2]]) for each in placed]
     mass = hull.number(run, "track", "mass")
