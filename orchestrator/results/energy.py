@@ -22,6 +22,7 @@ from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Windo
 
 Block = Mapping[str, Series]  # of each topic the messages of the same steps
 LEAST = 1.0  # J: below it all is rest
+CAUSE = "dissipated."  # begins the names of the energies that a track dissipates by one cause
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
 
 
@@ -45,6 +46,7 @@ class Ledger(NamedTuple):
     residual_relative: float  # of the largest of work, change, dissipated and a component's kinetic energy, or LEAST
     port: float  # the part of the residual that the ports make
     integration: dict[str, float]  # the part of each component, of one where the vehicle has two
+    causes: dict[str, float]  # of what was dissipated: that of all tracks by cause, that of others by component
 
 
 def ledger(run: RunData) -> Ledger:
@@ -79,7 +81,18 @@ def _ledger(run: RunData) -> Ledger:
         - book.get("covered", 0.0)
         for name, book in books.items()
     }
-    return Ledger(work, change, dissipated, covered, residual, residual / scale, lost, integration)
+    causes = _causes({name: n for name, n in zip(books, copies, strict=True)}, books)
+    return Ledger(work, change, dissipated, covered, residual, residual / scale, lost, integration, causes)
+
+
+def _causes(copies: Mapping[str, int], books: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Parts of what was dissipated, J."""
+    found: dict[str, float] = {}
+    for name, book in books.items():
+        parts = {part.removeprefix(CAUSE): lost for part, lost in book.items() if part.startswith(CAUSE)}
+        for cause, lost in (parts or {name: book.get("dissipated", 0.0)}).items():
+            found[cause] = found.get(cause, 0.0) + copies[name] * lost
+    return {cause: lost for cause, lost in found.items() if lost}
 
 
 def drift(run: RunData, window: Window) -> float:

@@ -63,15 +63,15 @@ SOFT_LINKS = {kind: (*settings, *SOFT) for kind, settings in LINKS.items()} | {
 EXPLICIT, UNDAMPED = ("track.integrator=runge_kutta",), ("vehicle.material.relaxation_time=0.1 ms",)
 
 
-def swinging(model: str, *settings: str, duration: float = 0.2) -> Record:
+def swinging(model: str, *settings: str, overrides=None, duration: float = 0.2) -> Record:
     """Let go between its pins."""
-    return other("hanging_chain", model, "track.start=displaced", *settings, duration=duration)
+    return other("hanging_chain", model, "track.start=displaced", *settings, overrides=overrides, duration=duration)
 
 
-def drawn(model: str, *settings: str, duration: float = 0.2) -> Record:
+def drawn(model: str, *settings: str, overrides=None, duration: float = 0.2) -> Record:
     """Over a driven sprocket by forces on its ends."""
     drive = "drive.speed=4 rad/s", "drive.ramp_time=0.1 s", "run.step=0.5 ms"
-    return other("sprocket_bench", model, *drive, *settings, duration=duration)
+    return other("sprocket_bench", model, *drive, *settings, overrides=overrides, duration=duration)
 
 
 def free(model: str, *settings: str) -> Record:

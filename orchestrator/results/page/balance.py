@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.log.described import said_of
-from orchestrator.results.energy import STORED, Ledger
+from orchestrator.results.energy import CAUSE, STORED, Ledger
 from orchestrator.results.page.words import and_list, instance, percent, quantity
 from orchestrator.results.run_data import RunData
 
@@ -23,7 +23,7 @@ class Loss(NamedTuple):
 
     dissipated: float  # J, both sides of a half vehicle
     covered: float  # J, as contacts moved along links, both sides
-    parts: str  # what its model description says is in the first
+    parts: str  # what is in the first: by cause, or as its model description says
 
 
 class Balance(NamedTuple):
@@ -52,9 +52,21 @@ def balance(run: RunData, found: Ledger) -> Balance:
         for kind in STORED:
             stored[kind] += change(name, kind)
         if run.has(f"{name}.energy.dissipated"):
-            parts = said_of(run.log, f"{name}.energy.dissipated")
+            parts = _causes(run, name) or said_of(run.log, f"{name}.energy.dissipated")
             losses[name] = Loss(change(name, "dissipated"), change(name, "covered"), parts)
     return Balance({kind: energy for kind, energy in stored.items() if energy}, losses, found)
+
+
+def _causes(run: RunData, name: str) -> str:
+    """What a component lost by each cause, the most first; nothing where it does not say."""
+    topic = run.log.topics.get(f"/{name}/out")
+    prefix = f"energy.{CAUSE}"
+    found = {}
+    for output in (each for each in (topic.names if topic else ()) if each.startswith(prefix)):
+        first, last = run.ends(f"{name}.{output}")
+        found[output.removeprefix(prefix).replace("_", " ")] = run.copies(name) * (last - first)
+    parts = sorted(((cause, lost) for cause, lost in found.items() if lost), key=lambda each: -abs(each[1]))
+    return ", ".join(f"{cause} {quantity(lost, 'J')}" for cause, lost in parts)
 
 
 def sentence(found: Balance) -> str:
