@@ -143,6 +143,12 @@ def _ledger(energy: dict[str, Any]) -> str:
     )
 
 
+def _causes(causes: dict[str, float]) -> str:
+    """What was dissipated by what, the most first."""
+    parts = sorted(causes.items(), key=lambda each: -abs(each[1]))
+    return "dissipated: " + ", ".join(f"{cause.replace('_', ' ')} {lost:.4g} J" for cause, lost in parts)
+
+
 def _check(name: str, check: dict[str, Any]) -> str:
     expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"
     note = f" ({check['note']})" if check["note"] else ""
@@ -170,6 +176,7 @@ def summary(result: dict[str, Any]) -> None:
         else "",
         *(_check(*each) for each in r["checks"].items()),
         _ledger(r["energy"]) if r["energy"] else "",
+        _causes(r["energy"]["causes"]) if r["energy"] and r["energy"]["causes"] else "",
         *(_cost(*each) for each in r["components"].items()),
         f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else "",
     ]

@@ -70,7 +70,7 @@ class Logging:
             self._links = recorder.together([], [f"/{component.name}/links" for component in self._linked])
             self._written.append(self._links)
         self._stats = recorder.together([], [f"/stats/{component.name}" for component in components])
-        self._between = [Between(len(component.links)) for component in self._linked if between]
+        self._between = [Between(component.links) for component in self._linked if between]
         self._last = np.cumsum([len(component.links) for component in self._linked])
         self.tape = self._tape(1 if between else recorder.stride(self._links) if self._linked else 1)
 

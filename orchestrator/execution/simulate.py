@@ -124,14 +124,14 @@ def _simulate(
                 if begun is not None:
                     begun.copy(recorder)
                 recorded = list(components.values())
-                logging = Logging(recorder, recorded, max(1, round(STATS_PERIOD / pace.step)), bool(scene.folded))
+                logging = Logging(recorder, recorded, max(1, round(STATS_PERIOD / pace.step)), scene.between)
                 observers: list[master.Observer] = [reached, logging]
                 scheme.tape = logging.tape
                 if at is not None:
                     logging.begin(*at)
                     reached(*at)
                 if (period := scene.run.checkpoints) and checkpoint.possible(scheme):
-                    stride = scene.links_every if scene.folded else 1  # between two records no checkpoint holds all
+                    stride = scene.links_every if scene.between else 1  # between two records no checkpoint holds all
                     if isinstance(pace, master.Clock):
                         every = stride * ceil(max(1, round(period / pace.step)) / stride)
                         observers.append(Checkpoints(recorder, scheme, every))

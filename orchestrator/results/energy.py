@@ -23,6 +23,7 @@ from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Windo
 Block = Mapping[str, Series]  # of each topic the messages of the same steps
 LEAST = 1.0  # J: below it all is rest
 LEAST_OWN = 100.0  # J, of a component beside others: a link that is lifted by half a metre
+CAUSE = "dissipated."  # begins the names of the energies that a track dissipates by one cause
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
 
 
@@ -47,6 +48,7 @@ class Ledger(NamedTuple):
     port: float  # the part of the residual that the ports make
     integration: dict[str, float]  # the part of each component, of one where the vehicle has two
     integration_relative: dict[str, float]  # of the largest of its own energies, or LEAST_OWN
+    causes: dict[str, float]  # of what was dissipated: that of all tracks by cause, that of others by component
     stored: dict[str, float]  # change by kind, as in STORED: what is below zero was released
 
     @property
@@ -91,7 +93,20 @@ def _ledger(run: RunData) -> Ledger:
     own = {name: [abs(book.get(part, 0.0)) for part in ("work", "dissipated")] for name, book in books.items()}
     relative = {name: part / max(*own[name], held[name], LEAST_OWN) for name, part in integration.items()}
     stored = {kind: total(kind) for kind in STORED}
-    return Ledger(work, change, dissipated, covered, residual, residual / scale, lost, integration, relative, stored)
+    causes = _causes(dict(zip(books, copies, strict=True)), books)
+    return Ledger(
+        work, change, dissipated, covered, residual, residual / scale, lost, integration, relative, causes, stored
+    )
+
+
+def _causes(copies: Mapping[str, int], books: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Parts of what was dissipated, J."""
+    found: dict[str, float] = {}
+    for name, book in books.items():
+        parts = {part.removeprefix(CAUSE): lost for part, lost in book.items() if part.startswith(CAUSE)}
+        for cause, lost in (parts or {name: book.get("dissipated", 0.0)}).items():
+            found[cause] = found.get(cause, 0.0) + copies[name] * lost
+    return {cause: lost for cause, lost in found.items() if lost}
 
 
 def drift(run: RunData, window: Window) -> float:

@@ -92,6 +92,11 @@ class Scene(Table):
         return self.run.links or links_every(self.run.step, self.teeth_rate)
 
     @property
+    def between(self) -> bool:
+        """Whether the log has what links do between two records."""
+        return self.run.between or bool(self.folded)
+
+    @property
     def folded(self) -> str:
         """A sentence where records of links are too seldom to show what teeth do; else nothing."""
         return folded(self.links_every, self.run.step, self.teeth_rate)

@@ -107,6 +107,7 @@ class Run(Table):
     variable: Annotated[Variable | None, BeforeValidator(off)] = None  # without it, or false: all of length H
     outputs: Every = 1  # outputs are recorded every n communication steps
     links: Every | None = None  # per-link outputs are recorded every n communication steps; default: ``recording``
+    between: bool = False  # mean, least and most of per-link outputs between two of these records, too
     # the log gets what the run needs to go on from there so often; false: never
     checkpoints: Annotated[Duration | None, BeforeValidator(off)] = 0.5
     allow: Annotated[tuple[str, ...], BeforeValidator(_kinds)] = ()  # what of ``results/validity`` does not fail a run

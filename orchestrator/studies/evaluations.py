@@ -20,10 +20,10 @@ import numpy as np
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.kinds import newton_joints, observe
 from fmus.physics.chain.rigid.links import residual as evaluate_rigid
 from fmus.physics.chain.state import begin
-from fmus.physics.chain.sums import END_POWER, PATCH_POWER, POWER
+from fmus.physics.chain.sums import END_POWER, LOSSES, PATCH_POWER
 from fmus.physics.integrate.generalized_alpha import coefficients, slopes
 from fmus.physics.point import sharpen
 from fmus.physics.rigid import augmented
@@ -166,6 +166,7 @@ class Chain:
 
     def _shown(self, m: Any) -> tuple[Floats, Floats, Floats, tuple[Floats, ...]]:
         """Wrenches, powers, report, and what is shown of links, of the state that was evaluated."""
+        self._pull(m)
         begin(m.s, m.work)
         observe(m.link, m.environment, m.s, m.work, m.report)
         count = WRENCH * len(m.wheel_list)
@@ -177,8 +178,18 @@ class Chain:
             m.link_outputs(links)
             parts = links[:n], links[n : 2 * n], links[2 * n : 2 * n + pins], links[2 * n + pins : 2 * n + 2 * pins]
         ground = [count + k for k, name in enumerate(self.outputs) if name.startswith("ground.force")]
-        powers = m.work.sums[[POWER, PATCH_POWER, END_POWER]]
+        sums = m.work.sums
+        powers = np.array([sums[LOSSES:].sum(), sums[PATCH_POWER], sums[END_POWER]])
         return np.concatenate([y[:count], y[ground]]), powers, y[count:], parts
+
+    def _pull(self, m: Any) -> None:
+        """Forces of the pins as residuals say: an arbitrary state is no end of an iteration, which makes them small."""
+        if self.kind == "rigid":
+            newton_joints(m.link, m.environment, m.s, m.work)
+        else:
+            R, joint, n = m.work.R, m.work.on_links, m.links_count
+            axes = XZ if R.shape[2] == 2 else (0, 1, 2)
+            joint[:n, axes], joint[n:, axes] = R[:, 0], -R[-1:, R.shape[1] // 2]
 
     # ------------------------------------------------------------ flexible links
 

@@ -17,6 +17,7 @@ from mirror.motion import start_frame, turned
 from mirror.record import Floats, Part
 
 UP = np.array([0.0, 0.0, 1.0])
+STRETCH = 1e-6  # of the difference of energies
 
 
 def gauss(count: int) -> tuple[Floats, Floats]:
@@ -138,6 +139,11 @@ class Rigid(Chain):
         torque = J * a[..., 3:] + np.cross(self.own_rate, J * self.own_rate)
         return self.mass * self.world(a[..., :3]), np.einsum("tnij,tnj->tni", self.body, torque)
 
+    @property
+    def momentum(self) -> Floats:
+        """Of each link (T, n, 3)."""
+        return self.mass * self.velocity
+
     middle = property(lambda self: self.centre)
 
     def gradients_at(self, xi: float) -> Floats:
@@ -203,6 +209,38 @@ class Element(Chain):
     def accelerated(self, a: Floats) -> Floats:
         """Accelerations (T, n, rows, 3), world, of rates' rates ``a`` (T, nodes, w)."""
         return self.coordinates(a, False)
+
+    @property
+    def momentum(self) -> Floats:
+        """Of each link (T, n, 3)."""
+        x, w = gauss(4)
+        return self.mass * np.einsum("p,pa,tnai->tni", w, self.centreline(x), self.v)
+
+    @property
+    def damped(self) -> Floats:
+        """What damping adds to the tension of each link (T, n), N."""
+        raise NotImplementedError
+
+    @property
+    def material_loss(self) -> Floats:
+        """Of all links (T), W."""
+        raise NotImplementedError
+
+    @cached_property
+    def stretching(self) -> Floats:
+        """A uniform stretch along the line of the pins by 1: coordinates (T, n, rows, 3)."""
+        line = self.ends[1] - self.ends[0]
+        line = line / np.linalg.norm(line, axis=-1, keepdims=True)
+        found, half = np.zeros_like(self.e), self.e.shape[2] // 2
+        found[:, :, 0], found[:, :, half] = -0.5 * self.pitch * line, 0.5 * self.pitch * line
+        found[:, :, 1] = found[:, :, half + 1] = line
+        return found
+
+    @cached_property
+    def tension(self) -> Floats:
+        """(T, n), N: what a stretch works against, over the length."""
+        more, less = (self.energies(self.e + way * STRETCH * self.stretching) for way in (1.0, -1.0))
+        return (more - less) / (2.0 * STRETCH * self.pitch) + self.damped
 
     def momentum_rates(self, a: Floats) -> tuple[Floats, Floats]:
         dde = self.accelerated(a)
@@ -288,9 +326,48 @@ class Cable(Element):
         return np.linalg.norm(self.slopes(e, xi, 2), axis=-1)
 
     @cached_property
-    def tension(self) -> Floats:
+    def axial(self) -> Floats:
         """(T, n), N: EA times the strain."""
         return self.stiffness[0] * self.stretched(self.e)
+
+    @property
+    def tau(self) -> float:
+        return float(self.part.parameters["material.relaxation_time"])
+
+    @property
+    def moving(self) -> tuple[Floats, Floats]:
+        """Coordinates and rates (T, n, 4, 3) in the axes in which strains are measured."""
+        return self.e, self.v
+
+    @property
+    def dragged(self) -> Floats:
+        """(T, n), N: damping of the stretch, per unit of stretch."""
+        x, w = gauss(3)
+        e, v = self.moving
+        rate = np.einsum("p,tnpi,tnpi->tn", w, self.slopes(e, x), self.slopes(v, x))
+        return self.tau * self.stiffness[0] * rate / (1.0 + 2.0 * self.stretched(e))
+
+    @property
+    def damped(self) -> Floats:
+        return self.dragged * np.linalg.norm(self.ends[1] - self.ends[0], axis=-1) / self.pitch
+
+    @property
+    def material_loss(self) -> Floats:
+        x, w = gauss(3)
+        e, v = self.moving
+        rate = np.einsum("p,tnpi,tnpi->tn", w, self.slopes(e, x), self.slopes(v, x))
+        return self.pitch * (self.dragged * rate).sum(1) + self.bending_loss
+
+    @property
+    def bending_loss(self) -> Floats:
+        """Of the curvature, seen from the chord (T), W."""
+        x, w = gauss(3)
+        e, v = self.moving
+        chord, swing = e[:, :, 2] - e[:, :, 0], v[:, :, 2] - v[:, :, 0]
+        omega = np.cross(chord, swing) / (chord**2).sum(-1, keepdims=True)
+        bent, rate = self.slopes(e, x, 2), self.slopes(v, x, 2)
+        rate = rate - np.cross(omega[:, :, None], bent)
+        return self.tau * self.stiffness[1] * self.pitch * np.einsum("p,tnpi,tnpi->t", w, rate, rate)
 
     @cached_property
     def stress(self) -> Floats:
@@ -298,7 +375,7 @@ class Cable(Element):
         section, (_, EI) = self.vehicle["section"], self.stiffness
         moment = EI * self.bent(self.e, [0.0, 1.0]).max(-1)
         fibre = moment * section["outer_fibre"] / section["bending"]
-        axial = self.tension / section["area"]
+        axial = self.axial / section["area"]
         return np.maximum(abs(axial + fibre), abs(axial - fibre))
 
     @cached_property
@@ -310,7 +387,7 @@ class Cable(Element):
         outwards = outwards / np.linalg.norm(outwards, axis=-1, keepdims=True)
         bend = np.einsum("p,tnpi,tni->tn", w, self.slopes(self.e, x, 2), outwards)
         at, more = (
-            self.tension / section["area"],
+            self.axial / section["area"],
             self.stiffness[1] / section["bending"] * section["outer_fibre"] * bend,
         )
         return at - more, at + more
@@ -409,6 +486,10 @@ class Turning(Cable):
         u = u + np.cross(self.w[t], x)
         return tuple(at[t] + np.einsum("...ij,...j->...i", self.R[t], a) for at, a in ((self.o, x), (self.do, u)))
 
+    @property
+    def moving(self) -> tuple[Floats, Floats]:
+        return self.c, self.dc
+
     def energies(self, e: Floats) -> Floats:
         """Bending about the normal is that of the section."""
         section, (_, EI) = self.vehicle["section"], self.stiffness
@@ -434,10 +515,28 @@ class General(Cable):
         return np.linalg.norm(np.cross(a, b), axis=-1) / np.linalg.norm(a, axis=-1) ** 3
 
     @cached_property
-    def tension(self) -> Floats:
+    def axial(self) -> Floats:
         x, w = self.points[0]
         strain, lever = self.strains(self.e, x)
         return self.stiffness[0] * (strain * lever) @ w
+
+    def drags(self, x) -> tuple[Floats, Floats]:
+        """Damping of the stretch at fractions (p): force per unit of it, N, and what it works on, 1/s (T, n, p)."""
+        slope = self.slopes(self.e, x)
+        rate = (slope * self.slopes(self.v, x)).sum(-1)
+        return self.tau * self.stiffness[0] * rate / (slope**2).sum(-1), rate
+
+    @property
+    def damped(self) -> Floats:
+        x, w = self.points[0]
+        line = (self.ends[1] - self.ends[0]) / np.linalg.norm(self.ends[1] - self.ends[0], axis=-1, keepdims=True)
+        return np.einsum("p,tnp,tnpi,tni->tn", w, self.drags(x)[0], self.slopes(self.e, x), line)
+
+    @property
+    def material_loss(self) -> Floats:
+        x, w = self.points[0]
+        force, rate = self.drags(x)
+        return self.pitch * (force * rate @ w).sum(1) + self.bending_loss
 
     def energies(self, e: Floats) -> Floats:
         EA, EI = self.stiffness
@@ -543,14 +642,23 @@ class Beam(Element):
     def young(self) -> float:
         return float(self.part.parameters["material.youngs_modulus"])
 
-    @cached_property
-    def tension(self) -> Floats:
-        """E A eps |r_x|, mean over the link; eps is Green's strain of the axis."""
-        found = 0.0
-        for x, w in zip(*gauss(4), strict=True):
-            size = np.linalg.norm(self.gradients(x, 0.0, 0.0)[..., 0], axis=-1)
-            found = found + w * self.young * self.vehicle["section"]["area"] * 0.5 * (size**2 - 1.0) * size
-        return found
+    def rated(self, change: Floats) -> list[tuple[float, Floats]]:
+        """What a ``change`` of the coordinates does to the parts of the energy: strains are of second order in them."""
+        more, less = self.parts(self.e + 0.5 * change), self.parts(self.e - 0.5 * change)
+        return [(w, s - r) for (w, s), (_, r) in zip(more, less, strict=True)]
+
+    @property
+    def damped(self) -> Floats:
+        tau, pairs = (
+            float(self.part.parameters["material.relaxation_time"]),
+            zip(self.rated(self.v), self.rated(self.stretching), strict=True),
+        )
+        return 2.0 * tau / self.pitch * sum(w * rate * by for (w, rate), (_, by) in pairs)
+
+    @property
+    def material_loss(self) -> Floats:
+        tau = float(self.part.parameters["material.relaxation_time"])
+        return 2.0 * tau * sum(w * rate**2 for w, rate in self.rated(self.v)).sum(1)
 
     @cached_property
     def stress(self) -> Floats:
@@ -579,7 +687,11 @@ class Beam(Element):
         )  # fmt: skip
 
     def energies(self, e: Floats) -> Floats:
-        """Strain energy of elements at coordinates ``e`` (..., 8, 3), J.
+        """Strain energy of elements at coordinates ``e`` (..., 8, 3), J."""
+        return sum(w * s**2 for w, s in self.parts(e))
+
+    def parts(self, e: Floats) -> list[tuple[float, Floats]]:
+        """The energy as weights, J, and strains whose squares they weigh.
 
         Saint-Venant-Kirchhoff: without lateral coupling over the section, the rest of Hooke's law on the axis. Shears
         xy and xz have the factor of torsion over the section, and what transverse shear has more of it on the axis.
@@ -589,26 +701,28 @@ class Beam(Element):
         G = 0.5 * E / (1.0 + nu)
         lame = 2.0 * G * nu / (1.0 - 2.0 * nu)
         twist = section["torsion"] / (section["bending"] + section["lateral_bending"])
-        volume, U = section["area"] * self.pitch, 0.0
+        volume, found = 0.5 * section["area"] * self.pitch, []
         (x, w), (s, m) = gauss(4), gauss(2)
 
         def strains(a: float, y: float, z: float) -> tuple[Floats, Floats, Floats]:
-            """Normal ones, sum of squares of the two shears with the axis, square of that within the section."""
+            """Normal ones, the two shears with the axis, that within the section."""
             F = self.gradients(a, y, z, e)
             C = np.einsum("...ij,...ik->...jk", F, F)
             normal = 0.5 * (np.stack([C[..., i, i] for i in range(3)], -1) - 1.0)
-            return normal, C[..., 0, 1] ** 2 + C[..., 0, 2] ** 2, C[..., 1, 2] ** 2
+            return normal, np.stack([C[..., 0, 1], C[..., 0, 2]], -1), C[..., 1, 2]
 
         for a, wa in zip(x, w, strict=True):
             for b, wb in zip(s - 0.5, m, strict=True):
                 for c, wc in zip(s - 0.5, m, strict=True):
                     normal, along, within = strains(a, b * self.wide, c * self.high)
-                    density = E * (normal**2).sum(-1) + twist * G * along + G * within
-                    U = U + volume * wa * wb * wc * 0.5 * density
+                    w = volume * wa * wb * wc
+                    found += [(w * E, normal[..., i]) for i in range(3)]
+                    found += [(w * twist * G, along[..., i]) for i in range(2)] + [(w * G, within)]
             normal, along, _ = strains(a, 0.0, 0.0)
-            density = lame * normal.sum(-1) ** 2 + (2.0 * G - E) * (normal**2).sum(-1)
-            U = U + volume * wa * 0.5 * (density + (5.0 / 6.0 - twist) * G * along)
-        return U
+            found.append((volume * wa * lame, normal.sum(-1)))
+            found += [(volume * wa * (2.0 * G - E), normal[..., i]) for i in range(3)]
+            found += [(volume * wa * (5.0 / 6.0 - twist) * G, along[..., i]) for i in range(2)]
+        return found
 
 
 KINDS = {"cable": Cable, "planar": Planar, "beam": Beam, "general": General, "engineering": Engineering}

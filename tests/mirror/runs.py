@@ -22,6 +22,7 @@ DRIVE = (
 )  # fmt: skip
 # all that a track can show of its links
 ALL = f"track.link_outputs={json.dumps(list(GROUPS))}"
+EVERY = "run.links=1"  # so that means of links are those of a communication step
 STEPS = "run.step=1 ms", "track.step=1 ms"  # what the tolerances of the checks rest on
 RAISED = "start.height=5 cm", "start.pitch=2 deg"
 # the left drive is slower and controlled, or braked
@@ -36,12 +37,12 @@ BRAKED = {
 
 
 def vehicle(model: str, *settings: str, overrides=None, duration: float = 0.65) -> Record:
-    scene = load("straight", model, [*PLACE, *DRIVE, *STEPS, ALL, *settings])
+    scene = load("straight", model, [*PLACE, *DRIVE, *STEPS, ALL, EVERY, *settings])
     return Record(InProcess(scene, overrides), duration)
 
 
 def other(scene: str, model: str, *settings: str, overrides=None, duration: float = 0.2) -> Record:
-    return Record(InProcess(load(scene, model, [*PLACE, ALL, *settings]), overrides), duration)
+    return Record(InProcess(load(scene, model, [*PLACE, ALL, EVERY, *settings]), overrides), duration)
 
 
 SOFT = (
@@ -62,15 +63,15 @@ SOFT_LINKS = {kind: (*settings, *SOFT) for kind, settings in LINKS.items()} | {
 EXPLICIT, UNDAMPED = ("track.integrator=runge_kutta",), ("vehicle.material.relaxation_time=0.1 ms",)
 
 
-def swinging(model: str, *settings: str, duration: float = 0.2) -> Record:
+def swinging(model: str, *settings: str, overrides=None, duration: float = 0.2) -> Record:
     """Let go between its pins."""
-    return other("hanging_chain", model, "track.start=displaced", *settings, duration=duration)
+    return other("hanging_chain", model, "track.start=displaced", *settings, overrides=overrides, duration=duration)
 
 
-def drawn(model: str, *settings: str, duration: float = 0.2) -> Record:
+def drawn(model: str, *settings: str, overrides=None, duration: float = 0.2) -> Record:
     """Over a driven sprocket by forces on its ends."""
     drive = "drive.speed=4 rad/s", "drive.ramp_time=0.1 s", "run.step=0.5 ms"
-    return other("sprocket_bench", model, *drive, *settings, duration=duration)
+    return other("sprocket_bench", model, *drive, *settings, overrides=overrides, duration=duration)
 
 
 def free(model: str, *settings: str) -> Record:

@@ -38,7 +38,8 @@ class Push(NamedTuple):
     force: Floats  # on them (p, 3)
     normal: Floats  # N
     stored: Floats  # J
-    lost: Floats  # W
+    rubbed: Floats  # W lost by friction
+    damped: Floats  # W lost by the damper
 
 
 def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | None = None) -> Push:
@@ -51,7 +52,14 @@ def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | N
     slip = w - along[..., None] * n
     friction = -law.mu * normal[..., None] * slip / np.sqrt((slip**2).sum(-1, keepdims=True) + law.v**2)
     force = normal[..., None] * n + friction
-    return Push(force, normal, 0.5 * share * law.k * depth**2, -(normal - spring) * along - (friction * slip).sum(-1))
+    lost = -(friction * slip).sum(-1), -(normal - spring) * along
+    return Push(force, normal, 0.5 * share * law.k * depth**2, *lost)
+
+
+# what loses energy in contacts: friction and damping of three, both together of guides
+CAUSES = ("ground_friction", "ground_damping", "wheel_friction", "wheel_damping", "tooth_friction", "tooth_damping",
+          "guides")  # fmt: skip
+GROUND, WHEEL, TOOTH, GUIDE = (0, 1), (2, 3), (4, 5), (6, 6)
 
 
 class Touch(NamedTuple):
@@ -63,7 +71,8 @@ class Touch(NamedTuple):
     torque: Floats  # (T, n, 3) about their middles
     teeth: Floats  # (T, nodes, 3) on the pins
     stored: Floats  # (T) J
-    lost: Floats  # (T) W
+    lost: Floats  # (T, causes) W
+    along: Floats  # (T, n) N: forces on a link along it times how far from its middle, over its length
     taken: Floats  # (T) W: what wheels and links put in
     depth: Floats  # (T) m
     load: Floats  # (T) N on the ground
@@ -78,23 +87,29 @@ class _Sum:
         z = np.zeros
         self.chain, self.wheels = chain, wheels
         self.t = Touch(z((T, m, 6)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
-                       z(T), z(T), z(T), z(T), z(T), z((T, 3)), z((T, chain.n, 3)), z((T, chain.n)))  # fmt: skip
+                       z(T), z((T, len(CAUSES))), z((T, chain.n)), z(T), z(T), z(T), z((T, 3)), z((T, chain.n, 3)),
+                       z((T, chain.n)))  # fmt: skip
 
-    def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, pins: bool = False) -> None:
+    def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
         """Points ``x`` (p, 3) at instants ``t`` on links (or pins) ``at`` and the wheel ``m``, or the ground."""
         sums, f = self.t, push.force
-        if pins:
+        if kind == TOOTH:
             np.add.at(sums.teeth, (t, at), f)
         else:
             np.add.at(sums.force, (t, at), f)
-            np.add.at(sums.torque, (t, at), np.cross(x - self.chain.middle[t, at], f))
+            arm, ends = x - self.chain.middle[t, at], self.chain.ends
+            np.add.at(sums.torque, (t, at), np.cross(arm, f))
+            line = (ends[1] - ends[0])[t, at]
+            line = line / np.linalg.norm(line, axis=-1, keepdims=True)
+            np.add.at(sums.along, (t, at), (f * line).sum(-1) * (arm * line).sum(-1) / self.chain.pitch)
         if m is None:
             np.add.at(sums.ground, (t, at), f)
         else:
             arm = x - self.wheels.centre[t, m]
             np.add.at(sums.wrench, (t, m), -np.concatenate([f, np.cross(arm, f)], axis=-1))
         np.add.at(sums.stored, t, push.stored)
-        np.add.at(sums.lost, t, push.lost)
+        np.add.at(sums.lost, (t, kind[0]), push.rubbed)
+        np.add.at(sums.lost, (t, kind[1]), push.damped)
         np.add.at(sums.taken, t, -(f * w).sum(-1))
         np.maximum.at(sums.depth, t, depth)
 
@@ -139,7 +154,7 @@ def rims(sums: _Sum, law: Law, m: int, radius: float) -> None:
             on = depths[-1] > 0.0
             w = sums.material(t, m, x, u)
             push = press(law, share[on], depths[-1][on], (radial / rho[:, None])[on], w[on], sinking[on])
-            sums.book(t[on], i[on], x[on], w[on], depths[-1][on], push, m)
+            sums.book(t[on], i[on], x[on], w[on], depths[-1][on], push, m, WHEEL)
     # the parabola through two depths stores more than they do: its mean square over the part, by three points
     half = 0.5 * (high - low) * length
     bow, extra = half**2 / (2.0 * radius), 0.0
@@ -160,7 +175,7 @@ def guides(sums: _Sum, law: Law, m: int, radius: float, play: float) -> None:
         w = sums.material(t, m, x, u)
         n = -np.sign(off)[:, None] * axle
         push = press(law, 0.5 * (high - low)[on], depth[on], n[on], w[on])
-        sums.book(t[on], i[on], x[on], w[on], depth[on], push, m)
+        sums.book(t[on], i[on], x[on], w[on], depth[on], push, m, GUIDE)
 
 
 def soil(sums: _Sum, law: Law, level: float) -> None:
@@ -174,7 +189,7 @@ def soil(sums: _Sum, law: Law, level: float) -> None:
             depth = level - x[:, 2]
             on = depth > 0.0
             push = press(law, 0.5 / len(chain.lateral), depth[on], np.broadcast_to(UP, x[on].shape), u[on])
-            sums.book(t[on], i[on], x[on], u[on], depth[on], push, None)
+            sums.book(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND)
             np.add.at(sums.t.load, t[on], push.normal)
             np.add.at(sums.t.slide, t[on], push.normal[:, None] * u[on])
             np.add.at(sums.t.sliding, (t[on], i[on]), u[on])
@@ -247,7 +262,7 @@ def teeth(sums: _Sum, law: Law, m: int, outline: Outline) -> None:
         n = normal[:, :1] * out + (normal[:, 1:] * np.sign(b)[:, None]) * side
         w = sums.material(t, m, x, u)
         push = press(law, 1.0 / len(chain.lateral), depth[on], n[on], w[on])
-        sums.book(t[on], j[on], x[on], w[on], depth[on], push, m, pins=True)
+        sums.book(t[on], j[on], x[on], w[on], depth[on], push, m, TOOTH)
 
 
 def ground_level(vehicle: dict[str, Any], parameters: dict[str, Any]) -> float:

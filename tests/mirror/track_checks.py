@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from mirror.check import Check, View, forward
 from mirror.forces import across, pulls
-from mirror.links import UP, Cable, Rigid
+from mirror.links import UP, Rigid
 from mirror.motion import turned
 from mirror.record import Floats
-from mirror.touch import touch
+from mirror.touch import CAUSES, touch
 
 AXES = {axis: k for k, axis in enumerate("xyz")}
 SPLIT = 0.1  # rad between the neighbours of a link from which on it is no straight run
@@ -217,12 +217,13 @@ def slip(view: View, names: Sequence[str]) -> Floats:
 
 
 def tensions(view: View) -> Floats:
-    """(K + 1, n): from strain, or along the link from the forces of its two pins."""
+    """(K + 1, n): from strain, or of a rod on which pins, contacts and its own turning pull."""
     c = view.chain
     if not isinstance(c, Rigid):
         return c.tension
     first, last = pin_pulls(view)
-    return 0.5 * ((first + last) * c.body[..., 0]).sum(-1)
+    whirled = c.mass * c.pitch / 12.0 * (c.own_rate[..., 1:] ** 2).sum(-1)
+    return 0.5 * ((first + last) * c.body[..., 0]).sum(-1) + view.touch.along + whirled
 
 
 def pin_pulls(view: View) -> tuple[Floats, Floats]:
@@ -277,7 +278,27 @@ def stress_of_all(view: View, names: Sequence[str]) -> Floats:
 
 
 def joint_forces(view: View, names: Sequence[str]) -> Floats:
-    return np.stack([view.joints[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+    """Means over the steps, by the recursion, of what is known from the 30th instant on."""
+    found = view.joints.copy()
+    found[:30] = found[30]
+    means = started(found[0], view.recursion.means(found))
+    means[:60] = np.nan
+    return np.stack([means[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+def joints_by_momentum(view: View, names: Sequence[str]) -> Floats:
+    """What the momentum of one link gains over each step, less all other forces on it."""
+    (name,), c, part = names, view.chain, view.part
+    j, axis = link_number(name), name[-1]
+    i = min(j, c.n - 1)
+    gained = np.diff(c.momentum[:, i, AXES[axis]]) / part.h
+    others = -c.mass * c.gravity * (axis == "z") * np.ones(len(part.h))
+    for what in ("ground", "wheels"):
+        if f"link[{i + 1}].{what}.force.{axis}" in part.outputs:
+            others = others + part[f"link[{i + 1}].{what}.force.{axis}"][1:]
+    other, sign = (c.second[i], 1.0) if j < c.n else (i, -1.0)
+    found = sign * (gained - others) + part[f"joint[{other + 1}].force.{axis}"][1:]
+    return started(np.array(np.nan), found)[:, None]
 
 
 def joint_axes(view: View, names: Sequence[str]) -> Floats:
@@ -328,15 +349,17 @@ def stored(view: View, names: Sequence[str]) -> Floats:
 
 
 def lost(view: View, names: Sequence[str]) -> Floats:
-    """In contacts, across the chain, and in the stretching of cables; what bending loses is left out."""
+    """In contacts, in the material of links, across the chain."""
     c = view.chain
-    power = view.touch.lost + across(c)[1]
-    if isinstance(c, Cable):
-        x = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
-        rate = np.einsum("p,tnpi,tnpi->tn", np.array([5.0, 8.0, 5.0]) / 18.0, c.slopes(c.e, x), c.slopes(c.v, x))
-        drag = float(view.part.parameters["material.relaxation_time"]) * c.stiffness[0] * rate
-        power = power + c.pitch * (drag * rate).sum(1)
-    return summed(view, power)[:, None]
+    powers = {cause: view.touch.lost[:, k] for k, cause in enumerate(CAUSES)}
+    powers["material"] = np.zeros(len(view.part.t)) if isinstance(c, Rigid) else c.material_loss
+    powers["joints"] = across(c)[1]
+    powers["dissipated"] = sum(powers.values())
+    return np.stack([summed(view, powers[name.rpartition(".")[2]]) for name in names], axis=1)
+
+
+def causes_together(view: View, names: Sequence[str]) -> Floats:
+    return sum(view.part[name] for name in view.part.outputs if name.startswith("energy.dissipated."))[:, None]
 
 
 def ledger(view: View, names: Sequence[str]) -> Floats:
@@ -365,7 +388,7 @@ def patch_defect(view: View, names: Sequence[str]) -> Floats:
     after, before = (touch(c.moved(tau), w.moved(tau), covering=True) for tau in (MOMENT, -MOMENT))
     now = touch(c, w, covering=True)
     grown = (after.stored - before.stored) / (2.0 * MOMENT)
-    return summed(view, now.taken - now.lost - grown)[:, None]
+    return summed(view, now.taken - now.lost.sum(1) - grown)[:, None]
 
 
 def pulled(view: View, names: Sequence[str]) -> Floats:
@@ -437,6 +460,11 @@ def straight_on(view: View) -> bool:
     return on_a_vehicle(view) and not turning(view)
 
 
+def in_one_frame(view: View) -> bool:
+    """The turning of the axes is no part of the recursion; what damps pins across is no output."""
+    return not turning(view) and not view.track["transverse_damping"]
+
+
 def strained(view: View) -> bool:
     return implicit_on_wheels(view) and view.kind != "TrackRigid"
 
@@ -476,13 +504,17 @@ CHECKS = (
     Check(r"link\[\d+\]\.slope\.(first|last)\.[xyz]", "coordinates", gradients, 1e-12, 1e-15),
     Check(r"stress\.max", "of all links", stress_of_all, 1e-4, 1e-2),
     Check(r"joint\[\d+\]\.force\.[xyz]", "motion of the links", joint_forces, 2e-3, 4.0, applies=implicit),
+    Check(r"joint\[\d+\]\.force\.[xyz]", "balance of a link's momentum", joints_by_momentum, 1e-6, 5e-3, balance=True,
+          applies=in_one_frame),
     Check(r"joint\[\d+\]\.position\.[xyz]", "coordinates", joint_places, 1e-12),
     Check(r"joint\[\d+\]\.position\.[xyz]", "ways of the pins", joint_ways, 0.0, 1e-3),
     Check(r"energy\.kinetic", "bodies", kinetic, 1e-9, 1e-9),
     Check(r"energy\.strain", "own quadrature", strain, 1e-6, 1e-7),
     Check(r"energy\.gravity", "heights", gravity, 1e-9, 1e-9),
     Check(r"energy\.contact", "penetrations", stored, 1e-5, 1e-6),
-    Check(r"energy\.dissipated", "laws of friction and damping", lost, 2e-3, 1e-3, applies=implicit_on_wheels),
+    Check(r"energy\.dissipated", "laws of friction and damping", lost, 2e-3, 1e-3, applies=implicit),
+    Check(r"energy\.dissipated\..*", "laws of friction and damping", lost, 3e-3, 1e-6, applies=implicit),
+    Check(r"energy\.dissipated", "sum of its causes", causes_together, 1e-12, 1e-15, balance=True),
     Check(r"energy\.dissipated", "ledger", ledger, 0.03, 2.0, balance=True, applies=on_wheels),
     Check(r"energy\.dissipated", "ledger", ledger, 0.02, 1e-4, balance=True, applies=in_free_air),
     Check(r"energy\.covered", "taken in, not stored, not lost", patch_defect, 0.03, 1e-3, applies=implicit_on_wheels),

@@ -68,6 +68,14 @@ def test_work_at_the_ports_is_what_the_components_received(driven):
         assert abs(books.port) < 0.02 * scale
 
 
+def test_causes_are_all_that_was_dissipated(driven):
+    with Log(driven) as log:
+        books = ledger(RunData(log))
+    assert sum(books.causes.values()) == pytest.approx(books.dissipated, rel=1e-9)
+    assert {"ground_friction", "wheel_damping", "tooth_friction", "chassis"} <= set(books.causes)
+    assert sum(books.causes.values()) - books.causes["ground_friction"] != pytest.approx(books.dissipated, rel=1e-3)
+
+
 def test_a_lost_force_shows_in_the_books(driven, scaled):
     with Log(driven) as log:
         whole = ledger(RunData(log))

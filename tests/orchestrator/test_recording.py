@@ -87,18 +87,36 @@ def runs(tmp_path_factory):
 def test_seldom_records_say_what_happened_between_them(runs):
     with Log(runs["all"]) as log, Log(runs["rare"]) as rare:
         every, seldom = log.read("/track/links"), rare.read("/track/links/between")
+        records = rare.read("/track/links")
         assert "/track/links/between" not in log.topics
         assert rare.unit("track.link[1].tension.most") == "N"
-    n = every.values.shape[1]
+    n, means = every.values.shape[1], np.array([".force." in name for name in every.names])
+    assert means.any()
+    assert not means.all()
     mean, least, most = np.split(seldom.values, 3, axis=1)
     assert seldom.names[:1] + seldom.names[n : n + 1] == ("link[1].tension.mean", "link[1].tension.least")
     for k in range(1, 5):
         own = every.values[20 * k - 19 : 20 * k + 1]
-        np.testing.assert_array_equal(least[k], own.min(axis=0))
-        np.testing.assert_array_equal(most[k], own.max(axis=0))
+        np.testing.assert_allclose(least[k], own.min(axis=0), rtol=1e-12, atol=1e-8)
+        np.testing.assert_allclose(most[k], own.max(axis=0), rtol=1e-12, atol=1e-8)
+        np.testing.assert_allclose(records.values[k, means], own[:, means].mean(axis=0), rtol=1e-12, atol=1e-8)
+        np.testing.assert_array_equal(records.values[k, ~means], own[-1, ~means])
+        assert np.abs(records.values[k, means] - own[-1, means]).max() > 1.0, "those of the last step"
         np.testing.assert_allclose(mean[k], own.mean(axis=0), rtol=1e-12, atol=1e-9)
         assert np.abs(mean[k] - every.values[20 * k - 20 : 20 * k].mean(axis=0)).max() > 1.0, "one step earlier"
     np.testing.assert_array_equal(most[0], every.values[0])
+
+
+def test_what_happens_between_records_may_be_asked_for(tmp_path):
+    path = tmp_path / "asked.mcap"
+    told = simulate(load("rig", "rigid", (*BRIEF, "run.links=2", "run.between=true")), path)
+    assert (told["status"], told["warnings"]) == ("ok", [])
+    with Log(path) as log:
+        most, records = log.read("/track/links/between"), log.read("/track/links")
+    n = len(records.names)
+    assert most.names[2 * n] == "link[1].tension.most"
+    assert (most.values[:, 2 * n] >= most.values[:, n]).all()
+    np.testing.assert_array_equal(most.t, records.t)
 
 
 def test_they_go_on_and_are_replayed_as_others(runs, tmp_path):

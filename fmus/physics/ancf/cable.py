@@ -314,7 +314,7 @@ def rotary(c):
 
 @kernel
 def section_force(c, e, v, a):
-    """See ``element``: of the sum of r_x times the force of (12) and (19) and the rotary inertia; bending has no part."""
+    """See ``element``: (12) and (19) along r_x, and the rotary inertia; bending has no part in it."""
     eps = strain(c, e)
     axial, square, apart = c.EA * eps + c.nuA * strain_rate(c, e, v) / (1.0 + 2.0 * eps), 0.0, 0.0
     for i in range(len(c.axes)):

@@ -20,7 +20,6 @@ from fmus.physics.wheels import move
 BOOKS = SUMS - LOSSES + 3  # of the report, which are summed up: what is lost, by cause, and three more
 
 
-
 def adams(s, rtol: float, atol: float) -> Adams:
     """What the methods work in, for a State ``s``."""
     return methods.adams(

@@ -27,7 +27,7 @@ class Method(NamedTuple):
 
 @kernel
 def gather(c, share, before, now, aux, total):
-    """``share`` times the mean of a step from rows ``before`` to ``now`` onto ``total``, by the momentum's recursion."""
+    """``share`` of the mean of a step from rows ``before`` to ``now`` onto ``total``, by the momentum's recursion."""
     for k in range(aux.shape[0]):
         for i in range(aux.shape[1]):
             old = aux[k, i]

@@ -1,7 +1,8 @@
 """What a chain shows of itself, and how much work that was: where the numbers stand.
 
 The report is one array (REPORT): what is SUMMED up over the run, and what the state is now. The output of
-``PATCH_DEFECT`` is called energy.covered; DISSIPATED is split by cause from LOST on, in the order of ``sums``. The counters (COUNTERS) mean the same for every kind of link.
+``PATCH_DEFECT`` is called energy.covered; from LOST on stands what DISSIPATED is the sum of, by cause as in ``sums``.
+The counters (COUNTERS) mean the same for every kind of link.
 """
 
 from __future__ import annotations

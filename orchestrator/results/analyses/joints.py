@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, links
+from orchestrator.results.analyses import hull, links, of_links
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
@@ -22,6 +22,7 @@ class Joints(NamedTuple):
     most_joint: Floats  # (tracks, 4)
     least_t: Floats  # (tracks, 4) s
     most_t: Floats  # (tracks, 4) s
+    interval: float  # s, over which forces are means; 0: they are those of instants
 
     def table(self) -> Table:
         """A row for each track and axis."""
@@ -37,14 +38,16 @@ class Joints(NamedTuple):
             ("track", ""), ("axis", ""), ("least", "kN"), ("at joint", ""), ("at", "s"), ("largest", "kN"),
             ("at joint ", ""), ("at ", "s"),
         )  # fmt: skip
-        return Table("Joint forces on the link that begins at the pin, in its axes", columns, rows)
+        note = () if self.interval == 0.0 else (f"means over {1e3 * self.interval:.4g} ms, as recorded",)
+        return Table("Joint forces on the link that begins at the pin, in its axes", columns, rows, note)
 
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> Joints:
     """Of every track or one; raises Missing."""
     names = hull.tracks(run, track)
     found = np.array([_extremes(run, name, window) for name in names])
-    return Joints(names, *(found[:, k] for k in range(6)))
+    steps = max(of_links.interval(run, name) for name in names)
+    return Joints(names, *(found[:, k] for k in range(6)), interval=steps * float(run.scene["run"]["step"]))
 
 
 def _extremes(run: RunData, track: str, window: Window) -> Floats:

@@ -101,10 +101,13 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
     area, bending, fibre = (
         hull.number(run, "section", key) if fibres else 1.0 for key in ("area", "bending", "outer_fibre")
     )
-    modulus = bending / fibre
+    modulus, before = bending / fibre, None
     for block in of_links.records(run, track, window, *wanted):
         found = dict(zip(wanted, block.values, strict=True))
         pins = found["joint[*].position"]
+        if of_links.interval(run, track):  # forces are means since the record before: links turn on the way
+            last = np.concatenate([pins[:1] if before is None else before, pins[:-1]])
+            before, pins = pins[-1:], 0.5 * (pins + last)
         across = found.get("joint[*].axis")
         if across is None:  # pins stay across the hull but for the play of the guides
             across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], pins.shape[1], axis=1)

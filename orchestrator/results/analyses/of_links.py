@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.link_outputs import INTERVAL
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
@@ -35,6 +36,17 @@ class Records(NamedTuple):
     t: Floats  # (m,) s
     since: Floats  # (m,) s, time since the record before
     values: tuple[Floats, ...]  # of each signal (m, links or pins), of a vector (m, links or pins, 3)
+
+
+def interval(run: RunData, track: str) -> int:
+    """Communication steps over which recorded forces of links are means; 0 of logs in which joint forces are instants.
+
+    In those the other forces of links are means over one step.
+    """
+    for instance in run.system["instances"]:
+        if instance["name"] == track:
+            return int(instance["parameters"].get(INTERVAL, 0))
+    return 0
 
 
 def has(run: RunData, track: str, signal: str) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.log.described import said_of
-from orchestrator.results.energy import Ledger
+from orchestrator.results.energy import CAUSE, Ledger
 from orchestrator.results.page.words import and_list, instance, percent, quantity
 from orchestrator.results.run_data import RunData
 
@@ -24,7 +24,7 @@ class Loss(NamedTuple):
 
     dissipated: float  # J, both sides of a half vehicle
     covered: float  # J, as contacts moved along links, both sides
-    parts: str  # what its model description says is in the first
+    parts: str  # what is in the first: by cause, or as its model description says
 
 
 class Balance(NamedTuple):
@@ -50,7 +50,7 @@ def balance(run: RunData, found: Ledger) -> Balance:
 
     for name in run.instances:
         if run.has(f"{name}.energy.dissipated"):
-            parts = said_of(run.log, f"{name}.energy.dissipated")
+            parts = _causes(run, name) or said_of(run.log, f"{name}.energy.dissipated")
             losses[name] = Loss(change(name, "dissipated"), change(name, "covered"), parts)
     return Balance({kind: energy for kind, energy in found.stored.items() if energy}, losses, found)
 
@@ -63,6 +63,18 @@ def sources(found: Balance) -> str:
         kinds = and_list([KINDS[kind] for kind in sorted(released, key=lambda kind: -released[kind])])
         parts.append(f"{quantity(sum(released.values()), 'J')} released ({kinds})")
     return and_list(parts)
+
+
+def _causes(run: RunData, name: str) -> str:
+    """What a component lost by each cause, the most first; nothing where it does not say."""
+    topic = run.log.topics.get(f"/{name}/out")
+    prefix = f"energy.{CAUSE}"
+    found = {}
+    for output in (each for each in (topic.names if topic else ()) if each.startswith(prefix)):
+        first, last = run.ends(f"{name}.{output}")
+        found[output.removeprefix(prefix).replace("_", " ")] = run.copies(name) * (last - first)
+    parts = sorted(((cause, lost) for cause, lost in found.items() if lost), key=lambda each: -abs(each[1]))
+    return ", ".join(f"{cause} {quantity(lost, 'J')}" for cause, lost in parts)
 
 
 def sentence(found: Balance) -> str:

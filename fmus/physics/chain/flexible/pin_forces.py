@@ -39,7 +39,9 @@ def newton_joints(links, env, s, w):
         put(found[i], JOINT, x)
         total = add(total, x)
         for k in range(dims):  # (1)
-            more = matter(links.element) * inertia.height(l, half, k, w.dv) + weight * up[k] - R[i, 0, k] - R[i, half, k]
+            more = (
+                matter(links.element) * inertia.height(l, half, k, w.dv) + weight * up[k] - R[i, 0, k] - R[i, half, k]
+            )
             if w.touched[i]:
                 more += load[i, 0, k] + load[i, half, k]
             w.t[k] = more + b[second, k]
@@ -58,7 +60,9 @@ def newton_joints(links, env, s, w):
         put(found[i], JOINT, directed(links, s, add(in_space(links, R[i, 0]), shift)))
     if links.closed != 1:
         _, last = ends(at, nodes, n - 1)
-        shift = add(add(x, scale(-1.0, base)), add(in_space(links, b[last]), scale(-1.0, in_space(links, R[n - 1, half]))))
+        shift = add(
+            add(x, scale(-1.0, base)), add(in_space(links, b[last]), scale(-1.0, in_space(links, R[n - 1, half])))
+        )
         put(found[n], JOINT, directed(links, s, shift))
 
 

@@ -1,0 +1,70 @@
+"""What a track dissipates, by cause: each alone, and of a known amount."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from vehicle_in_process import InProcess
+
+from orchestrator.scene.scene import load
+
+PREFIX = "energy.dissipated."
+PARAMETERS = {  # by cause: what brings it about
+    "ground_friction": "contact.ground.friction", "ground_damping": "contact.ground.damping",
+    "wheel_friction": "contact.wheel.friction", "wheel_damping": "contact.wheel.damping",
+    "tooth_friction": "contact.sprocket.friction", "tooth_damping": "contact.sprocket.damping",
+}  # fmt: skip
+DRIVE = "drive.ramp_start=0 s", "drive.ramp_time=0.1 s", "drive.speed=6 rad/s", "run.step=1 ms", "symmetric=true"
+
+
+@cache
+def scene():
+    return load("straight", "rigid", [*DRIVE, "track.link_outputs=false"])
+
+
+def losses(track) -> dict[str, float]:
+    return {name.removeprefix(PREFIX): track[name] for name in track.outputs if name.startswith(PREFIX)}
+
+
+def driven(**parameters: float):
+    return InProcess(scene(), {"*_track": parameters}).run(0.05)["left_track"]
+
+
+def test_causes_add_up_and_all_contacts_lose():
+    track = driven()
+    found = losses(track)
+    assert sum(found.values()) == pytest.approx(track["energy.dissipated"], rel=1e-12)
+    assert all(found[cause] > 1e-3 for cause in PARAMETERS)
+    assert [found[cause] for cause in ("guides", "material", "joints")] == [0.0, 0.0, 0.0]
+    for cause in PARAMETERS:
+        others = sum(lost for name, lost in found.items() if name != cause)
+        assert others != pytest.approx(track["energy.dissipated"], rel=1e-6), cause
+
+
+@pytest.mark.parametrize("cause", PARAMETERS)
+def test_without_its_cause_a_loss_is_nothing_and_the_others_stay(cause):
+    found = losses(driven(**{PARAMETERS[cause]: 0.0}))
+    lost = found.pop(cause)
+    # a face that leaves faster than its spring takes that energy with it, damper or not
+    assert lost == 0.0 if cause.endswith("friction") else abs(lost) < 1e-2 * sum(found.values())
+    assert all(found[other] > 1e-3 for other in found if other in PARAMETERS)
+
+
+@pytest.mark.parametrize(("friction", "right"), [(0.3, True), (0.31, False)])
+def test_a_locked_track_that_is_dragged_loses_friction_times_load_times_way(friction, right):
+    """Its wheels move along the ground at 1 m/s and do not turn."""
+    track, speed, h = InProcess(scene(), {"*_track": {"contact.ground.friction": friction}})["left_track"], 1.0, 1e-3
+    u, x = track.u.copy(), np.flatnonzero([name.endswith(".position.x") for name in track.inputs])
+    u[[name.endswith(".velocity.x") and "angular" not in name for name in track.inputs]] = speed
+    track.u[:] = u
+    load_times_way = lost = 0.0
+    for k in range(150):
+        before = track[f"{PREFIX}ground_friction"]
+        track.u[x] = u[x] + speed * h * k
+        track.step(k * h, h)
+        if k >= 50:
+            load_times_way += h * speed * track["ground.force.z"]
+            lost += track[f"{PREFIX}ground_friction"] - before
+    assert (lost == pytest.approx(0.3 * load_times_way, rel=0.01)) == right
