@@ -16,6 +16,7 @@ the phase beside it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +30,8 @@ PRECISION = 0.02  # of the largest speed or yaw rate: the line is that near to t
 LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: nearer it need not be
 RATE = 0.1  # m/s2: a speed that changes more slowly is held
 CHANGE, LARGE = 0.1, 0.25  # of the largest speed: what an acceleration changes at least, and a quick one
-QUICK = 0.8  # s
+QUICK = 1.0  # s
+SWING = 0.5  # of one end: a line through zero whose other end is beyond is ringing about zero
 STANDS, STAYS = 0.02, 0.1  # m/s, m: at rest it is slower, or goes less far
 TURNS, TURNED = 0.02, 0.05  # rad/s, rad
 SHORTEST = 0.25  # s
@@ -95,9 +97,13 @@ def _moves(one: Phase) -> str:
     when = f"{one.start:.4g} to {one.end:.4g} s: {called(one)}"
     if one.kind == "rest":
         return when
-    changes = f"{', ' if one.turning else ' '}from {one.speed_start:.2f} to {one.speed_end:.2f} m/s"
+    changes = f"{', ' if one.turning else ' '}from {_near(one.speed_start)} to {_near(one.speed_end)} m/s"
     speed = changes if one.kind in ("acceleration", "braking") else f" at {one.speed:.4g} m/s"
     return f"{when}{speed} over {one.way:.4g} m"
+
+
+def _near(speed: float) -> str:
+    return f"{round(speed, 2) + 0.0:.2f}"  # no -0.00
 
 
 def _turns(one: Phase) -> str:
@@ -141,8 +147,8 @@ def of(run: RunData, window: Window = EVER) -> Phases:
     t, v, yaw_rate = motion.t, motion.of["chassis.speed"], motion.of["chassis.chassis.angular_velocity.z"]
     speeds, turns = _speed_states(t, v), _yaw_states(t, yaw_rate)
     edges = sorted({*speeds, *turns, len(t)})
-    states = [(_latest(speeds, edge), _latest(turns, edge)) for edge in edges[:-1]]
-    parts = _merged(_without_slivers(t, [(a, b, state) for a, b, state in zip(edges, edges[1:], states, strict=False)]))
+    parts = [(a, b, (_latest(speeds, a) or _held(t, v, a, b), _latest(turns, a))) for a, b in pairwise(edges)]
+    parts = _without_slivers(t, parts)
     return Phases(tuple(_figures(run, motion, a, min(b, len(t) - 1), *state) for a, b, state in parts))
 
 
@@ -208,7 +214,7 @@ def _piece(lines: Lines, a: int, b: int) -> _Piece:
 
 
 def _speed_states(t: Floats, v: Floats) -> dict[int, str]:
-    """By the record where it begins: "acceleration", "braking", "steady" or "rest"."""
+    """By the record where it begins: "acceleration", "braking" or, where it is held, ""."""
     top = float(np.abs(v).max())
     parts = [(p, _trend(p)) for p in _pieces(t, v, LEAST_SPEED, CHANGE * top)]
     states: dict[int, str] = {}
@@ -217,17 +223,25 @@ def _speed_states(t: Floats, v: Floats) -> dict[int, str]:
         time, change = sum(p.time for p, _ in group), abs(abs(last.last) - abs(first.first))
         if trend and change >= max((LARGE if time < QUICK else CHANGE) * top, 2.0 * LEAST_SPEED):
             states[first.start] = "acceleration" if trend > 0 else "braking"
-            continue
-        way = sum(p.time * p.middle for p, _ in group)
-        still = abs(way) < STAYS or abs(way) < STANDS * time or (time < QUICK and abs(way) < CHANGE * top * time)
-        states[first.start] = "rest" if still else "steady"
+        else:
+            states[first.start] = ""
     return states
 
 
+def _held(t: Floats, v: Floats, a: int, b: int) -> str:
+    """Whether it rests in records a to b - 1, "rest", or moves on, "steady"."""
+    own, top = since(t)[a:b], float(np.abs(v).max())
+    time, way = float(own.sum()), abs(float(own @ v[a:b]))
+    still = way < STAYS or way < STANDS * time or (time < QUICK and way < CHANGE * top * time)
+    return "rest" if still else "steady"
+
+
 def _trend(piece: _Piece) -> int:
-    """1 where its size grows, -1 where it falls, 0 where it is held."""
-    change = abs(piece.last) - abs(piece.first)
-    return 0 if abs(change) < RATE * piece.time else int(np.sign(change))
+    """1 where its size grows, -1 where it falls, 0 where it is held or goes to and fro about zero."""
+    sizes = abs(piece.first), abs(piece.last)
+    swings = piece.first * piece.last < 0.0 and min(sizes) > SWING * max(sizes)
+    change = sizes[1] - sizes[0]
+    return 0 if swings or abs(change) < RATE * piece.time else int(np.sign(change))
 
 
 def _yaw_states(t: Floats, yaw_rate: Floats) -> dict[int, int]:

@@ -11,7 +11,10 @@ TOLD = (
     "Found from speed and yaw rate of the hull. Speed, power of the drives, slip of the links on the ground and yaw"
     f" rate are means over the phase, in brackets the largest yaw rate, over {HELD:g} s. To the left is positive."
 )
-HEAD = ("Phase", "From, s", "To, s", "Way", "Speed", "Yaw rate", "Radius", "Power", "Slip", "Largest link tension")
+HEAD = (
+    "Phase", "From, s", "To, s", "Way, m", "Speed, m/s", "Yaw rate, rad/s", "Radius, m", "Power, kW",
+    "Slip left / right, m/s", "Largest link tension",
+)  # fmt: skip
 
 
 def phases(pair: Pair) -> Section | None:
@@ -29,21 +32,22 @@ def _table(study: Study) -> str:
 
 
 def _row(one: Phase) -> tuple[str, ...]:
-    speed = quantity(one.speed, "m/s")
+    speed = f"{one.speed:.3f}"
     if one.kind in ("acceleration", "braking"):
-        speed += f"<br><span class='muted'>{number(one.speed_start, 3)} to {number(one.speed_end, 3)}</span>"
+        speed += f"<br><span class='muted'>{one.speed_start:.2f} to {one.speed_end:.2f}</span>"
+    slips = " / ".join(f"{slip:.3f}" for slip in (one.slip_left, one.slip_right) if slip == slip)
     tension = f"{quantity(one.tension, 'N')}<br><span class='muted'>{instance(one.tension_track)}, at"
     tension += f" {number(one.tension_t)} s</span>"
-    slips = [f"{number(slip, 3)}" for slip in (one.slip_left, one.slip_right) if slip == slip]
-    turns = (f"{number(one.yaw_rate, 3)} ({number(one.yaw_rate_most, 3)}) rad/s", quantity(one.radius, "m"))
-    return (
+    cells = (
         f"<b>{text(called(one))}</b>",
         number(one.start),
         number(one.end),
-        quantity(one.way, "m"),
+        f"{one.way:.2f}",
         speed,
-        *(turns if one.turning else ("", "")),
-        quantity(one.power, "W", 3) if one.power == one.power else "",
-        f"{' / '.join(slips)} m/s" if slips else "",
+        f"{one.yaw_rate:.3f} ({one.yaw_rate_most:.3f})" if one.turning else "",
+        number(one.radius, 3) if one.turning else "",
+        f"{one.power / 1e3:.2f}" if one.power == one.power else "",
+        slips,
         tension if one.tension_track else "",
     )
+    return tuple(cell.replace("-0.000", "0.000").replace("-", "\N{MINUS SIGN}") for cell in cells)

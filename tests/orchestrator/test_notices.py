@@ -1,0 +1,154 @@
+"""What readers say first: of a log that was cut off, of one that another version made."""
+
+import shutil
+import warnings
+from pathlib import Path
+
+import pytest
+from recorded import record_in_chunks
+
+import orchestrator as cotrack_package
+from fmus.vehicle import BadInput
+from orchestrator.execution.simulate import simulate
+from orchestrator.log import notices
+from orchestrator.log.reader import Log
+from orchestrator.scene.scene import load, of_one_scene
+
+OLD = Path(__file__).with_name("logs") / "format_1.mcap"  # made by cotrack 0.1.0
+
+
+@pytest.fixture(scope="module")
+def cut(tmp_path_factory):
+    """A chain's log, whole and without its end."""
+    folder = tmp_path_factory.mktemp("cut")
+    settings = ("run.stop=0.3 s", "run.checkpoints=0.05 s")
+    assert simulate(load("hanging_chain", "rigid", settings), folder / "whole.mcap")["status"] == "ok"
+    with Log(folder / "whole.mcap") as log:
+        size = log.size
+    (folder / "cut.mcap").write_bytes((folder / "whole.mcap").read_bytes()[: int(0.8 * size)])
+    return folder
+
+
+READERS = (
+    ("view", "LOG", "-o", "a.png"),
+    ("plot", "LOG", "chain.tension.max", "-o", "p.png"),
+    ("analyse", "LOG", "joints"),
+    ("report", "LOG", "-o", "r.html"),
+    ("compare", "LOG", "WHOLE"),
+    ("compare", "WHOLE", "LOG"),
+    ("replay", "LOG"),
+    ("resume", "LOG", "-o", "resumed.mcap"),
+    ("log", "export", "LOG", "-o", "folder"),
+)
+
+
+@pytest.mark.parametrize("command", READERS, ids=lambda command: " ".join(command[:2]))
+def test_every_reading_command_says_first_that_a_log_was_cut_off(cotrack, cut, command):
+    paths = {"LOG": cut / "cut.mcap", "WHOLE": cut / "whole.mcap"}
+    status, _, err = cotrack(*(paths.get(word, word) for word in command))
+    with warnings.catch_warnings(record=True) as said, Log(paths["LOG"]) as log:
+        last = max(float(log.read(topic).t[-1]) for topic in ("/chain/out", "/chain/links"))
+    assert status == 0, err
+    assert [str(one.message) for one in said] == [log.cut_off]
+    sentence = f"{paths['LOG']} was cut off at t = {last:.6g} s: no closing record"
+    assert err.splitlines()[0] == f"cotrack: {sentence}"
+    assert err.count("was cut off") == 1, "once"
+    assert 0.0 < last < 0.3
+
+
+def test_whole_logs_and_logs_of_runs_say_nothing(cotrack, cut, tmp_path):
+    status, _, err = cotrack("analyse", cut / "whole.mcap", "joints")
+    assert (status, err) == (0, "")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", notices.LogNotice)
+        log = record_in_chunks(tmp_path / "a.mcap")
+        with Log(log):
+            pass
+        simulate(load("hanging_chain", "rigid", ("run.stop=0.02 s",)), tmp_path / "b.mcap", estimated=True)
+
+
+def test_functions_of_python_warn(cut, tmp_path):
+    with pytest.warns(notices.LogNotice, match=r"cut\.mcap was cut off at t = .* s: no closing record"):
+        cotrack_package.analyse(cut / "cut.mcap", "joints")
+    with pytest.warns(notices.LogNotice, match="no closing record"):
+        cotrack_package.compare(cut / "cut.mcap", cut / "whole.mcap")
+    with pytest.warns(notices.LogNotice, match="no closing record"):
+        cotrack_package.report(cut / "whole.mcap", tmp_path / "p.html", cut / "cut.mcap")
+    head = (tmp_path / "p.html").read_text(encoding="utf-8").split("<nav")[0]
+    assert "cut.mcap was cut off at t = " in head
+
+
+def test_the_page_of_a_log_that_was_cut_off_says_so_at_its_top(cut, tmp_path):
+    with pytest.warns(notices.LogNotice):
+        cotrack_package.report(cut / "cut.mcap", tmp_path / "p.html")
+    head = (tmp_path / "p.html").read_text(encoding="utf-8").split("<nav")[0]
+    assert "cut.mcap was cut off at t = " in head
+    assert "no closing record" in head
+
+
+def test_log_commands_say_it_in_their_own_words_alone(cotrack, cut):
+    for command in ("info", "verify"):
+        _, out, err = cotrack("log", command, cut / "cut.mcap")
+        assert err == ""
+        assert "cut off" in out
+
+
+# --- versions --------------------------------------------------------------------------------------
+
+
+def test_the_version_is_that_of_the_distribution(cotrack, cut):
+    assert cotrack("--version")[1] == f"cotrack {cotrack_package.__version__}\n"
+    with Log(cut / "whole.mcap") as log:
+        assert log.metadata["versions"]["cotrack"] == cotrack_package.__version__
+    assert cotrack_package.__version__ != "0.1.0"
+
+
+READ_OLD = (
+    ("view", "-o", "a.png"), ("view", "--foxglove", "-o", "f.mcap"), ("plot", "chain.tension.max", "-o", "p.png"),
+    ("analyse", "joints"), ("analyse", "events"), ("report", "-o", "r.html"), ("log info",), ("log verify",),
+    ("log export", "-o", "folder"), ("log recover", "-o", "recovered.mcap"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("command", READ_OLD, ids=" ".join)
+def test_an_old_log_is_read_by_every_reading_command(cotrack, command):
+    name, *options = command
+    status, _, err = cotrack(*name.split(), OLD, *options)
+    assert (status, err) == (0, "")
+
+
+@pytest.mark.parametrize("command", ["replay", "resume"])
+def test_what_computes_anew_says_which_version_made_a_log(cotrack, tmp_path, command):
+    shutil.copy(OLD, tmp_path / "old.mcap")
+    status, _, err = cotrack(command, tmp_path / "old.mcap")
+    assert status == 2, "other FMUs, no checkpoint"
+    made = f"old.mcap was made by cotrack 0.1.0, and this is cotrack {cotrack_package.__version__}"
+    assert made in err.splitlines()[0]
+    assert len(err.splitlines()) == 2
+
+
+def test_a_log_of_this_version_says_nothing_of_versions(cotrack, cut):
+    status, out, err = cotrack("replay", cut / "whole.mcap")
+    assert (status, err) == (0, ""), out
+
+
+def test_compare_works_across_versions(cotrack, cut, tmp_path):
+    """Keys that came later are as they are by default in the older log; one that differs is told."""
+    with Log(OLD) as log:
+        links, run = log.table("scene.json")["chain"]["links"], log.table("scene.json")["run"]
+    table = load("hanging_chain", "rigid", (f"chain.links={links}", f"run.stop={run['stop']}"))
+    simulate(table, tmp_path / "new.mcap")
+    status, out, err = cotrack("compare", OLD, tmp_path / "new.mcap")
+    assert status == 0, err
+    assert "pins" in out
+    status, _, err = cotrack("compare", OLD, cut / "whole.mcap")
+    assert status == 2
+    assert "chain.links = 4 and 64" in err
+
+
+def test_keys_that_one_version_does_not_know_make_no_other_scene():
+    new = load("straight", "flexible").resolved()
+    old = {**new, "drive": {key: value for key, value in new["drive"].items() if key != "brake"}}
+    of_one_scene(("a", old), ("b", new))
+    with pytest.raises(BadInput, match=r"drive\.brake = 0\.0 and 5000\.0"):
+        of_one_scene(("a", old), ("b", {**new, "drive": {**new["drive"], "brake": 5e3}}))

@@ -1,0 +1,225 @@
+"""Phases of runs whose speed and yaw rate are known lines: bounds to a step, figures by hand, ringing left out."""
+
+import json
+
+import numpy as np
+import pytest
+
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.results.analyses import phases
+from orchestrator.results.broken_line import breaks
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
+
+STEP = 2e-3
+CORNERS = (1.034, 3.018, 6.052, 7.146, 8.5)  # s: it drives off, holds its speed, brakes, stands, the end
+KINDS = ["rest", "acceleration", "steady", "braking", "rest"]
+TOP = 4.0  # m/s
+TRACKS = ("left_track", "right_track")
+
+
+def times(end, even=True):
+    """Steps of 2 ms, or of 0.5 to 3.5 ms."""
+    t = np.arange(0.0, end + 0.5 * STEP, STEP)
+    return t if even else t + 0.75 * STEP * np.sin(37.0 * t) * (t > 0.0) * (t < t[-1])
+
+
+def trapezoid(t, top=TOP, corners=CORNERS):
+    return np.interp(t, corners[:4], (0.0, top, top, 0.0))
+
+
+def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=TRACKS):
+    """A log of a vehicle that moves so; the integral of the yaw rate is its heading."""
+    zero = np.zeros(len(t))
+    yaw_rate = zero if yaw_rate is None else yaw_rate
+    steps = np.diff(t)
+    yaw = np.concatenate([[0.0], np.cumsum(0.5 * (yaw_rate[1:] + yaw_rate[:-1]) * steps)])
+    hull = np.stack([v, (yaw + np.pi) % (2 * np.pi) - np.pi, yaw_rate, v * np.cos(yaw), v * np.sin(yaw)], axis=1)
+    topics = {"/chassis/out": [(name, "1") for name in phases.MOTION], "/drive/out": [("energy.work", "J")]}
+    rows = {"/chassis/out": hull, "/drive/out": (zero if work is None else work)[:, None]}
+    for side, track in enumerate(tracks):
+        topics[f"/{track}/out"] = [("travel", "m"), ("slip", "m/s"), ("tension.max", "N")]
+        shown = zero if slip is None else slip * (1.0 + side)
+        rows[f"/{track}/out"] = np.stack([zero, shown, zero if tension is None else tension - side], axis=1)
+    names = [topic.split("/")[1] for topic in topics]
+    system = {"instances": [{"name": name} for name in names], "connections": []}
+    files = {"scene.json": b"{}", "system.json": json.dumps(system).encode()}
+    with Recorder(path, topics, files, {}) as recorder:
+        for k, moment in enumerate(t):
+            for topic, values in rows.items():
+                recorder.write(topic, k, float(moment), STEP, np.ascontiguousarray(values[k]))
+        recorder.close("ok", "", len(t))
+    return path
+
+
+def found(path, window=EVER):
+    with Log(path) as log:
+        return phases.of(RunData(log), window).phases
+
+
+def bounds(of):
+    assert [one.start for one in of[1:]] == [one.end for one in of[:-1]], "without gaps"
+    return np.array([one.end for one in of])
+
+
+@pytest.mark.parametrize("even", [True, False])
+def test_bounds_of_a_trapezoid_are_found_to_a_step(tmp_path, even):
+    t = times(CORNERS[-1], even)
+    longest = float(np.diff(t).max())
+    of = found(made(tmp_path / "t.mcap", t, trapezoid(t)))
+    assert [one.kind for one in of] == KINDS
+    off = bounds(of) - CORNERS
+    assert np.abs(off).max() <= 1.01 * longest
+    assert np.abs(bounds(of) - CORNERS + 3.0 * longest).max() > 1.01 * longest, "the twin: three steps off"
+
+
+def test_each_bound_follows_its_corner_in_both_directions(tmp_path):
+    t = times(CORNERS[-1])
+    for by in (-0.27, 0.31):
+        corners = np.add(CORNERS, [by, 0.0, -by, 0.0, 0.0])
+        of = found(made(tmp_path / f"{by}.mcap", t, trapezoid(t, corners=corners)))
+        np.testing.assert_allclose(bounds(of), corners, atol=1.01 * STEP)
+
+
+def test_ringing_makes_no_phases(tmp_path):
+    """Teeth at 30 Hz, and a hull that nods at 1.2 Hz after it has driven off and after it has stopped."""
+    t = times(CORNERS[-1])
+    v = trapezoid(t) + 0.05 * np.sin(2 * np.pi * 30.0 * t)
+    for begin, size in ((CORNERS[1], 0.35), (CORNERS[3], -0.3)):
+        since = np.maximum(t - begin, 0.0)
+        v += size * np.exp(-1.5 * since) * np.sin(2 * np.pi * 1.2 * since)
+    of = found(made(tmp_path / "r.mcap", t, v))
+    assert [one.kind for one in of] == KINDS
+    np.testing.assert_allclose(bounds(of), CORNERS, atol=0.25)
+    assert of[2].speed == pytest.approx(TOP, rel=0.01)
+    harder = v + (trapezoid(t, 0.5 * TOP, (4.0, 4.2, 5.0, 5.2)))
+    assert len(found(made(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: half as fast again is no ringing"
+
+
+def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
+    """To the right and at once to the left, at a constant speed."""
+    t = times(8.0)
+    corners = [1.03, 1.53, 3.01, 4.01, 5.53, 6.13]
+    yaw_rate = np.interp(t, corners, [0.0, -0.3, -0.3, 0.3, 0.3, 0.0])
+    of = found(made(tmp_path / "s.mcap", t, np.full(len(t), 3.0), yaw_rate))
+    assert [(one.kind, one.turning) for one in of] == [
+        ("steady", ""), ("turn", "right"), ("turn", "left"), ("steady", ""),
+    ]  # fmt: skip
+    np.testing.assert_allclose(bounds(of), [1.03, 3.51, 6.13, 8.0], atol=1.01 * STEP)
+    right, left = of[1:3]
+    heading = 0.3 * (0.25 + 1.48 + 0.25)
+    assert right.yaw_rate == pytest.approx(-heading / (3.51 - 1.03), rel=2e-3)
+    assert right.yaw_rate_most == pytest.approx(-0.3, rel=1e-9)
+    assert left.yaw_rate_most == pytest.approx(0.3, rel=1e-9)
+    assert right.radius == pytest.approx(3.0 * (3.51 - 1.03) / heading, rel=2e-3)
+    assert right.radius != pytest.approx(3.0 * (3.51 - 1.03) / (1.03 * heading), rel=2e-3)
+    assert of[0].radius != of[0].radius, "straight on there is none"
+
+
+def test_a_quick_stop_is_braking(tmp_path):
+    """From 3 m/s in 0.3 s, as with locked sprockets."""
+    t = times(6.0)
+    of = found(made(tmp_path / "q.mcap", t, np.interp(t, [1.0, 3.0, 4.0, 4.3], [0.0, 3.0, 3.0, 0.0])))
+    assert [one.kind for one in of] == KINDS
+    np.testing.assert_allclose(bounds(of), [1.0, 3.0, 4.0, 4.3, 6.0], atol=1.01 * STEP)
+
+
+def test_a_vehicle_that_reverses_stops_on_the_way(tmp_path):
+    t = times(7.0)
+    of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.0, 3.0, 5.0], [0.0, 3.0, 3.0, -2.0])))
+    assert [one.kind for one in of] == ["rest", "acceleration", "steady", "braking", "acceleration", "steady"]
+    np.testing.assert_allclose(bounds(of), [1.0, 2.0, 3.0, 4.2, 5.0, 7.0], atol=2.01 * STEP)
+    assert of[-1].speed == pytest.approx(-2.0)
+    assert of[-1].way == pytest.approx(4.0, rel=2e-3)
+
+
+def test_a_pivot_is_a_turn_and_a_crawl_is_no_rest(tmp_path):
+    t = times(4.0)
+    yaw_rate = np.interp(t, [1.0, 1.5], [0.0, 1.5])
+    of = found(made(tmp_path / "p.mcap", t, 0.0 * t, yaw_rate))
+    assert [phases.called(one) for one in of] == ["rest", "turn left"]
+    assert of[1].radius == 0.0
+    assert [one.kind for one in found(made(tmp_path / "c.mcap", t, 0.05 + 0.0 * t))] == ["steady"]
+    assert [one.kind for one in found(made(tmp_path / "r.mcap", t, 0.02 + 0.0 * t))] == ["rest"]
+
+
+def test_both_at_once(tmp_path):
+    """It turns while it drives off: one phase for each pair of states."""
+    t = times(6.0)
+    yaw_rate = np.interp(t, [2.0, 2.4], [0.0, 0.4])
+    of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), yaw_rate))
+    called = ["rest", "acceleration", "acceleration, turning left", "turn left"]
+    assert [phases.called(one) for one in of] == called
+    np.testing.assert_allclose(bounds(of), [1.0, 2.0, 3.5, 6.0], atol=1.01 * STEP)
+
+
+@pytest.mark.parametrize("even", [True, False])
+def test_figures_are_those_of_the_records(tmp_path, even):
+    t = times(CORNERS[-1], even)
+    v = trapezoid(t)
+    slip, work, tension = 0.01 * v + 0.002 * np.sin(50.0 * t), 1e4 * t**2, 1e4 + 3e3 * np.sin(9.0 * t)
+    path = made(tmp_path / "f.mcap", t, v, None, slip, tension, work)
+    of = found(path)
+    for one in of:
+        a, b = np.searchsorted(t, [one.start, one.end])
+        length, own = t[b] - t[a], np.diff(t[a : b + 1])
+        assert one.way == pytest.approx(np.sum(0.5 * (v[a + 1 : b + 1] + v[a:b]) * own), abs=1e-9)
+        assert one.speed == pytest.approx(one.way / length, abs=1e-9)
+        assert (one.speed_start, one.speed_end) == (v[a], v[b])
+        assert one.power == pytest.approx((work[b] - work[a]) / length, rel=1e-9)
+        assert one.slip_left == pytest.approx(np.sum(slip[a + 1 : b + 1] * own) / length, rel=2e-3, abs=1e-5)
+        assert one.slip_right == pytest.approx(2.0 * one.slip_left)
+        inside = slice(a + (a > 0), b + 1)
+        assert (one.tension, one.tension_track) == (tension[inside].max(), "left_track")
+        assert one.tension_t == t[inside][tension[inside].argmax()]
+    assert sum(one.way for one in of) == pytest.approx(np.trapezoid(v, t), rel=1e-12)
+    assert max(one.tension for one in of) == tension.max()
+    exact = 0.5 * TOP * (CORNERS[2] - CORNERS[1] + CORNERS[3] - CORNERS[0])
+    assert sum(one.way for one in of) == pytest.approx(exact, rel=1e-4)
+    inner = found(path, Window(3.5, 5.5))
+    assert [one.kind for one in inner] == ["steady"]
+    assert inner[0].end - inner[0].start == pytest.approx(2.0, abs=2.0 * STEP)
+
+
+def test_what_a_log_does_not_hold_is_left_out(tmp_path):
+    t = times(2.0)
+    alone = found(made(tmp_path / "a.mcap", t, trapezoid(t), tracks=("left_track",)))[0]
+    assert alone.slip_left == 0.0
+    assert alone.slip_right != alone.slip_right
+    bare = found(made(tmp_path / "b.mcap", t, trapezoid(t), tracks=()))[0]
+    assert bare.tension_track == ""
+    assert "tension" not in phases.sentence(bare._asdict())
+    broken = trapezoid(t)
+    broken[700:] = np.nan
+    assert found(made(tmp_path / "n.mcap", t, broken))[-1].end == t[699], "up to the last number"
+    with pytest.raises(Missing, match="too few steps"):
+        found(made(tmp_path / "s.mcap", t[:2], broken[:2]))
+
+
+def test_a_log_without_a_hull_has_no_phases(tmp_path):
+    files = {"system.json": b'{"instances": [], "connections": []}'}
+    with Recorder(tmp_path / "x.mcap", {"/a/out": [("x", "m")]}, files, {}) as recorder:
+        recorder.close("ok", "", 0)
+    with pytest.raises(Missing, match="no motion of a hull"):
+        found(tmp_path / "x.mcap")
+
+
+def test_a_sentence_says_what_it_did(tmp_path):
+    t = times(CORNERS[-1])
+    v = trapezoid(t)
+    of = found(made(tmp_path / "f.mcap", t, v, None, 0.01 * v, 1e4 + v, 4e4 * t))
+    assert phases.sentence(of[0]._asdict()) == "0 to 1.034 s: rest"
+    told = phases.sentence(json.loads(json.dumps(of[2]._asdict()).replace("NaN", "null")))
+    assert told.startswith("3.018 to 6.052 s: steady at 4 m/s over 12.14 m; power 40 kW, slip 0.040 and 0.080 m/s left")
+    assert "largest tension 10 kN in left track at" in told
+    assert "from 4.00 to 0.00 m/s" in phases.sentence(of[3]._asdict())
+
+
+def test_a_broken_line_of_many_breaks_is_found(tmp_path):
+    """A saw of twenty teeth, each to a record; the noise-free line has no more breaks."""
+    t = np.arange(20001) * 1e-3
+    corners = np.arange(21.0) + 0.013 * np.sin(np.arange(21.0))
+    y = np.interp(t, corners, np.arange(21) % 2)
+    edges, _ = breaks(t, y, 0.02)
+    assert len(edges) == 21
+    np.testing.assert_allclose(t[edges[1:-1]], corners[1:-1], atol=2.01e-3)

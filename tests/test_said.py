@@ -1,0 +1,216 @@
+"""Ten questions to what a run prints and to its page, answered again from the log by another reader.
+
+The reader here is that of the package mcap with plain protobuf messages; nothing of ours reads the log. ``full``: the
+scenes of the gallery and a manoeuvre; by default a short manoeuvre on rigid links.
+"""
+
+import html
+import re
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from mcap.reader import make_reader
+
+MANOEUVRE = (  # drives off, turns right, brakes: speed of both sprockets over time
+    "drive.left.speed_points=[[0.5,0],[2,8],[3.5,8],[4,10],[5.5,10],[6,8],[6.5,8],[7.5,0]]",
+    "drive.right.speed_points=[[0.5,0],[2,8],[3.5,8],[4,6],[5.5,6],[6,8],[6.5,8],[7.5,0]]",
+    "run.stop=9",
+)
+SHORT = (
+    "drive.left.speed_points=[[0.5,0],[1.7,6],[2.3,6],[2.6,8],[3.8,8],[4.1,6],[4.4,6],[5.4,0]]",
+    "drive.right.speed_points=[[0.5,0],[1.7,6],[2.3,6],[2.6,4],[3.8,4],[4.1,6],[4.4,6],[5.4,0]]",
+    "run.stop=6.2", "track.model=rigid",
+)  # fmt: skip
+RUNS = {
+    "short": ("turn", SHORT, ["rest", "acceleration", "turn right", "braking", "rest"]),
+    "straight": ("straight", (), ["rest", "acceleration", "steady"]),
+    "turn": ("turn", (), ["rest", "acceleration", "acceleration, turning left", "turn left"]),
+    "serpentine": ("serpentine", (), ["rest", "acceleration", "turn left", "turn right", "braking"]),
+    "manoeuvre": ("turn", MANOEUVRE, ["rest", "acceleration", "steady", "turn right", "steady", "braking", "rest"]),
+}
+PRINTED = re.compile(
+    r"  (?P<start>[\d.]+) to (?P<end>[\d.]+) s: (?P<name>[a-z, ]+?),?"
+    r"(?: at (?P<speed>\S+) m/s over (?P<way>\S+) m| from (?P<first>\S+) to (?P<last>\S+) m/s over (?P<far>\S+) m)?"
+    r"(?:; yaw rate (?P<yaw>\S+) rad/s, (?P<most>\S+) at most, radius (?P<radius>\S+) m)?"
+    r"(?:; power (?P<power>\S+) kW, slip (?P<left>\S+)(?: and (?P<right>\S+))? m/s(?: left and right)?,"
+    r" largest tension (?P<tension>\S+) kN in (?P<track>\w+) track at (?P<at>\S+) s)?$"
+)
+QUESTIONS = (
+    "when did it first move, s", "how fast was it when it held its speed for longest, m/s", "since when, s",
+    "until when, s", "how far did it go by then, m", "how fast did it turn at most, rad/s, to the left positive",
+    "how narrow was that turn on average, m", "when did it first brake, s",
+    "what did the drives give when it drove off, kW",
+    "how large was the largest tension, kN",
+)  # fmt: skip
+
+
+class Said(NamedTuple):
+    """What is said of a phase; NaN is nothing."""
+
+    name: str
+    start: float
+    end: float
+    way: float
+    speed: float
+    yaw_rate: float
+    yaw_most: float
+    radius: float
+    power: float
+    tension: float
+    slips: tuple[float, ...]
+
+
+def number(text):
+    return float("nan") if not text else float(text.replace("\N{MINUS SIGN}", "-"))
+
+
+def printed(out):
+    """Phases of a summary as it is printed."""
+    for line in out.splitlines():
+        if found := PRINTED.match(line):
+            g = found.groupdict()
+            slips = tuple(number(g[side]) for side in ("left", "right") if g[side])
+            yield Said(
+                g["name"], number(g["start"]), number(g["end"]), number(g["way"] or g["far"]), number(g["speed"]),
+                number(g["yaw"]), number(g["most"]), number(g["radius"]), number(g["power"]), number(g["tension"]),
+                slips,
+            )  # fmt: skip
+
+
+def on_page(text):
+    """Phases of the table on a page."""
+    table = re.search(r'<table class="phases">.*?<tbody>(.*?)</tbody>', text, re.S)[1]
+    for row in re.findall(r"<tr>(.*?)</tr>", table, re.S):
+        cells = [html.unescape(cell) for cell in re.findall(r"<td>(.*?)</td>", row, re.S)]
+        name, start, end, way, speed, yaw, radius, power, slips, tension = (
+            re.sub(r"<b>|</b>|<br>.*", "", cell) for cell in cells
+        )
+        mean, _, most = yaw.replace(")", "").partition(" (")
+        slip = tuple(number(each) for each in slips.split(" / "))
+        values = (number(each) for each in (start, end, way, speed, mean, most, radius, power))
+        yield Said(name, *values, number(tension.removesuffix(" kN")), slip)
+
+
+@cache
+def message_type(name, descriptors):
+    """The class of messages that a schema describes."""
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(descriptors).file:
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
+
+
+class Record:
+    """Signals of a log, by the field of a message, read by others' code."""
+
+    def __init__(self, path):
+        self._rows = {}
+        with path.open("rb") as file:
+            for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+                if channel.topic.endswith("/out"):
+                    row = message_type(schema.name, schema.data).FromString(message.data)
+                    self._rows.setdefault(channel.topic, []).append(row)
+        self.tracks = [topic for topic in self._rows if topic.endswith("_track/out")]
+        self.drives = [topic for topic in self._rows if "_drive/" in topic or "differential" in topic]
+        self.t = self.of("/chassis/out", "t")
+
+    def of(self, topic, field):
+        return np.array([getattr(row, field) for row in self._rows[topic]])
+
+    def phase(self, said):
+        """The same figures from the records between two instants, each for the step that it ends."""
+        a, b = (int(np.abs(self.t - instant).argmin()) for instant in (said.start, said.end))
+        hull, h = "/chassis/out", np.diff(self.t[a : b + 1])
+        length = self.t[b] - self.t[a]
+
+        def integral(values):
+            return float(np.sum(0.5 * (values[a + 1 : b + 1] + values[a:b]) * h))
+
+        way = integral(np.hypot(self.of(hull, "chassis_velocity_x"), self.of(hull, "chassis_velocity_y")))
+        rate = self.of(hull, "chassis_angular_velocity_z")
+        turned, held = integral(rate), min(0.5, length)
+        total = np.concatenate([[0.0], np.cumsum(0.5 * (rate[a + 1 : b + 1] + rate[a:b]) * h)])
+        begins = np.arange(self.t[a], self.t[b] - held + 1e-9, 0.01)
+        means = [
+            (np.interp(t + held, self.t[a : b + 1], total) - np.interp(t, self.t[a : b + 1], total)) / held
+            for t in begins
+        ]
+        work = sum(self.of(drive, "energy_work")[[a, b]] for drive in self.drives)
+        slips = tuple(float(self.of(track, "slip")[a + 1 : b + 1] @ h / length) for track in sorted(self.tracks))
+        tension = max(self.of(track, "tension_max")[a + (a > 0) : b + 1].max() for track in self.tracks)
+        return Said(
+            said.name, float(self.t[a]), float(self.t[b]), way, integral(self.of(hull, "speed")) / length,
+            turned / length, max(means, key=abs), way / abs(turned) if turned else float("nan"),
+            float(work[1] - work[0]) / length / 1e3, float(tension) / 1e3, slips,
+        )  # fmt: skip
+
+
+def answers(phases):
+    """To the ten questions; NaN where it did not do so."""
+    held = [one for one in phases if one.name == "steady" or one.name.startswith("turn")]
+    longest = max(held, key=lambda one: one.end - one.start)
+    turns = [one for one in phases if "left" in one.name or "right" in one.name]
+    tightest = max(turns, key=lambda one: abs(one.yaw_most), default=None)
+    braking = [one.start for one in phases if one.name.startswith("braking")]
+    before = [one.way for one in phases if one.end <= longest.end and one.way == one.way and one.name != "rest"]
+    known = [one.tension for one in phases if one.tension == one.tension]
+    driven = next(one.power for one in phases if one.name.startswith("acceleration"))
+    found = (
+        phases[0].end, longest.speed, longest.start, longest.end, sum(before),
+        tightest.yaw_most if tightest else np.nan, tightest.radius if tightest else np.nan,
+        min(braking, default=np.nan), driven, max(known),
+    )  # fmt: skip
+    return dict(zip(QUESTIONS, found, strict=True))
+
+
+@pytest.mark.parametrize(
+    "name", ["short", *(pytest.param(name, marks=pytest.mark.study) for name in RUNS if name != "short")]
+)
+def test_summary_and_page_answer_ten_questions(cotrack, tmp_path, name):
+    scene, settings, kinds = RUNS[name]
+    log, page = tmp_path / "run.mcap", tmp_path / "run.html"
+    changes = [part for each in settings for part in ("--set", each)]
+    _, out, _ = cotrack("run", scene, "--no-estimate", "--log", log, *changes)
+    status, _, err = cotrack("report", log, "-o", page)
+    assert status == 0, err
+    record = Record(log)
+    for said in ([*printed(out)], [*on_page(page.read_text(encoding="utf-8"))]):
+        assert _starts_with(kinds, [one.name for one in said])
+        recounted = [record.phase(one) for one in said]
+        wanted, found = answers(recounted), answers(said)
+        assert len(found) == 10
+        for question in QUESTIONS:
+            assert found[question] == pytest.approx(wanted[question], rel=6e-3, abs=6e-3, nan_ok=True), question
+        for one, other in zip(said, recounted, strict=True):
+            if one.slips:
+                assert np.resize(one.slips, len(other.slips)) == pytest.approx(other.slips, abs=1.6e-3), one.name
+    _bounds_are_where_the_speed_changes(record, said)
+    assert _line(out, "largest link tension") == pytest.approx(wanted[QUESTIONS[9]], rel=1e-3)
+
+
+def _starts_with(kinds, found):
+    """Each of the kinds, in order; more may come between and after."""
+    rest = iter(found)
+    return all(kind in rest for kind in kinds)
+
+
+def _line(out, what):
+    return float(re.search(rf"{what} ([\d.]+)", out)[1])
+
+
+def _bounds_are_where_the_speed_changes(record, said):
+    """By a rule of another kind: half-second means of the speed at either end of each growth and fall."""
+    v = record.of("/chassis/out", "speed")
+    top = np.abs(v).max()
+    for one in said:
+        inside = (record.t >= one.start) & (record.t <= one.end)
+        if one.name == "rest":
+            assert np.abs(np.mean(v[inside])) < 0.05 * top
+        elif one.name.startswith(("steady", "turn")):
+            assert np.ptp(v[inside]) < 0.4 * top
+        else:
+            a, b = np.flatnonzero(inside)[[0, -1]]
+            assert abs(abs(v[b]) - abs(v[a])) > 0.1 * top
