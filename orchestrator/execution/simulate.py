@@ -115,8 +115,9 @@ def _simulate(
             told.append({"component": component, "text": text, "time": 0.0, "count": 1})
             if logger:
                 logger(component, 1, text)
-        for entry in contact_step.of_scene(scene.resolved()) if logger else ():  # the ledger has them in the end
-            logger(entry.component, 1, entry.sentence)
+        if logger:
+            for entry in contact_step.of_scene(scene.resolved()):  # the ledger has them in the end
+                logger(entry.component, 1, entry.sentence)
         outcome, startup, wall, spent = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0, 0.0
         reached = Reached()
         try:
