@@ -54,6 +54,7 @@ def test_scene_comes_out_as_expected(ran, name, model):
     """Every check, a whole log, an energy that closes."""
     result = ran(name, model)
     assert (result["status"], result["message"]) == ("ok", "")
+    assert result["validity"] == [], "a false alarm"
     scene = load(name, model)
     made = {n for n, check in scene.expect.items() if check.track in (None, model)}
     assert set(result["checks"]) == made
@@ -68,7 +69,7 @@ def test_scenes_that_steer_begin(ran, name):
     """Their first second, on rigid links: forces in pairs, an energy that closes, a vehicle that turns or drives."""
     who = "driver" if name == "serpentine" else "drive"
     result = ran(name, "rigid", "run.stop=1 s", f"{who}.ramp_start=0 s", f"{who}.ramp_time=0.5 s")
-    assert (result["status"], result["message"]) == ("ok", "")
+    assert (result["status"], result["message"], result["validity"]) == ("ok", "", [])
     assert result["checks"]["third_law"]["ok"]
     assert abs(result["energy"]["residual_relative"]) < CLOSES
     with Log(result["log"]) as log:

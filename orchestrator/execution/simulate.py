@@ -33,6 +33,7 @@ from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
+from orchestrator.results.validity import contact_step
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.ranges import implausible
 from orchestrator.scene.scene import Scene, TrackScene
@@ -114,6 +115,9 @@ def _simulate(
             told.append({"component": component, "text": text, "time": 0.0, "count": 1})
             if logger:
                 logger(component, 1, text)
+        if logger:
+            for entry in contact_step.of_scene(scene.resolved()):  # the ledger has them in the end
+                logger(entry.component, 1, entry.sentence)
         named: dict[str, Any] = {}
         outcome, startup, wall, spent = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0, 0.0
         reached = Reached()

@@ -10,7 +10,7 @@ from fmus.ranges import VEHICLE, Range, outside
 TURNING = "a sprocket of 0.25 m makes 180 km/h at 200 rad/s"
 SCENE = (
     Range("run.stop", "s", (1e-4, 1e4), (1e-9, 1e9), "an hour is ten times as long as a test drive"),
-    Range("run.step", "s", (1e-6, 0.02), (1e-12, 10.0), "contacts of links need steps of milliseconds"),
+    Range("run.step", "s", (1e-6, 0.2), (1e-12, 10.0), "vehicles need milliseconds, what bends slowly some more"),
     Range("track.step", "s", (1e-7, 0.02), (1e-12, 10.0), "contacts of links need steps of milliseconds"),
     *(
         range_

@@ -17,6 +17,7 @@ from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.validity.limits import ALLOWED
 from orchestrator.scene.scene import TrackScene
 from orchestrator.studies.expectations import ASKED
 from orchestrator.studies.tables import Row
@@ -52,18 +53,19 @@ def judged(scene: TrackScene, asked: str, row: Row | None = None) -> Row:
 
 def _judged(scene: TrackScene, asked: str, row: Row, path: Path) -> Row:
     try:
-        told = simulate(scene.model_copy(update={"expect": {}}), path)
+        run = scene.run.model_copy(update={"allow": ALLOWED})  # asked here is what integrators bear
+        told = simulate(scene.model_copy(update={"expect": {}, "run": run}), path)
     except REFUSED as refusal:
         return ended(row, CLEAN, str(refusal))
     if told["communication_steps"]:
         with Log(path) as log:
-            run = RunData(log)
-            if not all(np.isfinite(log.read(f"/{name}/out").values).all() for name in run.instances):
+            data = RunData(log)
+            if not all(np.isfinite(log.read(f"/{name}/out").values).all() for name in data.instances):
                 return ended(row, BLOWN, told["message"] or "a recorded output is not finite")
             row = row.having(open=(told["energy"] or {}).get("residual_relative", math.nan))
             if told["status"] == "ok":
                 try:
-                    value, expected, tolerance = ASKED[asked][0](run, scene)
+                    value, expected, tolerance = ASKED[asked][0](data, scene)
                 except Missing as missing:
                     return ended(row, WRONG, str(missing))
                 row = row.having(found=value, expected=expected, tolerance=tolerance)

@@ -1,5 +1,6 @@
 """The energy ledger: rotations between quaternions, ports, and books kept by the components themselves."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -8,7 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
 from orchestrator.results.energy import ledger, ports, turns
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
@@ -130,3 +133,45 @@ def test_pins_that_a_jump_presses_through_the_teeth_keep_their_energy(tmp_path, 
     books = jumped(tmp_path, step, "50 ms")
     assert abs(books["residual_relative"]) < 1e-3
     assert 0.02 * books["dissipated"] > 2e-3 * abs(books["work"])  # what a fiftieth of the losses would leave
+
+
+def booked(path, **energies):
+    """The ledger of a log whose components hold such energies (kind -> (m,)) over time."""
+    names = list(energies)
+    system = {"instances": [{"name": name} for name in names], "connections": []}
+    topics = {f"/{name}/in": [("u", "1")] for name in names}
+    topics |= {f"/{name}/out": [(f"energy.{kind}", "J") for kind in energies[name]] for name in names}
+    steps = len(next(iter(energies[names[0]].values()))) - 1
+    with Recorder(path, topics, {"system.json": json.dumps(system).encode()}, {}) as recorder:
+        for k in range(steps + 1):
+            for name in names:
+                recorder.write(f"/{name}/out", k, k * 0.01, 0.01, np.array([e[k] for e in energies[name].values()]))
+                if k < steps:
+                    recorder.write(f"/{name}/in", k, k * 0.01, 0.01, np.zeros(1))
+        recorder.close("ok", "", steps)
+    with Log(path) as log:
+        return ledger(RunData(log))._asdict()
+
+
+def test_potential_energy_that_comes_back_counts_in_the_scale(tmp_path):
+    """1 kJ goes from gravity into a spring and back, slowly; 10 J of it are lost on the way."""
+    back = 1000.0 * np.sin(np.linspace(0.0, np.pi, 101)) ** 2
+    lost = np.linspace(0.0, 10.0, 101)
+    books = booked(tmp_path / "log.mcap", hull={"gravity": 5e6 - back, "spring": back - lost})
+    assert books["residual"] == pytest.approx(10.0)
+    assert books["residual_relative"] == pytest.approx(0.01, rel=1e-3), "not of what is left of it in the end"
+    assert energy_warning(books) == ""
+
+
+@pytest.mark.parametrize(("opened", "warns"), [(0.06, True), (0.04, False)])
+def test_a_heavy_hull_hides_no_error_of_a_track(tmp_path, opened, warns):
+    rising = np.linspace(0.0, 1.0, 101)
+    fall = 1e12 * rising
+    books = booked(
+        tmp_path / "log.mcap",
+        hull={"kinetic": fall, "gravity": -fall},
+        track={"kinetic": 5e3 * rising, "gravity": -(5e3 - 5e3 * opened) * rising},
+    )
+    assert abs(books["residual_relative"]) < 1e-8
+    assert books["integration_relative"]["track"] == pytest.approx(-opened, rel=1e-6)
+    assert ("the energy ledger of track leaves 6% open" in energy_warning(books)) == warns

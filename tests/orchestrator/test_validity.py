@@ -1,0 +1,353 @@
+"""The validity ledger: every kind of entry at its limit, from made-up records, altered logs and runs."""
+
+import inspect
+import json
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from fmus.vehicle import BadInput
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.results.analyses.asked import analyse
+from orchestrator.results.run_data import RunData
+from orchestrator.results.validity import contact_step, ledger, limits
+from orchestrator.results.validity.entry import recorded
+from orchestrator.results.validity.piece import LENGTH
+from orchestrator.results.validity.tooth_jump import jumps
+from orchestrator.scene import gallery
+from orchestrator.scene.scene import load
+
+TEETH, LINKS = 10, 64
+EVERY = 5e-3  # s, between records of pins
+
+
+def vehicle():
+    return load("straight").vehicle.model_dump(mode="json")
+
+
+def write(path, columns, t, scene, connections=()):
+    """A log of signals "instance.variable" at times (m,), those of links too."""
+    topics: dict[str, list[tuple[str, str]]] = {}
+    for name in columns:
+        instance, _, variable = name.partition(".")
+        part = "links" if variable.startswith("joint[") else "out"
+        topics.setdefault(f"/{instance}/{part}", []).append((variable, "1"))
+    names = dict.fromkeys(name.partition(".")[0] for name in columns)
+    system = {"instances": [{"name": name} for name in names], "connections": list(connections)}
+    files = {"scene.json": json.dumps(scene).encode(), "system.json": json.dumps(system).encode()}
+    with Recorder(path, topics, files, {}) as recorder:
+        for k, at in enumerate(t):
+            for topic, variables in topics.items():
+                instance = topic.split("/")[1]
+                row = np.array([columns[f"{instance}.{name}"][k] for name, _ in variables], float)
+                recorder.write(topic, k, float(at), float(t[1] - t[0]), row)
+        recorder.close("ok", "", len(t))
+    return path
+
+
+def found(path):
+    with Log(path) as log:
+        return ledger.validity(RunData(log)).entries
+
+
+# tooth jumps
+
+SPROCKET = {
+    "source": "left_track", "target": "left_drive", "outputs": ["sprocket.force.x"], "inputs": ["sprocket.force.x"],
+}  # fmt: skip
+
+
+def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
+    """A chain round a sprocket that has ``turned`` (m,) rad, its pins ``off`` (m,) teeth from their gaps."""
+    table = vehicle()
+    step = 2.0 * np.pi / TEETH
+    radius = table["track"]["pitch"] / (2.0 * np.sin(np.pi / TEETH))
+    t = EVERY * np.arange(len(turned))
+    place = np.arange(LINKS) * step + turned[:, None] + off[:, None] * step
+    place = (place + 0.5 * LINKS * step) % (LINKS * step) - 0.5 * LINKS * step  # along the loop, 0 in front
+    wrapped = np.abs(place) < 0.5 * np.pi
+    angle = np.clip(place, -0.5 * np.pi, 0.5 * np.pi)
+    behind = np.where(wrapped, 0.0, (np.abs(place) - 0.5 * np.pi) * radius)
+    x, z = radius * np.cos(angle) - behind, -radius * np.sin(angle)
+    c, s = np.cos(turn), np.sin(turn)  # about +y
+    columns = {"left_drive.angle": turned, "left_track.travel": t}
+    columns |= {
+        f"left_drive.sprocket.position.{axis}": np.full(len(t), at) for axis, at in zip("xyz", middle, strict=True)
+    }
+    for j in range(LINKS):
+        pin = c * x[:, j] + s * z[:, j], np.zeros(len(t)), c * z[:, j] - s * x[:, j]
+        columns |= {
+            f"left_track.joint[{j + 1}].position.{a}": p + m for a, p, m in zip("xyz", pin, middle, strict=True)
+        }
+    columns["left_track.sprocket.force.x"] = t
+    return write(path, columns, t, {"assembly": "rig", "vehicle": table, "run": {"step": EVERY}}, [SPROCKET])
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.5], ids=["in front", "behind"])
+def test_pins_that_pass_regularly_do_not_jump(tmp_path, turn):
+    """Two revolutions ahead and one back, pins up to 0.4 of a pitch off as they climb their flanks."""
+    turned = np.concatenate([np.linspace(0.0, 12.6, 1500), np.linspace(12.6, 6.3, 800)])
+    climbing = 0.4 * np.sin(np.linspace(0.0, 40.0, len(turned)))
+    assert found(running(tmp_path / "log.mcap", turned, climbing, turn)) == ()
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("turn", [0.0, 2.5], ids=["in front", "behind"])
+def test_a_jump_is_found_where_and_when_it_is(tmp_path, turn, way):
+    """By a tooth at 7 s, back at 14 s by two, in two pieces; on a chain whose pin 1 follows pin 64."""
+    turned = np.linspace(0.0, 90.0, 3600)
+    t = EVERY * np.arange(len(turned))
+    off = way * (1.0 * (t >= 7.0 - 1e-9) - 2.0 * (t >= 14.0 - 1e-9))
+    assert t[-1] > LENGTH
+    (entry,) = found(running(tmp_path / "log.mcap", turned, off, turn))
+    assert (entry.what, entry.component, entry.severity) == ("tooth_jump", "left_track", "failure")
+    assert entry.time == pytest.approx(7.0)
+    at = round(7.0 / EVERY)
+    pin = int(entry.place.removeprefix("sprocket, pin ")) - 1
+    place = pin * 2.0 * np.pi / TEETH + turned[at] + off[at] * 2.0 * np.pi / TEETH
+    assert abs((place + np.pi) % (LINKS * 2.0 * np.pi / TEETH) - np.pi) < 0.5 * np.pi, "a pin on the wrap"
+    assert entry.value == 2.0
+
+
+def test_a_chain_that_nobody_seats_jumps_nowhere():
+    far = np.full((5, 4), 1.0)
+    assert [*jumps(np.zeros((5, 4)), far, 0.5)] == []
+
+
+# limits at altered logs
+
+
+@pytest.fixture(scope="module")
+def settled(tmp_path_factory):
+    path = tmp_path_factory.mktemp("validity") / "settled.mcap"
+    result = simulate(load("settle", "rigid", ("run.stop=0.25 s", "run.links=5", "symmetric=true")), path)
+    assert (result["message"], result["validity"]) == ("", [])
+    return path
+
+
+@pytest.mark.parametrize(("limit", "severity"), [(limits.LINK_WARNING, "warning"), (limits.LINK_FAILURE, "failure")])
+def test_penetration_has_limits(settled, scaled, limit, severity):
+    face = vehicle()["track"]["face"]
+    with Log(settled) as log:
+        deepest = log.signal("left_track.penetration.max")[1].max()
+    for off, passes in ((1.02, True), (0.98, False)):
+        with Log(settled) as log:
+            scaled(log, "/left_track/out", "penetration.max", off * limit * face / deepest)
+            entries = [e for e in ledger.validity(RunData(log)).entries if e.severity == severity]
+        assert [e.what for e in entries] == ["penetration"] * passes
+        if passes:
+            assert entries[0].value == pytest.approx(off * limit * face)
+            assert entries[0].limit == pytest.approx(limit * face)
+        with Log(settled) as log:
+            scaled(log, "/left_track/out", "penetration.max", deepest / (off * limit * face))
+
+
+def test_a_rim_is_named_by_the_geometry_of_the_pins(settled):
+    from orchestrator.results.validity.penetration import deepest, depths
+
+    with Log(settled) as log:
+        run = RunData(log)
+        t, depth = run.signal("left_track.penetration.max")
+        at = float(t[depth.argmax()])
+        found = depths(run, "left_track", at)
+        assert max(found.values()) == pytest.approx(depth.max(), rel=0.15), (
+            "points lie a little beside the deepest place"
+        )
+        assert deepest(run, "left_track", at, float(depth.max())).startswith("road_wheel[")
+        assert deepest(run, "left_track", at, 2.0 * float(depth.max())) == "sprocket"
+
+
+def test_an_idler_beyond_its_travel(settled, scaled):
+    with Log(settled) as log:
+        x = log.signal("chassis.left.idler.position.x")[1][0]
+        for moved, passes in ((0.09, False), (0.11, True)):
+            scaled(log, "/chassis/out", "left.idler.position.x", 1.0 + moved / x)
+            entries = ledger.validity(RunData(log)).entries
+            assert [(e.what, e.place) for e in entries] == [("idler_travel", "left.idler")] * passes
+            scaled(log, "/chassis/out", "left.idler.position.x", 1.0 / (1.0 + moved / x))
+
+
+# limits at made-up records
+
+
+def standing(tmp_path, **changes):
+    """A vehicle of one track for 3 s: nothing moves."""
+    t = 1e-2 * np.arange(301)
+    still = np.zeros(len(t))
+    columns = {
+        "left_track.travel": t, "left_track.penetration.max": still, "left_track.tension.min": still + 1e4,
+        "left_track.slip": still, "left_track.ground.force.x": still + 3e3, "left_track.ground.force.y": still,
+        "left_track.ground.force.z": still + 2e4, "left_drive.speed": still, "left_drive.angle": still,
+        "left_track.sprocket.force.x": still, "chassis.chassis.angular_velocity.z": still,
+    }  # fmt: skip
+    columns |= {name.replace("__", "."): values for name, values in changes.items()}
+    scene = {"assembly": "vehicle", "vehicle": vehicle(), "run": {"step": 1e-2, "variable": {"tolerance": 1e-3}}}
+    return found(write(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
+
+
+def test_a_vehicle_that_stands_passes_no_limit(tmp_path):
+    assert standing(tmp_path) == ()
+
+
+@pytest.mark.parametrize(
+    ("slip", "share", "speed", "yaw", "creeps"),
+    [
+        (0.012, 0.5, 0.0, 0.0, True),
+        (0.008, 0.5, 0.0, 0.0, False),  # slower
+        (0.012, 0.95, 0.0, 0.0, False),  # friction does not hold it
+        (0.012, 0.5, 0.2, 0.0, False),  # its sprocket turns
+        (0.012, 0.5, 0.0, 0.05, False),  # it turns
+    ],
+)
+def test_creep_is_sliding_where_friction_should_hold(tmp_path, slip, share, speed, yaw, creeps):
+    whole = np.ones(301)
+    changed = {
+        "left_track__slip": slip * whole, "left_track__ground__force__x": share * 0.3 * 2e4 * whole,
+        "left_drive__speed": speed * whole, "chassis__chassis__angular_velocity__z": yaw * whole,
+    }  # fmt: skip
+    entries = standing(tmp_path, **{name.replace("angular__", "angular_"): each for name, each in changed.items()})
+    assert [(e.what, round(e.value, 6)) for e in entries] == [("creep", slip)] * creeps
+
+
+@pytest.mark.parametrize(("force", "time", "pushes"), [(7e3, 0.04, True), (6e3, 0.04, False), (7e3, 0.01, False)])
+def test_links_that_push_longer_than_a_peak(tmp_path, force, time, pushes):
+    """6.45 kN by the arch of links between two wheels."""
+    t = 1e-2 * np.arange(301)
+    tension = np.where((t > 0.999) & (t < 0.999 + time), -force, 1e4)
+    entries = standing(tmp_path, left_track__tension__min=tension)
+    assert [e.what for e in entries] == ["compression"] * pushes
+    if pushes:
+        assert entries[0].limit == pytest.approx(18.02 * 9.81 / 0.1524 * 0.667**2 / 0.08, rel=1e-6)
+
+
+@pytest.mark.parametrize(("time", "off"), [(0.3, True), (0.15, False)])
+def test_a_track_that_leaves_the_ground(tmp_path, time, off):
+    t = 1e-2 * np.arange(301)
+    load_ = np.where((t > 0.999) & (t < 0.999 + time), 0.0, 2e4)
+    entries = standing(tmp_path, left_track__ground__force__z=load_)
+    assert [(e.what, e.component) for e in entries] == [("lift", "left_track")] * off
+
+
+# known before the run
+
+
+@pytest.mark.parametrize("name", [name for name in gallery.names() if hasattr(load(name), "vehicle")])
+def test_no_scene_of_the_gallery_has_steps_that_are_too_long(name):
+    assert [*contact_step.of_scene(load(name).resolved())] == []
+
+
+@pytest.mark.parametrize(("ms", "long"), [(2.0, False), (2.2, True)])
+def test_a_step_that_is_long_for_a_link_between_wheel_and_ground(ms, long):
+    scene = load("settle", "rigid", [f"run.step={ms} ms", f"track.step={ms} ms", f"run.stop={100 * ms} ms"])
+    entries = [*contact_step.of_scene(scene.resolved())]
+    assert [entry.place for entry in entries] == ["link"] * long
+    if long:
+        assert entries[0].value == pytest.approx(np.sqrt(4e6 / 18.02) * ms * 1e-3)
+
+
+# what a run says
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """Settings of a rig whose sprocket jumps to 30 rad/s: pins go 76 mm into its teeth, the chain jumps over one."""
+    return ("run.stop=40 ms", "run.step=0.25 ms", "track.step=0.25 ms", "drive.ramp_time=0", "drive.speed=30")
+
+
+def test_a_run_that_is_not_valid_fails_and_says_so_everywhere(cotrack, pressed, tmp_path):
+    changes = [part for each in pressed for part in ("--set", each)]
+    status, out, err = cotrack("run", "rig", "--track", "rigid", "--no-estimate", "--json", *changes)
+    result = json.loads(out.splitlines()[-1])
+    assert (status, result["status"]) == (1, "failed")
+    assert result["message"].startswith("not valid from 0.0")
+    assert result["message"] in err
+    entries = result["validity"]
+    assert [set(entry) for entry in entries] == [
+        {"what", "component", "time", "place", "value", "limit", "severity"}
+    ] * len(entries)
+    failures = [entry for entry in entries if entry["severity"] == "failure"]
+    assert {entry["what"] for entry in failures} == {"penetration", "tooth_jump"}
+    assert all(entry["value"] > entry["limit"] >= 0.0 for entry in failures)
+    with Log(result["log"]) as log:
+        assert log.closing["status"] == "failed"
+        assert log.closing["message"] == result["message"]
+        assert recorded(log.closing["results"]) == entries
+    with open(result["log"], "rb") as file:
+        told = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages("/events")]
+    assert len([one for one in told if one["kind"] == "validity"]) == len(entries)
+    assert [entry._asdict() for entry in analyse(result["log"], "validity").entries] == entries, (
+        "found in the log again"
+    )
+    assert "validity, failure: track from" in cotrack("log", "info", result["log"])[1]
+    assert "penetration" in cotrack("analyse", result["log"], "validity")[1]
+
+
+def test_a_scene_allows_what_it_names(pressed, tmp_path):
+    result = simulate(
+        load("rig", "rigid", (*pressed, 'run.allow=["penetration", "tooth_jump"]')), tmp_path / "allowed.mcap"
+    )
+    assert (result["status"], result["message"]) == ("ok", "")
+    assert {entry["severity"] for entry in result["validity"]} == {"warning"}
+    assert "penetration" in {entry["what"] for entry in result["validity"]}
+    with Log(result["log"]) as log:
+        assert log.closing["status"] == "ok"
+
+
+@pytest.mark.parametrize("allow", ["run.allow=tooth_jump", 'run.allow=["penetration", "tooth_jump"]', "run.allow=[]"])
+def test_kinds_of_failures_may_be_named(allow):
+    assert set(load("settle", None, [allow]).run.allow) <= set(limits.ALLOWED)
+
+
+@pytest.mark.parametrize("allow", ["run.allow=everything", 'run.allow=["creep"]', "run.allow=1"])
+def test_other_names_are_refused(allow):
+    with pytest.raises(BadInput, match=r"settle.toml: run.allow.* must be a list of penetration, tooth_jump"):
+        load("settle", None, [allow])
+
+
+def test_kinds_are_siblings():
+    for module in ledger.KINDS:
+        assert [*inspect.signature(module.find).parameters] == ["piece"], module
+        assert [*inspect.signature(module.signals).parameters] == ["run"], module
+        assert module.find.__doc__
+    assert set(limits.ALLOWED) < set(limits.KINDS)
+
+
+# ranges
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("vehicle.chassis.mass=1e300", "chassis.mass = 1e+300 kg: must be 0.001 to 1e+08 kg"),
+        ("vehicle.contact.ground.friction=1e3", "contact.ground.friction = 1000: must be 0 to 100"),
+        ("drive.speed=1e6", "drive.speed = 1e+06 rad/s: must be -100000 to 100000 rad/s"),
+    ],
+)
+def test_the_impossible_is_refused(setting, said):
+    with pytest.raises(BadInput) as refused:
+        load("settle", None, [setting])
+    assert str(refused.value).startswith("settle.toml: ")
+    assert said in str(refused.value)
+
+
+def test_the_implausible_is_said_everywhere(cotrack, caplog):
+    changes = ("--set", "drive.speed=250", "--set", "drive.ramp_start=5", "--stop", "10 ms")
+    status, out, _ = cotrack("run", "settle", "--track", "rigid", "--no-estimate", "--json", *changes)
+    result = json.loads(out.splitlines()[-1])
+    (warning,) = (each for each in result["warnings"] if each["component"] == "scene")
+    assert (status, warning["count"]) == (0, 1)
+    text = "settle.toml: drive.speed = 250 rad/s: plausible is -200 to 200 rad/s (a sprocket of 0.25 m"
+    assert warning["text"].startswith(text)
+    assert text in caplog.text
+    with Log(result["log"]) as log:
+        assert warning in log.closing["warnings"]
+
+
+@pytest.mark.parametrize("name", gallery.names())
+def test_the_gallery_is_plausible(name):
+    from orchestrator.scene.ranges import implausible
+
+    assert implausible(load(name).resolved(), name) == []

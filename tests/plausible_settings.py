@@ -1,0 +1,135 @@
+"""Random plausible settings of a vehicle on rigid links: each is run as it is, then with half the step.
+
+A run either passes a limit of the validity ledger, or warns otherwise, or agrees with the run at half of its step
+within ``AGREES`` in every observable but peaks.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orchestrator.execution import summary
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.run_data import RunData, Window
+from orchestrator.scene.scene import Scene, load
+
+SEED, COUNT = 34, 60
+STOP = 1.2  # s
+AGREES = 0.1
+# the least that a difference is relative to; largest tensions are peaks
+FLOORS = {
+    "distance": 0.1, "speed": 0.1, "settlement": 0.01, "ground_force": 1e4, "slip": 0.1, "tension_mean": 1e3,
+}  # fmt: skip
+
+
+def drawn(k: int) -> list[str]:
+    """Settings of case ``k``: masses, stiffness, damping, friction, tension, step and drive."""
+    rng = np.random.default_rng([SEED, k])
+    vehicle = load("straight").vehicle  # type: ignore[attr-defined]
+
+    def about(low: float, high: float) -> float:
+        return float(math.exp(rng.uniform(math.log(low), math.log(high))))
+
+    hull, link = about(0.5, 1.6), about(0.7, 1.5)
+    found = {
+        "vehicle.chassis.mass": hull * vehicle.chassis.mass,
+        "vehicle.chassis.inertia": [hull * each for each in vehicle.chassis.inertia],
+        "vehicle.track.mass": link * vehicle.track.mass,
+        "vehicle.track.inertia": [link * each for each in vehicle.track.inertia],
+        "vehicle.track.tension": round(about(9e3, 25e3), -1),
+        "vehicle.suspension.stiffness": about(0.5, 2.0) * vehicle.suspension.stiffness,
+        "vehicle.suspension.damping": about(0.5, 2.0) * vehicle.suspension.damping,
+        "vehicle.contact.ground.friction": rng.uniform(0.2, 0.9),
+        "vehicle.contact.ground.friction_velocity": about(0.005, 0.03),
+    }
+    for pair in ("sprocket", "wheel", "ground"):
+        law = getattr(vehicle.contact, pair)
+        found[f"vehicle.contact.{pair}.stiffness"] = about(0.3, 10.0) * law.stiffness
+        found[f"vehicle.contact.{pair}.damping"] = about(0.5, 2.0) * law.damping
+    step = float(rng.choice([0.5, 1.0, 1.25, 2.0, 4.0]))
+    found |= {"run.step": step * 1e-3, "track.step": step * float(rng.choice([0.5, 1.0])) * 1e-3}
+    return [*(f"{key}={value}" for key, value in found.items()), *_drive(rng)]
+
+
+def _drive(rng: np.random.Generator) -> list[str]:
+    """A half-cosine ramp, a ramp and its reversal, or a torque and a brake."""
+    speed = float(rng.uniform(3.0, 20.0)) * float(rng.choice([-1.0, 1.0]))
+    kind = rng.choice(["ramp", "reversal", "torque"], p=[0.6, 0.2, 0.2])
+    rise = float(rng.uniform(0.3, 1.0))
+    if kind == "ramp":
+        return [f"drive.speed={speed}", "drive.ramp_start=0.1", f"drive.ramp_time={rise}"]
+    if kind == "reversal":
+        back = 0.7 + float(rng.uniform(0.02, 0.4))
+        points = [[0.1, 0.0], [0.1 + 0.5 * rise, speed], [0.7, speed], [back, -speed]]
+        return [f"drive.speed_points={points}"]
+    torque = float(rng.uniform(2e3, 15e3)) * float(rng.choice([-1.0, 1.0]))
+    brake = float(rng.uniform(2e3, 20e3))
+    points = [[0.1, 0.0], [0.2, torque], [0.7, torque], [0.71, 0.0]]
+    brakes = [[0.75, 0.0], [0.8, brake]]
+    return ["drive.mode=torque", "drive.speed=0", f"drive.torque_points={points}", f"drive.brake_points={brakes}"]
+
+
+def scene(k: int, halved: bool) -> Scene:
+    """Case ``k``, with half of both steps."""
+    settings = drawn(k)
+    whole = load("straight", "rigid", [f"run.stop={STOP}", "symmetric=true", "expect={}", *settings])
+    if not halved:
+        return whole
+    run = whole.run.model_copy(update={"step": 0.5 * whole.run.step})
+    track = whole.track.model_copy(update={"step": 0.5 * whole.track.step})  # type: ignore[attr-defined]
+    return whole.model_copy(update={"run": run, "track": track})
+
+
+def observed(path: Path, found: dict[str, Any]) -> dict[str, float]:
+    """Observables of a run; slip as a velocity, m/s: over a chain's speed it says nothing in a reversal."""
+    with Log(path) as log:
+        run = RunData(log)
+        slip = run.mean("left_track.slip", Window(STOP - summary.LAST, STOP))
+    return {name: value for name, value in found["observables"].items() if name in FLOORS} | {"slip": slip}
+
+
+def compared(k: int, folder: Path) -> dict[str, Any]:
+    """What case ``k`` said of itself, and its largest difference from the run with half the step, by observable."""
+    found = []
+    for halved in (False, True):
+        path = folder / f"{k}-{halved}.mcap"
+        found.append(simulate(scene(k, halved), path))
+        if found[-1]["status"] == "ok" or found[-1]["observables"]:
+            found[-1]["observed"] = observed(path, found[-1])
+        path.unlink()
+    whole, half = found
+    off = {
+        name: abs(value - half["observed"][name]) / max(abs(half["observed"][name]), FLOORS[name])
+        for name, value in whole.get("observed", {}).items()
+        if "observed" in half
+    }
+    entries = [(entry["what"], entry["severity"], entry["value"], entry["limit"]) for entry in whole["validity"]]
+    said = sorted({(entry["what"], entry["severity"]) for entry in whole["validity"]})
+    return {
+        "case": k,
+        "said": said,
+        "entries": entries,
+        "warnings": [one["text"] for one in whole["warnings"]],
+        "message": whole["message"],
+        "off": off,
+        "steps": (scene(k, False).run.step, scene(k, False).track.step),  # type: ignore[attr-defined]
+    }
+
+
+def warned(found: dict[str, Any]) -> bool:
+    """Whether a run said that something is wrong."""
+    return bool(found["said"] or found["warnings"] or found["message"])
+
+
+def row(found: dict[str, Any]) -> str:
+    """A line of the table."""
+    worst = max(found["off"], key=lambda name: found["off"][name], default="")
+    apart = f"{100 * found['off'][worst]:6.2f} % {worst}" if worst else "     - %"
+    kinds = ", ".join(f"{what} {severity}" for what, severity in found["said"])
+    steps = "/".join(f"{1e3 * each:g}" for each in found["steps"])
+    return f"{found['case']:2d}  {steps:9}  {apart:22}  {kinds or '-'}  {'; '.join(found['warnings'])[:60]}"
