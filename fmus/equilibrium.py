@@ -42,7 +42,7 @@ FARTHEST = 0.05  # that anything moves in one of them, m or rad
 DIFFERENCE = 1e-6  # of the Jacobian, m or rad
 STILL = 1e-4  # accelerations at rest, m/s2 or rad/s2: 0.04 N on an idler
 MOST = 60  # pseudo steps
-SHALLOW = 1e-3  # a compression below which a wheel hardly bears, m
+LIFTED = np.eye(WIDTH)[2] * 1e-5  # of all wheels, m: what they then carry less is their stiffness
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # of a guess
 
 
@@ -145,27 +145,27 @@ class _Chain:
     def __init__(self, track: Track) -> None:
         self._model = Cables({**track.config, "link_outputs": False})
         self._model.initialise(track.parameters)
-        self._drawn = self._model.start_rows[1:-1, 2].copy()
         self._arm = 0.25 * self._model.vehicle["track"]["width"]  # of the two faces of a link from its middle, m
-        self._seen: dict[bytes, Floats] = {}
+        self._known = np.zeros(0), np.zeros(0)  # rows, wrenches
 
     def pushes(self, motions: Floats, roll: float, pitch: float) -> Floats:
         """Wrenches (wheels, 6) on the road wheels, idler and sprocket with these motions (wheels, 13)."""
         stands = np.zeros((len(motions), STATE))
-        stands[:, [0, 2]] = motions[:, [0, 2]]
-        stands[:, 3:7] = motions[:, 3:7] if not roll else leaning(0.0, pitch)
+        stands[:, [0, 2]], stands[:, 3:7] = motions[:, [0, 2]], leaning(0.0, pitch)
         rows = np.zeros((len(motions), WIDTH))
         level = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
         plain(read_states)(np.roll(stands, 1, axis=0).ravel(), level, rows)  # a track has its sprocket first
-        key = rows.tobytes()
-        if key not in self._seen:
-            self._model.come_to_rest(rows)
-            self._seen = {key: np.roll(self._model.s.mean[: len(rows)], -1, axis=0)}
-        pushes = self._seen[key].copy()
-        # load N over compression is the stiffness of the wheel on its links and of these on the ground, half on each face
-        load, pressed = pushes[:-2, 2], np.maximum(self._drawn - rows[1:-1, 2], SHALLOW)
-        pushes[:-2, 3] = -np.maximum(load, 0.0) / pressed * self._arm**2 * roll
-        return pushes
+        if not np.array_equal(rows, self._known[0]):
+            pushes = self._at_rest(rows)
+            if roll:  # half of the stiffness stands on each face
+                lifted = self._at_rest(rows + LIFTED)
+                pushes[:, 3] = (lifted - pushes)[:, 2] / LIFTED[2] * self._arm**2 * roll
+            self._known = rows, pushes
+        return self._known[1]
+
+    def _at_rest(self, rows: Floats) -> Floats:
+        self._model.come_to_rest(rows)
+        return np.roll(self._model.s.mean[: len(rows)], -1, axis=0)
 
 
 def _motions(chassis: Any, x: Floats) -> Floats:
