@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.build import build
-from fmus.equilibrium import Track, equilibrium, stances
+from fmus.equilibrium import Track, equilibrium, stances, upright
 from fmus.link_outputs import INTERVAL
 from fmus.ports import wheel_state, wrench
 from fmus.stance import Stance
@@ -87,10 +87,11 @@ def _rested(scene: VehicleScene) -> VehicleScene:
     return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": found})})
 
 
-def _carrying(scene: VehicleScene, part: Part) -> tuple[str, dict[str, Any], Parameters]:
-    """A track as it takes part in the search: as cables, whatever its links are, so that all kinds start alike."""
-    closure = {name: value for name, value in part.parameters.items() if name.startswith("closure")}
-    return "TrackFlexible", {**part.config, "link_outputs": False}, closure
+def _carrying(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Parameters]:
+    """A track as it takes part in the search; a closing spring as stiff as by default makes no difference (0.3 um)."""
+    soft = scene.track.closure_stiffness is not None
+    closure = {name: value for name, value in part.parameters.items() if soft and name.startswith("closure")}
+    return {**part.config, "link_outputs": False}, closure
 
 
 @cache
@@ -241,7 +242,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     sides = hull["chassis"]["sides"]
     for side in (side for side in scene.tracks if side in sides):
         track, lateral = f"{side}_track", SIDES[side] * vehicle.track.lateral
-        tracks.append(_track(scene, track, _standing(config, side, stands), lateral))
+        tracks.append(_track(scene, track, _standing(scene, config, side, stands), lateral))
         if scene.drive.steering is None:
             inertia = vehicle.sprocket.spin_inertia
             mount = stands.get(f"{side}.sprocket", AXLE)
@@ -270,10 +271,15 @@ def _chassis(scene: VehicleScene) -> dict[str, Any]:
     return {"vehicle": scene.vehicle.model_dump(), "chassis": own}
 
 
-def _standing(config: dict[str, Any], side: str, stands: Mapping[str, Stance]) -> dict[str, Any]:
+def _standing(
+    scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]
+) -> dict[str, Any]:
     """The config of a track with its wheels where they stand on this side of the vehicle."""
-    if not stands:
+    at = scene.start.equilibrium
+    if at is None:
         return config
+    if at.roll:
+        stands = {name: upright(place, at.pitch) for name, place in stands.items()}
     wheels = [{**wheel, "start": list(stands[f"{side}.{wheel['name']}"])} for wheel in config["track"]["wheels"]]
     return {**config, "track": {**config["track"], "wheels": wheels}}
 
