@@ -23,7 +23,7 @@ from fmus.physics.arrays import Floats
 
 STEP = 0.1  # m: distance of two places, on paths that are not longer than
 PLACES = 100_000  # times that
-ALONG, TURNS = 0.5, 0.2  # of the grip for a change of speed: straight on, and in a turn, which needs most of the rest
+ALONG, TURNS = 0.8, 0.35  # of the grip for a change of speed: straight on, and in a turn, which needs most of the rest
 FAINT = 0.03  # rad/s: a yaw rate that counts as a turn
 FEWEST = 8  # on a piece
 ROUNDS = 8  # of planning slower where the vehicle cannot turn fast enough

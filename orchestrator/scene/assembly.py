@@ -258,7 +258,8 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     for part in drives:
         part.config["drive"]["demanded"] = True
     config = {"vehicle": vehicle.model_dump()}
-    driver = Part("driver", "Driver", config, {**_start(scene), **_driver_parameters(scene.driver)}, DRIVER)
+    parameters = {"friction": vehicle.contact.ground.friction, **_driver_parameters(scene.driver)}
+    driver = Part("driver", "Driver", config, {**_start(scene), **parameters}, DRIVER)
     return Assembly((*tracks, *drives, chassis, driver), (*wiring, *_driven(scene)))
 
 
@@ -305,7 +306,8 @@ def _driven(scene: VehicleScene) -> tuple[Connection, ...]:
 
 def _driver_parameters(driver: Driver) -> Parameters:
     """What the scene says of a driver."""
-    own = driver.model_dump(include={"heading", "deceleration", "reach", "preview", "width"}, exclude_none=True)
+    same = {"heading", "deceleration", "reach", "preview", "width", "friction", "grip"}
+    own = driver.model_dump(include=same, exclude_none=True)
     ramp = {
         "speed.end": driver.speed,
         "ramp.start": driver.ramp_start,

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, mode
 
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
-from fmus.vehicle import Distance, Force, In, Mass, Table
+from fmus.vehicle import Distance, Force, In, Mass, Table, to_si
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
 from orchestrator.results.validity.limits import ALLOWED
@@ -417,7 +417,18 @@ class VehicleDrive(Drive):
         return getattr(self, side) or self._both()
 
 
-Curvature = Annotated[float, In("rad/m", ge=-1e3, le=1e3)]
+def _arc(pair: object) -> object:
+    """An arc of a path in SI: [length, curvature], or [0, angle] for a turn on the spot."""
+    if not isinstance(pair, list | tuple) or len(pair) != 2:
+        return pair
+    length = to_si("m")(pair[0])
+    second = to_si("rad/m" if length else "rad")(pair[1])
+    if not length and not second:
+        raise ValueError("an arc of length 0 turns on the spot: its second number is the angle, not 0")
+    return length, second
+
+
+Arc = Annotated[tuple[Place, Annotated[float, In("rad/m", ge=-1e3, le=1e3)]], BeforeValidator(_arc)]
 
 
 class Driver(Table):
@@ -427,8 +438,8 @@ class Driver(Table):
     driver's own default.
     """
 
-    # [length, curvature], left positive, or a CSV file of them
-    arcs: Annotated[tuple[tuple[Distance, Curvature], ...] | None, BeforeValidator(off)] = None
+    # [length, curvature], left positive, backwards with a negative length, [0, angle] on the spot; or a CSV file of them
+    arcs: Annotated[tuple[Arc, ...] | None, BeforeValidator(off)] = None
     # [x, y] of a smooth path, or a CSV file of them
     points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(off)] = None
     heading: Annotated[float, In("rad")] | None = None
@@ -440,7 +451,9 @@ class Driver(Table):
     lateral_acceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # bounds speed and curvature
     reach: Distance | None = None  # least distance of the point that is pursued
     preview: Time | None = None  # and in time
-    width: Distance | None = None  # distance of two tracks that would turn the vehicle alike without slip
+    width: Distance | None = None  # distance of two tracks that would turn the vehicle alike without slip: for errors
+    friction: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None  # that is counted on: else the ground's
+    grip: Annotated[float, Field(ge=0.05, le=0.9)] | None = None  # share of the friction that the way is planned with
 
     @model_validator(mode="after")
     def _one_way(self) -> Driver:
