@@ -11,7 +11,6 @@ forces along and up the chassis.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 

@@ -210,8 +210,8 @@ def each_evaluation(found: Found) -> Verdict:
     told, near, less = [], [], []
     for rigid in (RIGID_SPRING, RIGID):
         other = found.one("cost", rigid, method=pieces.ADAMS)
-        if own is not None and other is not None and own.ok and other.ok:
-            ratio = own["each"] / other["each"]
+        ratio = own["each"] / other["each"] if own is not None and other is not None else math.nan
+        if math.isfinite(ratio):
             told.append(f"{ratio:.2f} over {rigid.label}")
             near.append(abs(ratio / (CPU / EVALUATIONS) - 1.0) < NEAR)
             less.append(ratio < 1.0)
