@@ -148,7 +148,8 @@ class Acts(NamedTuple):
 KEYS: dict[str, Acts] = {
     "vehicle.chassis.hull.*": Acts("buried"),
     "vehicle.track.tension": Acts("tensioned", ALL),
-    "vehicle.track.inertia.*": Acts("vehicle", ("rigid",)),  # a cable has that of its line, a beam of its section
+    "vehicle.track.inertia.1": Acts("vehicle", ALL),
+    "vehicle.track.inertia.*": Acts("vehicle", ("beam", "rigid")),  # a cable has none but about its pin
     "vehicle.track.links": Acts("vehicle", ALL, 65),
     "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
     "vehicle.track.width": Acts("vehicle", ("beam", "rigid")),  # a cable touches on its line

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.model import Floats, Free, InvalidParameter, StepFailed
+from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
@@ -263,13 +264,17 @@ class Model(TrackModel):
             tau * (young * area),
             tau * (young * second),
             axes,
+            self._rotary_of_cables(),
         )
         common = self.links_count, int(self.closed), cable, v["track"]["face"], s["outer_fibre"], area, second
         if turning == "free":
             from fmus.physics.chain.flexible.turning import TurningCables
 
             track = v["track"]
-            sideways, twist = young * (s["lateral_bending"] - second), self.links_count * track["inertia"][0]
+            across = rotary.second_moments(track["inertia"])[1]
+            if across <= 0.0:
+                raise self._more_than_a_body_has(1)
+            sideways, twist = young * (s["lateral_bending"] - second), self.links_count * across
             return TurningCables(*common, 0.25 * track["width"], sideways, twist, self.closing)
         return kind(*common, self.closing)
 
@@ -287,7 +292,8 @@ class Model(TrackModel):
         width, height = (np.sqrt(12.0 * s[key] / s["area"]) for key in ("lateral_bending", "bending"))
         scale = s["area"] / (width * height)
         rho, twist = track["mass"] / (self.pitch * width * height), s["torsion"] / (s["bending"] + s["lateral_bending"])
-        beam = Beam(self.pitch, width, height, rho, scale * young, poisson, SHEAR, twist, True, tau)
+        more = self._rotary_of_beams(width, height)
+        beam = Beam(self.pitch, width, height, rho, scale * young, poisson, SHEAR, twist, True, tau, more)
         return Beams(
             self.links_count,
             int(self.closed),
@@ -298,6 +304,36 @@ class Model(TrackModel):
             s["area"],
             young,
             self.closing,
+        )
+
+    def _rotary_of_cables(self) -> float:
+        """What the table's inertia about the pin has beyond that of a rod, kg m2; raises InvalidParameter."""
+        mass, pin = self.vehicle["track"]["mass"], self.vehicle["track"]["inertia"][1]
+        rod, least = mass * self.pitch**2 / 12.0, rotary.NONE
+        if pin < least * rod:
+            raise InvalidParameter(
+                f"vehicle.track.inertia[1] = {pin:g} kg m2, about the pin: must be at least {least:g} of a rod's of"
+                f" {mass:g} kg and {self.pitch:g} m, {least * rod:.6g} kg m2, or a cable's mass matrix is singular"
+            )
+        return float(pin - rod)
+
+    def _rotary_of_beams(self, width: float, height: float) -> tuple[float, float, float]:
+        """What the table's second moments have beyond those of the section, kg m2; raises InvalidParameter."""
+        mass, wanted = self.vehicle["track"]["mass"], rotary.second_moments(self.vehicle["track"]["inertia"])
+        own = tuple(float(mass * size * size / 12.0) for size in (self.pitch, width, height))
+        for axis, (found, has) in enumerate(zip(wanted, own, strict=True)):
+            if found < rotary.NONE * has:
+                raise self._more_than_a_body_has(axis)
+        x, y, z = (found - has for found, has in zip(wanted, own, strict=True))
+        return x, y, z
+
+    def _more_than_a_body_has(self, axis: int) -> InvalidParameter:
+        """Of inertia about an axis of the link."""
+        inertia = self.vehicle["track"]["inertia"]
+        return InvalidParameter(
+            f"vehicle.track.inertia[{axis}] = {inertia[axis]:g} kg m2: must be less than the sum of the other two,"
+            f" {sum(inertia) - inertia[axis]:g} kg m2 (no body has more), or the chain's mass matrix is not positive"
+            " definite"
         )
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:

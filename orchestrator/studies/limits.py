@@ -83,9 +83,9 @@ def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
 def link_frequency(scene: TrackScene) -> float:
     """Highest frequency of one free straight link, rad/s: no mode of its chain is higher."""
     v = scene.vehicle
-    E, A, I, line = v.material.youngs_modulus, v.section.area, v.section.bending, v.track.mass / v.track.pitch
-    one = Cable(v.track.pitch, line, E * A, E * I, 0.0, 0.0)
-    return highest_frequency(one)
+    E, A, I, l, mass = v.material.youngs_modulus, v.section.area, v.section.bending, v.track.pitch, v.track.mass
+    more = v.track.inertia[1] - mass * l**2 / 12.0
+    return highest_frequency(Cable(l, mass / l, E * A, E * I, 0.0, 0.0, rotary=more))
 
 
 def predicted(scene: TrackScene) -> tuple[float, str]:

@@ -242,9 +242,11 @@ class Cable(Element):
 
     @cached_property
     def mass_matrix(self) -> Floats:
+        """The line's, and what the table's inertia about the pin has beyond a rod's on the mean slope of the line."""
         x, w = gauss(4)
-        S = self.centreline(x)
-        return self.mass * np.einsum("p,pa,pb->ab", w, S, S)
+        S, more = self.centreline(x), self.vehicle["track"]["inertia"][1] - self.mass * self.pitch**2 / 12.0
+        slope = np.einsum("p,p,pa->a", w, x - 0.5, S) * 12.0 / self.pitch
+        return self.mass * np.einsum("p,pa,pb->ab", w, S, S) + more * np.outer(slope, slope)
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
         """On the face ``off`` outside the centreline, along r_x cross the pins' axis."""
@@ -356,6 +358,12 @@ class Turning(Cable):
         self.e[:, :, [0, 2]] += self.o[:, None, None]
         self.v[:, :, [0, 2]] += self.do[:, None, None]
         self.pins, self.rates = self.e[:, :, 0], self.v[:, :, 0]
+
+    @property
+    def kinetic(self) -> Floats:
+        """Besides, of what lies across the links' lines."""
+        roll, pin, yaw = self.vehicle["track"]["inertia"]
+        return super().kinetic + 0.5 * self.n * 0.5 * (roll + yaw - pin) * (self.w**2).sum(1)
 
     def out(self, a: Floats) -> Floats:
         return np.einsum("tij,tnaj->tnai", self.R, a)
@@ -498,14 +506,17 @@ class Beam(Element):
 
     @cached_property
     def mass_matrix(self) -> Floats:
+        """Of a box with the table's inertias; its length beyond the pitch on the mean slope of the line."""
         (x, w), (s, m) = gauss(4), gauss(2)
-        M = np.zeros((8, 8))
+        M, slope, (roll, pin, yaw) = np.zeros((8, 8)), np.zeros(8), self.vehicle["track"]["inertia"]
+        wide, high = (np.sqrt(6.0 * moment / self.mass) for moment in (roll + yaw - pin, roll + pin - yaw))
         for a, wa in zip(x, w, strict=True):
+            slope += 12.0 / self.pitch * wa * (a - 0.5) * self.shape(a, 0.0, 0.0)
             for b, wb in zip(s - 0.5, m, strict=True):
                 for c, wc in zip(s - 0.5, m, strict=True):
-                    S = self.shape(a, b * self.wide, c * self.high)
+                    S = self.shape(a, b * wide, c * high)
                     M += self.mass * wa * wb * wc * np.outer(S, S)
-        return M
+        return M + (0.5 * (pin + yaw - roll) - self.mass * self.pitch**2 / 12.0) * np.outer(slope, slope)
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
         S = self.shape(xi, y, off)

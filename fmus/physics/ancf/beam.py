@@ -55,6 +55,11 @@ class Beam(NamedTuple):
     torsion: float  # the same in torsion: Saint-Venant's constant over the polar moment of the section
     split: bool  # lateral coupling on the axis only
     tau: float  # damping time: stress tau x rate of the elastic one, s
+    rotary: tuple[float, float, float] = (
+        0.0,
+        0.0,
+        0.0,
+    )  # second moments of mass beside the volume's, kg m2: ``rotary``
 
 
 Section = Beam
@@ -101,15 +106,19 @@ def shape(c, xi, y, z, S):
 @allocating
 def mass(c, M):
     """The constant mass matrix as (8, 8) factors of the identity of space, kg."""
-    S, area, (y, z) = np.empty(8), c.width * c.height, radii(c)  # at the radii of gyration: exact second moments
+    S, whole, slope, (y, z) = np.empty(8), matter(c), cable.mean_slope(c), radii(c)
+    y, z = np.sqrt(y * y + c.rotary[1] / whole), np.sqrt(z * z + c.rotary[2] / whole)  # of gyration: exact moments
     M[:] = 0.0
     for p in range(4):  # four points integrate the sixth degree of the axis exactly
         for corner in range(4):
             shape(c, POINTS[4, p], y if corner < 2 else -y, z if corner % 2 else -z, S)
-            w = 0.25 * c.rho * area * c.l * WEIGHTS[4, p]
+            w = 0.25 * whole * WEIGHTS[4, p]
             for a in range(8):
                 for b in range(8):
                     M[a, b] += w * S[a] * S[b]
+    for a in range(4):  # of r and r_x at both nodes
+        for b in range(4):
+            M[a + a // 2 * 2, b + b // 2 * 2] += c.rotary[0] * slope[a] * slope[b]
 
 
 @kernel

@@ -34,6 +34,7 @@ class Cable(NamedTuple):
     nuA: float  # axial damping nu1 A, N s
     nuI: float  # bending damping nu2 I, N s m2
     axes: tuple[int, ...] = (0, 1, 2)  # those that a vector has: compiled for their number, as the length of a tuple
+    rotary: float = 0.0  # second moment of mass of the mean slope, beside the line's, kg m2: ``rotary`` (1)
 
 
 class GeneralCable(Cable):
@@ -105,9 +106,16 @@ def mass(c, M):
         (54.0, 13.0 * l, 156.0, -22.0 * l),
         (-13.0 * l, -3.0 * l * l, -22.0 * l, 4.0 * l * l),
     )
+    slope = mean_slope(c)
     for a in range(4):
         for b in range(4):
-            M[a, b] = m * rows[a][b]
+            M[a, b] = m * rows[a][b] + c.rotary * slope[a] * slope[b]
+
+
+@kernel
+def mean_slope(c):
+    """The mean slope of the line as factors of the coordinates: ``rotary`` (1)."""
+    return -1.2 / c.l, -0.1, 1.2 / c.l, -0.1
 
 
 @kernel

@@ -109,7 +109,7 @@ def tangent(c, e, v, by_rate, K):
             add_stretching(w, d, c.nuA, by_rate, v, D, r, H, E)
         else:
             add_bending(w, d, D, r, H, E)
-    cable.tangent(Cable(c.l, 0.0, 0.0, 0.0, 0.0, c.nuI, c.axes), e, v, by_rate, K)
+    cable.tangent(Cable(c.l, 0.0, 0.0, 0.0, 0.0, c.nuI, c.axes, 0.0), e, v, by_rate, K)
     for i in range(9):
         for j in range(9):
             K[3 + i, 3 + j] += E[i, j]

@@ -16,6 +16,7 @@ from fmus.physics.chain.flexible.axes import (
     risen,
     sideways,
     sideways_energy,
+    turning_energy,
 )
 from fmus.physics.chain.flexible.closing import stored
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
@@ -76,7 +77,7 @@ def totals(links, env, x, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, q = links.n, links.element, x.q
     weight = matter(c) * env.gravity
-    kinetic = gravity = 0.0
+    kinetic, gravity = turning_energy(links, x), 0.0
     strain_energy = stored(links.closing, axes(c), q)
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):

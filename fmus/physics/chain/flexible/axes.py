@@ -119,3 +119,8 @@ def directed(links, s, v):
 @door(_of)
 def sideways_energy(links, w):
     """Strain energy of ``sideways``, J."""
+
+
+@door(_of)
+def turning_energy(links, x):
+    """Kinetic energy of what the links weigh beside their lines, J."""

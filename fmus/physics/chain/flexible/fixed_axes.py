@@ -119,3 +119,9 @@ def directed(links, s, v):
 def sideways_energy(links, w):
     """See ``axes``."""
     return 0.0
+
+
+@kernel
+def turning_energy(links, x):
+    """See ``axes``: the elements have it."""
+    return 0.0

@@ -12,8 +12,10 @@ the axes, ground forces act in the frame of the start.
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import eigh
 
 from fmus.jit import kernel
+from fmus.physics.ancf.cable import linear, mass
 from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.axes_state import (
@@ -328,9 +330,14 @@ def square(links, s):
 
 
 def sideways_frequency(links):
-    """See ``axes``: EI w^4 / rho A of cubic elements that share their slopes; one alone (the ends) is stiffer."""
-    c, most = links.element, 2520.0 if links.closed and links.closing is None else 8400.0
-    return np.sqrt(most * (c.EI + links.sideways) / c.rhoA) / c.l**2
+    """See ``axes``: of cubic elements that share their slopes, all in phase; one alone (the ends) is stiffer."""
+    c, M = links.element, np.zeros((4, 4))
+    mass(c, M)
+    K = np.array(linear(c._replace(EI=c.EI + links.sideways), 0.0, 0.0))
+    if links.closed and links.closing is None:
+        both = np.vstack([np.eye(2), np.eye(2)])
+        K, M = both.T @ K @ both, both.T @ M @ both
+    return np.sqrt(eigh(K, M, eigvals_only=True)[-1])
 
 
 @kernel
@@ -371,3 +378,9 @@ def sideways_energy(links, w):
     d = (e[2, 1] - e[0, 1]) / links.element.l
     first, second = 4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d, 6.0 * d - 2.0 * e[1, 1] - 4.0 * e[3, 1]
     return s / 6.0 * (first * first + first * second + second * second)
+
+
+@kernel
+def turning_energy(links, x):
+    """See ``axes``."""
+    return 0.5 * links.twist * (x.axes[RATE] ** 2 + x.axes[RATE + 2] ** 2)

@@ -35,7 +35,7 @@ class TurningCables(NamedTuple):
     second_moment: float  # m4
     lateral: float  # of the contact points from the middle, m
     sideways: float  # bending stiffness about the normal beyond that about the pin, N m2
-    twist: float  # moment of inertia of all links about their own lines, kg m2
+    twist: float  # second moment of mass of all links along their pins, kg m2
     closing: Spring | None = None  # of a loop whose mesh is open
 
 

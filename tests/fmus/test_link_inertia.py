@@ -1,0 +1,136 @@
+"""One vehicle has one inertia: rigid links, cables and beams turn as the table of the vehicle says."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from test_free_chains import HOLD, TABLE, Beams, Flexible, P, PlanarCables, Rigid, made
+
+from fmus.model import InvalidParameter
+from fmus.physics.ancf import rotary
+from fmus.physics.ancf.element import mass, straight
+from fmus.physics.chain.flexible.places import places
+from fmus.physics.chain.report import KINETIC
+
+MASS, INERTIA = TABLE["track"]["mass"], tuple(TABLE["track"]["inertia"])
+ROD = MASS * P**2 / 12.0
+KINDS = (Rigid, Flexible, PlanarCables, Beams)
+RATE = 3.0  # rad/s
+
+
+def built(kind, links, ends, inertia, **changes):
+    """The same of a table with other inertias."""
+    track = {"links": links, "closed": ends is None, "wheels": [], "ground": False, "gravity": 9.81 if ends else 0.0}
+    table = {**TABLE, "track": {**TABLE["track"], "inertia": list(inertia)}}
+    model = kind({"vehicle": table, "track": {**track, "ends": ends}, "link_outputs": True})
+    model.initialise({p.name: p.start for p in model.ports if p.causality == "parameter"} | changes)
+    return model
+
+
+def turning_energy(model, axis):
+    """Of a single link that turns about its first pin, J, less that of its centre of mass."""
+    w = RATE * np.eye(3)[axis]
+    if isinstance(model, Rigid):
+        model.s.v[0] = np.concatenate([np.cross(w, [0.5 * P, 0.0, 0.0]), w])
+        model._let_go()
+    else:
+        at, across = places(model.kit, model.s.q, len(model.work.M), 1)[0], model.kit.AXES
+        e = np.zeros((len(at), 3))
+        e[:, across] = model.s.q.reshape(-1)[at]
+        e[[0, len(at) // 2]] -= e[0]
+        model.s.v.reshape(-1)[at] = np.cross(w, e)[:, across]
+        model._let_go()
+    centre = 0.5 * MASS * (0.5 * P * RATE) ** 2 if axis else 0.0
+    return model.report[KINETIC] - centre
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_link_turns_with_the_inertia_of_the_table(kind):
+    """About all axes; a cable, which is a line, has that about its pin, and about its normal the same."""
+    axes = {Rigid: INERTIA, Beams: INERTIA, Flexible: (0.0, INERTIA[1], INERTIA[1]), PlanarCables: (None, INERTIA[1])}
+    for axis, inertia in enumerate(axes[kind]):
+        if inertia is not None:
+            found = turning_energy(made(kind, 1, HOLD), axis)
+            assert found == pytest.approx(0.5 * inertia * RATE**2, rel=1e-12, abs=1e-12)
+            assert inertia == 0.0 or found != pytest.approx(0.5 * 1.03 * inertia * RATE**2, rel=1e-12)
+
+
+def test_rotary_inertia_neither_weighs_nor_moves():
+    """What the elements have beside their lines has no part in a translation."""
+    for kind in (Flexible, PlanarCables, Beams):
+        model = made(kind, 1, HOLD)
+        shift = np.zeros(len(model.work.M))
+        shift[:: len(shift) // 2] = 1.0
+        e = straight(model.link.element)[:, 0]
+        np.testing.assert_allclose(shift @ model.work.M @ shift, MASS, rtol=1e-14)
+        np.testing.assert_allclose(shift @ model.work.M @ e, 0.5 * MASS * P, rtol=1e-14)
+
+
+def motion(kind, inertia, **changes):
+    """Pins of a loop of eight links that becomes oval as it spins, after 50 ms."""
+    spin = {"start": "polygon", "start.spin": 20.0, "start.ovalling": 8.0, "step": 1e-4}
+    model = built(kind, 8, None, inertia, **spin, **changes)
+    for k in range(10):
+        model.step(5e-3 * k, 5e-3, np.zeros(0))
+    return model.pins()
+
+
+@pytest.mark.parametrize("kind", [Flexible, Beams])
+def test_flexible_links_move_as_rigid_ones_the_stiffer_they_are(kind):
+    """Apart by 1 / E; links with 3 % more inertia stay where they are however stiff."""
+    rigid = motion(Rigid, INERTIA)
+    apart = [np.abs(motion(kind, INERTIA, **{"material.youngs_modulus": E}) - rigid).max() for E in (2e8, 2e9, 2e10)]
+    twin = np.abs(motion(Rigid, (INERTIA[0], 1.03 * INERTIA[1], INERTIA[2])) - rigid).max()
+    assert apart[2] < 0.1 * twin
+    rates = np.log10(np.array(apart[:-1]) / apart[1:])
+    np.testing.assert_allclose(rates, 1.0, atol=0.2)
+
+
+def eigenvalues(model):
+    """Of a link's mass matrix, seen from that of its line or volume."""
+    c = model.link.element
+    alone = np.zeros_like(model.work.M)
+    mass(c._replace(rotary=(0.0, 0.0, 0.0) if isinstance(model, Beams) and model.element == "beam" else 0.0), alone)
+    return eigh(model.work.M, alone, eigvals_only=True)
+
+
+CABLES = {"cable": Flexible, "planar": PlanarCables}
+
+
+@pytest.mark.parametrize("kind", CABLES)
+@pytest.mark.parametrize("share", [1e-3, 0.5, 3.0])
+def test_one_eigenvalue_is_the_share_of_a_rods_inertia(kind, share):
+    values = eigenvalues(built(CABLES[kind], 2, HOLD, (INERTIA[0], share * ROD, INERTIA[2])))
+    expected = sorted([1.0, 1.0, 1.0, share])
+    np.testing.assert_allclose(values, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", CABLES)
+def test_a_cable_bears_all_inertias_that_rounding_leaves(kind):
+    def least(share: float) -> Any:
+        return built(CABLES[kind], 2, HOLD, (INERTIA[0], share * rotary.NONE * ROD, INERTIA[2]))
+
+    model = least(1.01)
+    for k in range(3):
+        model.step(1e-3 * k, 1e-3, np.zeros(0))
+    assert eigenvalues(model)[0] == pytest.approx(1.01 * rotary.NONE, rel=1e-3)
+    with pytest.raises(InvalidParameter, match=r"^vehicle.track.inertia\[1\] = 3.45\S+ .* must be at least 1e-06 of"):
+        least(0.99)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_beam_bears_the_inertias_of_all_bodies(axis):
+    """None has more about one axis than about the other two together."""
+    bound = sum(INERTIA) - INERTIA[axis]
+
+    def most(share: float) -> Any:
+        return built(Beams, 2, HOLD, [share * bound if k == axis else INERTIA[k] for k in range(3)])
+
+    model = most(0.999)
+    for k in range(3):
+        model.step(1e-3 * k, 1e-3, np.zeros(0))
+    assert 0.0 < eigenvalues(model)[0] < 0.1
+    sentence = rf"^vehicle.track.inertia\[{axis}\] = \S+ kg m2: must be less than the sum of the other two, {bound:g} "
+    with pytest.raises(InvalidParameter, match=sentence):
+        most(1.001)
