@@ -1,6 +1,7 @@
 """Cases side by side: in processes of this machine, or on a Dask cluster.
 
 A case that raises, takes longer than its limit or loses its process becomes a row that says so; the others go on.
+Processes end with the one that started them, however that ends.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures import TimeoutError as TookTooLong
@@ -71,7 +73,8 @@ def run(
 
 def _in_processes(cases: Sequence[Case], left: Sequence[int], workers: int) -> Found:
     workers = max(1, min(workers, len(left)))
-    with _own_modules(), _single_threads(), ProcessPool(workers, context=multiprocessing.get_context("spawn")) as pool:
+    context = multiprocessing.get_context("spawn")
+    with _own_modules(), _single_threads(), ProcessPool(workers, initializer=_end_with_parent, context=context) as pool:
         waiting: dict[Future[Answer], int] = {
             pool.schedule(attempt, args=(cases[k],), timeout=cases[k].limit): k for k in left
         }
@@ -86,6 +89,18 @@ def _in_processes(cases: Sequence[Case], left: Sequence[int], workers: int) -> F
                     yield k, f"its process ended with status {error.exitcode}", False
         finally:
             pool.stop()  # nothing is waited for after an interruption
+
+
+def _end_with_parent() -> None:
+    """Watch the process that started this one: a signal may end it before it can end others."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import csv
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,20 +10,46 @@ from scipy.spatial.transform import Rotation
 
 from fmus.physics.ancf import cable
 from orchestrator.execution.simulate import simulate
+from orchestrator.results.analyses import circuit
+from orchestrator.results.analyses.deformation import Deformation
+from orchestrator.results.run_data import Window
 from orchestrator.scene.scene import load
 from orchestrator.studies import find, paper
 from orchestrator.studies.paper import (
+    conventions,
     counts,
+    curvature,
+    effects,
+    equations,
+    figures,
+    high_frequencies,
+    knots,
     modulus,
+    page,
     pieces,
+    ratios,
     recorded,
+    rules,
     singularity,
-    statements,
+    theory,
     through_fmus,
     violation,
 )
-from orchestrator.studies.paper.models import CLOSED, MODELS, PRICED, RIGID, TRANSFORMED, Model, scene
-from orchestrator.studies.paper.statements import HOLDS, NOT, PART, STATEMENTS, UNMEASURED, Found, judged
+from orchestrator.studies.paper.found import HOLDS, NOT, PART, UNMEASURED, Found
+from orchestrator.studies.paper.models import (
+    CLOSED,
+    CLOSED_ROD,
+    MODELS,
+    PRICED,
+    RIGID,
+    RIGID_ROD,
+    RIGID_SPRING,
+    RODS,
+    TRANSFORMED,
+    Model,
+    scene,
+)
+from orchestrator.studies.paper.statements import STATEMENTS, judged
 from orchestrator.studies.tables import Row
 
 HALF = 0.0762
@@ -180,6 +207,194 @@ def test_masses_of_tree_and_mesh():
     np.testing.assert_allclose(one[0, 0], 2.0 * expected[0, 0], rtol=1e-12)
 
 
+# equations, knots, curvature
+
+
+def values(rows):
+    return {row.figures["key"]: row for row in rows}
+
+
+def test_equations_of_the_paper_hold_for_the_elements(monkeypatch):
+    rows = values(equations.rows())
+    assert all(row.ok is True for row in rows.values()), [row.case for row in rows.values() if not row.ok]
+    shape, mass, pin = cable.shape, cable.mass, equations.joints.pin_cable
+
+    def heavier(c, M):
+        mass(c, M)
+        M[0, 0] *= 1.03
+
+    monkeypatch.setattr(equations.cable, "shape", lambda c, xi, S: shape(c, 1.03 * xi, S))
+    assert {key for key, row in values(equations.rows()).items() if not row.ok} == {"cubic", "rigid", "mass", "kinetic"}
+    monkeypatch.setattr(equations.cable, "shape", shape)
+    monkeypatch.setattr(equations.cable, "mass", heavier)
+    monkeypatch.setattr(equations.joints, "pin_cable", lambda axis: equations.joints.spherical(2, 2))
+    assert {key for key, row in values(equations.rows()).items() if not row.ok} == {"mass", "kinetic", "pin"}
+    monkeypatch.setattr(equations.joints, "pin_cable", pin)
+
+
+def test_knots_join_what_section_5_says(monkeypatch):
+    rows = values(knots.rows())
+    assert all(row.ok is True for row in rows.values())
+    assert rows["continuity_3"]["value"] == 0, "the paper's 'multiplicity three which corresponds to C2'"
+    assert rows["pin_equations"]["value"] % 3 == 1
+    assert rows["sliding_weaker"]["value"] == 4, "no equation of a knot is one of the joint's"
+    spline = knots.spline
+    monkeypatch.setattr(knots, "spline", lambda m: spline(min(m + 1, 4)))
+    assert {key for key, row in values(knots.rows()).items() if not row.ok} >= {"continuity_1", "continuity_2"}
+
+
+def test_curvature_at_pins_falls_as_elements_squared():
+    rows = curvature.rows()
+    assert all(row.ok is True for row in rows)
+    ends = [row["ends"] for row in rows]
+    assert [a / b for a, b in pairwise(ends)] == pytest.approx([4.0, 4.0, 4.0], rel=1e-3)
+    assert rows[0]["middle"] == pytest.approx(2.0 / 3.0, rel=1e-6), "one element: the mean all along"
+    assert rows[-1]["middle"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_curvature_of_recorded_links_is_that_of_their_cubics():
+    x = np.linspace(0.0, 0.1524, 21)
+    shape = 2e-3 * x**2 - 5e-3 * x**3  # curvature 4e-3 - 0.03 x: 4e-3 and -5.72e-4 at the pins
+    moved = np.zeros((1, 3, 21, 3))
+    moved[0, 0, :, 1], moved[0, 2, :, 1] = shape, 1e3 * shape
+    ends, middle = curvature.of_links(Deformation("right_track", np.array([5.0]), x, moved))
+    assert ends == pytest.approx(4e-3, rel=1e-9)
+    assert middle == pytest.approx(4e-3 - 0.03 * 0.0762, rel=1e-9)
+
+
+# frequencies
+
+
+def test_a_known_signal_has_its_spectrum():
+    t = np.arange(round(0.1 * high_frequencies.RATE)) / high_frequencies.RATE
+    signal = sum(a * np.sin(2.0 * np.pi * f * t) for a, f in ((3.0, 50.0), (2.0, 700.0), (0.5, 48e3)))
+    found = [high_frequencies.rms_above(7.0 + signal, low) for low in high_frequencies.ABOVE]
+    expected = [np.sqrt((4.0 + 0.25) / 2.0), 0.5 / np.sqrt(2.0), 0.5 / np.sqrt(2.0)]
+    assert found == pytest.approx(expected, rel=1e-3), "48 kHz, the links' own modes, is there too"
+    assert high_frequencies.rms_above(1.03 * signal, 100.0) != pytest.approx(expected[0], rel=1e-2)
+    assert high_frequencies.peak(signal, high_frequencies.WAVES) == pytest.approx(700.0)
+    assert high_frequencies.peak(signal, 1e3) == pytest.approx(48e3)
+
+
+def test_frequencies_of_contact_and_of_waves():
+    vehicle = scene(CLOSED).vehicle
+    assert high_frequencies.contact(vehicle) == pytest.approx(np.sqrt(4e6 / 18.02) / (2.0 * np.pi), rel=1e-9)
+    speed = np.sqrt(2e11 / 7800.0)  # of sound in steel, m/s: the section gives the link's mass to 2e-4
+    assert high_frequencies.wave(vehicle) == pytest.approx(speed / (64 * 0.1524), rel=1e-3)
+
+
+# figures
+
+
+def test_differences_are_at_the_same_instants():
+    t = np.linspace(0.0, 1.0, 11)
+    reference = figures.Curve(t, t[:, None])
+    found = figures.differences(figures.Curve(t[::2], 3.0 * t[::2, None]), reference)
+    np.testing.assert_allclose(found.values[:, 0], 2.0 * t[::2], atol=1e-15)
+    path = figures.Curve(t, np.stack([t, t], axis=1))
+    apart = figures.differences(path._replace(values=path.values + np.array([3.0, -4.0])), path)
+    np.testing.assert_allclose(apart.values, 5.0)
+    assert apart.values.shape == (11, 1), "of a path the distance"
+
+
+def test_sections_of_figure_20_are_those_of_the_text():
+    """Slack from the sprocket to the first road wheel, transition over the ground and round the idler, tight above."""
+    vehicle = scene(CLOSED).resolved()["vehicle"]
+    wheel, idler = vehicle["road_wheel"], vehicle["idler"]
+    corners = np.array([[0.25, 0.0], [wheel["x"][0], -0.53], [wheel["x"][-1], -0.53], [idler["x"], -0.4],
+                        [idler["x"] - 0.28, -0.12], [idler["x"], 0.15], [0.0, 0.25]])  # fmt: skip
+    closed = np.vstack([corners, corners[:1]])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    s = along[-1] * np.arange(256) / 256
+    pins = np.stack([np.interp(s, along, closed[:, k]) for k in range(2)], axis=1)[None]
+    links, joints, length = circuit.places(pins - pins[0].mean(axis=0), -pins[0].mean(axis=0))
+    centres = 0.5 * (pins + np.roll(pins, -1, axis=1))
+    placed = circuit.Placed(np.zeros(1), length, links, joints, centres, pins, np.eye(3)[None], ())
+    between = conventions.edges(vehicle, placed)
+    kinds = np.array(conventions.SECTIONS)[np.searchsorted(between[1:3], links[0], side="right")]
+    ahead, up = centres[0].T
+    ground = (up < -0.5) & (ahead < wheel["x"][0])
+    behind = ahead < idler["x"]
+    assert set(kinds[ground | behind]) == {"transition"}
+    assert set(kinds[(up > 0.14) & (ahead > idler["x"]) & (ahead < 0.0)]) == {"tight"}
+    assert set(kinds[(ahead > wheel["x"][0]) & (ahead < 0.2) & (up < -0.05)]) == {"slack"}
+    assert list(between) == sorted(between)
+    assert between[-1] == pytest.approx(length[0])
+
+
+# inertia and elasticity
+
+
+def test_a_rods_inertia_is_one_of_the_vehicles():
+    for model, plain in zip(RODS, (RIGID, CLOSED), strict=True):
+        track, own = scene(model).vehicle.track, scene(plain).vehicle.track
+        assert track.inertia[1] == pytest.approx(track.mass * track.pitch**2 / 12.0, rel=1e-12)
+        assert track.inertia[::2] == own.inertia[::2]
+        assert own.inertia[1] == 0.04
+        assert model.track == plain.track
+    assert {(pair.run, pair.reference) for pair in effects.PAIRS} >= {(RIGID_ROD, CLOSED_ROD), (CLOSED, CLOSED_ROD)}
+
+
+def test_effects_are_differences_of_two_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(effects, "INSTANT", 0.05)
+    monkeypatch.setattr(effects, "TURNING", Window(0.0, 0.05))
+    logs = {}
+    for model in (RIGID, RIGID_ROD):
+        recorded.ensure(model, tmp_path, 0.05)
+        logs[model.name] = recorded.path(tmp_path, model)
+    (row,) = effects.rows(logs)
+    assert row.case == "inertia, rigid links"
+    assert 1e-6 < row["force"] < 0.05
+    assert row["tension"] > 1e-6
+    same = effects.compared(logs, effects.Pair("", "", RIGID, RIGID))
+    assert max(same.values()) == 0.0
+    assert effects.relative(np.array([1.03, 0.0]), np.array([1.0, 0.0])) == pytest.approx(0.03)
+
+
+# ratios
+
+
+def cost(model, evaluations, setting=1e-3, interval=pieces.OUTPUT, item="piece", **more):
+    figures = {"model": model.name, "method": pieces.ADAMS, "setting": setting, "interval": interval, **more}
+    return Row(item, model.label, {**figures, "evaluations": evaluations})
+
+
+def test_ratios_over_tolerance_interval_and_inside_fmus():
+    found = [
+        cost(CLOSED, 11000, cpu=0.4, least=0.3, most=0.5, counted=11100.0, each=2e-5, error=1e-8),
+        cost(RIGID, 75, cpu=0.01, least=0.008, most=0.02, counted=90.0, each=4e-5, error=1e-5),
+        cost(CLOSED, 11000, setting=1e-6),
+        cost(RIGID, 300, setting=1e-6),
+        cost(RIGID, 0, setting=1e-7),  # a tolerance that it could not keep
+        cost(CLOSED, 11000, setting=1e-7),
+        cost(CLOSED, 11000, interval=0.02, item="interval"),
+        cost(RIGID_SPRING, 550, interval=0.02, item="interval", floor=2),
+        Row("fmus", "", {"model": CLOSED.name, "tolerance": 1e-6, "evaluations": 1.2e6}, True),
+        Row("fmus", "", {"model": RIGID.name, "tolerance": 1e-6, "evaluations": 5e4}, True),
+        Row("fmus", "", {"model": RIGID.name, "tolerance": 1e-4, "evaluations": 5e4}, True),
+    ]
+    first, second, over_interval, inside = ratios.rows(found)
+    assert first["evaluations"] == 11000 / 75
+    assert first["counted"] == pytest.approx(11100 / 90)
+    assert first["cpu"] == pytest.approx(40.0)
+    assert (first["least"], first["most"]) == pytest.approx((0.3 / 0.02, 0.5 / 0.008)), "fastest over slowest"
+    assert first["each"] == pytest.approx(0.5)
+    assert second["evaluations"] == 11000 / 300
+    assert second["tolerance"] == 1e-6
+    assert over_interval["evaluations"] == 20.0
+    assert (over_interval["interval"], over_interval["floor"]) == (0.02, 2)
+    assert inside["evaluations"] == 24.0
+    assert [row.figures["over"] for row in (first, second, over_interval, inside)] == [
+        ratios.TOLERANCE, ratios.TOLERANCE, ratios.INTERVAL, ratios.FMUS
+    ]  # fmt: skip
+    assert len(page.table("ratio", found).rows) == 4
+
+
+def test_projections_count_as_what_they_take_of_an_evaluation():
+    run = pieces.Cost(pieces.ADAMS, 1e-3, 0.0095, 75, 1e-5, 3.0, steps=40, projection=5e-5)
+    assert run.counted == pytest.approx(75 + 40 * 0.5), "75 evaluations of 100 us, 40 projections of 50 us"
+
+
 # rules
 
 
@@ -219,19 +434,93 @@ def verdict(rule, *found):
 
 
 def test_rules_say_what_the_figures_say():
-    assert verdict(statements.ratios, *rows()) == HOLDS
-    assert verdict(statements.ratios, *rows(cpu=30.0, count=146.0)) == PART
-    assert verdict(statements.ratios, *rows(cpu=0.5)) == NOT
-    assert verdict(statements.ratios, *rows()[:2]) == UNMEASURED
+    assert verdict(rules.ratios, *rows()) == HOLDS
+    assert verdict(rules.ratios, *rows(cpu=30.0, count=146.0)) == PART
+    assert verdict(rules.ratios, *rows(cpu=0.5)) == NOT
+    assert verdict(rules.ratios, *rows()[:2]) == UNMEASURED
     springs = [Row("stiffness", "", {"stiffness": k, "cpu": k**0.5, "evaluations": k**0.5}, True) for k in (1e-4, 1e4)]
-    told = statements.ratios(Found([*rows(cpu=30.0, count=146.0), *springs])).measured
+    told = rules.ratios(Found([*rows(cpu=30.0, count=146.0), *springs])).measured
     assert "of a spring of 56 and 3e+02 N/m" in told, "(30 / 4)^2 and (146 / 8.5)^2"
-    assert verdict(statements.sections, *rows()) == HOLDS
-    assert verdict(statements.sections, *rows(front=12.0)) == NOT
+    assert verdict(rules.sections, *rows()) == HOLDS
+    assert verdict(rules.sections, *rows(front=12.0)) == NOT
     mixed = [*rows(), *rows(front=12.0)]
-    assert verdict(statements.sections, *(mixed[1], mixed[7])) == PART
+    assert verdict(rules.sections, *(mixed[1], mixed[7])) == PART
     gone = Row("sections", RIGID.label, {"model": RIGID.name}, note="not there: no such key")
-    assert verdict(statements.sections, gone) == UNMEASURED
+    assert verdict(rules.sections, gone) == UNMEASURED
+
+
+def test_ratios_would_be_others_at_other_tolerances():
+    found = [
+        *rows(cpu=30.0, count=146.0),
+        cost(CLOSED, 100),
+        cost(RIGID, 50),
+        cost(CLOSED, 90, 1e-6),
+        cost(RIGID, 6, 1e-6),
+    ]
+    told = rules.ratios(Found(found)).measured
+    assert "would be those of the rigid model times: flexible-closed / rigid 30 and 146" in told
+    assert "over tolerances evaluations times 2 to 15" in told
+
+
+def test_an_evaluation_of_a_flexible_chain_costs_half():
+    def told(each, spring=1.0):
+        common = {"method": pieces.ADAMS}
+        return [
+            Row("cost", "", {**common, "model": CLOSED.name, "each": each}, True),
+            Row("cost", "", {**common, "model": RIGID_SPRING.name, "each": spring}, True),
+            Row("cost", "", {**common, "model": RIGID.name, "each": 1.0}, True),
+        ]
+
+    assert verdict(rules.each_evaluation, *told(0.47)) == HOLDS, "4 / 8.5"
+    assert verdict(rules.each_evaluation, *told(0.8)) == PART
+    assert verdict(rules.each_evaluation, *told(1.2)) == NOT
+    assert verdict(rules.each_evaluation, *told(0.47)[:1]) == UNMEASURED
+
+
+def test_high_frequencies_are_those_of_the_links():
+    def told(share=5.0, step=8e-6, contact=75.0):
+        figures = {"fastest": 48e3, "contact": contact, "wave": 519.0}
+        low = {f"along_{f:g}": 1.0 for f in high_frequencies.ABOVE}
+        high = {f"along_{f:g}": share for f in high_frequencies.ABOVE}
+        return [
+            Row("spectrum", "", {"model": CLOSED.name, "step": step, **figures, **high}, True),
+            Row("spectrum", "", {"model": RIGID.name, "step": 5e-5, **figures, **low}, True),
+        ]
+
+    assert verdict(rules.fast, *told()) == HOLDS
+    assert verdict(rules.fast, *told(share=1.0)) == PART
+    assert verdict(rules.fast, *told(share=1.0, step=1e-4)) == NOT
+    assert verdict(rules.fast, *told()[:1]) == UNMEASURED
+    assert verdict(rules.contact_frequencies, *told()) == NOT
+    assert verdict(rules.contact_frequencies, *told(contact=400.0)) == HOLDS
+
+
+def test_what_elasticity_changes_at_equal_inertia():
+    def told(elasticity, inertia=0.05):
+        return [
+            Row("effect", key, {"key": key, "force": size, "tension": size, "pitch": size}, True)
+            for key, size in (("elasticity", elasticity), ("inertia", inertia))
+        ]
+
+    assert verdict(rules.realistic, *told(0.02)) == HOLDS
+    assert verdict(rules.realistic, *told(0.002)) == NOT, "whatever inertia does"
+    assert verdict(rules.realistic, *told(0.02)[:1]) == UNMEASURED
+
+
+def test_statements_of_theory_need_their_equations():
+    rows = [*equations.rows(), *knots.rows()]
+    held = (theory.positions, theory.constant_inertia, theory.joint_equations, theory.joint_modes, theory.same_geometry,
+            theory.patch, theory.knots, theory.corners, theory.sliding, theory.coupled, theory.undamped)  # fmt: skip
+    for rule in held:
+        assert verdict(rule, *rows) == HOLDS, rule.__name__
+        assert verdict(rule) == UNMEASURED
+    assert verdict(theory.constant_stiffness, *rows) == PART, "K_e,l is in proportion to the strain"
+    assert verdict(theory.potential, *rows) == NOT, "the chord strain has no potential"
+    slower = [Row("elasticity", "", {"elasticity": "general", "links": 64, "evaluation": 2.7, "step": 1.9}, True)]
+    assert verdict(theory.cheaper, *slower) == HOLDS
+    assert verdict(theory.cheaper, slower[0].having(step=0.9)) == PART
+    off = [Row("equation", "", {**row.figures}, False) if row.figures["key"] == "pin" else row for row in rows]
+    assert verdict(theory.joint_equations, *off) == PART
 
 
 def test_cholesky_coordinates_save_what_the_figures_say():
@@ -245,14 +534,12 @@ def test_cholesky_coordinates_save_what_the_figures_say():
             Row("cost", "", {**own, **cost, "evaluations": evaluations}, True),
         ]
 
-    assert verdict(statements.transformed, *told(0.9, 0.9)) == HOLDS
-    assert verdict(statements.transformed, *told(1.1, 0.9)) == PART
-    assert verdict(statements.transformed, *told(1.1, 1.1, 1.0)) == PART
-    assert verdict(statements.transformed, *told(1.1, 1.1)) == NOT
-    assert verdict(statements.transformed, *told(1.1, 1.1, 1.9)) == NOT, (
-        "a tenth dearer each outweighs a twentieth fewer"
-    )
-    assert verdict(statements.transformed, *told(0.9, 0.9)[:1]) == UNMEASURED
+    assert verdict(rules.transformed, *told(0.9, 0.9)) == HOLDS
+    assert verdict(rules.transformed, *told(1.1, 0.9)) == PART
+    assert verdict(rules.transformed, *told(1.1, 1.1, 1.0)) == PART
+    assert verdict(rules.transformed, *told(1.1, 1.1)) == NOT
+    assert verdict(rules.transformed, *told(1.1, 1.1, 1.9)) == NOT, "a tenth dearer each outweighs a twentieth fewer"
+    assert verdict(rules.transformed, *told(0.9, 0.9)[:1]) == UNMEASURED
 
 
 def test_every_statement_has_a_verdict_even_where_nothing_was_measured():
@@ -274,7 +561,7 @@ def test_models_are_told_apart_and_one_that_is_missing_is_a_sentence():
     assert "unknown key 'track.nonsense'" in scene(absent)
 
 
-def test_a_log_fits_by_its_scene_and_its_end(tmp_path):
+def test_a_log_fits_by_its_scene_its_fmus_and_its_end(tmp_path, monkeypatch):
     path = tmp_path / "a.mcap"
     settings = ("run.stop=0.02 s", "chain.links=6", "track.start=displaced")
     wanted = load("hanging_chain", "flexible", settings)
@@ -283,8 +570,22 @@ def test_a_log_fits_by_its_scene_and_its_end(tmp_path):
     assert recorded.fits(path, wanted)
     assert not recorded.fits(path, load("hanging_chain", "flexible", (*settings, "vehicle.gravity=9.8")))
     assert not recorded.fits(path, load("hanging_chain", "rigid", settings))
+    with monkeypatch.context() as other:
+        other.setattr(recorded, "sha256", lambda file: "another FMU's")
+        assert not recorded.fits(path, wanted), "of other sources"
     path.write_bytes(path.read_bytes()[:-2000])
     assert not recorded.fits(path, wanted)
+
+
+def test_an_interrupted_run_ends_the_study(tmp_path, monkeypatch):
+    """It is no result of a case that would be kept."""
+    results = {"status": "interrupted", "message": "interrupted at t = 1 s"}
+    monkeypatch.setattr(recorded, "simulate", lambda wanted, file: results)
+    with pytest.raises(KeyboardInterrupt):
+        recorded.ran(None, tmp_path)
+    results["status"] = "failed"
+    with pytest.raises(RuntimeError, match="interrupted at"):
+        recorded.ran(None, tmp_path)
 
 
 def test_the_command_writes_the_page_and_a_statement_that_does_not_hold_is_exit_0(cotrack, monkeypatch, tmp_path):
@@ -309,16 +610,22 @@ def test_the_command_writes_the_page_and_a_statement_that_does_not_hold_is_exit_
 def test_both_forms_have_the_same_cases(tmp_path):
     quick, full = paper.cases(True, tmp_path), paper.cases(False, tmp_path)
     assert [case.name for case in quick] == [case.name for case in full]
-    assert {case.item for case in full} == {"run", "count", "piece", "stiffness", "modulus", "fmus", "links"}
+    assert {case.item for case in full} == {
+        "run", "count", "equation", "curvature", "piece", "stiffness", "modulus", "fmus", "spectrum", "links",
+        "elasticity",
+    }  # fmt: skip
     assert sum(case.item == "piece" for case in full) == len(PRICED) == len(MODELS) + 1
 
 
 @pytest.mark.study
 def test_fmus_begin_anew_at_each_communication_step():
-    (row,) = through_fmus.rows(RIGID.name, 0.0125)
-    assert row.ok
-    assert row["restarts"] == pytest.approx(2 * 800)
-    assert row["evaluations"] > 2.0 * row["steps"] > 2.0 * row["restarts"]
+    coarse, fine = through_fmus.rows(RIGID.name, 0.0125)
+    assert [row["tolerance"] for row in (coarse, fine)] == [*through_fmus.TOLERANCES]
+    for row in (coarse, fine):
+        assert row.ok
+        assert row["restarts"] == pytest.approx(2 * 800)
+        assert row["evaluations"] > 2.0 * row["steps"] > 2.0 * row["restarts"]
+    assert fine["evaluations"] > 1.2 * coarse["evaluations"]
 
 
 @pytest.mark.study
@@ -335,9 +642,10 @@ def test_the_quick_form(cotrack, tmp_path):
     made = {file.name for file in (tmp_path / "found").iterdir()}
     numbers = [*range(10, 18), 20, 21, "18-19"]
     assert {f"figure-{n}.{suffix}" for n in numbers for suffix in ("png", "svg")} <= made
+    assert {"high-frequencies.png", "conditions.png", "paper-ratio.csv", "paper-effect.csv"} <= made
     rows = list(csv.DictReader((tmp_path / "found" / "paper.csv").open()))
     told = {row["statement"]: row["verdict"] for row in rows}
     for statement in STATEMENTS:
-        if statement.rule in (statements.counted, statements.violated, statements.settled, statements.alike,
-                              statements.sections, statements.singular):  # fmt: skip
+        if statement.rule in (rules.counted, rules.violated, rules.settled, rules.alike, rules.sections, rules.singular,
+                              rules.fast, theory.cheaper):  # fmt: skip
             assert told[statement.text] == HOLDS, statement.text

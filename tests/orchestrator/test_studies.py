@@ -4,8 +4,12 @@ import csv
 import io
 import math
 import os
+import select
 import signal
+import subprocess
+import sys
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -116,6 +120,45 @@ def test_a_dead_process_and_an_endless_case_are_recorded():
     assert [row.ok for row in rows] == [False, False, True, True]
     assert rows[0].note == "its process ended with status 3"
     assert rows[1].note == "took longer than 1 s"
+
+
+ENDLESS = """
+import os, time
+from orchestrator.studies import Case, pool
+
+def endless(pipe):
+    with open(pipe, "w") as told:
+        print(os.getpid(), file=told)
+    while True:
+        time.sleep(3600)
+
+if __name__ == "__main__":
+    pool.run([Case("0", str(k), endless, ("pids",)) for k in range(2)], 2)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_processes_end_with_a_study_that_a_signal_ends(tmp_path, environment, number):
+    """Nothing waits on the clock: a pipe gives the processes' numbers, their descriptors say when they have ended."""
+    (tmp_path / "study.py").write_text(ENDLESS)
+    os.mkfifo(tmp_path / "pids")
+    study = subprocess.Popen([sys.executable, "study.py"], env=environment, cwd=tmp_path)
+    pipe, pids = os.open(tmp_path / "pids", os.O_RDWR), []  # also for writing: it has no end before both have written
+    while len(pids) < 2:
+        assert select.select([pipe], [], [], 120)[0], "the processes did not begin"
+        pids += [int(pid) for pid in os.read(pipe, 100).split()]
+    os.close(pipe)
+    ends = [os.pidfd_open(pid) for pid in pids]
+    study.send_signal(number)
+    assert study.wait(timeout=60) == -number
+    try:
+        for end in ends:
+            assert select.select([end], [], [], 60)[0], "a process went on computing"
+    finally:
+        for end in ends:
+            with suppress(ProcessLookupError):
+                signal.pidfd_send_signal(end, signal.SIGKILL)
+            os.close(end)
 
 
 def test_a_study_goes_on_where_it_was(tmp_path):

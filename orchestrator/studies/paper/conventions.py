@@ -4,7 +4,7 @@ The first joint is the one between links 1 and 2, pin 2 here, because the cut of
 that on the link that begins there, along the chassis (ahead) and normal to it (up). The end point of link 31 is pin 32.
 Links are numbered backwards over the ground: from the sprocket in front down to the ground, to the idler, and ahead
 along the upper run. The slack section leads from the middle of the sprocket's wrap to the first road wheel, the
-transition over the ground and round the idler, the tight section is the upper run and the chain's way into the sprocket.
+transition over the ground and round the idler, the tight section is the upper run on to the middle of that wrap.
 """
 
 from __future__ import annotations

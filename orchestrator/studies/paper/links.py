@@ -48,6 +48,28 @@ def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
     return [*found, Row("exponent", label, {"model": name, **exponents}, True)]
 
 
+def elasticities(numbers: tuple[int, ...]) -> list[Row]:
+    """Section 7.1: what (8)-(10) cost over (11)-(15), explicit and implicit, in turn."""
+    found = []
+    for links in numbers:
+        for elasticity in ("general", "engineering"):
+            own, small = (
+                {
+                    way: chain_of(CLOSED.name, links, f"track.elasticity={which}", f"track.integrator={integrator}")
+                    for way, integrator in (("evaluation", "runge_kutta"), ("step", "generalized_alpha"))
+                }
+                for which in (elasticity, "small_deformation")
+            )
+            figures = {
+                "elasticity": elasticity,
+                "links": links,
+                "evaluation": in_turn(own["evaluation"], small["evaluation"]),
+                "step": in_turn(own["step"], small["step"], STEP),
+            }
+            found.append(Row("elasticity", f"{elasticity} over small_deformation", figures, True))
+    return found
+
+
 def chain_of(name: str, links: int, *settings: str) -> Any:
     """The model of a loop of so many links; raises BadInput, InvalidParameter or StepFailed."""
     share = AT / links
@@ -82,16 +104,19 @@ def evaluation_time(chain: Any) -> float:
     return time_of_step * (REPEATS * steps + 1) / (int(chain.counters[1]) - before)
 
 
-def in_turn(one: Any, other: Any) -> float:
-    """CPU time of an evaluation of one chain over that of another, step by step in turn: the median of the pairs."""
+def in_turn(one: Any, other: Any, step: float = 0.0) -> float:
+    """CPU time of an evaluation of one chain over that of another, step by step in turn: the median of the pairs.
+
+    ``step`` s: of a step so long, not of its evaluations.
+    """
     each: list[list[float]] = [[], []]
     for chain in (one, other):
-        chain.advance(0.0, 5.0 * chain.stable)
+        chain.advance(0.0, step or 5.0 * chain.stable)
     for k in range(1, STEPS):
         for chain, times in zip((one, other), each, strict=True):
-            h, before, began = 5.0 * chain.stable, int(chain.counters[1]), time.thread_time()
+            h, before, began = step or 5.0 * chain.stable, int(chain.counters[1]), time.thread_time()
             chain.advance(k * h, h)
-            times.append((time.thread_time() - began) / (int(chain.counters[1]) - before))
+            times.append((time.thread_time() - began) / (1 if step else int(chain.counters[1]) - before))
     return float(np.median(np.divide(each[0], each[1])))
 
 

@@ -6,8 +6,11 @@ from typing import NamedTuple
 
 from fmus.vehicle import BadInput
 from orchestrator.scene.scene import TrackScene, load
+from orchestrator.scene.tables import VehicleStart
 
 SCENE = "straight"  # rest, half-cosine to 20 rad/s at both sprockets, and on: figure 10
+# the paper's vehicle drops from its drawn position: figure 13 (where starts are drawn alone there is nothing to say)
+DROP = ("start.state=drawn",) if "state" in VehicleStart.model_fields else ()
 CONSTRAINED = ("track.joints=constrained",)
 SPRING = ("track.closure=spring",)
 ROD = (f"vehicle.track.inertia=[0.22, {18.02 * 0.1524**2 / 12.0!r}, 0.25]",)  # kg m2; about the pin m l^2 / 12
@@ -61,8 +64,9 @@ def named(name: str) -> Model:
 
 def scene(model: Model, *settings: str, of: str = SCENE) -> TrackScene | str:
     """A scene of the gallery with this model, or the sentence that says why there is none."""
+    drop = DROP if of == SCENE else ()
     try:
-        found = load(of, model.track, (*model.settings, *settings))
+        found = load(of, model.track, (*drop, *model.settings, *settings))
     except BadInput as refusal:
         return str(refusal)
     assert isinstance(found, TrackScene)

@@ -2,7 +2,8 @@
 
 The piece of ``pieces``, and twice as long: the co-simulation leads there with implicit steps, the models that the FMUs
 of the tracks hold take over at t = ``BEGIN`` with Adams' methods, and are stepped with the inputs that the
-co-simulation recorded, at several tolerances. The count of the paper is that of ``pieces``, one differential equation without a stop.
+co-simulation recorded, at several tolerances. The count of the paper is that of ``pieces``, one differential equation
+without a stop.
 """
 
 from __future__ import annotations

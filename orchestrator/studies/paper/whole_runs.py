@@ -14,7 +14,7 @@ from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.difference import differences_of_logs
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.scene import TrackScene
-from orchestrator.studies.paper import effects, recorded, singularity, violation
+from orchestrator.studies.paper import curvature, effects, recorded, singularity, violation
 from orchestrator.studies.paper.conventions import AROUND, HOLD, INSTANT, NODE, SIDE, TRACK, TURNING
 from orchestrator.studies.paper.effects import MOTION
 from orchestrator.studies.paper.models import REFERENCE, WHOLE, Model, scene
@@ -98,8 +98,14 @@ def _sections(run: RunData) -> dict[str, float]:
 
 def _deformed(run: RunData) -> dict[str, float]:
     """Largest displacements of points of the right chain's links in their tangent frames at the instant, m."""
-    found = deformation.of(run, TRACK, at=[INSTANT]).displacement[:, :-1]  # the last link ends at the cut
-    return {axis: float(np.abs(found[..., k]).max()) for k, axis in enumerate(deformation.AXES)}
+    found = deformation.of(run, TRACK, at=[INSTANT])
+    ends, middle = curvature.of_links(found)
+    moved = found.displacement[:, :-1]  # the last link ends at the cut
+    return {
+        "ends": ends,
+        "middle": middle,
+        **{axis: float(np.abs(moved[..., k]).max()) for k, axis in enumerate(deformation.AXES)},
+    }
 
 
 def _visited(run: RunData) -> dict[str, str]:
