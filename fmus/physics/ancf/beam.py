@@ -285,22 +285,18 @@ def react(c, e, v, elastic, Q):
     return power
 
 
-@kernel
-def rotary(c):
-    """Inertia per length that r_x on the axis has beside that of the volume, kg m."""
-    return 0.0
-
-
 @allocating
 def section_force(c, e, v, a):
     """See ``element``: what the stresses do to r_x on the axis, seen along the line of the ends."""
     N, G, H, C = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((2, 5, 5))
-    E, R, T, pull, square, apart = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5)), 0.0, 0.0, 0.0
+    E, R, T, pull, square, turning = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5)), 0.0, 0.0, 0.0
+    slope = cable.mean_slope(c)
     law(c, C)
     for n in range(3):
         d = e[4, n] - e[0, n]
         square += d * d
-        apart += d * (a[4, n] - a[0, n])
+        for k in range(4):  # of r and r_x at both nodes
+            turning += d * slope[k] * a[k + k // 2 * 2, n]
     for p in range(GAUSS):
         basis(c, POINTS[GAUSS, p], N)
         seen(N, e, G)
@@ -314,7 +310,7 @@ def section_force(c, e, v, a):
         for j in range(5):
             for n in range(3):
                 pull += WEIGHTS[GAUSS, p] * T[0, j] * G[j, n] * (e[4, n] - e[0, n])
-    return (c.width * c.height * pull + rotary(c) / c.l * apart) / np.sqrt(square)
+    return (c.width * c.height * pull + c.rotary[0] / c.l * turning) / np.sqrt(square)
 
 
 @kernel

@@ -307,21 +307,16 @@ def tangent(c, e, v, by_rate, K):
 
 
 @kernel
-def rotary(c):
-    """Inertia per length that r_x has beside that of the line, kg m."""
-    return 0.0
-
-
-@kernel
 def section_force(c, e, v, a):
-    """See ``element``: (12) and (19) along r_x, and the rotary inertia; bending has no part in it."""
-    eps = strain(c, e)
-    axial, square, apart = c.EA * eps + c.nuA * strain_rate(c, e, v) / (1.0 + 2.0 * eps), 0.0, 0.0
+    """See ``element``: (12) and (19) along r_x, and the rotary inertia of the mean slope; bending has no part in it."""
+    eps, slope = strain(c, e), mean_slope(c)
+    axial, square, turning = c.EA * eps + c.nuA * strain_rate(c, e, v) / (1.0 + 2.0 * eps), 0.0, 0.0
     for i in range(len(c.axes)):
         d = e[2, i] - e[0, i]
         square += d * d
-        apart += d * (a[2, i] - a[0, i])
-    return (axial * square + rotary(c) * apart) / (c.l * np.sqrt(square))
+        for n in range(4):
+            turning += d * slope[n] * a[n, i]
+    return (axial * square + c.rotary * turning) / (c.l * np.sqrt(square))
 
 
 @kernel

@@ -125,11 +125,13 @@ def tangent(c, e, v, by_rate, K):
 @allocating
 def section_force(c, e, v, a):
     """See ``element``: the gradients of all energies and of the damping by r_x, seen along the chord."""
-    D, r, N, square, apart = np.empty((2, 4)), np.empty((2, 3)), 0.0, 0.0, 0.0
+    D, r, N, square = np.empty((2, 4)), np.empty((2, 3)), 0.0, 0.0
+    slope = cable.mean_slope(c)
     for i in range(3):
         d = e[2, i] - e[0, i]
         square += d * d
-        apart += d * (a[2, i] - a[0, i])
+        for n in range(4):
+            N += c.rotary * d * slope[n] * a[n, i]
     for p in range(COUNT):
         xi, w, EA, EI = point(c, p)
         s, b, g = lines(c, e, xi, D, r)
@@ -139,7 +141,7 @@ def section_force(c, e, v, a):
             y += (e[2, i] - e[0, i]) * r[1, i]
             rate += r[0, i] * (D[0, 2] * (v[2, i] - v[0, i]) + D[0, 1] * v[1, i] + D[0, 3] * v[3, i])
         N += w * ((2.0 * by.a + (c.nuA * rate / s if p < AXIAL else 0.0)) * x + by.g * y)
-    return (N + cable.rotary(c) * apart) / (c.l * np.sqrt(square))
+    return N / (c.l * np.sqrt(square))
 
 
 @allocating
