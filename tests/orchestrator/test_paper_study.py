@@ -196,11 +196,11 @@ def test_masses_of_tree_and_mesh():
     energy = 0.5 * mass * np.sum((ends - 0.5 * turned) ** 2) + 0.5 * inertia * np.sum(rate**2)
     x = np.concatenate([place, length * rate])
     assert 0.5 * x @ M @ x == pytest.approx(energy, rel=1e-12)
-    element = cable.Cable(length, mass / length, 1.0, 1.0, 0.0, 0.0, (0, 1))
+    element = cable.Cable(length, mass / length, 1.0, 1.0, 0.0, 0.0, (0, 1), inertia - mass * length**2 / 12.0)
     own = np.zeros((4, 4))
     cable.mass(element, own)
     scale = np.array([1.0, 1.0 / length, 1.0, 1.0 / length])
-    one = singularity.mesh(3, length, mass)
+    one = singularity.mesh(3, length, mass, inertia)
     at = [0, 2, 3, 4]  # place and slope beginning of pin 0, place and slope ending of pin 1
     expected = scale[:, None] * own * scale
     np.testing.assert_allclose(one[np.ix_(at, at)][0, 1:], expected[0, 1:], rtol=1e-12)
@@ -228,7 +228,7 @@ def test_equations_of_the_paper_hold_for_the_elements(monkeypatch):
     monkeypatch.setattr(equations.cable, "shape", shape)
     monkeypatch.setattr(equations.cable, "mass", heavier)
     monkeypatch.setattr(equations.joints, "pin_cable", lambda axis: equations.joints.spherical(2, 2))
-    assert {key for key, row in values(equations.rows()).items() if not row.ok} == {"mass", "kinetic", "pin"}
+    assert {key for key, row in values(equations.rows()).items() if not row.ok} == {"mass", "kinetic", "inertia", "pin"}
     monkeypatch.setattr(equations.joints, "pin_cable", pin)
 
 

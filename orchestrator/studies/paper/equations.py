@@ -43,6 +43,13 @@ def shapes(c: cable.Cable, derivative: bool = False) -> Floats:
     return S
 
 
+def mass_of(c: cable.Cable) -> Floats:
+    """M (4, 4), kg."""
+    M = np.zeros((4, 4))
+    cable.mass(c, M)
+    return M
+
+
 def bent(c: cable.Cable, slope: float) -> Floats:
     """A link with both pins in place, its ends turned by ``slope`` up and down: z = slope (x - x^2 / l)."""
     e = cable.straight(c)
@@ -80,15 +87,19 @@ def _positions() -> list[Fact]:
 
 def _masses() -> list[Fact]:
     """Section 6: M = int rho A S^T S dx is constant, so that no inertia force goes with squares of rates."""
-    M, S = np.zeros((4, 4)), shapes(LINK)
-    cable.mass(LINK, M)
+    M, S = mass_of(LINK), shapes(LINK)
     quadrature = LINK.rhoA * np.einsum("k,ka,kb->ab", 0.5 * LINK.l * WEIGHTS, S, S)
     energies = []
     for seed in range(20):  # bent, stretched and turned at random: the velocity of a point is S e'
         rates = np.random.default_rng(seed).standard_normal((4, 3))
         by_points = 0.5 * LINK.rhoA * LINK.l * np.sum(0.5 * WEIGHTS[:, None] * (S @ rates) ** 2)
         energies.append(abs(0.5 * np.sum(rates * (M @ rates)) / by_points - 1.0))
+    pin, turning = 0.04, cable.straight(LINK) - [0.5 * LINK.l, 0.0, 0.0]  # of table 1, kg m2; rates of 1 rad/s
+    turning[[1, 3]] = [1.0, 0.0, 0.0]
+    whole = mass_of(LINK._replace(rotary=pin - LINK.rhoA * LINK.l**3 / 12.0))
     return [
+        ("8.1", "inertia", "inertia of a cable about its pin's axis, of table 1: e' M e' at 1 rad/s, kg m2",
+         float(np.sum(turning * (whole @ turning))), pin, ROUNDING),
         ("6 (1)", "mass", "M = int rho A S^T S dx: largest difference from its quadrature, of the largest entry",
          float(np.abs(M - quadrature).max() / np.abs(M).max()), 0.0, ROUNDING),
         ("6 (1)", "kinetic", "e' M e' / 2 over the kinetic energy of the points, 20 motions: largest difference",

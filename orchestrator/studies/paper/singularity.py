@@ -56,7 +56,7 @@ def followed(t: Floats, pins: Floats, inertia: float, mass: float) -> Loop:
     closest = nearest(angle[flips[0]], angle[flips[0] + 1], length, first) if len(flips) else 0.0
     return Loop(
         t, np.array(fixed), len(flips), closest, np.array(chosen), choices, np.array(cut),
-        _condition(mesh(pins.shape[1], length, mass)),
+        _condition(mesh(pins.shape[1], length, mass, inertia)),
     )  # fmt: skip
 
 
@@ -115,12 +115,15 @@ def tree(angle: Floats, length: float, inertia: float, mass: float) -> Floats:
     return np.asarray(scale[:, None] * M * scale)
 
 
-def mesh(n: int, length: float, mass: float) -> Floats:
+def mesh(n: int, length: float, mass: float, inertia: float) -> Floats:
     """Mass matrix (3 n, 3 n) of one component of n cable elements in a loop: place, slope ending, slope beginning.
 
-    Slopes times the length; the element's is the integral of the cubic shape functions' products. Constant: paper 6.
+    Slopes times the length; the element's is the integral of the cubic shape functions' products, and what its mean
+    slope has of the ``inertia`` beyond a rod's (``fmus.physics.ancf.rotary``). Constant: paper 6.
     """
-    own = mass / 420.0 * np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
+    slope = np.array([-1.2, -0.1, 1.2, -0.1]) / length
+    own = (inertia - mass * length**2 / 12.0) * np.outer(slope, slope)
+    own += mass / 420.0 * np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
     M = np.zeros((3 * n, 3 * n))
     for i in range(n):
         j = (i + 1) % n

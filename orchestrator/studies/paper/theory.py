@@ -31,7 +31,7 @@ def positions(found: Found) -> Verdict:
 
 def constant_inertia(found: Found) -> Verdict:
     """One matrix gives the kinetic energy of every motion; that of a cut rigid chain changes as it moves."""
-    verdict, row = checked(found, "mass", "kinetic"), found.one("singularity", CLOSED)
+    verdict, row = checked(found, "mass", "kinetic", "inertia"), found.one("singularity", CLOSED)
     if row is None or not row.ok or verdict is NONE:
         return verdict
     varies = max(row["cut"]) / min(row["cut"])
