@@ -242,6 +242,22 @@ class Element(Chain):
         more, less = (self.energies(self.e + way * STRETCH * self.stretching) for way in (1.0, -1.0))
         return (more - less) / (2.0 * STRETCH * self.pitch) + self.damped
 
+    @property
+    def beyond_rod(self) -> float:
+        """What the second moment of mass along the link has beyond a rod's, kg m2: on the mean slope of the line."""
+        raise NotImplementedError
+
+    @cached_property
+    def mean_slope(self) -> Floats:
+        """The mean slope of the line (rows): its first moment about the middle, over that of a unit slope."""
+        x, w = gauss(4)
+        return 12.0 / self.pitch * np.einsum("p,p,pa->a", w, x - 0.5, self.centreline(x))
+
+    def whirled(self, a: Floats) -> Floats:
+        """What a stretch works against in the inertia of the mean slope (T, n), N."""
+        turning = np.einsum("a,tnai->tni", self.mean_slope, self.accelerated(a))
+        return self.beyond_rod / self.pitch * (turning * self.stretching[:, :, 1]).sum(-1)
+
     def momentum_rates(self, a: Floats) -> tuple[Floats, Floats]:
         dde = self.accelerated(a)
         x, w = gauss(4)
@@ -282,9 +298,12 @@ class Cable(Element):
     def mass_matrix(self) -> Floats:
         """The line's, and what the table's inertia about the pin has beyond a rod's on the mean slope of the line."""
         x, w = gauss(4)
-        S, more = self.centreline(x), self.vehicle["track"]["inertia"][1] - self.mass * self.pitch**2 / 12.0
-        slope = np.einsum("p,p,pa->a", w, x - 0.5, S) * 12.0 / self.pitch
-        return self.mass * np.einsum("p,pa,pb->ab", w, S, S) + more * np.outer(slope, slope)
+        S, slope = self.centreline(x), self.mean_slope
+        return self.mass * np.einsum("p,pa,pb->ab", w, S, S) + self.beyond_rod * np.outer(slope, slope)
+
+    @property
+    def beyond_rod(self) -> float:
+        return self.vehicle["track"]["inertia"][1] - self.mass * self.pitch**2 / 12.0
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
         """On the face ``off`` outside the centreline, along r_x cross the pins' axis."""
@@ -607,15 +626,19 @@ class Beam(Element):
     def mass_matrix(self) -> Floats:
         """Of a box with the table's inertias; its length beyond the pitch on the mean slope of the line."""
         (x, w), (s, m) = gauss(4), gauss(2)
-        M, slope, (roll, pin, yaw) = np.zeros((8, 8)), np.zeros(8), self.vehicle["track"]["inertia"]
+        M, slope, (roll, pin, yaw) = np.zeros((8, 8)), self.mean_slope, self.vehicle["track"]["inertia"]
         wide, high = (np.sqrt(6.0 * moment / self.mass) for moment in (roll + yaw - pin, roll + pin - yaw))
         for a, wa in zip(x, w, strict=True):
-            slope += 12.0 / self.pitch * wa * (a - 0.5) * self.shape(a, 0.0, 0.0)
             for b, wb in zip(s - 0.5, m, strict=True):
                 for c, wc in zip(s - 0.5, m, strict=True):
                     S = self.shape(a, b * wide, c * high)
                     M += self.mass * wa * wb * wc * np.outer(S, S)
-        return M + (0.5 * (pin + yaw - roll) - self.mass * self.pitch**2 / 12.0) * np.outer(slope, slope)
+        return M + self.beyond_rod * np.outer(slope, slope)
+
+    @property
+    def beyond_rod(self) -> float:
+        roll, pin, yaw = self.vehicle["track"]["inertia"]
+        return 0.5 * (pin + yaw - roll) - self.mass * self.pitch**2 / 12.0
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
         S = self.shape(xi, y, off)

@@ -217,10 +217,10 @@ def slip(view: View, names: Sequence[str]) -> Floats:
 
 
 def tensions(view: View) -> Floats:
-    """(K + 1, n): from strain, or of a rod on which pins, contacts and its own turning pull."""
+    """(K + 1, n): from strain and turning, or of a rod on which pins, contacts and its own turning pull."""
     c = view.chain
     if not isinstance(c, Rigid):
-        return c.tension
+        return c.tension + c.whirled(view.accelerations)
     first, last = pin_pulls(view)
     whirled = c.mass * c.pitch / 12.0 * (c.own_rate[..., 1:] ** 2).sum(-1)
     return 0.5 * ((first + last) * c.body[..., 0]).sum(-1) + view.touch.along + whirled
