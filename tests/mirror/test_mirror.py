@@ -47,13 +47,14 @@ MODELS = {
 COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 STATUS = "status"
 # 0 by definition: rigid links have no strain, a chain in its plane turns no wheel about an upright axis and its pins
-# lie level, as the last pins of open chains do; one that turns has no ends that are pulled
+# lie level, as the last pins of open chains do, and no guides hold it; one that turns has no ends that are pulled, nor
+# damped pins
 NOTHING = {
-    "TrackRigid": r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.strain|joint\[65\]\.axis\.z",
+    "TrackRigid": r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.material)|joint\[65\]\.axis\.z",
     "beam": r"joint\[65\]\.axis\.z",
-    "cable": r"joint\[\d+\]\.axis\.z",
-    "planar": r".*\.torque\.z|joint\[\d+\]\.axis\.z",
-    "turning": r"energy\.work",
+    "cable": r"joint\[\d+\]\.axis\.z|energy\..*\.guides",
+    "planar": r".*\.torque\.z|joint\[\d+\]\.axis\.z|energy\..*\.guides",
+    "turning": r"energy\.work|energy\..*\.joints",
 }
 # of the other elasticities what they alone decide
 STRAINED = r"tension\..*|stress\.max|link\[\d+\]\.(?!wheels).*|joint\[\d+\]\.force\.[xy]|energy\.strain"
