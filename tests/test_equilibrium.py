@@ -1,0 +1,200 @@
+"""A vehicle begins in static equilibrium of hull, arms, idlers, chains and ground, and stays there until it is driven."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from vehicle_in_process import InProcess
+
+from fmus.physics.wheels import read_states
+from fmus.ports import wheel_state
+from fmus.vehicle import BadInput
+from orchestrator.scene.assembly import placed
+from orchestrator.scene.scene import changed, from_table, load
+
+MOTION = [port.name.removeprefix("of.") for port in wheel_state("of", "output")]
+HEIGHT, LOAD = 1e-4, 5e-3  # m, and of each wheel's load: how far a vehicle may move in its first second
+KINDS = {
+    "rigid": ("rigid", ()),
+    "rigid, spring": ("rigid", ("track.closure=spring",)),
+    "cable": ("flexible", ()),
+    "planar": ("flexible", ("planar=true",)),
+    "turning": ("flexible", ("track.axes=free",)),
+    "beam": ("flexible", ("track.element=beam",)),
+}
+SHORT = {"turning": 0.1, "beam": 0.1}  # s, of kinds that take long
+FOUR = ("vehicle.road_wheel.x=[-0.7, -1.55, -2.4, -3.25]", "vehicle.suspension.stiffness=8e5")
+HEAVY = ("vehicle.chassis.centre=[-1.6, 0, 0.5]",)
+
+
+def at_rest(model, *settings):
+    """`straight`, which rests for two seconds."""
+    return placed(load("straight", model, ("track.link_outputs=false", *settings)))
+
+
+def seen(vehicle):
+    """Settlement, m, and the loads of all wheels on tracks, N."""
+    loads = [
+        member[name]
+        for member in vehicle.members.values()
+        if member.kind.startswith("Track")
+        for name in member.outputs
+        if name.startswith("road_wheel") and name.endswith(".force.z")
+    ]
+    return vehicle["chassis"]["settlement"], np.array(loads)
+
+
+def moved(scene, duration):
+    """How far the settlement goes, m, and by what share a wheel's load changes, at most, within ``duration``."""
+    vehicle = InProcess(scene)
+    height, loads = seen(vehicle)
+    far = share = 0.0
+    for _ in range(round(duration / 5e-3)):
+        vehicle.run(5e-3)
+        now, pushes = seen(vehicle)
+        far = max(far, abs(now - height))
+        share = max(share, float(np.max(abs(pushes / loads - 1.0), initial=0.0)))
+    return far, share
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_vehicle_stays_where_it_starts(kind):
+    model, settings = KINDS[kind]
+    scene = at_rest(model, "symmetric=true", *settings)
+    assert 0.0295 < -scene.start.equilibrium.height < 0.0310, "settlement counts from the drawn position"
+    far, share = moved(scene, SHORT.get(kind, 1.0))
+    assert far < 0.1 * HEIGHT
+    assert share < 0.2 * LOAD
+
+
+@pytest.mark.parametrize("own", [FOUR, HEAVY, ("ground.hull=true", "vehicle.gravity=15")], ids=["four", "heavy", "g"])
+def test_vehicles_of_ones_own_stay_too(own):
+    far, share = moved(at_rest("rigid", "symmetric=true", *own), 0.5)
+    assert far < HEIGHT
+    assert share < LOAD
+
+
+def test_the_place_of_another_spring_is_not_that_of_this_one():
+    """The twin: a suspension 3 % stiffer than the one that the place was solved for."""
+    other = at_rest("rigid", "symmetric=true", "vehicle.suspension.stiffness=1.03e6").start.equilibrium
+    table = at_rest("rigid", "symmetric=true").resolved()
+    table["start"]["equilibrium"] = other.model_dump(mode="json")
+    far, share = moved(from_table(table, "other"), 0.3)
+    assert far > HEIGHT
+    assert share > LOAD
+
+
+def test_kinds_of_links_start_in_one_place():
+    places = [at_rest(model, *settings).start.equilibrium for model, settings in KINDS.values() if "planar=true" not in settings]
+    assert all(place == places[0] for place in places)
+
+
+@pytest.mark.parametrize("pose", [(), ("start.heading=0.7", "start.position=[3, -2, 0.25]")])
+def test_tracks_are_laid_round_the_wheels_that_the_chassis_shows(pose):
+    """To the last bit where the start pose moves nothing; mounts and sprockets begin with the same numbers."""
+    vehicle = InProcess(at_rest("rigid", *pose))
+    for side in ("left", "right"):
+        model, drive = vehicle[f"{side}_track"].model, vehicle[f"{side}_drive"]
+        places = ["sprocket", *(f"road_wheel[{i}]" for i in range(1, 6)), "idler"]
+        shown = np.array([[vehicle["chassis"][f"{side}.{place}.{name}"] for name in MOTION] for place in places])
+        rows = np.zeros_like(model.start_rows)
+        read_states(shown.ravel(), model.frame, rows)
+        np.testing.assert_allclose(model.start_rows, rows, rtol=0.0, atol=1e-14 if pose else 0.0)
+        np.testing.assert_allclose([drive[f"sprocket.{name}"] for name in MOTION], shown[0], rtol=0.0, atol=1e-15)
+
+
+def test_settlement_distance_and_energy_count_from_their_own_starts():
+    chassis = InProcess(at_rest("rigid"))["chassis"]
+    assert chassis["settlement"] == pytest.approx(0.0302, abs=3e-4)
+    assert chassis["distance"] == chassis["energy.gravity"] == 0.0
+    assert chassis["energy.spring"] > 1e3
+
+
+def test_a_side_without_a_track_goes_without_the_push_of_one():
+    """Its tensioner holds its idler where drawn, while the other one carries its chain."""
+    scene = at_rest("rigid", 'tracks=["left"]')
+    place = scene.start.equilibrium
+    assert abs(place.right[-1]) < 1e-4
+    assert place.left[-1] == pytest.approx(-0.004, abs=5e-4)
+    assert scene.push == pytest.approx(32.7e3, rel=1e-2)
+    vehicle = InProcess(scene)
+    assert abs(vehicle["chassis"]["right.tensioner.force"]) < 100.0
+    assert vehicle["chassis"]["left.tensioner.force"] == pytest.approx(28.8e3, rel=1e-2)
+    own = at_rest("rigid", 'tracks=["left"]', "vehicle.tensioner.preload=2 kN").start.equilibrium
+    assert own.right[-1] == pytest.approx(-2e-3, abs=1e-4), "a preload of one's own is that of both sides"
+
+
+def test_a_vehicle_on_one_track_leans_and_stays():
+    """Its wheels tilt on their links: loads come to rest within 0.7 %, after 3 % in the first milliseconds."""
+    vehicle = InProcess(at_rest("rigid", 'tracks=["left"]'))
+    height, loads = seen(vehicle)
+    assert vehicle["chassis"]["roll"] == pytest.approx(0.0193, abs=3e-4)
+    vehicle.run(0.25)
+    now, pushes = seen(vehicle)
+    assert abs(now - height) < HEIGHT
+    assert abs(pushes / loads - 1.0).max() < 0.01
+
+
+def test_bare_wheels_stand_on_the_ground():
+    """Four numbers of statics: weight on ten wheels, their contacts and springs."""
+    scene = at_rest("rigid", "tracks=[]")
+    far, _ = moved(scene, 0.2)
+    assert far < 1e-9
+    table = scene.vehicle
+    vehicle = InProcess(scene)["chassis"]
+    weight = 155896.3998 - 2 * table.track.links * table.track.mass * 9.81
+    assert vehicle["ground.force.z"] == pytest.approx(weight, rel=1e-6)
+
+
+@cache
+def end_of_settling(model):
+    """Of the drawn vehicle, after four seconds."""
+    settings = ("symmetric=true", "track.link_outputs=false", "run.step=2 ms", "track.step=2 ms")
+    vehicle = InProcess(load("settle", model, settings)).run(4.0)
+    return seen(vehicle)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("model", ["rigid", "flexible"])
+def test_what_drops_comes_to_rest_where_others_start(model):
+    height, loads = end_of_settling(model)
+    start, pushes = seen(InProcess(at_rest(model, "symmetric=true")))
+    assert start == pytest.approx(height, abs=HEIGHT)
+    np.testing.assert_allclose(pushes, loads, rtol=LOAD)
+
+
+def test_settling_begins_as_drawn():
+    scene = placed(load("settle", "rigid"))
+    assert (scene.start.state, scene.start.equilibrium) == ("drawn", None)
+    assert InProcess(scene)["chassis"]["settlement"] == 0.0
+
+
+@pytest.mark.parametrize("setting", ["start.height=1", "start.pitch=0.1", "start.roll=180 deg", "track.start=polygon"])
+def test_what_is_raised_turned_or_laid_out_begins_as_drawn(setting):
+    assert load("straight", "rigid", [setting]).start.state == "drawn"
+    with pytest.raises(BadInput, match=r"state = 'equilibrium' needs"):
+        load("straight", "rigid", [setting, "start.state=equilibrium"])
+
+
+def test_a_log_of_old_begins_as_it_did():
+    """Its scene is placed and knows of no equilibrium."""
+    table = placed(load("straight", "rigid", ["start.state=drawn"])).resolved()
+    del table["start"]["state"], table["push"]
+    scene = from_table(table, "old")
+    assert scene.start.state == "drawn"
+    assert placed(scene) is scene
+
+
+def test_a_placed_scene_keeps_its_place():
+    """A log's scene with another number goes on from where it was: replays and branches."""
+    scene = at_rest("rigid")
+    other = changed(scene.resolved(), ["vehicle.suspension.stiffness=2e6"], "log")
+    assert placed(other).start.equilibrium == scene.start.equilibrium
+
+
+def test_no_equilibrium_is_a_sentence():
+    """A hull so far ahead that it tips over."""
+    with pytest.raises(BadInput, match="equilibrium was not found, start.state = 'drawn' needs none"):
+        placed(load("straight", "rigid", ["vehicle.chassis.centre=[9, 0, 0.4]"]))
