@@ -29,7 +29,7 @@ def run(
         str | None, typer.Option("--error", metavar="E", help="'1%': the cheapest settings known to keep it")
     ] = None,
     estimate: Annotated[
-        bool, typer.Option(help="say how wrong the run is: two coarser runs beside it, about its cost again")
+        bool, typer.Option(help="say how wrong the run is: two coarser runs beside it, up to 1.8 times its time more")
     ] = True,
     log: Annotated[Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")] = None,
     native: Annotated[bool, typer.Option("--native", help="by FMUs of machine code alone, to the same bits")] = False,

@@ -14,15 +14,17 @@ import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
+from orchestrator.cli import printed
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.program import Program
-from orchestrator.execution import replay_model, simulate
+from orchestrator.execution import replay_model, simulate, summary
 from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import Recorder
+from orchestrator.log.recorder import LogFailed, Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 from orchestrator.results import above, picture
+from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.run_data import RunData
 from orchestrator.scene import gallery
 
@@ -30,7 +32,7 @@ KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",
     "real_time_factor",
     "communication_steps", "rejected_steps", "log", "log_bytes", "components", "energy", "error", "checks",
-    "observables", "warnings",
+    "observables", "windows", "phases", "warnings",
 }  # fmt: skip
 SHORT = ("run", "hanging_chain", "--stop", "0.02", "--json")
 
@@ -258,6 +260,59 @@ def test_a_full_disk_fails_the_run(cotrack, monkeypatch):
     assert status == 1
     assert "no space left on device, at t = 0 s" in err
     assert last(out)["status"] == "failed"
+
+
+def test_a_run_that_fails_before_it_writes_names_no_log(cotrack, monkeypatch, tmp_path):
+    """An earlier log stands where its own would be."""
+    assert cotrack(*SHORT)[0] == 0
+    earlier = tmp_path / "logs" / "hanging_chain-flexible.mcap"
+    assert earlier.is_file()
+
+    def refused(*arguments):
+        raise LogFailed("the log cannot be written: nothing may be written here")
+
+    monkeypatch.setattr(simulate, "open_log", refused)
+    status, out, err = cotrack(*SHORT)
+    result = last(out)
+    assert (status, result["status"]) == (1, "failed")
+    assert (result["log"], result["log_bytes"]) == (None, 0)
+    assert "nothing may be written here" in err
+    _, out, _ = cotrack(*SHORT[:-1])
+    assert "log " not in out
+    assert "None" not in out
+
+
+def test_headline_figures_have_their_window(cotrack):
+    status, out, _ = cotrack("run", "hanging_chain", "--track", "rigid", "--stop", "1.5", "--no-estimate")
+    assert status == 0
+    assert any(line.startswith("  whole run, 0 to 1.5 s: largest link tension ") for line in out.splitlines())
+    assert any(line.startswith("  mean of 0.5 to 1.5 s: mean link tension ") for line in out.splitlines())
+    _, out, _ = cotrack("run", "hanging_chain", "--track", "rigid", "--stop", "1.5", "--no-estimate", "--json")
+    result = last(out)
+    assert set(result["windows"]) == set(result["observables"])
+    assert result["windows"]["tension_max"] == {"from": 0.0, "to": 1.5}
+    assert result["windows"]["sag"] == {"from": 0.5, "to": 1.5}
+    assert result["phases"] == [], "no hull"
+
+
+def test_turns_of_the_last_second_are_left_to_phases(capsys):
+    """What a summary prints of a run that turned and stands at last."""
+    turned = dict.fromkeys(Phase._fields, float("nan")) | {
+        "kind": "turn", "turning": "right", "start": 3.6, "end": 6.0, "yaw_rate": -0.25, "yaw_rate_most": -0.31,
+        "radius": 7.9, "tension": 42e3, "tension_t": 3.743, "tension_track": "right_track", "speed": 1.96, "way": 4.77,
+    }  # fmt: skip
+    observables = {"tension_max": 42e3, "weight": 1.5e5, "speed": 0.0, "yaw_rate": -1e-5, "turn_radius": 242.6}
+    result = summary.empty("turn", "flexible") | {
+        "simulated_time": 9.0, "observables": observables, "phases": [turned],
+        "windows": summary.windows(observables, 9.0),
+    }  # fmt: skip
+    printed.summary(result)
+    out = capsys.readouterr().out
+    assert "242.6" not in out
+    assert "largest link tension 42 kN in right track at 3.743 s" in out
+    assert "3.6 to 6 s: turn right at 1.96 m/s over 4.77 m; yaw rate -0.25 rad/s, -0.31 at most, radius 7.9 m" in out
+    printed.summary(result | {"phases": []})
+    assert "mean of 8 to 9 s: speed 0 m/s, yaw rate -1e-05 rad/s, turn radius 242.6 m" in capsys.readouterr().out
 
 
 def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, monkeypatch, tmp_path):

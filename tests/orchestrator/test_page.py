@@ -22,10 +22,10 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, contact, wheel_loads
 from orchestrator.results.analyses import events as happened
-from orchestrator.results.energy import ledger
+from orchestrator.results.energy import Ledger, ledger
 from orchestrator.results.ground_profile import ground
 from orchestrator.results.page import ending
-from orchestrator.results.page.balance import balance
+from orchestrator.results.page.balance import Balance, balance, sentence, sources
 from orchestrator.results.page.chain import chain
 from orchestrator.results.page.circuit import profile
 from orchestrator.results.page.document import document
@@ -236,6 +236,44 @@ def test_losses_are_those_of_the_components_in_their_words(vehicle):
         told = f"{found[name].parts}</span></td><td>{quantity(found[name].dissipated, 'J')}</td>"
         assert told in rows
         assert f"<td>{percent(share)}</td>" in rows
+
+
+def test_the_energy_card_counts_what_was_released():
+    """62.56 kJ cannot be dissipated of 60.53 kJ: stored energy came in too."""
+    stored = {"kinetic": 20.0, "gravity": -3600.0, "strain": 0.0, "spring": 550.0, "contact": 970.0}
+    change, work, lost = sum(stored.values()), 60530.0, 62560.0
+    books = Ledger(work, change, lost, 0.0, work - change - lost, 0.0, 0.0, {}, stored)
+    assert books.supplied == 64130.0
+    kept = sum(energy for energy in stored.values() if energy > 0.0)
+    assert books.supplied == pytest.approx(kept + lost + books.covered + books.residual)
+    found = Balance(stored, {}, books)
+    assert sources(found) == "60.53 kJ put in by the drives and 3.6 kJ released (height)"
+    told = sentence(found)
+    assert "<b>64.13 kJ</b> came in: 60.53 kJ put in by the drives and 3.6 kJ released (height)." in told
+    assert "1.54 kJ (2.4 %) is stored at the end" in told
+    assert "62.56 kJ (97.6 %) was dissipated" in told
+    back = Balance(stored | {"kinetic": -9e3}, {}, books._replace(work=-5e3, stored=stored | {"kinetic": -9e3}))
+    assert sources(back) == "12.6 kJ released (motion and height)"
+    assert "5 kJ (39.7 %) went back into the drives" in sentence(back)
+
+
+def test_card_and_sentence_of_a_run_agree_and_add_up(vehicle):
+    html = page(vehicle)
+    with Log(vehicle) as log:
+        run = RunData(log)
+        kinds = ("kinetic", "gravity", "strain", "spring", "contact")
+        names = [(f"{name}.energy.{kind}", kind) for name in run.instances for kind in kinds]
+        change = dict.fromkeys(kinds, 0.0)
+        for name, kind in names:
+            if run.has(name):
+                values = signal(log, name)[1]
+                change[kind] += values[-1] - values[0]
+        work = sum(np.diff(signal(log, f"{side}_drive.energy.work")[1][[0, -1]])[0] for side in ("left", "right"))
+    supplied = max(work, 0.0) - sum(min(each, 0.0) for each in change.values())
+    assert min(change.values()) < 0.0, "something is released"
+    assert f"of {quantity(supplied, 'J')}: " in html
+    assert f"<b>{quantity(supplied, 'J')}</b> came in: " in html
+    assert "released: height" in html
 
 
 @pytest.mark.parametrize(

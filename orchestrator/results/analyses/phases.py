@@ -36,6 +36,7 @@ STANDS, STAYS = 0.02, 0.1  # m/s, m: at rest it is slower, or goes less far
 TURNS, TURNED = 0.02, 0.05  # rad/s, rad
 SHORTEST = 0.25  # s
 ALIKE = 1e-3  # m/s: slips of both sides are told once
+SAME = 1e-6  # of a tension: of sides that are equal but for rounding the first one
 HELD = 0.5  # s: over which the largest yaw rate is a mean
 SIDES = {1: "left", -1: "right", 0: ""}
 MOTION = ("speed", "yaw", "chassis.angular_velocity.z", "chassis.velocity.x", "chassis.velocity.y")
@@ -351,6 +352,7 @@ def _largest_tension(run: RunData, motion: _Motion, a: int, b: int) -> tuple[flo
     if not names:
         return float("nan"), float("nan"), ""
     found = {track: motion.of[f"{track}.tension.max"][a:b] for track in names}
-    track = max(names, key=lambda name: float(found[name].max()))
+    most = max(float(values.max()) for values in found.values())
+    track = next(name for name in names if found[name].max() >= most - SAME * abs(most))
     at = int(found[track].argmax())
     return float(found[track][at]), float(motion.t[a + at]), track
