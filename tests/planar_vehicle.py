@@ -56,11 +56,38 @@ def _rates(x, told, wanted, wheels, shares, p, out):
 
 @numba.njit
 def _march(x, told, n, h, wanted, wheels, shares, p):
-    k = np.zeros((4, 8))
+    k = np.zeros((5, 8))
     for _ in range(n):
-        now = _rates(x, told, wanted, wheels, shares, p, k[0])
-        _rates(x + 0.5 * h * k[0], told, wanted, wheels, shares, p, k[1])
-        _rates(x + 0.5 * h * k[1], told, wanted, wheels, shares, p, k[2])
-        _rates(x + h * k[2], told, wanted, wheels, shares, p, k[3])
-        x += h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3])
+        for i, part in enumerate((0.0, 0.5, 0.5, 1.0)):
+            found = _rates(x + part * h * k[i], told, wanted, wheels, shares, p, k[i + 1])
+            if i == 0:
+                now = found
+        x += h / 6.0 * (k[1] + 2.0 * k[2] + 2.0 * k[3] + k[4])
         told[0], told[1] = now
+
+
+class Ride:
+    """A driver's model on the planar vehicle: outputs by name, and the motion (n, 8) of the vehicle, at each step."""
+
+    def __init__(self, model, plant, hull, stop, h=2e-3):
+        """``hull``: how far the hull's centre of mass is ahead of the vehicle's, m."""
+        self.names = [p.name for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
+        shown, moved, y = [], [], np.zeros(len(self.names))
+        for k in range(round(stop / h)):
+            model.outputs(y)
+            plant.step(h, y[:2])
+            model.step(k * h, h, motion(plant.x, hull))
+            shown.append(y.copy())
+            moved.append(plant.x.copy())
+        self.shown, self.moved = np.array(shown), np.array(moved)
+
+    def __getitem__(self, name):
+        return self.shown[:, self.names.index(name)]
+
+
+def motion(x, hull):
+    """The 13 that a driver sees."""
+    c, s, half = np.cos(x[HEADING]), np.sin(x[HEADING]), 0.5 * x[HEADING]
+    u, v = x[AHEAD], x[LEFT] + hull * x[RATE]
+    place = x[X] + hull * c, x[Y] + hull * s, 0.4
+    return np.array([*place, np.cos(half), 0, 0, np.sin(half), c * u - s * v, s * u + c * v, 0, 0, 0, x[RATE]])

@@ -311,7 +311,8 @@ OTHERS = {  # other values of all that is free, of each kind
     "Driver": {
         **PLACE, "heading": 0.2, "speed.start": 1.0, "speed.end": 2.0, "ramp.start": 0.01, "ramp.end": 0.05,
         "deceleration": 0.8, "reach": 2.5, "preview": 1.2, "curvature.largest": 0.4, "acceleration.lateral": 0.9,
-        "heading.gain": 1.1, "yaw.gain": 0.9, "yaw.integral": 1.2, "width": 3.0,
+        "heading.gain": 1.1, "yaw.gain": 0.9, "yaw.integral": 1.2, "width": 3.0, "friction": 0.5, "grip": 0.7,
+        "drive.lag": 0.15, "path.tolerance": 0.15,
     },
     "TrackFlexible": {
         **PLACE, **LAWS, "start.lateral": -1.2, "step": 5e-4, "tolerance": 1e-8, "material.relaxation_time": 2e-4,

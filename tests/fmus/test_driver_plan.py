@@ -1,0 +1,161 @@
+"""The driver's plan and its slip of the tracks against exact answers and the independent general theory."""
+
+import numpy as np
+import pytest
+from skid_steering import Vehicle, turn
+
+from fmus.driver import path as route
+from fmus.driver import plan as planning
+from fmus.driver.skid import footing, slips
+from orchestrator.scene.scene import load
+
+TABLE = load("straight").vehicle.model_dump()
+FREE = planning.Bounds(top=4.0, lateral=1e3, grip=np.inf, deceleration=0.5, turning=np.inf, tolerance=0.1)
+BOUND = planning.Bounds(top=20.0, lateral=1e3, grip=2.0, deceleration=1.0, turning=0.4, tolerance=0.1)
+
+
+def planned(arcs, bounds):
+    """A path and its plan."""
+    path = route.of_arcs("path.arcs", arcs)
+    plan = planning.plan(path)
+    planning.make(plan, path, bounds)
+    return path, plan
+
+
+def along(path, plan, places, what):
+    return np.array([planning.at(plan, path, 0, s)[what] for s in places])
+
+
+@pytest.mark.parametrize(("deceleration", "agrees"), [(0.5, True), (0.51, False)])
+def test_speed_on_a_straight_is_a_trapezoid_over_time(deceleration, agrees):
+    """Exact between places too: the square of the speed is straight over the way."""
+    path, plan = planned("40 0", FREE._replace(deceleration=deceleration))
+    places = np.linspace(0.0, 40.0, 777)
+    exact = np.minimum(4.0, np.sqrt(2.0 * 0.5 * (40.0 - places)))
+    assert (abs(along(path, plan, places, 0) - exact).max() < 1e-9) == agrees
+
+
+@pytest.mark.parametrize(("lateral", "agrees"), [(0.8, True), (0.82, False)])
+def test_a_curve_is_met_at_the_speed_that_it_allows(lateral, agrees):
+    """Braking begins for a curve one place early at most, and it is driven at v^2 k = the bound."""
+    path, plan = planned("20 0; 10 0.2; 40 0", FREE._replace(lateral=lateral))
+    before, within = np.linspace(0.0, 19.7, 99), np.linspace(20.3, 29.7, 50)
+    early, late = (np.minimum(4.0, np.sqrt(4.0 + 2.0 * 0.5 * (way - before))) for way in (19.75, 20.0))
+    found = along(path, plan, before, 0)
+    assert ((found > early - 1e-9) & (found < late + 1e-9)).all() == agrees
+    assert np.allclose(along(path, plan, within, 0), 2.0, atol=1e-9) == agrees
+
+
+def test_braking_and_turning_share_the_friction():
+    path, plan = planned("30 0; 40 0.1", BOUND)
+    s = np.linspace(0.5, 69.0, 400)
+    v2, k = along(path, plan, s, 0) ** 2, along(path, plan, s, 1)
+    brakes = -0.5 * np.gradient(v2, s)
+    assert (np.hypot(v2 * k, brakes) < 1.06 * BOUND.grip).all()  # curvature overshoots where a curve begins
+    assert (v2 * k).max() > 0.9 * BOUND.grip
+
+
+@pytest.mark.parametrize("curvature", [0.08, -0.2])
+def test_the_way_that_is_taken_stays_near_the_path_and_turns_as_friction_allows(curvature):
+    arcs = f"20 0; 20 {curvature}; 20 {-curvature}; 20 0"
+    path, plan = planned(arcs, BOUND)
+    inner = slice(5, -5)
+    ds = path.length / (len(plan.square) - 1)
+    turning = plan.taken * np.gradient(plan.curvature, ds)
+    assert abs(turning).max() < 1.15 * BOUND.turning
+    assert abs(turning).max() > 0.7 * BOUND.turning
+    assert 0.01 < abs(plan.off).max() < BOUND.tolerance
+    # the way that is taken is a curve: its distance has the curvature's difference as its second derivative
+    bends = np.diff(plan.off, 2) / ds**2
+    assert np.allclose(bends[inner], (plan.curvature - plan.drawn)[1:-1][inner], atol=1e-9)
+    assert abs(plan.off[[0, -1]]).max() < 1e-3
+
+
+def test_smoothing_is_the_solution_of_its_equations():
+    """Against numpy's dense solver of the same sum of squares."""
+    _, plan = planned("6 0; 6 0.1; 6 0", BOUND)
+    n, ds = len(plan.square), 0.1
+    D = np.diff(np.eye(n), 3, axis=0) / ds**3
+    v2 = 0.5 * (plan.taken[1:-2] + plan.taken[2:-1])
+    W = np.diag((v2 * BOUND.tolerance / BOUND.turning) ** 2)
+    c = np.diff(plan.drawn)[1:-1] / ds
+    dense = np.linalg.solve(np.eye(n) + D.T @ W @ D, -D.T @ W @ c)
+    assert abs(dense).max() > 5e-3
+    np.testing.assert_allclose(plan.off, dense, atol=1e-6)
+
+
+def test_footing_of_the_vehicle():
+    """Mass and load shares against the study of this vehicle in ``skid_steering``."""
+    stands, ahead = footing(TABLE)
+    known = Vehicle()
+    assert stands.mass == pytest.approx(known.mass, rel=1e-9)
+    assert stands.inertia == pytest.approx(38.5e3, rel=0.02)
+    assert ahead == pytest.approx(-1.9924, abs=5e-3)
+    assert np.allclose(stands.shares, known.shares, atol=0.01)
+    assert np.allclose(stands.wheels, known.wheels, atol=5e-3)
+    assert stands.height == pytest.approx(known.height, rel=0.03)
+
+
+CASES = [((8, 12), 0.3), ((0, 10), 0.3), ((-10, 10), 0.3), ((19, 21), 0.3), ((8, 12), 0.7), ((0, 10), 0.7)]
+
+
+@pytest.mark.parametrize(("sprockets", "friction"), CASES)
+def test_slip_is_that_of_the_independent_theory(sprockets, friction):
+    """With its numbers of the vehicle, to the tolerance of both solvers; not with a friction 3 % off."""
+    known = Vehicle(friction=friction)
+    stands = footing(TABLE)[0]._replace(
+        mass=known.mass, height=known.height, wheels=np.array(known.wheels), shares=np.array(known.shares),
+        middle=float(np.dot(known.shares, known.wheels)),
+        spread=float(np.dot(known.shares, (np.array(known.wheels) - np.dot(known.shares, known.wheels)) ** 2)),
+    )  # fmt: skip
+    steady = turn(known, sprockets)
+    r = steady.rate
+    for mu, agrees in ((friction, True), (1.03 * friction, False)):
+        start = -0.4 * r, 0.4 * r, -0.4 * r
+        z, holds = slips(stands, (mu, known.creep), r, -r * steady.left, r * steady.ahead, 0.0, start)
+        assert holds
+        assert np.allclose(z, (*steady.slip, steady.left), atol=1e-6) == agrees
+
+
+@pytest.mark.parametrize(("sprockets", "friction"), CASES)
+def test_sprocket_speeds_of_a_steady_circle(sprockets, friction):
+    """From the vehicle's table alone: sum and difference of the sprockets within 2 % of the theory's faster one."""
+    known = Vehicle(friction=friction)
+    stands, _ = footing(TABLE)
+    steady = turn(known, sprockets)
+    r = steady.rate
+    z, _ = slips(stands, (friction, 0.01), r, -r * steady.left, r * steady.ahead, 0.0, (-0.4 * r, 0.4 * r, 0.0))
+    found = [(steady.ahead + sign * stands.half * r + z[k]) / known.radius for k, sign in enumerate((-1.0, 1.0))]
+    kinematic = [(steady.ahead + sign * stands.half * r) / known.radius for sign in (-1.0, 1.0)]
+    fast = 0.02 * max(map(abs, sprockets))
+    assert np.allclose(found, sprockets, atol=fast)
+    assert not np.allclose(found, np.array(sprockets) * 1.03, atol=fast)
+    assert not np.allclose(kinematic, sprockets, atol=fast / 2.0)
+
+
+def test_any_motion_within_the_friction_has_a_slip():
+    stands, _ = footing(TABLE)
+    rng = np.random.default_rng(34)
+    for _ in range(300):
+        friction, rate = rng.uniform(0.2, 1.2), rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-3.0, 0.0)
+        across = np.sign(rate) * rng.uniform(0.0, 0.85) * friction * 9.81
+        z, holds = slips(stands, (friction, 0.01), rate, 0.0, across, 0.0, (0.0, 0.0, 0.0))
+        assert holds, (friction, rate, across)
+        assert max(map(abs, z)) < 0.5 + 2.5 * abs(rate)
+
+
+def test_a_yaw_acceleration_beyond_the_friction_is_reduced():
+    stands, _ = footing(TABLE)
+    z, holds = slips(stands, (0.3, 0.01), 0.3, 0.0, 1.0, 0.9, (0.0, 0.0, 0.0))
+    assert holds
+    assert z[1] > 0.2
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.4])
+def test_other_vehicles_stand_on_their_own_footing(factor):
+    """Half of the load lies on each side of the centre of mass, whatever the wheels' places."""
+    table = {**TABLE, "road_wheel": {**TABLE["road_wheel"], "x": [factor * x for x in TABLE["road_wheel"]["x"]]}}
+    stands, _ = footing(table)
+    assert stands.shares @ stands.wheels == pytest.approx(0.0, abs=1e-9)
+    assert (stands.shares > 0.0).all()
+    assert stands.shares.sum() == pytest.approx(1.0)

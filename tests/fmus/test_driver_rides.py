@@ -1,0 +1,141 @@
+"""The driver on a planar vehicle of the general theory: offsets, S-curves at the friction's limit, ways back, turns.
+
+Full vehicles drive the same in ``test_driven``.
+"""
+
+import copy
+
+import numpy as np
+import pytest
+from planar_vehicle import AHEAD, HEADING, RATE, Planar, Ride
+from skid_steering import Vehicle
+
+from fmus.driver.model import Model
+from orchestrator.scene.scene import load
+
+TABLE = load("straight").vehicle.model_dump()
+MIDDLE = -1.9924  # of mass of the vehicle, in its frame, m
+HULL = TABLE["chassis"]["centre"][0] - MIDDLE
+
+
+def ride(parameters, stop, friction=0.3, table=TABLE, vehicle=None, **plant):
+    """A ride on the ground that the table says, or another one; starts at rest."""
+    own = copy.deepcopy(table)
+    own["contact"]["ground"]["friction"] = friction
+    model = Model({"vehicle": own})
+    model.initialise(parameters)
+    heading = parameters.get("start.heading", 0.0)
+    place = (MIDDLE * np.cos(heading), MIDDLE * np.sin(heading), heading)
+    vehicle = vehicle or Vehicle(friction=friction)
+    return Ride(model, Planar(vehicle, place=place, **plant), HULL, stop)
+
+
+def beside(speed, stop, off=2.0, **settings):
+    """Overshoot over the offset of a vehicle that starts so far beside its path."""
+    parameters = settings.pop("parameters", {})
+    path = {"path.points": f"0 {off}; 300 {off}", "speed.end": speed, "ramp.end": 2.0}
+    found = ride(path | parameters, stop, **settings)
+    error = found["path.lateral_error"][5:] * -np.sign(off)
+    assert error[0] == pytest.approx(abs(off), rel=1e-3)
+    assert abs(error[-1]) < 0.05 * abs(off)
+    assert found["speed.demand"][-1] == speed
+    return -error.min() / abs(off)
+
+
+def s_curve(radius, friction, parameters=None, **settings):
+    """An S at 0.8 of the friction, and the largest lateral acceleration over that of the friction."""
+    limit = friction * 9.81
+    speed = np.sqrt(0.8 * limit * radius)
+    k, arc = 1.0 / radius, 1.5 * radius
+    lead = 6.0 + speed**2 / limit
+    path = {"path.arcs": f"{lead} 0; {arc} {k}; {2 * arc} {-k}; {arc} {k}; {lead} 0", "speed.end": speed,
+            "ramp.end": 3.0 * speed / limit}  # fmt: skip
+    found = ride(path | (parameters or {}), (2.0 * lead + 4.0 * arc) / speed * 1.2 + 3.0, friction, **settings)
+    on = found["path.progress"] < lead + 4.0 * arc
+    assert found["path.progress"][-1] > lead + 4.0 * arc
+    across = abs(found.moved[:, AHEAD] * found.moved[:, RATE])
+    return abs(found["path.lateral_error"][on]).max(), across.max() / limit
+
+
+@pytest.mark.parametrize(("speed", "friction"), [(2.0, 0.3), (5.0, 0.3), (8.0, 0.3), (5.0, 0.2), (2.0, 1.2), (8.0, 1.2)])
+def test_from_two_metres_beside_its_path_it_hardly_overshoots(speed, friction):
+    assert beside(speed, 14.0, friction=friction) < 0.01
+
+
+def test_without_feed_forward_of_slip_and_lag_it_overshoots():
+    """The twin: a driver that knows no friction steers by a width alone."""
+    assert beside(5.0, 14.0, parameters={"friction": 0.0}) > 0.05
+
+
+@pytest.mark.parametrize(
+    ("radius", "friction"), [(12.5, 0.2), (8.0, 0.3), (12.5, 0.3), (40.0, 0.3), (12.5, 0.7), (12.5, 1.2)]
+)
+def test_an_s_curve_at_the_limit_of_friction(radius, friction):
+    error, used = s_curve(radius, friction)
+    assert error < 0.12
+    assert 0.5 < used < 0.97
+
+
+@pytest.mark.parametrize("off", [{"friction": 0.4}, {"drive.lag": 0.0}])
+def test_an_s_curve_needs_friction_and_lag_as_they_are(off):
+    assert s_curve(12.5, 0.3, off)[0] > 0.12
+
+
+def test_it_drives_back_turns_on_the_spot_and_stops():
+    """At each end it stands within 2 cm; going back along the same arc leads to where it began."""
+    arcs = f"5 0; 6 0.1; -6 0.1; 0 {0.5 * np.pi}; 3 0"
+    found = ride({"path.arcs": arcs, "speed.end": 2.0, "ramp.end": 1.5}, 30.0)
+    x, y, heading = found.moved[-1, :3]
+    # 5 m ahead of where the wheels' middle began, then 3 m to the left
+    assert np.allclose((x - MIDDLE, y), (5.0, 3.0), atol=0.05)
+    assert heading == pytest.approx(0.5 * np.pi, abs=0.02)
+    assert abs(found["path.lateral_error"]).max() < 0.06
+    assert found["path.progress"][-1] == pytest.approx(20.0, abs=0.02)
+    assert np.allclose(found.moved[-1, 3:], 0.0, atol=2e-3)
+    backwards = found["speed.demand"] < -0.5
+    assert 3.0 < 2e-3 * backwards.sum() < 8.0
+    assert found.moved[backwards, AHEAD].min() < -1.5
+    there = np.flatnonzero(np.diff(np.sign(found["speed.demand"])))  # it changes its direction at 11 m
+    assert abs(found["path.progress"][there] - 11.0).min() < 0.03
+
+
+@pytest.mark.parametrize("angle", [0.3, -4.0])
+def test_a_turn_on_the_spot_of_any_angle(angle):
+    found = ride({"path.arcs": f"0 {angle}", "speed.end": 2.0}, 14.0)
+    assert found.moved[-1, HEADING] == pytest.approx(angle, abs=0.02)
+    assert np.hypot(found.moved[-1, 0] - MIDDLE, found.moved[-1, 1]) < 0.05
+    assert (np.sign(angle) * found.moved[:, HEADING]).max() < abs(angle) + 0.02
+
+
+def test_a_path_driven_backwards_as_well_as_ahead():
+    path = {"path.arcs": "-8 0; -12 0.08; -12 -0.08; -6 0", "speed.end": 2.5, "ramp.end": 1.5}
+    found = ride(path, 26.0)
+    assert abs(found["path.lateral_error"]).max() < 0.1
+    assert found["path.progress"][-1] == pytest.approx(38.0, abs=0.03)
+    assert found.moved[-1, 0] < MIDDLE - 30.0
+
+
+def test_another_vehicle_place_and_heading():
+    """Longer and narrower: it needs half as much slip again. Turned by 0.9 rad it drives to the same bits but rounding."""
+    table = copy.deepcopy(TABLE)
+    wheels = [-1.989 + 1.15 * (x + 1.989) for x in table["road_wheel"]["x"]]
+    table["road_wheel"]["x"], table["track"]["lateral"] = wheels, 1.2
+    vehicle = Vehicle(wheels=tuple(x - MIDDLE for x in wheels), half_width=1.2)
+    for parameters in ({}, {"start.heading": 0.9}):
+        found = ride(
+            {"path.arcs": "6 0; 12 0.08; 12 -0.08; 8 0", "speed.end": 3.0, "ramp.end": 1.5} | parameters, 18.0,
+            table=table, vehicle=vehicle, inertia=40e3,
+        )  # fmt: skip
+        assert abs(found["path.lateral_error"]).max() < 0.1
+        assert found["path.progress"][-1] == pytest.approx(38.0, abs=0.03)
+        final = found.moved[-1, HEADING] - parameters.get("start.heading", 0.0)
+        assert final == pytest.approx(0.0, abs=0.03)
+
+
+def test_it_never_asks_for_more_than_friction_gives_along():
+    """However steep the ramp is: the demand rises by 0.8^2 of the friction at most."""
+    found = ride({"path.arcs": "60 0", "speed.end": 6.0, "ramp.end": 0.1}, 6.0, friction=0.2)
+    rises = np.diff(found["speed.demand"]) / 2e-3
+    assert rises.max() == pytest.approx(0.64 * 0.2 * 9.81, rel=1e-6)
+    slip = Vehicle().radius * found.moved[:, 6] - found.moved[:, AHEAD]
+    assert slip.max() < 0.05
