@@ -16,7 +16,7 @@ KINDS = {
     "spring": "springs",
     "contact": "contacts",
 }
-SHARE = 1e-4  # of what came in: less is not told
+SHARE, SMALL = 1e-4, 5e-3  # of what came in: less is not told, or not by its kind
 
 
 class Loss(NamedTuple):
@@ -87,7 +87,7 @@ def sentence(found: Balance) -> str:
         told.append(f"{quantity(-books.work, 'J')}{_share(-books.work, supplied)} went back into the drives.")
     kinds = sorted(((kind, energy) for kind, energy in found.stored.items() if energy > 0.0), key=lambda each: -each[1])
     if kept := sum(energy for _, energy in kinds):
-        named = [f"{KINDS[kind]} {quantity(energy, 'J')}" for kind, energy in kinds if energy > 0.01 * supplied]
+        named = [f"{KINDS[kind]} {quantity(energy, 'J')}" for kind, energy in kinds if energy > SMALL * supplied]
         parts = f": {and_list(named)}" if named else ""
         told.append(f"{quantity(kept, 'J')}{_share(kept, supplied)} is stored at the end{parts}.")
     losers = sorted(found.lost.items(), key=lambda each: -abs(each[1]))[:3]
