@@ -73,7 +73,8 @@ def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
     behind = np.where(wrapped, 0.0, (np.abs(place) - 0.5 * np.pi) * radius)
     x, z = radius * np.cos(angle) - behind, -radius * np.sin(angle)
     c, s = np.cos(turn), np.sin(turn)  # about +y
-    columns = {"left_drive.angle": turned, "left_track.travel": t}
+    travel = table["track"]["pitch"] * (turned / step + off)
+    columns = {"left_drive.angle": turned, "left_track.travel": travel}
     columns |= {
         f"left_drive.sprocket.position.{axis}": np.full(len(t), at) for axis, at in zip("xyz", middle, strict=True)
     }
@@ -110,6 +111,21 @@ def test_a_jump_is_found_where_and_when_it_is(tmp_path, turn, way):
     place = pin * 2.0 * np.pi / TEETH + turned[at] + off[at] * 2.0 * np.pi / TEETH
     assert abs((place + np.pi) % (LINKS * 2.0 * np.pi / TEETH) - np.pi) < 0.5 * np.pi, "a pin on the wrap"
     assert entry.value == 2.0
+
+
+@pytest.mark.parametrize(("teeth", "jumps_"), [(1.1, True), (0.6, False)])
+def test_travel_shows_a_jump_where_no_pins_were_recorded(tmp_path, teeth, jumps_):
+    t = EVERY * np.arange(400)
+    pitch, turned = 0.1524, 3.0 * t
+    travel = -pitch * (turned * TEETH / (2.0 * np.pi) + teeth * np.clip((t - 1.0) / 0.05, 0.0, 1.0))
+    columns = {
+        "left_track.travel": travel, "left_drive.angle": turned, "left_track.sprocket.force.x": t,
+        "left_drive.sprocket.position.x": t,
+    }  # fmt: skip
+    scene = {"assembly": "rig", "vehicle": vehicle(), "run": {"step": EVERY}}
+    entries = found(write(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
+    assert [(e.what, e.place) for e in entries] == [("tooth_jump", "sprocket")] * jumps_
+    assert all(1.0 < entry.time <= 1.05 for entry in entries)
 
 
 def test_a_chain_that_nobody_seats_jumps_nowhere():

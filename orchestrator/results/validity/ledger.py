@@ -53,7 +53,7 @@ def _validity(run: RunData, window: Window) -> Validity:
     found: list[Entry] = []
     unseen: dict[str, str] = {}
     names = chain.from_iterable(kind.signals(run) for kind in KINDS)
-    for piece in pieces(run, names, run.tracks, window):
+    for piece in pieces(run, names, window):
         for kind in KINDS:
             try:
                 found += kind.find(piece)

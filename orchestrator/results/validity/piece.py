@@ -1,4 +1,4 @@
-"""A piece of a run: all signals that the ledger looks at, in a window of time, read in one pass."""
+"""A piece of a run: the signals that the ledger looks at, in a window of time, read in one pass."""
 
 from __future__ import annotations
 
@@ -48,11 +48,9 @@ class Piece:
         return series.t, series.values[:, [series.names.index(each) for each in variables]]
 
     def pins(self, track: str) -> tuple[Floats, Floats]:
-        """Times (m,) and places of the pins of a track (m, pins, 3), m, world; raises Missing."""
-        series = self._found.get(f"/{track}/links")
-        if series is None or not len(series.t):
-            raise Missing(f"no pins of '{track}' were recorded")
-        return series.t, series.values.reshape(len(series.t), -1, 3)
+        """Times (m,) and places of the pins of a track (m, pins, 3), m, world: read when asked for; raises Missing."""
+        blocks = [*of_links.records(self.run, track, self.window, "joint[*].position")]
+        return np.concatenate([block.t for block in blocks]), np.concatenate([block.values[0] for block in blocks])
 
 
 def place(run: RunData, name: str) -> tuple[str, int]:
@@ -63,8 +61,8 @@ def place(run: RunData, name: str) -> tuple[str, int]:
         raise Missing(f"the log has no signal '{name}'") from None
 
 
-def pieces(run: RunData, names: Iterable[str], tracks: Iterable[str], window: Window) -> Iterator[Piece]:
-    """The run piece by piece: signals ``names``, those that there are, and the pins of ``tracks``."""
+def pieces(run: RunData, names: Iterable[str], window: Window) -> Iterator[Piece]:
+    """The run piece by piece, with the signals of ``names`` that there are."""
     wanted: dict[str, list[int]] = {}
     for name in dict.fromkeys(names):
         try:
@@ -72,10 +70,6 @@ def pieces(run: RunData, names: Iterable[str], tracks: Iterable[str], window: Wi
         except LookupError:
             continue
         wanted.setdefault(topic, []).append(column)
-    for track in tracks:
-        if of_links.has(run, track, "joint[*].position"):
-            names_of = run.log.topics[f"/{track}/links"].names
-            wanted[f"/{track}/links"] = of_links.columns(names_of, "joint[*].position").ravel().tolist()
     if not wanted:
         return
     first, last = _span(run, wanted, window)

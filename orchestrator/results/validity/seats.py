@@ -22,6 +22,8 @@ def find(piece: Piece) -> Iterator[Entry]:
     seated = pitch_radius(piece.run.scene["vehicle"])
     most = radius * limits.PIN_WARNING, radius * limits.PIN_FAILURE
     for track in toothed(piece.run):
+        if not (piece.signal(f"{track}.penetration.max")[1] > most[0]).any():  # nothing is deeper than that
+            continue
         t, distance, _ = polar(piece, track)
         deepest = distance.argmin(axis=1)
         depth = seated - distance.min(axis=1)

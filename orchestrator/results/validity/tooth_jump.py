@@ -7,28 +7,42 @@ from collections.abc import Iterator
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull
+from orchestrator.results.analyses import hull, of_links
 from orchestrator.results.run_data import pitch_radius
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import FAILURE, Entry
-from orchestrator.results.validity.on_sprocket import polar, signals, toothed
+from orchestrator.results.validity.entry import FAILURE, Entry, passed
+from orchestrator.results.validity.on_sprocket import drift, polar, signals, toothed
 from orchestrator.results.validity.piece import Piece
 
 __all__ = ["find", "signals"]
+SUSPECT, CERTAIN = 0.4, 1.0  # teeth: see ``drift``
 SEATED = 0.5  # of the height of a tooth over the pitch circle: pins that are nearer to the axle sit in a gap
 
 
 def find(piece: Piece) -> Iterator[Entry]:
-    """The first jump of each track, and the most teeth that it was off, where pins are recorded; raises Missing."""
+    """The first jump of each track, and the most teeth that it was off; raises Missing.
+
+    Pins are read where travel says that there may be one; where they were not recorded, travel decides.
+    """
+    for track in toothed(piece.run):
+        t, parted = drift(piece, track)
+        if np.ptp(parted) < SUSPECT:
+            continue
+        if of_links.has(piece.run, track, "joint[*].position"):
+            yield from _by_pins(piece, track)
+        elif (found := passed(t, np.abs(parted), CERTAIN)) is not None:
+            yield Entry("tooth_jump", track, found[0], "sprocket", found[1], limits.JUMP, FAILURE)
+
+
+def _by_pins(piece: Piece, track: str) -> Iterator[Entry]:
     teeth = round(hull.number(piece.run, "sprocket", "teeth"))
     circle = pitch_radius(piece.run.scene["vehicle"])
     top = hull.number(piece.run, "sprocket", "outer_radius") + hull.number(piece.run, "sprocket", "pin_radius")
-    for track in toothed(piece.run):
-        t, distance, angle = polar(piece, track)
-        found = [*jumps(angle * teeth / (2.0 * np.pi), distance, circle + SEATED * (top - circle))]
-        for at, pin, off in found[:1]:
-            most = max(off for _, _, off in found)
-            yield Entry("tooth_jump", track, float(t[at]), f"sprocket, pin {pin + 1}", most, limits.JUMP, FAILURE)
+    t, distance, angle = polar(piece, track)
+    found = [*jumps(angle * teeth / (2.0 * np.pi), distance, circle + SEATED * (top - circle))]
+    for at, pin, off in found[:1]:
+        most = max(off for _, _, off in found)
+        yield Entry("tooth_jump", track, float(t[at]), f"sprocket, pin {pin + 1}", most, limits.JUMP, FAILURE)
 
 
 def jumps(gaps: Floats, distance: Floats, seated: float) -> Iterator[tuple[int, int, float]]:
