@@ -390,9 +390,10 @@ def test_ratios_over_tolerance_interval_and_inside_fmus():
     assert len(page.table("ratio", found).rows) == 4
 
 
-def test_projections_count_as_what_they_take_of_an_evaluation():
-    run = pieces.Cost(pieces.ADAMS, 1e-3, 0.0095, 75, 1e-5, 3.0, steps=40, projection=5e-5)
-    assert run.counted == pytest.approx(75 + 40 * 0.5), "75 evaluations of 100 us, 40 projections of 50 us"
+def test_projections_count_as_evaluations():
+    run = pieces.Cost(pieces.ADAMS, 1e-3, 0.0095, 75, 1e-5, 3.0, steps=36, projections=36)
+    assert pieces.figures(run)["counted"] == 111
+    assert pieces.figures(run._replace(projections=0))["counted"] == 75, "joints that are eliminated"
 
 
 # rules
@@ -626,6 +627,31 @@ def test_fmus_begin_anew_at_each_communication_step():
         assert row["restarts"] == pytest.approx(2 * 800)
         assert row["evaluations"] > 2.0 * row["steps"] > 2.0 * row["restarts"]
     assert fine["evaluations"] > 1.2 * coarse["evaluations"]
+
+
+@pytest.mark.study
+def test_counts_of_a_piece():
+    """Evaluations, not times: what the ratios are made of. Counted on 2026-11-23."""
+    found = {}
+    for model in (RIGID, CLOSED):
+        for row in pieces.rows(model.name, pieces.QUICK, (), pieces.INTERVALS):
+            found[row.item, model.name, row["method"], row["setting"], row["interval"]] = row
+    assert all(row["least"] <= row["cpu"] <= row["most"] for row in found.values())
+
+    def adams(model, tolerance=pieces.AT, interval=pieces.OUTPUT, item="piece"):
+        return found[item, model.name, pieces.ADAMS, tolerance, interval]
+
+    assert adams(RIGID)["evaluations"] == pytest.approx(75, abs=4)
+    assert adams(RIGID)["projections"] == adams(RIGID)["steps"] == pytest.approx(36, abs=2)
+    assert adams(RIGID, 1e-6)["evaluations"] == pytest.approx(299, rel=0.1)
+    assert adams(CLOSED)["evaluations"] == pytest.approx(10852, rel=0.03)
+    assert adams(CLOSED, 1e-6)["evaluations"] == pytest.approx(11216, rel=0.03), "bound by stability"
+    assert adams(CLOSED)["projections"] == 0
+    floors = [adams(RIGID, interval=part * pieces.OUTPUT, item="interval") for part in pieces.INTERVALS]
+    assert [row["floor"] for row in floors] == [128, 32, 8, 2]
+    assert all(row["evaluations"] > row["floor"] for row in floors)
+    assert floors[0]["evaluations"] < 1.1 * floors[0]["floor"], "outputs every 0.3 ms take the steps"
+    assert floors[-1]["evaluations"] < floors[0]["evaluations"]
 
 
 @pytest.mark.study

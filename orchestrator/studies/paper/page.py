@@ -43,8 +43,7 @@ TABLES = {  # item: title, columns
     "piece": ("All explicit runs", (
         CASE, Column("method", "method"), Column("setting", "tolerance, or part of the stable step", ".3g"),
         Column("cpu", "CPU time, s", ".3f"), *SPREAD, Column("evaluations", "evaluations", ".0f"),
-        Column("steps", "steps", ".0f"), Column("projection", "CPU time of a projection, s", ".1e"),
-        Column("counted", "evaluations with projections", ".0f"),
+        Column("steps", "steps", ".0f"), Column("projections", "projections", ".0f"),
         Column("error", "error of pins", ".1e"), Column("order", "mean order", ".1f"), NOTE,
     )),
     "interval": (f"Adams' methods at {pieces.AT:g} over the interval of output", (

@@ -8,9 +8,8 @@ the step, over the RMS of the ways that they went. A method's cost is that of it
 sides of the vehicle are alike and one of them is integrated, whatever the model. CPU times are medians of ``REPEATS``.
 
 A step of Adams' methods ends at each output at the latest, and takes two evaluations: no run has fewer than two an
-interval of output. Between these two the pins of rigid links are projected, which is no evaluation and counts as what
-it takes of one: the number of evaluations with projections is N + steps times the time of a projection over that of an
-evaluation.
+interval of output. Between these two, joints that are kept as equations are projected with the factors of the first,
+which is no evaluation; it costs less than one and counts as one where evaluations are given with projections.
 """
 
 from __future__ import annotations
@@ -23,8 +22,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.physics.chain.kinds import close, derivative
-from fmus.physics.chain.state import moving
 from fmus.vehicle import BadInput
 from orchestrator.execution.states import states_at
 from orchestrator.log.time_series import Floats
@@ -40,7 +37,6 @@ OUTPUT = 1.25e-3  # s, the communication step of the scene: that of outputs
 INTERVALS = 0.25, 1.0, 4.0, 16.0  # of output, times OUTPUT: what costs are shown over
 AT = 1e-3  # tolerance at which they are
 REPEATS = 3
-PROJECTIONS, DRIFT = 21, 1e-8  # that are timed, and what a step drifts, m
 EQUAL = 1e-4  # error of pins that costs are compared at
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of Adams' methods, relative and absolute
 FRACTIONS = (1.0, 2.0)  # of the largest stable step
@@ -63,14 +59,8 @@ class Cost(NamedTuple):
     least: float = math.nan  # CPU time of the fastest run, s
     most: float = math.nan  # and of the slowest one
     steps: int = 0
-    projection: float = math.nan  # CPU time of a projection, s
+    projections: int = 0
     interval: float = OUTPUT  # of output, s
-
-    @property
-    def counted(self) -> float:
-        """Evaluations with projections."""
-        one = (self.cpu - self.steps * self.projection) / self.evaluations
-        return self.evaluations + self.steps * self.projection / one
 
 
 def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tuple[float, ...] = ()) -> list[Row]:
@@ -104,9 +94,8 @@ def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tup
 
 def figures(cost: Cost) -> dict[str, Any]:
     """Of a run, with the time of one evaluation, s."""
-    done = cost.evaluations > 0
-    each, counted = (cost.cpu / cost.evaluations, cost.counted) if done else (math.nan, math.nan)
-    return {**cost._asdict(), "each": each, "counted": counted}
+    each = cost.cpu / cost.evaluations if cost.evaluations else math.nan
+    return {**cost._asdict(), "each": each, "counted": cost.evaluations + cost.projections}
 
 
 def stiff(stiffness: float, piece: float) -> list[Row]:
@@ -160,11 +149,12 @@ class Drive:
                 times.append(self._timed(vehicle, self.piece, interval))
         except RuntimeError:  # a tolerance too wide for it is a result
             return Cost(method, setting, np.nan, 0, np.inf, np.nan, interval=interval)
-        chain, effort = vehicle.models[TRACK], vehicle.effort
+        chain, effort, sizes = vehicle.models[TRACK], vehicle.effort, storage(vehicle.models[TRACK])
+        steps = int(effort.steps - before.steps)
         return Cost(
             method, setting, float(np.median(times)), int(effort.evaluations - before.evaluations),
-            _rms(chain.pins() - self.exact) / self.way, float(effort.order), storage(chain)["bytes"], min(times),
-            max(times), int(effort.steps - before.steps), projection(chain), interval,
+            _rms(chain.pins() - self.exact) / self.way, float(effort.order), sizes["bytes"], min(times), max(times),
+            steps, steps if sizes["multipliers"] else 0, interval,
         )  # fmt: skip
 
     def _timed(self, vehicle: Any, piece: float, interval: float) -> float:
@@ -175,23 +165,6 @@ class Drive:
             vehicle.advance(t, interval)
             t += interval
         return time.process_time() - began
-
-
-def projection(chain: Any) -> float:
-    """CPU time of taking back what a step did to the joints, s: the median of some, poses off by ``DRIFT``."""
-    times, q = [], chain.s.q.copy()
-    off = DRIFT * np.random.default_rng(0).standard_normal(q.shape)
-    system = chain.system()
-    rates = np.zeros(sum(part.size for part in moving(chain.s).values()))
-    for _ in range(PROJECTIONS):
-        chain.s.q[:] = q
-        derivative(*system, chain.s, chain.work, rates)
-        chain.s.q[:] += off
-        began = time.thread_time()
-        close(chain.link, chain.s, chain.work)
-        times.append(time.thread_time() - began)
-    chain.s.q[:] = q
-    return float(np.median(times))
 
 
 def _rms(off: Floats) -> float:
