@@ -84,6 +84,7 @@ def on_page(text):
     """Phases of the table on a page."""
     table = re.search(r'<table class="phases">.*?<tbody>(.*?)</tbody>', text, re.S)[1]
     for row in re.findall(r"<tr>(.*?)</tr>", table, re.S):
+        row = re.sub(r"</b><br><span class='muted'>(turning \w+)</span>", r", \1</b>", row)
         cells = [html.unescape(cell) for cell in re.findall(r"<td>(.*?)</td>", row, re.S)]
         name, start, end, way, speed, yaw, radius, power, slips, tension = (
             re.sub(r"<b>|</b>|<br>.*", "", cell) for cell in cells

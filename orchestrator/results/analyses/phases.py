@@ -98,13 +98,14 @@ def _moves(one: Phase) -> str:
     when = f"{one.start:.4g} to {one.end:.4g} s: {called(one)}"
     if one.kind == "rest":
         return when
-    changes = f"{', ' if one.turning else ' '}from {_near(one.speed_start)} to {_near(one.speed_end)} m/s"
+    changes = f"{', ' if one.turning else ' '}from {near(one.speed_start)} to {near(one.speed_end)} m/s"
     speed = changes if one.kind in ("acceleration", "braking") else f" at {one.speed:.4g} m/s"
     return f"{when}{speed} over {one.way:.4g} m"
 
 
-def _near(speed: float) -> str:
-    return f"{round(speed, 2) + 0.0:.2f}"  # no -0.00
+def near(speed: float) -> str:
+    """To a hundredth, without a sign where that is 0."""
+    return f"{round(speed, 2) + 0.0:.2f}"
 
 
 def _turns(one: Phase) -> str:

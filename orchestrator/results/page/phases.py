@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orchestrator.results.analyses.phases import HELD, Phase, called
+from orchestrator.results.analyses.phases import HELD, Phase, called, near
 from orchestrator.results.page.sections import Pair, Section, table
 from orchestrator.results.page.study import Study
 from orchestrator.results.page.words import instance, number, quantity, text
@@ -34,12 +34,13 @@ def _table(study: Study) -> str:
 def _row(one: Phase) -> tuple[str, ...]:
     speed = f"{one.speed:.3f}"
     if one.kind in ("acceleration", "braking"):
-        speed += f"<br><span class='muted'>{one.speed_start:.2f} to {one.speed_end:.2f}</span>"
+        speed += f"<br><span class='muted'>{near(one.speed_start)} to {near(one.speed_end)}</span>"
     slips = " / ".join(f"{slip:.3f}" for slip in (one.slip_left, one.slip_right) if slip == slip)
     tension = f"{quantity(one.tension, 'N')}<br><span class='muted'>{instance(one.tension_track)}, at"
     tension += f" {number(one.tension_t)} s</span>"
+    name, _, turning = called(one).partition(", ")
     cells = (
-        f"<b>{text(called(one))}</b>",
+        f"<b>{text(name)}</b>" + (f"<br><span class='muted'>{text(turning)}</span>" if turning else ""),
         number(one.start),
         number(one.end),
         f"{one.way:.2f}",
