@@ -57,7 +57,9 @@ def s_curve(radius, friction, parameters=None, **settings):
     return abs(found["path.lateral_error"][on]).max(), across.max() / limit
 
 
-@pytest.mark.parametrize(("speed", "friction"), [(2.0, 0.3), (5.0, 0.3), (8.0, 0.3), (5.0, 0.2), (2.0, 1.2), (8.0, 1.2)])
+@pytest.mark.parametrize(
+    ("speed", "friction"), [(2.0, 0.3), (5.0, 0.3), (8.0, 0.3), (5.0, 0.2), (2.0, 1.2), (8.0, 1.2)]
+)
 def test_from_two_metres_beside_its_path_it_hardly_overshoots(speed, friction):
     assert beside(speed, 14.0, friction=friction) < 0.01
 
@@ -116,7 +118,7 @@ def test_a_path_driven_backwards_as_well_as_ahead():
 
 
 def test_another_vehicle_place_and_heading():
-    """Longer and narrower: it needs half as much slip again. Turned by 0.9 rad it drives to the same bits but rounding."""
+    """Longer and wider, and turned by 0.9 rad at the start."""
     table = copy.deepcopy(TABLE)
     wheels = [-1.989 + 1.15 * (x + 1.989) for x in table["road_wheel"]["x"]]
     table["road_wheel"]["x"], table["track"]["lateral"] = wheels, 1.2
