@@ -50,7 +50,7 @@ def s_curve(radius, friction, parameters=None, **settings):
     lead = 6.0 + speed**2 / limit
     path = {"path.arcs": f"{lead} 0; {arc} {k}; {2 * arc} {-k}; {arc} {k}; {lead} 0", "speed.end": speed,
             "ramp.end": 3.0 * speed / limit}  # fmt: skip
-    found = ride(path | (parameters or {}), (2.0 * lead + 4.0 * arc) / speed * 1.2 + 3.0, friction, **settings)
+    found = ride(path | (parameters or {}), (2.0 * lead + 4.0 * arc) / speed * 1.7 + 3.0, friction, **settings)
     on = found["path.progress"] < lead + 4.0 * arc
     assert found["path.progress"][-1] > lead + 4.0 * arc
     across = abs(found.moved[:, AHEAD] * found.moved[:, RATE])
