@@ -53,7 +53,7 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
         Port("acceleration.lateral", "parameter", "m/s2", "what speed times yaw rate may be: slower in curves", 10.0,
              allowed=POSITIVE),
         Port("heading.gain", "parameter", "1/s", "yaw rate per error of the held heading", 1.0, allowed=NOT_NEGATIVE),
-        Port("yaw.gain", "parameter", "1", "yaw rate per error of the yaw rate", 1.5, allowed=NOT_NEGATIVE),
+        Port("yaw.gain", "parameter", "1", "yaw rate per error of the yaw rate", 1.0, allowed=NOT_NEGATIVE),
         Port("yaw.integral", "parameter", "1/s", "yaw rate per second and error of the yaw rate", 0.3,
              allowed=NOT_NEGATIVE),
         Port("width", "parameter", "m", "distance of two tracks that turn the vehicle alike without slip", width,

@@ -48,7 +48,9 @@ def of_arcs(name: str, text: str) -> Path:
     arcs = _pairs(name, text, "'length curvature; length curvature; ...'")
     direction = np.sign(arcs[:, 0])
     if ((direction == 0.0) & (arcs[:, 1] == 0.0)).any():
-        raise InvalidParameter(f"{name} = '{text[:80]}': an arc of length 0 turns on the spot, by an angle that is not 0")
+        raise InvalidParameter(
+            f"{name} = '{text[:80]}': an arc of length 0 turns on the spot, by an angle that is not 0"
+        )
     s = np.concatenate([[0.0], np.cumsum(np.abs(arcs[:, 0]))])
     x, y, heading = np.zeros((3, len(arcs)))
     path = Path(s[:-1], x, y, heading, arcs[:, 1].copy(), direction, _pieces(direction), float(s[-1]))

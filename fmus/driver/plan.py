@@ -23,7 +23,7 @@ from fmus.physics.arrays import Floats
 
 STEP = 0.1  # m: distance of two places, on paths that are not longer than
 PLACES = 100_000  # times that
-ALONG, TURNS = 0.8, 0.35  # of the grip for a change of speed: straight on, and in a turn, which needs most of the rest
+ALONG, TURNS = 0.8, 0.3  # of the grip for a change of speed: straight on, and in a turn, which needs most of the rest
 FAINT = 0.03  # rad/s: a yaw rate that counts as a turn
 FEWEST = 8  # on a piece
 ROUNDS = 8  # of planning slower where the vehicle cannot turn fast enough
@@ -60,8 +60,8 @@ def plan(path: route.Path) -> Plan:
     places = np.maximum(np.ceil(way / max(STEP, path.length / PLACES)), FEWEST).astype(np.int64) + 1
     first = np.concatenate([[0], np.cumsum(places)])
     n = int(first[-1])
-    six = [np.zeros(n) for _ in range(6)]
-    return Plan(first, *six, np.zeros((n, 4)), np.zeros(n))
+    a, b, c, d, e, f, g = np.zeros((7, n))
+    return Plan(first, a, b, c, d, e, f, np.zeros((n, 4)), g)
 
 
 @kernel

@@ -37,7 +37,7 @@ REST = 0.25  # s in which what is left of a way to a stop fades
 STANDS, THERE = 0.02, 0.02  # m before its end a piece is driven, rad before its angle a turn on the spot is done
 HARD = 1.5  # yaw acceleration that is asked for, over what friction gives beside the resistance to turning
 BLUNT = 4.0  # of the distance over which a large error fades: v^2 e / L^3 is a yaw acceleration
-PLANNED = 0.8  # share of the yaw acceleration that friction gives, for the plan
+PLANNED = 0.7  # share of the yaw acceleration that friction gives, for the plan
 FULL = 0.95  # share of the friction beyond which none is asked for
 
 

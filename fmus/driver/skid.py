@@ -77,7 +77,7 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
 
 
 def _bodies(v: Mapping[str, Any]) -> Any:
-    """Mass, place (3), inertia about its own vertical, of each body as drawn; a track is a rod from sprocket to idler."""
+    """Mass, place (3), inertia about its own vertical, of each body as drawn; a track is a rod between its ends."""
     hull, sprocket, idler, wheel, arm, track = (
         v[name] for name in ("chassis", "sprocket", "idler", "road_wheel", "road_arm", "track")
     )

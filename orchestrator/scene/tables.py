@@ -438,7 +438,7 @@ class Driver(Table):
     driver's own default.
     """
 
-    # [length, curvature], left positive, backwards with a negative length, [0, angle] on the spot; or a CSV file of them
+    # [length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a CSV file of them
     arcs: Annotated[tuple[Arc, ...] | None, BeforeValidator(off)] = None
     # [x, y] of a smooth path, or a CSV file of them
     points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(off)] = None

@@ -50,14 +50,16 @@ def s_curve(radius, friction, parameters=None, **settings):
     lead = 6.0 + speed**2 / limit
     path = {"path.arcs": f"{lead} 0; {arc} {k}; {2 * arc} {-k}; {arc} {k}; {lead} 0", "speed.end": speed,
             "ramp.end": 3.0 * speed / limit}  # fmt: skip
-    found = ride(path | (parameters or {}), (2.0 * lead + 4.0 * arc) / speed * 1.2 + 3.0, friction, **settings)
+    found = ride(path | (parameters or {}), (2.0 * lead + 4.0 * arc) / speed * 1.7 + 3.0, friction, **settings)
     on = found["path.progress"] < lead + 4.0 * arc
     assert found["path.progress"][-1] > lead + 4.0 * arc
     across = abs(found.moved[:, AHEAD] * found.moved[:, RATE])
     return abs(found["path.lateral_error"][on]).max(), across.max() / limit
 
 
-@pytest.mark.parametrize(("speed", "friction"), [(2.0, 0.3), (5.0, 0.3), (8.0, 0.3), (5.0, 0.2), (2.0, 1.2), (8.0, 1.2)])
+@pytest.mark.parametrize(
+    ("speed", "friction"), [(2.0, 0.3), (5.0, 0.3), (8.0, 0.3), (5.0, 0.2), (2.0, 1.2), (8.0, 1.2)]
+)
 def test_from_two_metres_beside_its_path_it_hardly_overshoots(speed, friction):
     assert beside(speed, 14.0, friction=friction) < 0.01
 
@@ -72,13 +74,12 @@ def test_without_feed_forward_of_slip_and_lag_it_overshoots():
 )
 def test_an_s_curve_at_the_limit_of_friction(radius, friction):
     error, used = s_curve(radius, friction)
-    assert error < 0.12
+    assert error < 0.11
     assert 0.5 < used < 0.97
 
 
-@pytest.mark.parametrize("off", [{"friction": 0.4}, {"drive.lag": 0.0}])
-def test_an_s_curve_needs_friction_and_lag_as_they_are(off):
-    assert s_curve(12.5, 0.3, off)[0] > 0.12
+def test_an_s_curve_needs_the_friction_as_it_is():
+    assert s_curve(12.5, 0.3, {"friction": 0.4})[0] > 0.2
 
 
 def test_it_drives_back_turns_on_the_spot_and_stops():
@@ -116,7 +117,7 @@ def test_a_path_driven_backwards_as_well_as_ahead():
 
 
 def test_another_vehicle_place_and_heading():
-    """Longer and narrower: it needs half as much slip again. Turned by 0.9 rad it drives to the same bits but rounding."""
+    """Longer and wider, and turned by 0.9 rad at the start."""
     table = copy.deepcopy(TABLE)
     wheels = [-1.989 + 1.15 * (x + 1.989) for x in table["road_wheel"]["x"]]
     table["road_wheel"]["x"], table["track"]["lateral"] = wheels, 1.2

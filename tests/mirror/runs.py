@@ -93,9 +93,9 @@ def thrown() -> Record:
 
 
 def driven() -> Record:
-    """Along a path to the left and to the right."""
+    """Along a path to the left and to the right; without friction, so that slip is what a width says."""
     path = "driver.arcs=[[0.3, 0], [1, 0.2], [2, -0.2]]", "driver.ramp_start=0 s", "driver.ramp_time=0.3 s"
-    return other("serpentine", "rigid", *path, "driver.speed=3 m/s", duration=0.8)
+    return other("serpentine", "rigid", *path, "driver.friction=0", "driver.speed=3 m/s", duration=0.8)
 
 
 def joined() -> Record:

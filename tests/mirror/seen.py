@@ -9,6 +9,8 @@ from mirror.record import Floats, Part
 
 FINE = 2e-4  # m
 SLOW = 0.1  # m/s: slower ones are not steered
+REST = 0.25  # s in which what is left of a way fades
+PLACE = 0.1  # m between places of a plan
 
 
 class Seen:
@@ -62,21 +64,23 @@ class Seen:
     def speed(self) -> Floats:
         s = (self.t + 0.5 * self.h - self.p["ramp.start"]) / (self.p["ramp.end"] - self.p["ramp.start"])
         ramp = self.p["speed.end"] * 0.5 * (1.0 - np.cos(np.pi * np.clip(s, 0.0, 1.0)))
-        left = np.maximum(self.starts[None, :] - self.progress()[:, None], 0.0)
-        left[self.progress()[:, None] >= self.ends[None, :]] = np.inf  # passed
-        curves = self.p["acceleration.lateral"] / np.maximum(np.abs(self.bends), 1e-9)
-        ramp = np.minimum(ramp, np.sqrt(curves + 2.0 * self.p["deceleration"] * left).min(axis=1))
-        return np.minimum(ramp, np.sqrt(2.0 * self.p["deceleration"] * np.maximum(self.length - self.progress(), 0.0)))
+        left = np.maximum(self.length - self.progress(), 0.0)
+        return np.minimum(ramp, np.minimum(np.sqrt(2.0 * self.p["deceleration"] * left), left / REST))
+
+    def planned(self) -> Floats:
+        """Curvature of the path at places 10 cm apart, means over as much, straight between."""
+        count = int(np.ceil(self.length / PLACE))
+        places = np.linspace(0.0, self.length, count + 1)
+        ends = np.clip(places[:, None] + 0.5 * self.length / count * np.array([-1.0, 1.0]), 0.0, self.length)
+        turned = np.diff(np.interp(ends, self.s, self.along), axis=1)[:, 0]
+        return np.interp(self.progress(), places, turned / np.diff(ends, axis=1)[:, 0])
 
     def curvature(self) -> Floats:
-        reach = np.maximum(self.p["reach"], self.p["preview"] * np.abs(self.forward))
-        reach = np.maximum(reach, np.minimum(2.0 * np.abs(self.error()), 10.0))
-        goal = self.way[np.rint((self.progress() + reach) / FINE).astype(int)] - self.place
-        way = self.heading + np.arctan2(self.sideways, np.maximum(np.abs(self.forward), SLOW))
-        asked = 2.0 * np.sin(np.arctan2(goal[:, 1], goal[:, 0]) - way) / np.linalg.norm(goal, axis=1)
-        most = np.minimum(
-            self.p["curvature.largest"], self.p["acceleration.lateral"] / np.maximum(self.forward**2, SLOW**2)
-        )
+        v = np.maximum(self.forward, 0.0)
+        reach = np.maximum(self.p["reach"], self.p["preview"] * v)
+        way = self.askew() + np.arctan2(self.sideways, np.maximum(v, SLOW))
+        asked = self.planned() - 2.0 / reach * (way + np.arctan(0.5 * self.error() / reach))
+        most = np.minimum(self.p["curvature.largest"], 1.1 * self.p["acceleration.lateral"] / np.maximum(v, SLOW) ** 2)
         return np.clip(asked, -most, most)
 
     def yaw_rate(self) -> Floats:
@@ -84,6 +88,7 @@ class Seen:
 
     def sprocket(self, side: float) -> Floats:
         lacks, v = self.yaw_rate() - self.rate, self.speed()
-        learnt = np.cumsum(self.p["yaw.integral"] * self.h * lacks * (self.forward > SLOW))
+        learnt = np.cumsum(self.p["yaw.integral"] * self.h * lacks * (np.abs(self.forward) > SLOW))
         more = 0.5 * self.p["width"] * (self.yaw_rate() + self.p["yaw.gain"] * lacks + learnt)
-        return (v + side * more * v / np.hypot(v, SLOW)) / self.radius
+        pace = np.diff(v, prepend=0.0) / self.h
+        return (v + self.p["drive.lag"] * pace + side * more * v / np.hypot(v, SLOW)) / self.radius
