@@ -841,7 +841,7 @@ def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
     names = {}
     exec(cell, names)
     assert len(cell.splitlines()) == 3
-    assert len(names["table"]) == len(names["found"].table().rows) > -(what == "events")
+    assert len(names["table"]) == len(names["found"].table().rows) > -(what in ("events", "validity"))
     assert list(names["table"].columns) == [name for name, _ in names["found"].table().columns]
     assert [what.value for what in What] == list(NAMES)
 

@@ -32,7 +32,7 @@ KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",
     "real_time_factor",
     "communication_steps", "rejected_steps", "log", "log_bytes", "components", "energy", "error", "checks",
-    "observables", "windows", "phases", "warnings",
+    "observables", "windows", "phases", "warnings", "validity",
 }  # fmt: skip
 SHORT = ("run", "hanging_chain", "--stop", "0.02", "--json")
 
