@@ -68,8 +68,8 @@ GENERIC = (
     "execution/replays.py",
 )
 DOORS = {
-    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.equilibrium", "fmus.link_outputs", "fmus.loaded", "fmus.vehicle", "fmus.ports",
-    "fmus.saved", "fmus.stance", "fmus.tensioning", "fmus.monolith.model", "fmus.native.pack",
+    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.equilibrium", "fmus.link_outputs", "fmus.loaded", "fmus.ports",
+    "fmus.saved", "fmus.stance", "fmus.tensioning", "fmus.vehicle", "fmus.monolith.model", "fmus.native.pack",
 }  # fmt: skip
 # scenes without an FMU, studies of the mechanics and the motion that other codes are given need the mechanics
 TO_PHYSICS = {"without_fmu", "studies", "bench"}
