@@ -1,13 +1,13 @@
 """Where a vehicle stands at rest: hull, road arms, idlers, chains and ground in static equilibrium (build side).
 
-The unknowns are height, roll and pitch of the hull and the coordinates of its leaves. For each guess the wheels stand
-somewhere, the chains come to their own equilibrium there (the one that a track starts in), and what they push with gives
-the chassis accelerations, which are to vanish. Friction plays no part: it is regularised, so that it is zero at rest.
+The unknowns are height, roll and pitch of the hull and the coordinates of its leaves. A guess says where the wheels
+stand; the chains come to their own equilibrium on them (the one that a track starts in), and with their wrenches the
+chassis has accelerations, which must vanish. Friction plays no part: it is regularised, so that it is zero at rest.
 
 The chains are cables, whatever the links of the scene are, so that all kinds start in one place: rigid links, beams and
-cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. They stay in the upright plane of their track, as
-they do when a track is laid out. Where a vehicle leans, its wheels tilt on them: that resists as springs side by side do
-(``_Chain.pushes``); what pushes links aside then is left out, because only friction holds it, which creeps.
+cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. They stay in the upright plane of their track,
+where a track is laid out. The wheels of a vehicle that leans tilt on them; links resist that as springs side by side
+(``_Chain.pushes``). Lateral forces of tilted wheels are left out: friction alone holds links against them, and creeps.
 
 Newton's method with a term of inertia over the square of a pseudo step that grows as the accelerations fall
 (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the
@@ -146,7 +146,7 @@ class _Chain:
         self._model = Cables({**track.config, "link_outputs": False})
         self._model.initialise(track.parameters)
         self._arm = 0.25 * self._model.vehicle["track"]["width"]  # of the two faces of a link from its middle, m
-        self._known = np.zeros(0), np.zeros(0)  # rows, wrenches
+        self._known: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
 
     def pushes(self, motions: Floats, roll: float, pitch: float) -> Floats:
         """Wrenches (wheels, 6) on the road wheels, idler and sprocket with these motions (wheels, 13)."""

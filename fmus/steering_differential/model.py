@@ -51,7 +51,8 @@ class Model(Component):
 
     ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": stance of the left mount at the start
     (``fmus.stance``), "right": of the right one, the left one's mirror image by default, "demanded": whether the speeds
-    follow inputs, false by default}}; what else it holds is not read. Mounts whose inputs still have their start values stand still at the start pose.
+    follow inputs, false by default}}; what else it holds is not
+    read. Mounts whose inputs still have their start values stand still at the start pose.
     """
 
     starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)

@@ -210,7 +210,7 @@ def speed_excess(run: RunData, of: str, window: Window) -> float:
 
 
 def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
-    """Mean rise of the road wheels against the hull since the start, m: the settlement's share of springs."""
+    """Mean rise of the road wheels against the hull from the drawn position, m: the settlement's share of springs."""
     wheels = [
         f"chassis.{side}.road_wheel[{i}].position.z"
         for side in run.sides
@@ -219,8 +219,8 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
     hull = "chassis.chassis.position.z"
     t, height = run.signal(hull, window)
     rise = np.mean([run.signal(wheel, window)[1] - height for wheel in wheels], axis=0)
-    first = np.mean([run.ends(wheel)[0] - run.ends(hull)[0] for wheel in wheels])
-    return mean(t, rise) - float(first)
+    vehicle = run.scene["vehicle"]
+    return mean(t, rise) - (vehicle["road_wheel"]["z"] - vehicle["chassis"]["centre"][2])
 
 
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:

@@ -272,9 +272,7 @@ def _chassis(scene: VehicleScene) -> dict[str, Any]:
     return {"vehicle": scene.vehicle.model_dump(), "chassis": own}
 
 
-def _standing(
-    scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]
-) -> dict[str, Any]:
+def _standing(scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]) -> dict[str, Any]:
     """The config of a track with its wheels where they stand on this side of the vehicle."""
     at = scene.start.equilibrium
     if at is None:
@@ -426,9 +424,9 @@ def _drive(
 def _differential(scene: VehicleScene, steering: Drive, stands: Mapping[str, Stance]) -> Part:
     vehicle = scene.vehicle
     own: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
-    for side, key in (("left", "mount"), ("right", "right")):
+    for (side, sign), key in zip(SIDES.items(), ("mount", "right"), strict=True):
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
-        own[key] = [x, y + SIDES[side] * vehicle.track.lateral, *rest]
+        own[key] = [x, y + sign * vehicle.track.lateral, *rest]
     config = {"vehicle": vehicle.model_dump(), "drive": own}
     parameters = _start(scene)
     for shaft, drive in (("propulsion", scene.drive), ("steering", steering)):

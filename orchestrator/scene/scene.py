@@ -241,7 +241,7 @@ class VehicleScene(TrackScene):
         return self._teeth_rate(max(known) + 0.5 * (steering or 0.0) if known else None)
 
     def with_state(self) -> VehicleScene:
-        """The scene with the state in which it starts: at rest where nothing is said and it can be; raises ValueError."""
+        """The scene with the state in which it starts, by default at rest where it can be; raises ValueError."""
         rests = self.track.start in (None, "rest")
         if self.start.state == "equilibrium" and not rests:
             raise ValueError(f"start.state = 'equilibrium' needs track.start = 'rest', not '{self.track.start}'")

@@ -149,8 +149,8 @@ class VehicleStart(Start):
     height: Place = 0.0  # of the sprocket axle over its drawn place on the ground
     pitch: Annotated[float, In("rad")] = 0.0  # about the sprocket axle, nose down positive
     roll: Annotated[float, In("rad")] = 0.0  # about its long axis, before the pitch: half a turn or none
-    # equilibrium: at rest on its springs and tracks; drawn: on springs without load, from where it drops. What is raised
-    # or turned is drawn, all else rests by default
+    # equilibrium: at rest on its springs and tracks, the default; drawn: on springs without load, from where it drops,
+    # the default of what is raised or turned
     state: Literal["equilibrium", "drawn"] | None = None
     equilibrium: Equilibrium | None = None  # solved
 
@@ -158,8 +158,8 @@ class VehicleStart(Start):
     def _rests_in_its_place(self) -> VehicleStart:
         if self.state == "equilibrium" and self.moved:
             raise ValueError(
-                "state = 'equilibrium' needs height = 0, pitch = 0 and roll = 0: a vehicle that is raised or turned starts"
-                " as 'drawn'"
+                "state = 'equilibrium' needs height = 0, pitch = 0 and roll = 0: what is raised or turned starts as"
+                " 'drawn'"
             )
         return self
 

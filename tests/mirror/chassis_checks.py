@@ -54,13 +54,14 @@ def angles(view: View, names: Sequence[str]) -> Floats:
 
 
 def progress(view: View, names: Sequence[str]) -> Floats:
-    """Speed ahead, way along the start's heading, way down."""
+    """Speed ahead, way along the start's heading, how far below its drawn place."""
     h, heading = view.hull, float(view.part.parameters["start.heading"])
-    way = h.place - h.place[0]
+    way, (origin, attitude) = h.place - h.place[0], h.start
+    drawn = origin + attitude.apply(h.vehicle["chassis"]["centre"])
     found = {
         "speed": (h.velocity * h.attitude.apply([1.0, 0.0, 0.0])).sum(1),
         "distance": way @ [np.cos(heading), np.sin(heading), 0.0],
-        "settlement": -way[:, 2],
+        "settlement": drawn[2] - h.place[:, 2],
     }
     return np.stack([found[name] for name in names], axis=1)
 

@@ -49,8 +49,8 @@ class Half(NamedTuple):
 
 def half(view: View, side: str) -> Half:
     config, p = view.part.config, view.part.parameters
-    x, y, z = config["drive"]["mount"]
-    config = {**config, "drive": {**config["drive"], "mount": [x, -SIDES[side] * y, z]}}
+    mount = config["drive"]["mount" if side == "left" else "right"]
+    config = {**config, "drive": {**config["drive"], "mount": mount}}
     part: Any = Named(view.part, f"{side}.", config, {**p, **PASSIVE, "start.lateral": 0.0})
     return Half(view.record, part, Spin(part), side)
 

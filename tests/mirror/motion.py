@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,12 @@ def start_frame(parameters: dict[str, Any]) -> tuple[Floats, Rotation]:
         for key in ("position.x", "position.y", "position.z", "height", "heading", "pitch")
     )
     return np.array([x, y, z + height]), Rotation.from_euler("ZY", [heading, pitch])
+
+
+def standing(numbers: Sequence[float]) -> tuple[Floats, Rotation]:
+    """Place and attitude in the vehicle frame of what stands at seven numbers, or as drawn at a place of three."""
+    found = np.array([*numbers, 1.0, 0.0, 0.0, 0.0][:7])
+    return found[:3], turned(found[3:])
 
 
 class Wheels(NamedTuple):
@@ -45,12 +52,14 @@ def wheels(part: Part) -> Wheels:
     names = [wheel["name"] for wheel in part.config["track"]["wheels"]]
     k = len(part.t)
     origin, attitude = start_frame(part.parameters)
-    places = [[w["position"][0], float(part.parameters["start.lateral"]), w["position"][1]]
-              for w in part.config["track"]["wheels"]]  # fmt: skip
+    beside = np.array([0.0, float(part.parameters["start.lateral"]), 0.0])
+    drawn = [(w, [w["position"][0], 0.0, w["position"][1]]) for w in part.config["track"]["wheels"]]
+    stands = [standing(w.get("start", place)) for w, place in drawn]
     found = [np.zeros((k, len(names), 3)) for _ in range(5)]
     for m, name in enumerate(names):
-        found[0][0, m] = origin + attitude.apply(places[m])
-        found[3][0, m], found[4][0, m] = attitude.apply([0, 1, 0]), attitude.apply([1, 0, 0])
+        place, own = stands[m]
+        found[0][0, m] = origin + attitude.apply(place + beside)
+        found[3][0, m], found[4][0, m] = (attitude * own).apply([0, 1, 0]), (attitude * own).apply([1, 0, 0])
         q = turned(part.given(f"{name}.orientation", "wxyz"))
         seen = Wheels(
             part.given(f"{name}.position"),

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid, quad
 from scipy.spatial.transform import Rotation
 
-from mirror.motion import start_frame, turned
+from mirror.motion import standing, start_frame, turned
 from mirror.record import Floats, Part
 
 Y = np.array([0.0, 1.0, 0.0])
@@ -31,19 +31,20 @@ class Spin:
     def mount(self) -> tuple[Floats, Rotation, Floats, Floats]:
         """Position, attitude, velocity and angular velocity at the end of each step; the first at the start (K + 1)."""
         part, h = self.part, self.part.h[:, None]
-        place = np.array(part.config["drive"]["mount"])
+        place, own = standing(part.config["drive"]["mount"])
         place[1] += float(self.p["start.lateral"])
-        origin, attitude = start_frame(self.p)
+        origin, frame = start_frame(self.p)
+        attitude = frame * own
         if self.alone:
             still = np.zeros((len(part.t), 3))
-            return still + origin + attitude.apply(place), Rotation.concatenate([attitude] * len(part.t)), still, still
+            return still + origin + frame.apply(place), Rotation.concatenate([attitude] * len(part.t)), still, still
         x, v, w = (part.given(f"mount.{what}") for what in ("position", "velocity", "angular_velocity"))
         q = turned(part.given("mount.orientation", "wxyz"))
         steeper = self.p["extrapolation"] == "acceleration"
         a, b = (np.vstack([np.zeros(3), np.diff(r, axis=0) / h[:-1]]) * steeper for r in (v, w))
         ended = Rotation.from_rotvec(h * (w + 0.5 * h * b)) * q
         return (
-            np.vstack([origin + attitude.apply(place), x + h * v + 0.5 * h * h * a]),
+            np.vstack([origin + frame.apply(place), x + h * v + 0.5 * h * h * a]),
             Rotation.concatenate([attitude, ended]),
             np.vstack([np.zeros(3), v + h * a]),
             np.vstack([np.zeros(3), w + h * b]),

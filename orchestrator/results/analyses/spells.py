@@ -47,9 +47,14 @@ def switches(low: NDArray[np.bool_], high: NDArray[np.bool_], state: bool) -> It
     yield from zip(known[changes].tolist(), low[known[changes]].tolist(), strict=True)
 
 
+def drops(run: RunData) -> bool:
+    """Whether a vehicle starts as drawn, not in equilibrium."""
+    return run.scene.get("assembly") == "vehicle" and run.scene.get("start", {}).get("state") != "equilibrium"
+
+
 def settling(run: RunData, t: float) -> bool:
     """Whether a vehicle is just coming to rest on its tracks at a time, s."""
-    return run.scene.get("assembly") == "vehicle" and t <= SETTLING
+    return drops(run) and t <= SETTLING
 
 
 def spells(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> Spells:

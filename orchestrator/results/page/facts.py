@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any, NamedTuple
 
+from orchestrator.results.analyses.spells import drops
 from orchestrator.results.page import chain as links
 from orchestrator.results.page.balance import sources
 from orchestrator.results.page.signals import Recorded
@@ -13,7 +14,7 @@ from orchestrator.results.page.words import instance, number, percent, quantity,
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
 KMH = 3.6
-COMING_TO_REST = 0.5  # s: a vehicle starts as drawn, not yet resting on its tracks
+COMING_TO_REST = 0.5  # s: a vehicle that starts as drawn does not rest on its tracks yet
 
 
 class Tile(NamedTuple):
@@ -240,7 +241,7 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
     if load := found.get("wheel_load"):
         track, _, wheel = load["signal"].removesuffix(".load").partition(".")
         place = f"{text(wheel_name(wheel))}, {instance(track)}, at {number(load['t'])} s"
-        if load["t"] < COMING_TO_REST and study.run.scene.get("assembly") == "vehicle":
+        if load["t"] < COMING_TO_REST and drops(study.run):
             place += f", as the vehicle comes to rest{_later(study)}"
         made.append(Tile("Largest wheel load", quantity(load["value"], "N"), place))
     if carried := found.get("carried"):

@@ -12,7 +12,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results import measures
 from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.analyses.events import off_ground
-from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, settling
+from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, drops, settling
 from orchestrator.results.page import chain as links
 from orchestrator.results.page.balance import KINDS, sentence
 from orchestrator.results.page.chain import Chain
@@ -179,7 +179,7 @@ def motion(pair: Pair) -> Section | None:
     settled = pair.drawn([("chassis.settlement", "settlement")])
     if settled:
         charts["settlement"] = pair.over_time("down", "mm", [line.times(1e3) for line in settled])
-        html += figure("settlement", "Settlement", "Downward motion of the hull's centre of mass since the start.")
+        html += figure("settlement", "Settlement", "The hull's centre of mass below its drawn place.")
     if way := _way(pair):
         charts["way"] = way
         html += figure("way", "Way from above", "World axes; the centre of mass of the hull.")
@@ -478,7 +478,7 @@ def _least_loaded(study: Study, track: str) -> str:
 
 def _of_wheels(study: Study) -> str:
     """A row for each wheel; of a vehicle once it has come to rest on its tracks."""
-    begin = COMING_TO_REST if study.run.scene.get("assembly") == "vehicle" else study.span[0]
+    begin = COMING_TO_REST if drops(study.run) else study.span[0]
     found = attempt(lambda: wheel_loads.of(study.run, Window(begin, study.span[1])), [])
     if found is None:
         return ""
@@ -508,7 +508,7 @@ def _pressure(study: Study, charts: dict[str, Chart]) -> str:
                        f"{told} The front is on the right; peaks stand under the road wheels.", "wide")  # fmt: skip
     most, when, link = found.peak
     mark = when, link, f"link {link}, {number(when, 3)} s"
-    early = when < COMING_TO_REST and study.run.scene.get("assembly") == "vehicle"
+    early = when < COMING_TO_REST and drops(study.run)
     told = ""
     if early:
         later = found.most[found.middle > COMING_TO_REST]
