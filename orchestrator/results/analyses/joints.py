@@ -47,7 +47,7 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Joints:
     names = hull.tracks(run, track)
     found = np.array([_extremes(run, name, window) for name in names])
     steps = max(of_links.interval(run, name) for name in names)
-    return Joints(names, *(found[:, k] for k in range(6)), interval=steps * float(run.scene["run"]["step"]))
+    return Joints._make([names, *(found[:, k] for k in range(6)), steps * float(run.scene["run"]["step"])])
 
 
 def _extremes(run: RunData, track: str, window: Window) -> Floats:
