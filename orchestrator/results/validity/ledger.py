@@ -23,6 +23,9 @@ from orchestrator.results.validity.piece import pieces
 
 KINDS = (contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift)
 
+# what a log lacks, or a scene of another kind or origin
+UNFIT = (Missing, LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
+
 
 class Validity(NamedTuple):
     """What a run says of its own limits."""
@@ -49,7 +52,8 @@ def validity(run: RunData, window: Window = EVER) -> Validity:
 
 
 def _validity(run: RunData, window: Window) -> Validity:
-    allowed = (run.scene.get("run") or {}).get("allow") or ()
+    asked = run.scene.get("run")
+    allowed = asked.get("allow") if isinstance(asked, dict) else None
     found: list[Entry] = []
     unseen: dict[str, str] = {}
     names = chain.from_iterable(kind.signals(run) for kind in KINDS)
@@ -57,9 +61,9 @@ def _validity(run: RunData, window: Window) -> Validity:
         for kind in KINDS:
             try:
                 found += kind.find(piece)
-            except (Missing, LookupError, TypeError) as problem:
+            except UNFIT as problem:
                 unseen[kind.__name__.rpartition(".")[2]] = str(problem)
-    return Validity(tuple(merged(softened(found, allowed))), unseen)
+    return Validity(tuple(merged(softened(found, allowed if isinstance(allowed, list) else ()))), unseen)
 
 
 def softened(entries: Iterable[Entry], allowed: Sequence[str]) -> list[Entry]:
