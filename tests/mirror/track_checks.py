@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from mirror.check import Check, View, forward
 from mirror.forces import across, pulls
-from mirror.links import UP, Rigid
+from mirror.links import UP, Element, Rigid, gauss
 from mirror.motion import turned
 from mirror.record import Floats
 from mirror.touch import CAUSES, touch
@@ -220,10 +220,23 @@ def tensions(view: View) -> Floats:
     """(K + 1, n): from strain, or of a rod on which pins, contacts and its own turning pull."""
     c = view.chain
     if not isinstance(c, Rigid):
-        return c.tension
+        if not beyond_the_line(c).any():
+            return c.tension
+        inertia = np.einsum("ab,tnbi->tnai", beyond_the_line(c), c.accelerated(view.accelerations))
+        found = c.tension + (c.stretching * inertia).sum((2, 3)) / c.pitch
+        found[:30] = np.nan  # accelerations are found from a past that ends there
+        return found
     first, last = pin_pulls(view)
     whirled = c.mass * c.pitch / 12.0 * (c.own_rate[..., 1:] ** 2).sum(-1)
     return 0.5 * ((first + last) * c.body[..., 0]).sum(-1) + view.touch.along + whirled
+
+
+def beyond_the_line(c: Element) -> Floats:
+    """What the mass matrix has of the centreline's coordinates beside the mass of the line."""
+    x, w = gauss(4)
+    on_line = abs(c.centreline(x)).any(0)
+    more = c.mass_matrix - c.mass * np.einsum("p,pa,pb->ab", w, c.centreline(x), c.centreline(x))
+    return np.where(np.outer(on_line, on_line) & (abs(more) > 1e-12 * c.mass), more, 0.0)
 
 
 def pin_pulls(view: View) -> tuple[Floats, Floats]:
@@ -418,7 +431,7 @@ def stages(view: View, names: Sequence[str]) -> Floats:
 
 def told(view: View) -> bool:
     """Whether tensions are known: of elements from their strain, of rigid links from accelerations."""
-    return implicit(view) or view.kind != "TrackRigid"
+    return implicit(view) or (view.kind != "TrackRigid" and not beyond_the_line(view.chain).any())
 
 
 def on_wheels(view: View) -> bool:
