@@ -29,10 +29,11 @@ class Between:
 
     def add(self, values: Floats, h: float) -> None:
         """Those at the end of a step of ``h`` s; the mean weighs them by it."""
-        before, self._length = self._length, self._length + h
-        means = values[self._means]
-        values = values.copy()
-        values[self._means] = (self._length * means - before * self._before) / h
+        before, means = self._length, values[self._means]
+        self._length += h
+        if before > 0.0:
+            values = values.copy()
+            values[self._means] = (self._length * means - before * self._before) / h
         self._before = means
         self._sum += h * values
         np.minimum(self._least, values, out=self._least)

@@ -220,7 +220,9 @@ def tensions(view: View) -> Floats:
     """(K + 1, n): from strain and turning, or of a rod on which pins, contacts and its own turning pull."""
     c = view.chain
     if not isinstance(c, Rigid):
-        return c.tension + c.whirled(view.accelerations)
+        found = c.tension + c.whirled(view.accelerations)
+        found[:30] = np.nan  # accelerations are found from a past that ends there
+        return found
     first, last = pin_pulls(view)
     whirled = c.mass * c.pitch / 12.0 * (c.own_rate[..., 1:] ** 2).sum(-1)
     return 0.5 * ((first + last) * c.body[..., 0]).sum(-1) + view.touch.along + whirled
@@ -418,7 +420,7 @@ def stages(view: View, names: Sequence[str]) -> Floats:
 
 def told(view: View) -> bool:
     """Whether tensions are known: of elements from their strain, of rigid links from accelerations."""
-    return implicit(view) or view.kind != "TrackRigid"
+    return implicit(view) or (view.kind != "TrackRigid" and view.chain.beyond_rod == 0.0)
 
 
 def on_wheels(view: View) -> bool:
