@@ -205,20 +205,28 @@ def ratios(found: Found) -> Verdict:
 
 
 def each_evaluation(found: Found) -> Verdict:
-    """4 / 8.5: an evaluation of the flexible model takes about half of one of the augmented rigid model."""
-    own = found.one("cost", CLOSED, method=pieces.ADAMS)
-    told, near, less = [], [], []
-    for rigid in (RIGID_SPRING, RIGID):
-        other = found.one("cost", rigid, method=pieces.ADAMS)
+    """4 / 8.5: an evaluation of the flexible model takes about half of one of the augmented rigid model.
+
+    By Adams' methods over the chain that a spring closes, as the paper's; few evaluations of the other one are hidden
+    by its outputs, so that it is compared by Runge-Kutta's method alone.
+    """
+    told, ratios = [], []
+    for method, rigid in (
+        (pieces.ADAMS, RIGID_SPRING),
+        (pieces.RUNGE_KUTTA, RIGID_SPRING),
+        (pieces.RUNGE_KUTTA, RIGID),
+    ):
+        own, other = (found.one("cost", model, method=method) for model in (CLOSED, rigid))
         ratio = own["each"] / other["each"] if own is not None and other is not None else math.nan
         if math.isfinite(ratio):
-            told.append(f"{ratio:.2f} over {rigid.label}")
-            near.append(abs(ratio / (CPU / EVALUATIONS) - 1.0) < NEAR)
-            less.append(ratio < 1.0)
+            told.append(f"{ratio:.2f} over {rigid.label} ({method})")
+            ratios.append(ratio)
     if not told:
         return NONE
-    text = f"CPU time of an evaluation, flexible, {'; '.join(told)}; paper {CPU:g} / {EVALUATIONS:g} ="
-    return Verdict(HOLDS if near[0] and all(less) else PART if any(less) else NOT, f"{text} {CPU / EVALUATIONS:.2f}")
+    paper = CPU / EVALUATIONS
+    text = f"CPU time of an evaluation, flexible, {'; '.join(told)}; paper {CPU:g} / {EVALUATIONS:g} = {paper:.2f}"
+    near = abs(ratios[0] / paper - 1.0) < NEAR and all(ratio < 1.0 for ratio in ratios)
+    return Verdict(HOLDS if near else PART if any(ratio < 1.0 for ratio in ratios) else NOT, text)
 
 
 def fast(found: Found) -> Verdict:
