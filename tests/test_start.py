@@ -28,7 +28,8 @@ def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model, height, pitc
         if part.kind.startswith("Track"):
             lateral = part.parameters["start.lateral"]
             for wheel in part.config["track"]["wheels"]:
-                ahead, over = wheel["position"]
+                assert ("start" in wheel) == (height == 0.0), "what is raised begins as drawn"
+                ahead, over = wheel["start"][0:3:2] if "start" in wheel else wheel["position"]
                 forward = np.cos(pitch) * ahead + np.sin(pitch) * over
                 up = np.cos(pitch) * over - np.sin(pitch) * ahead + height
                 expected = x + c * forward - s * lateral, y + s * forward + c * lateral, z + up
