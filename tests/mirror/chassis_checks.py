@@ -195,7 +195,7 @@ def damped(view: View, names: Sequence[str]) -> Floats:
     power = h.copies * sum(pushes(view, k)[1] ** 2 / damping(view, k) for k in h.here)
     if on_ground(view):
         t, push, _ = grounded(h)
-        np.add.at(power, t, push.lost)
+        np.add.at(power, t, push.rubbed + push.damped)
     return summed(0.0, view.part.h * mean(power))[:, None]
 
 
