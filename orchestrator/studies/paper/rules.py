@@ -191,7 +191,7 @@ def ratios(found: Found) -> Verdict:
     text += f"{'; '.join(told)}; paper {CPU:g} and {EVALUATIONS:g}"
     for over in (TOLERANCE, INTERVAL, FMUS):
         counts = [row["evaluations"] for row in ratio_rows(found.rows) if row.figures["over"] == over]
-        text += f"; over {OVER[over]} evaluations times {min(counts):.2g} to {max(counts):.2g}" if counts else ""
+        text += f"; over {OVER[over]} evaluations times {min(counts):.3g} to {max(counts):.3g}" if counts else ""
     own = found.one("cost", CLOSED, method=pieces.ADAMS)
     wanted = [(key, ratio) for key, ratio in (("cpu", CPU), ("evaluations", EVALUATIONS)) if own is not None and own.ok]
     springs = [
