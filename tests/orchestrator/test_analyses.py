@@ -43,7 +43,7 @@ GROUPS = "['tension', 'position', 'force', 'ground', 'fibres', 'slopes']"
 def driven(tmp_path_factory):
     """The left half of a vehicle that drives off at once, to the left of ahead."""
     settings = (
-        "run.stop=0.2 s", "drive.ramp_start=0 s", "drive.ramp_time=0.15 s", "drive.speed=4 rad/s", "symmetric=true",
+        "run.stop=0.2 s", "drive.ramp_start=0 s", "drive.ramp_time=0.15 s", "drive.speed=6 rad/s", "symmetric=true",
         "start.heading=0.6", f"track.link_outputs={GROUPS}",
     )  # fmt: skip
     path = tmp_path_factory.mktemp("analyses") / "driven.mcap"
@@ -364,10 +364,12 @@ def test_forces_of_links_are_those_of_the_track(driven):
         tension = log.select(log.choose(["left_track.link[*].tension"]))["/left_track/links"].values
         world = log.select(log.choose(["left_track.joint[*].force.*"]))["/left_track/links"].values
     at = np.searchsorted(t, found.t - 1e-9)
+    between = [whole[i + 1 : j + 1].mean(axis=0) for i, j in zip(at[:-1], at[1:], strict=True)]
     summed = np.einsum("mnij,mnj->mi", found.axes, found.ground)
-    np.testing.assert_allclose(summed, whole[at], atol=1e-9 * np.abs(whole).max())
+    np.testing.assert_allclose(summed, [whole[0], *between], atol=1e-9 * np.abs(whole).max())
     assert np.abs(whole[-1, 2]) > 4e4
-    np.testing.assert_allclose(found.axial, tension, rtol=1e-9, atol=1e-6)
+    # of strain alone; a link's tension has what damping and turning take besides
+    np.testing.assert_allclose(found.axial, tension, atol=1e-3 * tension.max())
     np.testing.assert_allclose(
         np.linalg.norm(found.joint, axis=2), np.linalg.norm(world.reshape(*found.t.shape, -1, 3), axis=2), rtol=1e-12
     )
@@ -453,13 +455,14 @@ def test_deformation_of_a_known_cubic_in_its_tangent_frame(tmp_path, turned):
 
 
 def test_links_in_tension_lengthen_by_their_strain(driven):
-    """Mean axial displacement of the far pin: tension l / E A, less what bending takes; nothing is lateral."""
+    """Mean axial displacement of the far pin: stress l / E, less what bending takes; nothing is lateral."""
     with Log(driven) as log:
         run = RunData(log)
         found = deformation.of(run, at=[0.1, 0.2])
-        t, tension = run.signal("left_track.link[5].tension")
+        t, outer = run.signal("left_track.link[5].fibre.outer")
+        _, inner = run.signal("left_track.link[5].fibre.inner")
     at = np.searchsorted(t, found.t - 1e-9)
-    stretched = tension[at] * 0.1524 / (2e11 * 0.01516)
+    stretched = 0.5 * (outer + inner)[at] * 0.1524 / 2e11
     bend = np.gradient(found.displacement[:, 4, :, 1], found.x, axis=1)
     shortened = 0.5 * np.trapezoid(bend**2, found.x, axis=1)
     np.testing.assert_allclose(found.displacement[:, 4, -1, 0] + shortened, stretched, rtol=1e-3)
@@ -485,7 +488,8 @@ def test_pressure_is_the_force_on_the_ground_over_the_pads(driven):
     with Log(driven) as log:
         run = RunData(log)
         found, every = contact.of(run), links.of(run)
-        assert found.force == pytest.approx(-every.ground[..., 2].sum(axis=1).mean(), rel=1e-9)
+        pushes, since = -every.ground[..., 2].sum(axis=1), np.diff(every.t, prepend=0.0)
+        assert found.force == pytest.approx(np.average(pushes, weights=since), rel=1e-9)
         assert found.area == pytest.approx(0.1524 * 0.378)
         assert found.peak == pytest.approx(-every.ground[..., 2].min() / found.area, rel=1e-9)
     assert np.nansum(found.mean) * found.area == pytest.approx(found.force, rel=0.15)

@@ -194,7 +194,7 @@ def standing(tmp_path, **changes):
     t = 1e-2 * np.arange(301)
     still = np.zeros(len(t))
     columns = {
-        "left_track.travel": t, "left_track.penetration.max": still, "left_track.tension.min": still + 1e4,
+        "left_track.travel": still, "left_track.penetration.max": still, "left_track.tension.min": still + 1e4,
         "left_track.slip": still, "left_track.ground.force.x": still + 3e3, "left_track.ground.force.y": still,
         "left_track.ground.force.z": still + 2e4, "left_drive.speed": still, "left_drive.angle": still,
         "left_track.sprocket.force.x": still, "chassis.chassis.angular_velocity.z": still,

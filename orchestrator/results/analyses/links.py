@@ -106,8 +106,7 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
         found = dict(zip(wanted, block.values, strict=True))
         pins = found["joint[*].position"]
         if of_links.interval(run, track):  # forces are means since the record before: links turn on the way
-            last = np.concatenate([pins[:1] if before is None else before, pins[:-1]])
-            before, pins = pins[-1:], 0.5 * (pins + last)
+            before, pins = pins[-1:], of_links.midway(pins, before)
         across = found.get("joint[*].axis")
         if across is None:  # pins stay across the hull but for the play of the guides
             across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], pins.shape[1], axis=1)

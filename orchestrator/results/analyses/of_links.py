@@ -45,8 +45,13 @@ def interval(run: RunData, track: str) -> int:
     """
     for instance in run.system["instances"]:
         if instance["name"] == track:
-            return int(instance["parameters"].get(INTERVAL, 0))
+            return int(instance.get("parameters", {}).get(INTERVAL, 0))
     return 0
+
+
+def midway(pins: Floats, before: Floats | None) -> Floats:
+    """Places of pins (m, pins, 3), m, in the middle between each record and the one before; ``before`` (1, pins, 3)."""
+    return 0.5 * (pins + np.concatenate([pins[:1] if before is None else before, pins[:-1]]))
 
 
 def has(run: RunData, track: str, signal: str) -> bool:
