@@ -269,7 +269,7 @@ def alike(a, b, topic, least=0.0):
     scale[soil] = scale[soil].max(initial=0.0)
     apart = np.abs(other - one).max(axis=0) / scale
     assert apart[~force].max() < 1e-9
-    assert apart[force].max(initial=0.0) < 1e-8
+    assert apart[force].max(initial=0.0) < 3e-8  # pin forces are sums over links, which gather their rounding
 
 
 HALF = (*BRIEF, "symmetric=true")
@@ -295,7 +295,7 @@ def test_a_planar_half_vehicle_moves_like_the_half(ran):
     half, planar = ran("straight", "flexible", *HALF), ran("straight", "flexible", *HALF, "planar=true")
     with Log(half["log"]) as a, Log(planar["log"]) as b:
         for topic in ("/chassis/out", "/left_track/links"):
-            alike(a, b, topic)
+            alike(a, b, topic, least=0.01)  # at rest little force is along the hull
     for figure in ("distance", "speed", "ground_force"):
         assert planar["observables"][figure] == pytest.approx(half["observables"][figure], rel=1e-9)
     for figure in ("work", "change", "dissipated"):
