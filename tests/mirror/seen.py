@@ -49,17 +49,26 @@ class Seen:
         x, y = centre[0] + arm[0], centre[1]
         first = [self.p["start.position.x"] + c * x - s * y, self.p["start.position.y"] + s * x + c * y]
         self.way = np.vstack([first, np.asarray(first) + np.cumsum(steps, axis=0)])
-        self.near = np.array([((self.way - place) ** 2).sum(1).argmin() for place in self.place])
+        near = np.array([((self.way - place) ** 2).sum(1).argmin() for place in self.place])
+        off, along = self.place - self.way[near], self.along[near]
+        ahead = off[:, 0] * np.cos(along) + off[:, 1] * np.sin(along)
+        self._error = off[:, 1] * np.cos(along) - off[:, 0] * np.sin(along)
+        self._progress = np.maximum(self.s[near] + ahead, 0.0)
+        self._behind = np.minimum(self.s[near] + ahead, 0.0)
 
     def progress(self) -> Floats:
-        return self.s[self.near]
+        return self._progress
 
     def error(self) -> Floats:
-        off, along = self.place - self.way[self.near], self.along[self.near]
-        return off[:, 1] * np.cos(along) - off[:, 0] * np.sin(along)
+        """Beside the path; of a place behind its beginning, beside the line through it."""
+        return self._error
+
+    def away(self) -> Floats:
+        """Distance of the path, its beginning where the place is behind that."""
+        return np.hypot(self._behind, self._error)
 
     def askew(self) -> Floats:
-        return self.heading - self.along[self.near]
+        return self.heading - np.interp(self._progress, self.s, self.along)
 
     def speed(self) -> Floats:
         s = (self.t + 0.5 * self.h - self.p["ramp.start"]) / (self.p["ramp.end"] - self.p["ramp.start"])
