@@ -383,7 +383,8 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
     soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
     model, lacks = swing(integrator="runge_kutta", step=1.0, **soft)
     assert abs(lacks).max() < 1e-6
-    assert model.report[DISSIPATED] > 1e-4 * model.report[KINETIC]
+    # thirty times what the ledger may lack; 0.89e-4, and 1.08e-4 before links had the table's rotary inertia
+    assert model.report[DISSIPATED] > 0.6e-4 * model.report[KINETIC]
     other, lacks = swing(step=5e-5, spectral_radius=0.9, **soft)
     assert abs(lacks).max() < 1e-4
     assert abs(model.s.q[:, :3] - other.s.q[:, :3]).max() < 1e-5
@@ -392,8 +393,13 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
 
 
 def test_the_explicit_step_and_the_mass():
+    """The rotary inertia that the table has beside the section's slows the fastest mode, one of the section."""
     model = hanging(links=2, element="beam", start="polygon")
-    assert model.stable == pytest.approx(4.347e-6, rel=1e-3)
+    assert model.stable == pytest.approx(4.695e-6, rel=1e-3)
+    x, y, z = (TABLE["track"]["mass"] * size**2 / 12.0 for size in (PITCH, *model.link.element[1:3]))
+    table = TABLE | {"track": TABLE["track"] | {"inertia": (y + z, z + x, x + y)}}
+    alone = hanging(links=2, element="beam", start="polygon", table=table)
+    assert alone.stable == pytest.approx(4.347e-6, rel=1e-3)
     total = model.work.M[np.ix_([0, 4], [0, 4])].sum()
     assert total == pytest.approx(TABLE["track"]["mass"], rel=1e-12)
 
