@@ -1,6 +1,7 @@
 """Analyses against known answers: exact sums of a run's own records, made-up signals, published examples."""
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -364,7 +365,7 @@ def test_forces_of_links_are_those_of_the_track(driven):
         tension = log.select(log.choose(["left_track.link[*].tension"]))["/left_track/links"].values
         world = log.select(log.choose(["left_track.joint[*].force.*"]))["/left_track/links"].values
     at = np.searchsorted(t, found.t - 1e-9)
-    between = [whole[i + 1 : j + 1].mean(axis=0) for i, j in zip(at[:-1], at[1:], strict=True)]
+    between = [whole[i + 1 : j + 1].mean(axis=0) for i, j in pairwise(at)]
     summed = np.einsum("mnij,mnj->mi", found.axes, found.ground)
     np.testing.assert_allclose(summed, [whole[0], *between], atol=1e-9 * np.abs(whole).max())
     assert np.abs(whole[-1, 2]) > 4e4
