@@ -65,7 +65,7 @@ def test_a_loop_that_a_spring_closes_moves_like_a_closed_one_as_the_spring_stiff
     start = {"start_of_spin": 5.0, "start_of_ovalling": 4.0, "start": "polygon", "integrator": integrator}
     closed = run(loop(**start), 0.02).pins()
     off = []
-    for k in (1e8, 1e9, 1e10):
+    for k in (1e7, 1e8, 1e9):  # at 1e10, half of a link's own stiffness, what rings in steel shows: 1e-8 m
         there = run(loop(**start, closure="spring", closure_of_stiffness=k), 0.02).pins()
         off.append(np.abs(there - closed).max())
     assert 1e-7 < off[0] < 1e-4
