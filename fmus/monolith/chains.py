@@ -84,7 +84,7 @@ def take(model: TrackModel, place: Place, x: Floats, h: float) -> None:
     model.s.flat[: x.size] = x
     renew(model.s, model.interval)
     model.s.mean[:] = place.impulse / h
-    model.s.on_links_sum += place.on_links
+    model.s.on_links_sum[:] += place.on_links
     count(model.s, h)
     accelerate(*model.system(), model.s, model.work)
     take_evaluated(model.s, model.work)

@@ -99,7 +99,7 @@ def test_contents_are_what_a_component_loads():
         assert not set(found.left_out) & set(found.modules)
         assert ("fmus.physics.contact.ground" in found.modules) == ("ground" in track)
         assert ("fmus.physics.chain.flexible.consistent_start" in found.modules) == ("start" in parameters)
-        assert (found.outputs, found.link_outputs) == ((18,), (2 * 8 + 6 * 9 + (3 * 8 if "ground" in track else 0),))
+        assert (found.outputs, found.link_outputs) == ((27,), (2 * 8 + 6 * 9 + (3 * 8 if "ground" in track else 0),))
 
 
 @pytest.mark.parametrize("spin", [0.0, 5.0])

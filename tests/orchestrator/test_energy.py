@@ -84,7 +84,7 @@ def test_a_lost_force_shows_in_the_books(driven, scaled):
         whole = ledger(RunData(log))
         scaled(log, "/chassis/in", "left.road_wheel[3].force.z", 0.95)
         broken = ledger(RunData(log))
-    assert abs(broken.integration["chassis"] - whole.integration["chassis"]) > 1.0
+    assert abs(broken.integration["chassis"] - whole.integration["chassis"]) > 100.0 * abs(whole.integration["chassis"])
 
 
 def test_a_chain_at_rest_has_no_work(tmp_path):
