@@ -128,7 +128,7 @@ def test_a_coupled_track_at_its_stable_step_knows_its_coupling_alone(tmp_path, c
 
 def test_a_companion_that_cannot_be_right_estimates_nothing(tmp_path):
     def record(scene, path):
-        open_ledger = {"residual_relative": 0.4}
+        open_ledger = {"residual_relative": 0.4, "integration_relative": {}}
         return {"status": "ok", "message": "40 % open", "wall_time": 1.0, "energy": open_ledger, "log": str(path)}
 
     scene = load("straight", "flexible", ())

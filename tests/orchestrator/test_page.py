@@ -41,7 +41,9 @@ from orchestrator.scene.scene import load
 
 PLOTS = "/* plotly.js v0 */"  # stands for the library
 HOSTILE = "</script><b onload='x()'>&\"\u2028<img src=https://example.org/x.png>"
-SETTINGS = ["run.stop=0.06 s", "ground.bump={start=0.5, rise=0.2, slope=0.35, length=0.6, radius=0.15}"]
+# it falls onto its springs: there is something to see
+BUMP = "ground.bump={start=0.5, rise=0.2, slope=0.35, length=0.6, radius=0.15}"
+SETTINGS = ["run.stop=0.06 s", "start.state=drawn", BUMP]
 CHECKS = ("sag", "sag_discrete", "tension", "tension_discrete")
 HANGING = ["run.stop=0.02 s", *(f"expect.{name}.{end}" for name in CHECKS for end in ("from=0 s", "to=0.02 s"))]
 
@@ -242,7 +244,7 @@ def test_the_energy_card_counts_what_was_released():
     """62.56 kJ cannot be dissipated of 60.53 kJ: stored energy came in too."""
     stored = {"kinetic": 20.0, "gravity": -3600.0, "strain": 0.0, "spring": 550.0, "contact": 970.0}
     change, work, lost = sum(stored.values()), 60530.0, 62560.0
-    books = Ledger(work, change, lost, 0.0, work - change - lost, 0.0, 0.0, {}, stored)
+    books = Ledger(work, change, lost, 0.0, work - change - lost, 0.0, 0.0, {}, {}, {}, stored)
     assert books.supplied == 64130.0
     kept = sum(energy for energy in stored.values() if energy > 0.0)
     assert books.supplied == pytest.approx(kept + lost + books.covered + books.residual)

@@ -31,7 +31,7 @@ def driven(tmp_path_factory):
     path = tmp_path_factory.mktemp("views") / "run.mcap"
     settings = (
         f"run.stop={STOP}", f"run.step={STEP}", "run.links=1", "expect={}", f"track.link_outputs={SHOWN}",
-        "start.heading=0.4", "start.position=[1.0, -2.0, 0.3]",
+        "start.state=drawn", "start.heading=0.4", "start.position=[1.0, -2.0, 0.3]",
         "ground.bump={start=-2.4, rise=0.01, slope=0.1, length=0.5, radius=0.02}",
     )  # fmt: skip
     simulate(load("straight", "flexible", settings), path)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, hull, of_links
+from orchestrator.results.analyses import circuit, hull
 from orchestrator.results.analyses.envelope import Bins
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.link_axes import link_axes
@@ -68,12 +68,9 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
     lengths: list[Floats] = []
     total = time = 0.0
     peak, link, at = -np.inf, 0, 0.0
-    before, over_interval = None, of_links.interval(run, track) > 0
     for block in circuit.records(run, track, window, SIGNAL):
         bins = bins or Bins(block.links.shape[1], 2)
-        pins = of_links.midway(block.pins, before) if over_interval else block.pins  # as forces are means
-        before = block.pins[-1:]
-        under = pressure(pins, block.axes, block.values[0], area)
+        under = pressure(block.pins, block.axes, block.values[0], area)
         of_place = np.stack([under, block.centres[..., 0]], axis=2)
         bins.add(block.since, block.links / block.length[:, None], of_place)
         lengths.append(block.length)

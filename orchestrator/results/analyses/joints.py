@@ -47,7 +47,14 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Joints:
     names = hull.tracks(run, track)
     found = np.array([_extremes(run, name, window) for name in names])
     steps = max(of_links.interval(run, name) for name in names)
-    return Joints._make([names, *(found[:, k] for k in range(6)), steps * float(run.scene["run"]["step"])])
+    return Joints._make([names, *(found[:, k] for k in range(6)), steps * _step(run)])
+
+
+def _step(run: RunData) -> float:
+    """Communication step, s; 0 where the log does not say."""
+    asked = run.scene.get("run")
+    step = asked.get("step") if isinstance(asked, dict) else None
+    return float(step) if isinstance(step, int | float) else 0.0
 
 
 def _extremes(run: RunData, track: str, window: Window) -> Floats:

@@ -111,6 +111,8 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
         if across is None:  # pins stay across the hull but for the play of the guides
             across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], pins.shape[1], axis=1)
         axes = link_axes(pins, across, links)
+        if any(found[KINDS[kind]][:, :links].shape != axes.shape[:3] for kind in kinds):
+            raise Missing(f"{run.log.path} holds other numbers of links than of pins of '{track}'")
         forces = {kind: np.einsum("mni,mnij->mnj", found[KINDS[kind]][:, :links], axes) for kind in kinds}
         none, empty = np.empty((len(block.t), 0, 3)), np.empty((len(block.t), 0))
         outer, inner = (found.get(f"link[*].fibre.{side}", empty) for side in ("outer", "inner"))
