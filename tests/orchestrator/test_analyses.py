@@ -56,7 +56,7 @@ def driven(tmp_path_factory):
 def spinning(tmp_path_factory):
     """The free loop that spins."""
     path = tmp_path_factory.mktemp("analyses") / "spinning.mcap"
-    assert simulate(load("spinning_loop", "flexible", ("run.stop=0.05 s",)), path)["message"] == ""
+    assert simulate(load("spinning_loop", "flexible", ("run.stop=0.05 s", "run.links=20")), path)["message"] == ""
     return path
 
 
