@@ -258,6 +258,10 @@ class Log(AbstractContextManager["Log"]):
         """The "instance.variable" in a column of a topic."""
         return f"{_owner(topic)}.{self.topics[topic].names[column]}"
 
+    def __contains__(self, signal: object) -> bool:
+        """Whether the log has the signal "instance.variable"."""
+        return signal in self._places
+
     def find(self, signal: str) -> tuple[str, int]:
         """Topic and column of "instance.variable"; raises NoSuchSignal."""
         if signal not in self._places:

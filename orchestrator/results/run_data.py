@@ -118,10 +118,9 @@ class RunData:
                 self._held[name, window] = found[topic].t, found[topic].values[:, k]
 
     def _place(self, name: str) -> tuple[str, int]:
-        try:
-            return self.log.find(name)
-        except LookupError:
-            raise Missing(f"the log has no signal '{name}'") from None
+        if name not in self.log:
+            raise Missing(f"the log has no signal '{name}'")
+        return self.log.find(name)
 
     def _read(self, topic: str, columns: Sequence[int], window: Window | None) -> Series:
         if window is None:
