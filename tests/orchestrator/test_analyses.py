@@ -490,10 +490,9 @@ def test_pressure_is_the_force_on_the_ground_over_the_pads(driven):
         run = RunData(log)
         found, every = contact.of(run), links.of(run)
         pushes, since = -every.ground[..., 2].sum(axis=1), np.diff(every.t, prepend=every.t[0] - every.t[1])
-        # forces of links are seen in the axes in the middle of their interval, pressure in those of the record
-        assert found.force == pytest.approx(np.average(pushes, weights=since), rel=2e-3)
+        assert found.force == pytest.approx(np.average(pushes, weights=since), rel=1e-9)
         assert found.area == pytest.approx(0.1524 * 0.378)
-        assert found.peak == pytest.approx(-every.ground[..., 2].min() / found.area, rel=5e-3)
+        assert found.peak == pytest.approx(-every.ground[..., 2].min() / found.area, rel=1e-9)
     assert np.nansum(found.mean) * found.area == pytest.approx(found.force, rel=0.15)
     touching = found.forward[found.most > 0.01 * found.peak]
     assert touching.max() < -0.3

@@ -26,7 +26,7 @@ class Placed(NamedTuple):
     links: Floats  # (m, links) m, places of the middles of links
     joints: Floats  # (m, joints) m, places of pins
     centres: Floats  # (m, links, 2) m, middles of links ahead of and over the sprocket axle, in the axes of the hull
-    pins: Floats  # (m, joints, 3) m, world
+    pins: Floats  # (m, joints, 3) m, world, for the axes of forces as in ``of_links``
     axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, world
     values: tuple[Floats, ...]  # of each signal (m, n) or (m, n, 3)
 
@@ -36,7 +36,7 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
     away: Floats | None = None
     middle = np.zeros(2)
     port, count = hull.sprocket(run, track), of_links.count(run, track)
-    for block in of_links.records(run, track, window, "joint[*].position", *signals):
+    for block in of_links.records(run, track, window, of_links.POSITION, *signals):
         pins = block.values[0]
         if pins.shape[1] != count:
             raise Missing(f"{run.log.path}: of '{track}' {count} links between {pins.shape[1]} pins make no circuit")
@@ -50,7 +50,7 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
         except ValueError as problem:
             raise Missing(f"{run.log.path}: '{track}' {problem} between {block.t[0]:g} and {block.t[-1]:g} s") from None
         centres = 0.5 * (flat + np.roll(flat, -1, axis=1))
-        yield Placed(block.t, block.since, length, links, joints, centres, pins, axes, block.values[1:])
+        yield Placed(block.t, block.since, length, links, joints, centres, block.pins, axes, block.values[1:])
 
 
 def places(pins: Floats, away: Floats) -> tuple[Floats, Floats, Floats]:

@@ -94,23 +94,20 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
     fibres = of_links.has(run, track, "link[*].fibre.outer")
     if not kinds and not fibres:
         raise Missing(f"{run.log.path} holds no force and no fibre stress of the links of '{track}'")
-    wanted = ["joint[*].position", *(KINDS[kind] for kind in kinds)]
+    wanted = [of_links.POSITION, *(KINDS[kind] for kind in kinds)]
     wanted += ["joint[*].axis"] * of_links.has(run, track, "joint[*].axis")
     wanted += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
     links = of_links.count(run, track)
     area, bending, fibre = (
         hull.number(run, "section", key) if fibres else 1.0 for key in ("area", "bending", "outer_fibre")
     )
-    modulus, before = bending / fibre, None
+    modulus = bending / fibre
     for block in of_links.records(run, track, window, *wanted):
         found = dict(zip(wanted, block.values, strict=True))
-        pins = found["joint[*].position"]
-        if of_links.interval(run, track):  # forces are means since the record before: links turn on the way
-            before, pins = pins[-1:], of_links.midway(pins, before)
         across = found.get("joint[*].axis")
         if across is None:  # pins stay across the hull but for the play of the guides
-            across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], pins.shape[1], axis=1)
-        axes = link_axes(pins, across, links)
+            across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], block.pins.shape[1], axis=1)
+        axes = link_axes(block.pins, across, links)
         if any(found[KINDS[kind]][:, :links].shape != axes.shape[:3] for kind in kinds):
             raise Missing(f"{run.log.path} holds other numbers of links than of pins of '{track}'")
         forces = {kind: np.einsum("mni,mnij->mnj", found[KINDS[kind]][:, :links], axes) for kind in kinds}

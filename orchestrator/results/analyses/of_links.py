@@ -12,6 +12,7 @@ from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
 
+POSITION = "joint[*].position"
 SIZE = 200  # records that are in memory at once
 GROUPS = {  # signals by the groups of ``track.link_outputs`` that record them
     "link[*].tension": "tension",
@@ -36,6 +37,7 @@ class Records(NamedTuple):
     t: Floats  # (m,) s
     since: Floats  # (m,) s, time since the record before
     values: tuple[Floats, ...]  # of each signal (m, links or pins), of a vector (m, links or pins, 3)
+    pins: Floats  # (m, pins, 3) m, for the axes of forces (``midway``); (m, 0, 3) where positions are not asked for
 
 
 def interval(run: RunData, track: str) -> int:
@@ -50,7 +52,10 @@ def interval(run: RunData, track: str) -> int:
 
 
 def midway(pins: Floats, before: Floats | None) -> Floats:
-    """Places of pins (m, pins, 3), m, in the middle between each record and the one before; ``before`` (1, pins, 3)."""
+    """Places of pins (m, pins, 3), m, in the middle between each record and the one before; ``before`` (1, pins, 3).
+
+    Forces that are means since the record before are seen in axes of these: links turn on the way.
+    """
     return 0.5 * (pins + np.concatenate([pins[:1] if before is None else before, pins[:-1]]))
 
 
@@ -85,11 +90,15 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
     order = {column: k for k, column in enumerate(wanted)}
     found = [np.vectorize(order.__getitem__)(place) for place in places]
     last: float | None = None
+    before: Floats | None = None
+    means = interval(run, track) > 0
     for block in run.log.blocks({topic: wanted}, SIZE, window=window):
         series = block[topic]
         if len(series.t):
-            yield Records(series.t, since(series.t, last), tuple(series.values[:, place] for place in found))
-            last = float(series.t[-1])
+            values = tuple(series.values[:, place] for place in found)
+            pins = values[signals.index(POSITION)] if POSITION in signals else np.empty((len(series.t), 0, 3))
+            yield Records(series.t, since(series.t, last), values, midway(pins, before) if means else pins)
+            last, before = float(series.t[-1]), pins[-1:]
     if last is None:
         when = f"between {window.start:g} and {window.end:g} s"
         raise Missing(f"{run.log.path}: no links of '{track}' were recorded {when}")

@@ -39,21 +39,22 @@ def profile(run: RunData, found: Chain, t: float) -> Profile:
     at = found.columns
     if len(at.position) < len(at.tension):
         raise Missing("places of pins were not recorded")
-    nearest = float(found.t[np.abs(found.t - t).argmin()])
-    window = Window(nearest, nearest)
+    k = int(np.abs(found.t - t).argmin())
+    nearest = float(found.t[k])
     if not at.closed:
-        links = run.links(found.track, window)
+        links = run.links(found.track, Window(nearest, nearest))
         pins = np.stack([links.forward[0], links.up[0]], axis=1)
         length = np.linalg.norm(np.diff(pins, axis=0), axis=1)
         middle = 0.5 * (pins[1:] + pins[:-1])
         return Profile(nearest, np.cumsum(length) - 0.5 * length, links.tension[0], middle[:, 0], None, [])
     signals = ["link[*].tension", contact.SIGNAL][: 1 + bool(at.ground)]
+    window = Window(float(found.t[max(k - 1, 0)]), nearest)  # of the record before, the axes of forces
     block = next(circuit.records(run, found.track, window, *signals))
-    order = np.argsort(block.links[0])
-    place, middle, tension = block.links[0, order], block.centres[0, order], block.values[0][0, order]
+    order = np.argsort(block.links[-1])
+    place, middle, tension = block.links[-1, order], block.centres[-1, order], block.values[0][-1, order]
     under = None
     if at.ground:
-        under = contact.pressure(block.pins, block.axes, block.values[1], contact.pad_area(run))[0, order]
+        under = contact.pressure(block.pins, block.axes, block.values[1], contact.pad_area(run))[-1, order]
     return Profile(nearest, place, tension, middle[:, 0], under, _sections(run.scene, place, middle))
 
 

@@ -26,9 +26,8 @@ def pressure(run: RunData, found: Chain) -> Pressure | None:
     area = contact.pad_area(run)
     envelope, middle = sliced(run, found.t, len(found.columns.ground))
     most: dict[str, Worst] = {}
-    for block in of_links.records(run, found.track, EVER, "joint[*].position", contact.SIGNAL):
-        pins, force = block.values
-        under = contact.pressure(pins, hull.poses(run, found.track, block.t).axes, force, area)
+    for block in of_links.records(run, found.track, EVER, of_links.POSITION, contact.SIGNAL):
+        under = contact.pressure(block.pins, hull.poses(run, found.track, block.t).axes, block.values[1], area)
         envelope.add(block.t, under)
         note(most, "pressure", block.t, under)
     peak = most.get("pressure")
