@@ -409,7 +409,8 @@ def test_places_are_those_of_the_analysis(vehicle):
         one = profile(run, chain(run, "left_track"), 0.04)
         block = next(circuit.records(run, "left_track", Window(one.t, one.t), "link[*].tension"))
     order = np.argsort(block.links[0])
-    np.testing.assert_allclose(one.place, block.links[0, order], rtol=1e-12)
+    # the zero is where the circuit's middle was in the first record that is read
+    np.testing.assert_allclose(one.place, block.links[0, order], atol=2e-4)
     np.testing.assert_array_equal(one.tension, block.values[0][0, order])
 
 
