@@ -1,5 +1,6 @@
 """The validity ledger: every kind of entry at its limit, from made-up records, altered logs and runs."""
 
+import html
 import inspect
 import json
 
@@ -12,6 +13,8 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses.asked import analyse
+from orchestrator.results.page import facts
+from orchestrator.results.page.study import Judged, study
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step, ledger, limits
 from orchestrator.results.validity.entry import recorded
@@ -267,6 +270,11 @@ def test_a_step_that_is_long_for_a_link_between_wheel_and_ground(ms, long):
 # what a run says
 
 
+def said_on_page(path):
+    with Log(path) as log:
+        return facts.verdict(study(RunData(log), Judged({}, {}, "")))
+
+
 @pytest.fixture(scope="module")
 def pressed():
     """Settings of a rig whose sprocket jumps to 30 rad/s: pins go 76 mm into its teeth, the chain jumps over one."""
@@ -299,6 +307,9 @@ def test_a_run_that_is_not_valid_fails_and_says_so_everywhere(cotrack, pressed, 
     )
     assert "validity, failure: track from" in cotrack("log", "info", result["log"])[1]
     assert "penetration" in cotrack("analyse", result["log"], "validity")[1]
+    verdict = said_on_page(result["log"])
+    assert (verdict.word, result["message"] in html.unescape(verdict.sentence)) == ("Not valid", True)
+    assert verdict.sentence.startswith("The run went on to its end at 0.04 s: ")
 
 
 def test_a_scene_allows_what_it_names(pressed, tmp_path):
@@ -310,6 +321,7 @@ def test_a_scene_allows_what_it_names(pressed, tmp_path):
     assert "penetration" in {entry["what"] for entry in result["validity"]}
     with Log(result["log"]) as log:
         assert log.closing["status"] == "ok"
+    assert f"; {len(result['validity'])} limits of validity passed" in said_on_page(result["log"]).sentence
 
 
 @pytest.mark.parametrize("allow", ["run.allow=tooth_jump", 'run.allow=["penetration", "tooth_jump"]', "run.allow=[]"])

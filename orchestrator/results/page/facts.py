@@ -11,6 +11,7 @@ from orchestrator.results.page.balance import sources
 from orchestrator.results.page.signals import Recorded
 from orchestrator.results.page.study import ALIKE, NOTHING, Study
 from orchestrator.results.page.words import instance, number, percent, quantity, text, wheel_name
+from orchestrator.results.validity.ledger import validity
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
 KMH = 3.6
@@ -128,6 +129,14 @@ def unmade(study: Study) -> list[str]:
     ]
 
 
+def _finished(study: Study) -> bool:
+    """Whether the record reaches the end that was asked for."""
+    try:
+        return study.span[1] >= (1.0 - 1e-9) * float(study.run.log.metadata["run"]["stop"])
+    except (LookupError, ValueError):
+        return False
+
+
 def verdict(study: Study) -> Verdict:
     """How it ended and whether it is as expected."""
     log, checks = study.run.log, study.judged.checks
@@ -140,7 +149,11 @@ def verdict(study: Study) -> Verdict:
         return Verdict("bad", "Cut off", f"{text(log.cut_off or 'The run is still going on')}; {judged}.")
     if log.closing["status"] != "ok":
         message = text(log.closing["message"] or "no reason was recorded")
+        if validity(study.run).failures and _finished(study):
+            return Verdict("bad", "Not valid", f"The run went on to its end at {number(study.span[1])} s: {message}")
         return Verdict("bad", "Failed", f"The run ended at {number(study.span[1])} s: {message}")
+    if passed := len(validity(study.run).entries):
+        judged += f"; {passed} limit{'s' if passed > 1 else ''} of validity passed (see events)"
     if missed:
         names = text(", ".join(name.replace("_", " ") for name in missed))
         return Verdict("bad", "Checks not met", f"The run finished; {judged}. Not met: {names}.")
