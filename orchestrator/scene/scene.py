@@ -50,6 +50,9 @@ COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name", "vehicle.tensioner.travel",
     *(f"track.{key}" for key in Track.model_fields if key != "start"), "start.state", "start.equilibrium", "push",
 )  # fmt: skip
+# what is searched for so that the chain carries its tension: versions end the search at other last digits
+SEARCHED = ("vehicle.idler.x", "vehicle.tensioner.preload", "rig.axle_distance")
+ALIKE = 1e-5  # relative
 # what a drive in mode controller may say beside a driver
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
 # what a planar scene asks of its links
@@ -419,7 +422,7 @@ def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") ->
     """What makes two resolved, placed scenes different ones, "key = value and value"; None where it is one scene."""
     for name in sorted({*one, *other}):
         key, a, b = f"{above}{name}", one.get(name), other.get(name)
-        if key in COMPUTED or a == b:
+        if key in COMPUTED or a == b or (key in SEARCHED and _alike(a, b)):
             continue
         if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:
             if a and b and a.keys().isdisjoint(b):
@@ -429,6 +432,10 @@ def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") ->
         else:
             return f"{key} = {' and '.join('not given' if value is None else shown(value) for value in (a, b))}"
     return None
+
+
+def _alike(a: object, b: object) -> bool:
+    return isinstance(a, int | float) and isinstance(b, int | float) and math.isclose(a, b, rel_tol=ALIKE)
 
 
 def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:

@@ -1,4 +1,5 @@
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -380,5 +381,10 @@ def test_runs_of_one_scene():
     for name in ("rig", "settle"):
         flexible, rigid = (placed(load(name, model)).resolved() for model in ("flexible", "rigid"))
         of_one_scene(("a", flexible), ("b", rigid))
+    x = rigid["vehicle"]["idler"]["x"]
+    for change, same in ((1e-7, True), (1e-3, False)):  # m: where another version's search ended, and another circuit
+        moved = {**rigid, "vehicle": {**rigid["vehicle"], "idler": {**rigid["vehicle"]["idler"], "x": x + change}}}
+        with nullcontext() if same else pytest.raises(BadInput, match=r"vehicle\.idler\.x = "):
+            of_one_scene(("a", moved), ("b", rigid))
     with pytest.raises(BadInput, match=r"vehicle\.tensioner\.preload = "):
         of_one_scene(("a", placed(load("settle", None, ["vehicle.tensioner.preload=1 kN"])).resolved()), ("b", rigid))
