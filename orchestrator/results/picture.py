@@ -221,4 +221,4 @@ def _motion(run: RunData, t: float) -> str:
     if not run.has("chassis.speed"):
         return ""
     times, speed = run.signal("chassis.speed", EVER)
-    return f", {np.interp(t, times, speed):.2f} m/s"
+    return f", {np.interp(t, times, speed):z.2f} m/s"

@@ -277,7 +277,7 @@ class _Picture:
     def _motion(self, t: float) -> str:
         if self._speed is None:
             return ""
-        return f",  {np.interp(t, *self._speed):.2f} m/s"
+        return f",  {np.interp(t, *self._speed):z.2f} m/s"
 
     def _scale_of_colours(self, figure: Any) -> None:
         from matplotlib.cm import ScalarMappable
