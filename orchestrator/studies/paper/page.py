@@ -105,7 +105,8 @@ TABLES = {  # item: title, columns
     )),
     "effect": ("What inertia does, and what elasticity does: relative differences of two runs", (
         Column("case", "the runs differ in"), Column("force", "first joint's force, 2 to 8 s", ".2%"),
-        Column("tension", "tensions at 5 s", ".2%"), *(Column(name, name, ".3%") for name in whole_runs.MOTION), NOTE,
+        Column("tension", "tensions at 5 s", ".2%"),
+        *(Column(name, name.replace("_", " "), ".3%") for name in effects.OBSERVABLES), NOTE,
     )),
     "motion": ("Chassis motion, relative difference from the closed mesh", (
         CASE, *(Column(name, name, ".1e") for name in whole_runs.MOTION), Column("settled", "settled, m", ".4f"),
