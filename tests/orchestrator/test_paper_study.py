@@ -3,6 +3,7 @@
 import csv
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from orchestrator.studies.paper import (
     figures,
     high_frequencies,
     knots,
+    links,
     modulus,
     page,
     pieces,
@@ -274,6 +276,24 @@ def test_a_known_signal_has_its_spectrum():
     assert high_frequencies.rms_above(1.03 * signal, 100.0) != pytest.approx(expected[0], rel=1e-2)
     assert high_frequencies.peak(signal, high_frequencies.WAVES) == pytest.approx(700.0)
     assert high_frequencies.peak(signal, 1e3) == pytest.approx(48e3)
+
+
+def test_forces_of_a_loop_that_spins():
+    """m omega^2 Rc / (2 sin(pi / N)) in each joint, and along a link m l omega^2 / 12 more than its ends pull."""
+    n, omega, mass, pitch, turned = 16, links.SPIN * links.AT / 16, 18.0, 0.1524, 0.4
+    settings = 'track.link_outputs=["force"]', "chain.ovalling=0", "track.integrator=runge_kutta"
+    chain = links.chain_of(RIGID.name, n, *settings)
+    chassis = SimpleNamespace(state=np.array([0.0, 0, 0, 1, 0, 0, 0]))
+    vehicle = SimpleNamespace(models={high_frequencies.TRACK: chain, "chassis": chassis}, advance=chain.advance)
+    level, tension = high_frequencies.forces(vehicle, 0.0, 3)
+    joint = mass * omega**2 * pitch / (4.0 * np.tan(np.pi / n) * np.sin(np.pi / n))
+    np.testing.assert_allclose(np.linalg.norm(level, axis=1), joint, rtol=1e-8)
+    np.testing.assert_allclose(tension, joint * np.cos(np.pi / n) + mass * pitch * omega**2 / 12.0, rtol=1e-3)
+    chassis.state[[3, 5]] = np.cos(0.5 * turned), np.sin(0.5 * turned)  # its nose down
+    nose_down, _ = high_frequencies.forces(vehicle, 3.0 / high_frequencies.RATE, 1)
+    x, z = level[-1]
+    wanted = [x * np.cos(turned) - z * np.sin(turned), x * np.sin(turned) + z * np.cos(turned)]
+    np.testing.assert_allclose(nose_down[0], wanted, atol=1e-3 * joint)
 
 
 def test_frequencies_of_contact_and_of_waves():
@@ -558,6 +578,14 @@ def test_every_statement_has_a_verdict_even_where_nothing_was_measured():
     assert len(found) == len(STATEMENTS) == len({row.case for row in found})
     assert {row.figures["verdict"] for row in found} == {UNMEASURED}
     assert all(row.ok is None for row in found), "a statement that does not hold is no failure"
+
+
+def test_cases_that_failed_leave_a_page(tmp_path):
+    """A row of a case that raised has no figures."""
+    failed = [Row(item, "a case", ok=False, note="TypeError: too many arguments") for item in page.TABLES]
+    files = page.write(tmp_path, "paper", judged(failed), failed, [])
+    assert (tmp_path / "paper.md") in files
+    assert "TypeError" in (tmp_path / "paper.md").read_text()
 
 
 # models, logs, the command

@@ -231,8 +231,7 @@ def each_evaluation(found: Found) -> Verdict:
 
 def fast(found: Found) -> Verdict:
     """The force of a flexible chain has frequencies that a rigid one has not; they bind the steps."""
-    rows = {row.figures["model"]: row for row in found.of("spectrum")}
-    own, rigid = rows.get(CLOSED.name), rows.get(RIGID.name)
+    own, rigid = found.one("spectrum", CLOSED), found.one("spectrum", RIGID)
     if own is None or rigid is None:
         return NONE
     shares = ", ".join(
