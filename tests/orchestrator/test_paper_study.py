@@ -573,6 +573,16 @@ def test_cholesky_coordinates_save_what_the_figures_say():
     assert verdict(rules.transformed, *told(0.9, 0.9)[:1]) == UNMEASURED
 
 
+def test_a_step_of_a_flexible_chain_takes_as_long_as_one_of_a_rigid_chain():
+    def told(*ratios):
+        return [Row("links", "", {"model": CLOSED.name, "links": 64, "step_over_rigid": each}, True) for each in ratios]
+
+    assert verdict(rules.detail, *told(1.02, 0.9)) == HOLDS
+    assert verdict(rules.detail, *told(1.02, 1.3)) == PART
+    assert verdict(rules.detail, *told(1.3)) == NOT
+    assert verdict(rules.detail, *told(math.nan)) == UNMEASURED
+
+
 def test_every_statement_has_a_verdict_even_where_nothing_was_measured():
     found = judged([])
     assert len(found) == len(STATEMENTS) == len({row.case for row in found})

@@ -159,14 +159,17 @@ def _add(panes: Any, model: Model, row: Row) -> None:
 
 
 def _add_recorded(panes: Any, file: Path, end: float) -> None:
-    """What the whole run has: implicit steps, recorded every 5 ms."""
+    """What the whole run has: implicit steps, forces as means over the records' interval, at the middle of it."""
     track, window = "left_track", Window(BEGIN, end)
     with Log(file) as log:
         run = RunData(log)
         t, force = run.vectors(track, "links", f"joint[{FIRST}].force", window=window)
         seen = in_chassis(run, t, force, False)
         tension = run.links(track, Window(end, end)).tension
-    style = {"color": "k", "markersize": 3, "linestyle": "none", "label": f"{REFERENCE.label}, implicit, every 5 ms"}
+    interval = t[1] - t[0]
+    t = t - 0.5 * interval
+    label = f"{REFERENCE.label}, implicit, means over {1e3 * interval:.3g} ms"
+    style = {"color": "k", "markersize": 3, "linestyle": "none", "label": label}
     for k, axis in enumerate((0, 2)):
         panes[0, k].plot(t, seen[:, axis] / 1e3, "o", **style)
     panes[2, 0].plot(t[t > end - ZOOM], seen[t > end - ZOOM, 0] / 1e3, "o", **style)

@@ -80,7 +80,9 @@ TABLES = {  # item: title, columns
     "links": ("Cost and storage by links, no vehicle", (
         CASE, Column("links", "links", ".0f"), Column("evaluation", "CPU time of an evaluation, s", ".2e"),
         Column("over_peer", "over one in nodal coordinates, in turn", ".2f"),
-        Column("step", "of an implicit step, s", ".2e"), Column("coordinates", "numbers of a position", ".0f"),
+        Column("step", "of an implicit step, s", ".2e"),
+        Column("step_over_rigid", "over one of rigid links, in turn", ".2f"),
+        Column("coordinates", "numbers of a position", ".0f"),
         Column("multipliers", "multipliers", ".0f"), Column("bytes", "bytes of arrays", ".0f"), NOTE,
     )),
     "elasticity": ("CPU time of other elasticities over that of (11)-(15), no vehicle", (
@@ -139,7 +141,11 @@ TABLES = {  # item: title, columns
 }  # fmt: skip
 REMARKS = {
     "cost": "Paper, section 8.3: CPU time 4, evaluations 8.5 times those of the rigid model. "
-    + str(pieces.__doc__).split("\n\n")[1].replace("``BEGIN``", f"t = {pieces.BEGIN:g} s").replace("``EQUAL``", "this"),
+    + str(pieces.__doc__)
+    .split("\n\n")[1]
+    .replace("``BEGIN``", f"t = {pieces.BEGIN:g} s")
+    .replace("``EQUAL``", "this")
+    .replace("``REPEATS``", f"{pieces.REPEATS} runs"),
     "fmus": "Both tracks together. The paper's ratios are those of the table above, of one differential equation.",
     "ratio": str(ratios.__doc__).split("\n\n")[1],
     "effect": str(effects.__doc__).split("\n\n")[1].replace("``INSTANT``", f"{INSTANT:g} s"),

@@ -79,9 +79,10 @@ def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tup
     except (BadInput, RuntimeError, ValueError) as failure:
         return [Row("piece", label, {"model": name}, note=f"not there: {failure}")]
     common = {"model": name, "piece": piece}
-    found = [Row("piece", label, {**common, **figures(cost)}) for cost in costs]
-    found += [
-        Row("interval", label, {**common, **figures(cost), "floor": 2 * round(piece / cost.interval)}) for cost in over
+    found = [
+        Row(item, label, {**common, **figures(cost), "floor": 2 * round(piece / cost.interval)})
+        for item, several in (("piece", costs), ("interval", over))
+        for cost in several
     ]
     for method in (ADAMS, RUNGE_KUTTA):
         best = cheapest(costs, method)
