@@ -457,6 +457,9 @@ def rows(cpu=4.0, count=8.5, top=20.0, front=5.0):
             Row("cost", model.label, {**common, "method": pieces.ADAMS, "cpu": own, "evaluations": number}, True)
         )
         found.append(Row("sections", model.label, {**common, "top": top, "rear": 10.0, "front": front}, True))
+    for rigid in (RIGID, RIGID_SPRING):
+        each = {"rigid": rigid.name, "method": pieces.ADAMS, "each": cpu / count}
+        found.append(Row("each", rigid.label, each, True))
     return found
 
 
@@ -475,7 +478,7 @@ def test_rules_say_what_the_figures_say():
     assert verdict(rules.sections, *rows()) == HOLDS
     assert verdict(rules.sections, *rows(front=12.0)) == NOT
     mixed = [*rows(), *rows(front=12.0)]
-    assert verdict(rules.sections, *(mixed[1], mixed[7])) == PART
+    assert verdict(rules.sections, *(mixed[1], mixed[9])) == PART
     gone = Row("sections", RIGID.label, {"model": RIGID.name}, note="not there: no such key")
     assert verdict(rules.sections, gone) == UNMEASURED
 
@@ -494,18 +497,16 @@ def test_ratios_would_be_others_at_other_tolerances():
 
 
 def test_an_evaluation_of_a_flexible_chain_costs_half():
-    def told(each, spring=1.0):
-        common = {"method": pieces.ADAMS}
+    def told(each):
         return [
-            Row("cost", "", {**common, "model": CLOSED.name, "each": each}, True),
-            Row("cost", "", {**common, "model": RIGID_SPRING.name, "each": spring}, True),
-            Row("cost", "", {**common, "model": RIGID.name, "each": 1.0}, True),
+            Row("each", "", {"rigid": rigid.name, "method": pieces.ADAMS, "each": each}, True)
+            for rigid in (RIGID_SPRING, RIGID)
         ]
 
     assert verdict(rules.each_evaluation, *told(0.47)) == HOLDS, "4 / 8.5"
     assert verdict(rules.each_evaluation, *told(0.8)) == PART
     assert verdict(rules.each_evaluation, *told(1.2)) == NOT
-    assert verdict(rules.each_evaluation, *told(0.47)[:1]) == UNMEASURED
+    assert verdict(rules.each_evaluation, *told(0.47)[1:]) == UNMEASURED, "few evaluations of the chain with a pin"
 
 
 def test_high_frequencies_are_those_of_the_links():
@@ -648,7 +649,7 @@ def test_the_command_writes_the_page_and_a_statement_that_does_not_hold_is_exit_
     page = (tmp_path / "found" / "paper.md").read_text()
     assert "| 8.3 | At 5 s the chain is tight before the sprocket" in page
     table = list(csv.DictReader((tmp_path / "found" / "paper.csv").open()))
-    assert [row["verdict"] for row in table].count("does not hold") == 2
+    assert [row["verdict"] for row in table].count("does not hold") == 3
     failed = lambda: [Row("count", "pins", {"value": 125, "reference": 126}, False)]  # noqa: E731
     monkeypatch.setattr(paper, "cases", lambda quick, folder: [Case("count", "made up", failed)])
     status, _, err = cotrack("study", "paper", "--workers", 1, "-o", "other")
@@ -660,7 +661,7 @@ def test_both_forms_have_the_same_cases(tmp_path):
     quick, full = paper.cases(True, tmp_path), paper.cases(False, tmp_path)
     assert [case.name for case in quick] == [case.name for case in full]
     assert {case.item for case in full} == {
-        "run", "count", "equation", "curvature", "piece", "stiffness", "modulus", "fmus", "spectrum", "links",
+        "run", "count", "equation", "curvature", "piece", "each", "stiffness", "modulus", "fmus", "spectrum", "links",
         "elasticity",
     }  # fmt: skip
     assert sum(case.item == "piece" for case in full) == len(PRICED) == len(MODELS) + 1

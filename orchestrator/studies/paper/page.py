@@ -40,6 +40,10 @@ TABLES = {  # item: title, columns
         Column("storage", "bytes of a chain's arrays", ".0f"), Column("error", "error of pins", ".1e"),
         Column("order", "mean order", ".1f"), NOTE,
     )),
+    "each": ("CPU time of an evaluation, flexible over rigid, measured in turn", (
+        CASE, Column("method", "method"), Column("piece", "piece, s", "g"), Column("each", "of an evaluation", ".2f"),
+        Column("least", "least", ".2f"), Column("most", "most", ".2f"), NOTE,
+    )),
     "piece": ("All explicit runs", (
         CASE, Column("method", "method"), Column("setting", "tolerance, or part of the stable step", ".3g"),
         Column("cpu", "CPU time, s", ".3f"), *SPREAD, Column("evaluations", "evaluations", ".0f"),
