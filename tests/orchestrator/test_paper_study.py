@@ -720,6 +720,7 @@ def test_the_quick_form(cotrack, tmp_path):
     assert {"high-frequencies.png", "conditions.png", "paper-ratio.csv", "paper-effect.csv"} <= made
     rows = list(csv.DictReader((tmp_path / "found" / "paper.csv").open()))
     told = {row["statement"]: row["verdict"] for row in rows}
+    assert [text for text, each in told.items() if each == UNMEASURED] == [STATEMENTS[-1].text], "no such frame here"
     for statement in STATEMENTS:
         if statement.rule in (rules.counted, rules.violated, rules.settled, rules.alike, rules.sections, rules.singular,
                               rules.fast, theory.cheaper):  # fmt: skip
