@@ -288,6 +288,8 @@ def test_forces_of_a_loop_that_spins():
     level, tension = high_frequencies.forces(vehicle, 0.0, 3)
     joint = mass * omega**2 * pitch / (4.0 * np.tan(np.pi / n) * np.sin(np.pi / n))
     np.testing.assert_allclose(np.linalg.norm(level, axis=1), joint, rtol=1e-8)
+    outwards = chain.pins()[conventions.FIRST - 1, [0, 2]]  # the force is at right angles to it, after h / 2 more turned
+    assert abs(level[-1] @ outwards) < 1e-3 * joint * np.linalg.norm(outwards)
     np.testing.assert_allclose(tension, joint * np.cos(np.pi / n) + mass * pitch * omega**2 / 12.0, rtol=1e-3)
     chassis.state[[3, 5]] = np.cos(0.5 * turned), np.sin(0.5 * turned)  # its nose down
     nose_down, _ = high_frequencies.forces(vehicle, 3.0 / high_frequencies.RATE, 1)
@@ -418,6 +420,27 @@ def test_ratios_over_tolerance_interval_and_inside_fmus():
         ratios.TOLERANCE, ratios.TOLERANCE, ratios.INTERVAL, ratios.FMUS
     ]  # fmt: skip
     assert len(page.table("ratio", found).rows) == 4
+
+
+def test_evaluations_are_timed_in_turn(monkeypatch):
+    timed = []
+
+    class Drive:
+        def __init__(self, wanted, piece):
+            self.track = wanted.track.model
+
+        def vehicle(self, method, setting):
+            return self.track
+
+        def each(self, vehicle):
+            timed.append(vehicle)
+            return {"flexible": 1.0, "rigid": 2.0 if len(timed) > 2 else 4.0}[vehicle]  # the first run is slow
+
+    monkeypatch.setattr(pieces, "Drive", Drive)
+    adams, runge_kutta = pieces.in_turn(RIGID_SPRING.name, 0.02)
+    assert timed == ["flexible", "rigid"] * 2 * pieces.TURNS
+    assert (adams["method"], adams["least"], adams["each"], adams["most"]) == (pieces.ADAMS, 0.25, 0.5, 0.5)
+    assert (runge_kutta["rigid"], runge_kutta["least"]) == (RIGID_SPRING.name, 0.5)
 
 
 def test_projections_count_as_evaluations():
