@@ -288,7 +288,7 @@ def test_forces_of_a_loop_that_spins():
     level, tension = high_frequencies.forces(vehicle, 0.0, 3)
     joint = mass * omega**2 * pitch / (4.0 * np.tan(np.pi / n) * np.sin(np.pi / n))
     np.testing.assert_allclose(np.linalg.norm(level, axis=1), joint, rtol=1e-8)
-    outwards = chain.pins()[conventions.FIRST - 1, [0, 2]]  # the force is at right angles to it, after h / 2 more turned
+    outwards = chain.pins()[conventions.FIRST - 1, [0, 2]]  # at right angles to the force
     assert abs(level[-1] @ outwards) < 1e-3 * joint * np.linalg.norm(outwards)
     np.testing.assert_allclose(tension, joint * np.cos(np.pi / n) + mass * pitch * omega**2 / 12.0, rtol=1e-3)
     chassis.state[[3, 5]] = np.cos(0.5 * turned), np.sin(0.5 * turned)  # its nose down
