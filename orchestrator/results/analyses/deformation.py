@@ -68,7 +68,7 @@ class Deformation(NamedTuple):
         """Add link ``link`` (from 1), as it was at each instant, to two panes: axial and transverse, magnified."""
         for t, links in zip(self.t, self.displacement, strict=True):
             axial, transverse, _ = MAGNIFIED * links[link - 1].T
-            told = " ".join(filter(None, [label, f"t = {t:g} s"]))
+            told = ", ".join(filter(None, [label, f"t = {t:g} s"]))
             panes[0].plot(self.x, self.x + axial, label=told, **style)  # type: ignore[arg-type]
             panes[1].plot(self.x, transverse, label=told, **style)  # type: ignore[arg-type]
 
@@ -82,7 +82,6 @@ def framed(panes: Sequence[Axes], length: float) -> None:
         pane.set_xlabel("along the undeformed link, m")
         pane.set_ylabel(f"{what}, m; deformation x {MAGNIFIED:g}")
         pane.grid(True, color="0.9")
-        pane.legend(fontsize=8)
 
 
 def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float] = ()) -> Deformation:
@@ -125,6 +124,8 @@ def picture(found: Deformation, output: Path, link: int) -> None:
     panes = figure.subplots(1, 2)
     found.draw(panes, link)
     framed(panes, float(found.x[-1]))
+    for pane in panes:
+        pane.legend(fontsize=8)
     figure.suptitle(f"{found.track}, link {link}", fontsize=10, parse_math=False)
     saved(figure, output)
 

@@ -54,6 +54,8 @@ def cases(quick: bool, folder: Path) -> list[Case]:
         Case("curvature", "curvature at pins", curvature.rows, (), 1.0),
         *(Case("piece", model.label, pieces.rows, (model.name, piece, (), over.get(model, ())), 3000 * piece, 7200.0)
           for model in PRICED),
+        *(Case("each", model.label, pieces.in_turn, (model.name, piece), 400 * piece, 7200.0)
+          for model in ratios.RIGIDS),
         *(Case("stiffness", f"spring of {k:g} N/m", pieces.stiff, (k, piece), 1000 * piece, 7200.0)
           for k in pieces.STIFFNESSES),
         *(Case("modulus", f"{name}, {E:g} Pa" if E > 0.0 else name, modulus.rows, (name, E, piece), 900 * piece, 7200.0)

@@ -24,7 +24,7 @@ def draw(loop: Row, folder: Path) -> list[Path]:
     pane.set_ylabel("condition number")
     pane.set_title("Closed chain of the vehicle in its plane: what has to be inverted", fontsize=10, loc="left")
     pane.grid(True, color="0.9")
-    pane.legend(fontsize=8)
+    page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
     paths = [folder / f"conditions.{suffix}" for suffix in ("png", "svg")]
     for path in paths:
         page.savefig(path, dpi=120)

@@ -2,7 +2,8 @@
 
 The inertia about the pin is the vehicle table's, or m l^2 / 12 of a thin rod. Differences are relative: RMS of the
 difference over RMS of the second run of the pair, of the first joint's force in the chassis' axes while the sprockets
-turn, of the chassis' motion over the run, and of the tensions of the right chain's links at ``INSTANT``.
+turn, of the tensions of the right chain's links at ``INSTANT``, and over the run of the chassis' motion, the sprockets'
+torque, and means and RMS over seconds of tensions and of joint forces.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from orchestrator.studies.paper.models import CLOSED, CLOSED_ROD, RIGID, RIGID_R
 from orchestrator.studies.tables import Row
 
 MOTION = ("position", "velocity", "pitch")
+OBSERVABLES = (*MOTION, "torque", "tension_mean", "tension_rms", "joint_force_mean", "joint_force_rms")
 
 
 class Pair(NamedTuple):
@@ -56,7 +58,7 @@ def compared(logs: Mapping[str, Path], pair: Pair) -> dict[str, float]:
     return {
         "force": relative(force, other_force),
         "tension": relative(tension, other_tension),
-        **{name: apart[name].relative for name in MOTION},
+        **{name: apart[name].relative for name in OBSERVABLES if name in apart},  # a short run has no seconds
     }
 
 

@@ -1,7 +1,8 @@
 """Figures 10 to 21 of the paper, all models in one axis; figure 21 has a pane for each.
 
-Below figures 10 to 17 stands a pane of differences from the closed mesh at the same instants; of the path of figure 15
-it is the distance of the points.
+Below figures 10 to 17 stand differences from the closed mesh at the same instants, of the path of figure 15 the
+distance of the points: in one pane of the models whose links have the same inertia, in the other of those with a rod's,
+which differ by so much more that they would hide the others.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from orchestrator.studies.paper.conventions import (
     edges,
     in_chassis,
 )
-from orchestrator.studies.paper.models import REFERENCE, Model
+from orchestrator.studies.paper.models import REFERENCE, RODS, Model
 
 SHADES = ("0.93", "0.97", "0.9")  # of the sections of figure 20
 
@@ -133,26 +134,28 @@ def draw(logs: dict[Model, Path], folder: Path) -> list[Path]:
 
 
 def _over_differences(figure: Figure, curves: dict[Model, Curve]) -> Any:
-    """The figure, and below it how far the models are from the reference."""
+    """The figure, and below it how far the models are from the reference: of equal inertia, and of a rod's."""
     from matplotlib.figure import Figure as Page
 
     path = next(iter(curves.values())).values.shape[1] > 1
-    page = Page(figsize=(9.0, 5.4 if path else 6.4), layout="constrained")
-    pane, below = page.subplots(2, 1, sharex=not path, height_ratios=(1.0, 0.9) if path else (1.6, 1.0))
+    page = Page(figsize=(9.0, 7.2 if path else 8.4), layout="constrained")
+    pane, alike, rods = page.subplots(3, 1, sharex=not path, height_ratios=(1.0, 0.9, 0.9) if path else (1.6, 1.0, 1.0))
     for model, curve in curves.items():
         add(pane, model, *(curve.values.T if path else (curve.t, curve.values[:, 0])), alpha=0.8)
         if model is not REFERENCE and REFERENCE in curves:
             apart = differences(curve, curves[REFERENCE])
-            add(below, model, apart.t, apart.values[:, 0], alpha=0.8)
+            add(rods if model in RODS else alike, model, apart.t, apart.values[:, 0], alpha=0.8)
     pane.set_title(f"Figure {figure.number}. {figure.title}", fontsize=10, loc="left")
-    below.set_title(f"{'distance from' if path else 'less'} that of the {REFERENCE.label}", fontsize=9, loc="left")
+    for below, inertia in ((alike, "links of equal inertia"), (rods, "links with the inertia of a rod")):
+        what = f"{'distance from' if path else 'less'} that of the {REFERENCE.label}: {inertia}"
+        below.set_title(what, fontsize=9, loc="left")
+        below.set_ylabel(figure.apart)
     if path:
         pane.set_aspect("equal")
         pane.set_xlabel(figure.across)
-    below.set_xlabel("time, s")
+    rods.set_xlabel("time, s")
     pane.set_ylabel(figure.up)
-    below.set_ylabel(figure.apart)
-    for each in (pane, below):
+    for each in (pane, alike, rods):
         each.grid(True, color="0.9")
     page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
     return page
@@ -162,13 +165,14 @@ def _deformations(found: dict[Model, deformation.Deformation]) -> Any:
     """Figures 18 and 19."""
     from matplotlib.figure import Figure as Page
 
-    page = Page(figsize=(10.0, 4.2), layout="constrained")
+    page = Page(figsize=(10.0, 5.0), layout="constrained")
     panes = page.subplots(1, 2)
     for model, each in found.items():
         each.draw(panes, LINK, model.label, linestyle=model.line, color=model.colour)
     deformation.framed(panes, float(next(iter(found.values())).x[-1]))
     for number, pane, what in ((18, panes[0], "Axial"), (19, panes[1], "Transverse")):
         pane.set_title(f"Figure {number}. {what} deformation of link {LINK} of the right chain", fontsize=9, loc="left")
+    page.legend(*panes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
     return page
 
 
@@ -187,6 +191,7 @@ def _stresses(logs: dict[Model, Path]) -> Any:
             _shade(pane, edges(run.scene["vehicle"], placed))
     pane.set_xlabel("along the circuit from the sprocket to ground, idler and upper run, m")
     pane.set_ylabel("axial stress, MPa")
+    pane.set_ylim(bottom=min(0.0, pane.get_ylim()[0]))  # names of sections stand below the curves
     pane.set_title(f"Figure 20. Right chain: axial stress at t = {INSTANT:g} s", fontsize=10, loc="left")
     pane.grid(True, color="0.9")
     page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)

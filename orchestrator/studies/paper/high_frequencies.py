@@ -3,9 +3,9 @@
 Implicit steps of 0.625 ms damp what is faster, and records every 5 ms show nothing above 100 Hz: figures 16, 17 and 20
 cannot have the high frequencies that section 8.3 speaks of. Here the vehicle begins at the co-simulation's state at
 t = 4 s and goes on by Runge-Kutta's method within its stable step, the force recorded at ``RATE``, which is more than
-twice the highest frequency of a link. The first ``SETTLING`` are left out of spectra: in them what the implicit state
-lacks dies out. The chain of the left side is the one that is computed; the right one is its mirror image, with the same
-forces along and up the chassis.
+twice the highest frequency of a link, each value the mean over the time since the one before, as in logs. The first
+``SETTLING`` are left out of spectra: in them what the implicit state lacks dies out. The chain of the left side is the
+one that is computed; the right one is its mirror image, with the same forces along and up the chassis.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fmus.physics.ancf.element import highest_frequency
+from fmus.physics.chain import on_links
 from fmus.physics.chain.kinds import links_shown
 from fmus.vehicle import BadInput, VehicleTable
 from orchestrator.execution.states import states_at
@@ -46,7 +47,7 @@ AXES = ("along", "up")
 def rows(name: str, piece: float) -> list[Row]:
     """One row: the force, N, at ``RATE``, its RMS above each of ABOVE, and the frequencies of the model."""
     model = named(name)
-    wanted = scene(model, "track.link_outputs=false")
+    wanted = scene(model, 'track.link_outputs=["force"]', "run.links=1")  # means over each call of the vehicle
     if isinstance(wanted, str):
         return [Row("spectrum", model.label, {"model": name}, note=f"not there: {wanted}")]
     try:
@@ -74,14 +75,15 @@ def rows(name: str, piece: float) -> list[Row]:
 
 
 def forces(vehicle: Any, t: float, samples: int) -> tuple[Floats, Floats]:
-    """First joint's force (samples, 2) along and up the chassis, N, every 1 / RATE from t on; tensions at the end."""
+    """First joint's force (samples, 2) along and up the chassis, N, means over each 1 / RATE; tensions at the end."""
     chain, chassis = vehicle.models[TRACK], vehicle.models["chassis"]
-    n, found = chain.links_count, np.zeros((samples, 2))
-    tension, stress, place, force = np.zeros(n), np.zeros(n), np.zeros((chain.nodes, 3)), np.zeros((chain.nodes, 3))
+    n, found, force = chain.links_count, np.zeros((samples, 2)), slice(on_links.JOINT, on_links.JOINT + 3)
     for k in range(samples):
         vehicle.advance(t + k / RATE, 1.0 / RATE)
-        links_shown(chain.link, chain.environment, chain.s, chain.work, tension, stress, place, force)
-        found[k] = (force[FIRST - 1] @ hull.matrices(chassis.state[3:7]))[[0, 2]]
+        mean = chain.s.on_links_sum[FIRST - 1, force] / chain.s.span[on_links.SPAN]
+        found[k] = (mean @ hull.matrices(chassis.state[3:7]))[[0, 2]]
+    tension, stress, place = np.zeros(n), np.zeros(n), np.zeros((chain.nodes, 3))
+    links_shown(chain.link, chain.environment, chain.s, chain.work, tension, stress, place)
     return found, tension
 
 
@@ -157,14 +159,17 @@ def _add(panes: Any, model: Model, row: Row) -> None:
 
 
 def _add_recorded(panes: Any, file: Path, end: float) -> None:
-    """What the whole run has: implicit steps, recorded every 5 ms."""
+    """What the whole run has: implicit steps, forces as means over the records' interval, at the middle of it."""
     track, window = "left_track", Window(BEGIN, end)
     with Log(file) as log:
         run = RunData(log)
         t, force = run.vectors(track, "links", f"joint[{FIRST}].force", window=window)
         seen = in_chassis(run, t, force, False)
         tension = run.links(track, Window(end, end)).tension
-    style = {"color": "k", "markersize": 3, "linestyle": "none", "label": f"{REFERENCE.label}, implicit, every 5 ms"}
+    interval = t[1] - t[0]
+    t = t - 0.5 * interval
+    label = f"{REFERENCE.label}, implicit, means over {1e3 * interval:.3g} ms"
+    style = {"color": "k", "markersize": 3, "linestyle": "none", "label": label}
     for k, axis in enumerate((0, 2)):
         panes[0, k].plot(t, seen[:, axis] / 1e3, "o", **style)
     panes[2, 0].plot(t[t > end - ZOOM], seen[t > end - ZOOM, 0] / 1e3, "o", **style)

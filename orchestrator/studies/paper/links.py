@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicle import BadInput
-from orchestrator.studies.paper.models import CLOSED, TRANSFORMED, named, scene
+from orchestrator.studies.paper.models import CLOSED, RIGID, TRANSFORMED, named, scene
 from orchestrator.studies.paper.states import model
 from orchestrator.studies.tables import Row
 
@@ -22,6 +22,7 @@ LINKS, QUICK = (16, 32, 64, 128, 256, 512), (16, 64, 256)
 SPIN, OVALLING, AT = 5.0, 4.0, 64  # rad/s of so many links; the pins of other loops are as fast
 STEP = 1e-3  # s
 STEPS, REPEATS = 100, 3
+IMPLICIT = "track.integrator=generalized_alpha"
 PEERS = {TRANSFORMED.name: CLOSED.name}  # whose times are nearer to each other than two moments of a machine
 
 
@@ -43,7 +44,10 @@ def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
         except (BadInput, RuntimeError, ValueError) as failure:
             return [*found, Row("links", label, {"model": name, "links": links}, note=f"not there: {failure}")]
         with suppress(BadInput, RuntimeError, ValueError):  # a formulation that has no implicit steps
-            found[-1] = found[-1].having(step=step_time(chain_of(name, links, "track.integrator=generalized_alpha")))
+            found[-1] = found[-1].having(step=step_time(chain_of(name, links, IMPLICIT)))
+        if name == CLOSED.name:
+            own, rigid = (chain_of(each, links, IMPLICIT) for each in (name, RIGID.name))
+            found[-1] = found[-1].having(step_over_rigid=in_turn(own, rigid, STEP))
     exponents = {f"exponent_{key}": exponent(found, key) for key in ("evaluation", "step", "bytes")}
     return [*found, Row("exponent", label, {"model": name, **exponents}, True)]
 

@@ -40,6 +40,10 @@ TABLES = {  # item: title, columns
         Column("storage", "bytes of a chain's arrays", ".0f"), Column("error", "error of pins", ".1e"),
         Column("order", "mean order", ".1f"), NOTE,
     )),
+    "each": ("CPU time of an evaluation, flexible over rigid, measured in turn", (
+        CASE, Column("method", "method"), Column("piece", "piece, s", "g"), Column("each", "of an evaluation", ".2f"),
+        Column("least", "least", ".2f"), Column("most", "most", ".2f"), NOTE,
+    )),
     "piece": ("All explicit runs", (
         CASE, Column("method", "method"), Column("setting", "tolerance, or part of the stable step", ".3g"),
         Column("cpu", "CPU time, s", ".3f"), *SPREAD, Column("evaluations", "evaluations", ".0f"),
@@ -80,7 +84,9 @@ TABLES = {  # item: title, columns
     "links": ("Cost and storage by links, no vehicle", (
         CASE, Column("links", "links", ".0f"), Column("evaluation", "CPU time of an evaluation, s", ".2e"),
         Column("over_peer", "over one in nodal coordinates, in turn", ".2f"),
-        Column("step", "of an implicit step, s", ".2e"), Column("coordinates", "numbers of a position", ".0f"),
+        Column("step", "of an implicit step, s", ".2e"),
+        Column("step_over_rigid", "over one of rigid links, in turn", ".2f"),
+        Column("coordinates", "numbers of a position", ".0f"),
         Column("multipliers", "multipliers", ".0f"), Column("bytes", "bytes of arrays", ".0f"), NOTE,
     )),
     "elasticity": ("CPU time of other elasticities over that of (11)-(15), no vehicle", (
@@ -105,7 +111,8 @@ TABLES = {  # item: title, columns
     )),
     "effect": ("What inertia does, and what elasticity does: relative differences of two runs", (
         Column("case", "the runs differ in"), Column("force", "first joint's force, 2 to 8 s", ".2%"),
-        Column("tension", "tensions at 5 s", ".2%"), *(Column(name, name, ".3%") for name in whole_runs.MOTION), NOTE,
+        Column("tension", "tensions at 5 s", ".2%"),
+        *(Column(name, name.replace("_", " "), ".3%") for name in effects.OBSERVABLES), NOTE,
     )),
     "motion": ("Chassis motion, relative difference from the closed mesh", (
         CASE, *(Column(name, name, ".1e") for name in whole_runs.MOTION), Column("settled", "settled, m", ".4f"),
@@ -138,7 +145,11 @@ TABLES = {  # item: title, columns
 }  # fmt: skip
 REMARKS = {
     "cost": "Paper, section 8.3: CPU time 4, evaluations 8.5 times those of the rigid model. "
-    + str(pieces.__doc__).split("\n\n")[1].replace("``BEGIN``", f"t = {pieces.BEGIN:g} s").replace("``EQUAL``", "this"),
+    + str(pieces.__doc__)
+    .split("\n\n")[1]
+    .replace("``BEGIN``", f"t = {pieces.BEGIN:g} s")
+    .replace("``EQUAL``", "this")
+    .replace("``REPEATS``", f"{pieces.REPEATS} runs"),
     "fmus": "Both tracks together. The paper's ratios are those of the table above, of one differential equation.",
     "ratio": str(ratios.__doc__).split("\n\n")[1],
     "effect": str(effects.__doc__).split("\n\n")[1].replace("``INSTANT``", f"{INSTANT:g} s"),

@@ -6,6 +6,7 @@ run at several tolerances, the classical Runge-Kutta method at its largest stabl
 the RMS distance of the pins of the left chain, at the end, from those of the same model by Runge-Kutta at a fraction of
 the step, over the RMS of the ways that they went. A method's cost is that of its cheapest run within ``EQUAL``; both
 sides of the vehicle are alike and one of them is integrated, whatever the model. CPU times are medians of ``REPEATS``.
+Two moments of a machine may differ by more than two chains do: what an evaluation costs is measured in turn.
 
 A step of Adams' methods ends at each output at the latest, and takes two evaluations: no run has fewer than two an
 interval of output. Between these two, joints that are kept as equations are projected with the factors of the first,
@@ -18,6 +19,7 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +29,7 @@ from orchestrator.execution.states import states_at
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.scene import TrackScene
 from orchestrator.studies.paper.links import storage
-from orchestrator.studies.paper.models import RIGID_SPRING, named, scene
+from orchestrator.studies.paper.models import CLOSED, RIGID_SPRING, named, scene
 from orchestrator.studies.paper.states import LONGEST, whole
 from orchestrator.studies.tables import Row
 
@@ -37,6 +39,7 @@ OUTPUT = 1.25e-3  # s, the communication step of the scene: that of outputs
 INTERVALS = 0.25, 1.0, 4.0, 16.0  # of output, times OUTPUT: what costs are shown over
 AT = 1e-3  # tolerance at which they are
 REPEATS = 3
+TURNS = 5
 EQUAL = 1e-4  # error of pins that costs are compared at
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of Adams' methods, relative and absolute
 FRACTIONS = (1.0, 2.0)  # of the largest stable step
@@ -79,9 +82,10 @@ def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tup
     except (BadInput, RuntimeError, ValueError) as failure:
         return [Row("piece", label, {"model": name}, note=f"not there: {failure}")]
     common = {"model": name, "piece": piece}
-    found = [Row("piece", label, {**common, **figures(cost)}) for cost in costs]
-    found += [
-        Row("interval", label, {**common, **figures(cost), "floor": 2 * round(piece / cost.interval)}) for cost in over
+    found = [
+        Row(item, label, {**common, **figures(cost), "floor": 2 * round(piece / cost.interval)})
+        for item, several in (("piece", costs), ("interval", over))
+        for cost in several
     ]
     for method in (ADAMS, RUNGE_KUTTA):
         best = cheapest(costs, method)
@@ -96,6 +100,23 @@ def figures(cost: Cost) -> dict[str, Any]:
     """Of a run, with the time of one evaluation, s."""
     each = cost.cpu / cost.evaluations if cost.evaluations else math.nan
     return {**cost._asdict(), "each": each, "counted": cost.evaluations + cost.projections}
+
+
+def in_turn(name: str, piece: float) -> list[Row]:
+    """CPU time of an evaluation of the closed mesh over one of a rigid model, run after run in turn: a row a method."""
+    label, models = f"{CLOSED.name} / {name}", (CLOSED.name, name)
+    wanted = [scene(named(each), "track.link_outputs=false") for each in models]
+    if any(isinstance(each, str) for each in wanted):
+        return [Row("each", label, {"rigid": name}, note=f"not there: {wanted}")]
+    drives = [Drive(each, piece) for each in wanted if isinstance(each, TrackScene)]
+    found = []
+    for method, setting in ((ADAMS, AT), (RUNGE_KUTTA, FRACTIONS[0])):
+        vehicles = [drive.vehicle(method, setting) for drive in drives]
+        each = np.array([[drive.each(one) for drive, one in zip(drives, vehicles, strict=True)] for _ in range(TURNS)])
+        over = each[:, 0] / each[:, 1]
+        figures = {"each": float(np.median(over)), "least": float(over.min()), "most": float(over.max())}
+        found.append(Row("each", label, {"rigid": name, "method": method, "piece": piece, **figures}, True))
+    return found
 
 
 def stiff(stiffness: float, piece: float) -> list[Row]:
@@ -120,13 +141,17 @@ class Drive:
     def __init__(self, wanted: TrackScene, piece: float) -> None:
         self.wanted, self.piece = wanted, piece
         self.begun = states_at(_implicit(wanted), BEGIN)
-        vehicle = whole(wanted, refine=FINER * FRACTIONS[-1])
+
+    @cached_property
+    def exact(self) -> tuple[Floats, float]:
+        """Pins at the end, and the RMS of the ways that they went."""
+        vehicle = whole(self.wanted, refine=FINER * FRACTIONS[-1])
         self._timed(vehicle, 1e-6, 1e-6)  # what has to be compiled or loaded is
         vehicle.begin_at(self.begun.time, self.begun.parts)
         start = vehicle.models[TRACK].pins()
-        self._timed(vehicle, piece, OUTPUT)
-        self.exact = vehicle.models[TRACK].pins()
-        self.way = _rms(self.exact - start)
+        self._timed(vehicle, self.piece, OUTPUT)
+        found = vehicle.models[TRACK].pins()
+        return found, _rms(found - start)
 
     def runs(self) -> Iterator[Cost]:
         """Runge-Kutta at each fraction, Adams at each tolerance, at outputs every OUTPUT."""
@@ -135,15 +160,26 @@ class Drive:
         for tolerance in TOLERANCES:
             yield self.cost(ADAMS, tolerance)
 
-    def cost(self, method: str, setting: float, interval: float = OUTPUT) -> Cost:
-        """Of a method at a fraction of the stable step, or at a tolerance; infinite error where it cannot be kept."""
+    def vehicle(self, method: str, setting: float, interval: float = OUTPUT) -> Any:
+        """One that integrates by a method at a fraction of the stable step or at a tolerance, ready to be timed."""
         integration: dict[str, Any] = {"refine": setting}
         if method == ADAMS:  # no step is bounded but by outputs and errors
             integration = {"integrator": "adams", "rtol": setting, "atol": setting, "refine": LONGEST / interval}
+        vehicle = whole(self.wanted, **integration)
+        self._timed(vehicle, 1e-6, 1e-6)
+        return vehicle
+
+    def each(self, vehicle: Any) -> float:
+        """CPU time of an evaluation, s."""
+        before = vehicle.effort.evaluations
+        return self._timed(vehicle, self.piece, OUTPUT) / float(vehicle.effort.evaluations - before)
+
+    def cost(self, method: str, setting: float, interval: float = OUTPUT) -> Cost:
+        """Of a method at a fraction of the stable step, or at a tolerance; infinite error where it cannot be kept."""
+        exact, way = self.exact
         times = []
         try:
-            vehicle = whole(self.wanted, **integration)
-            self._timed(vehicle, 1e-6, 1e-6)
+            vehicle = self.vehicle(method, setting, interval)
             for _ in range(REPEATS):
                 before = vehicle.effort
                 times.append(self._timed(vehicle, self.piece, interval))
@@ -153,7 +189,7 @@ class Drive:
         steps = int(effort.steps - before.steps)
         return Cost(
             method, setting, float(np.median(times)), int(effort.evaluations - before.evaluations),
-            _rms(chain.pins() - self.exact) / self.way, float(effort.order), sizes["bytes"], min(times), max(times),
+            _rms(chain.pins() - exact) / way, float(effort.order), sizes["bytes"], min(times), max(times),
             steps, steps if sizes["multipliers"] else 0, interval,
         )  # fmt: skip
 

@@ -3,7 +3,8 @@
 One number for "flexible over rigid" does not exist. Rigid links are bound by accuracy, so their evaluations fall with
 the tolerance until each interval of output takes its two; steel ones are bound by stability and take as many whatever
 is asked for. The ratio of CPU times has the spread of the runs: fastest flexible over slowest rigid, and the other way
-round. What does not depend on any of this is the cost of an evaluation, flexible over rigid.
+round. What does not depend on any of this is the cost of an evaluation, flexible over rigid, wherever a run takes so
+many that the time which each output takes besides does not count.
 """
 
 from __future__ import annotations

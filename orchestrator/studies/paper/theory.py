@@ -8,6 +8,8 @@ from orchestrator.studies.paper.found import NONE, Found, Verdict, graded
 from orchestrator.studies.paper.models import CLOSED
 from orchestrator.studies.tables import Row
 
+NEAR = 1e-3  # of a printed value
+
 
 def equations(found: Found, *keys: str) -> list[Row]:
     """The rows of these equations, in this order; raises LookupError where one was not measured."""
@@ -15,13 +17,14 @@ def equations(found: Found, *keys: str) -> list[Row]:
     return [rows[key] for key in keys]
 
 
-def checked(found: Found, *keys: str) -> Verdict:
-    """Holds where all these equations do."""
+def checked(found: Found, *keys: str, printed: float | None = None) -> Verdict:
+    """Holds where all these equations do; with a ``printed`` value, where they give that."""
     try:
         rows = equations(found, *keys)
     except LookupError:
         return NONE
-    return graded([row.ok is True for row in rows], "; ".join(f"{row.case}: {row['value']:.3g}" for row in rows))
+    good = [row.ok is True if printed is None else abs(row["value"] - printed) < NEAR for row in rows]
+    return graded(good, "; ".join(f"{row.case}: {row['value']:.3g}" for row in rows))
 
 
 def positions(found: Found) -> Verdict:
@@ -93,22 +96,13 @@ def coupled(found: Found) -> Verdict:
 
 def constant_stiffness(found: Found) -> Verdict:
     """Below (15): K_e,t is constant, K_e,l is in proportion to the strain."""
-    try:
-        bending, axial = equations(found, "bending", "axial")
-    except LookupError:
-        return NONE
-    told = f"{bending.case}: {bending['value']:.4g}; {axial.case}: {axial['value']:.4g}"
-    return graded([abs(row["value"] - 1.0) < 1e-3 for row in (bending, axial)], told)
+    return checked(found, "bending", "axial", printed=1.0)
 
 
 def potential(found: Found) -> Verdict:
-    """Below (12): the printed mean strain gives no gradient of (8)."""
-    try:
-        chord, green = equations(found, "chord", "green")
-    except LookupError:
-        return NONE
-    told = f"{chord.case}: {chord['value']:.3g}; {green.case}: {green['value']:.1g}"
-    return graded([abs(chord["value"]) < 1e-6], told)
+    """Below (12): the printed mean strain gives no gradient of (8); told beside it: Green's does."""
+    chord, green = checked(found, "chord", printed=0.0), checked(found, "green")
+    return chord if chord is NONE else chord._replace(measured=f"{chord.measured}; {green.measured}")
 
 
 def undamped(found: Found) -> Verdict:
