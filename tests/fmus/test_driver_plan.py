@@ -10,8 +10,10 @@ from fmus.driver.skid import footing, slips
 from orchestrator.scene.scene import load
 
 TABLE = load("straight").vehicle.model_dump()
-FREE = planning.Bounds(top=4.0, lateral=1e3, grip=np.inf, deceleration=0.5, turning=np.inf, tolerance=0.1)
-BOUND = planning.Bounds(top=20.0, lateral=1e3, grip=2.0, deceleration=1.0, turning=0.4, tolerance=0.1)
+FREE = planning.Bounds(top=4.0, lateral=1e3, grip=np.inf, deceleration=0.5, turning=np.inf, tolerance=0.1,
+                       resists=0.7)  # fmt: skip
+BOUND = planning.Bounds(top=20.0, lateral=1e3, grip=2.0, deceleration=1.0, turning=0.4, tolerance=0.1,
+                        resists=0.7)  # fmt: skip
 
 
 def planned(arcs, bounds):

@@ -54,7 +54,6 @@ class Seen:
         ahead = off[:, 0] * np.cos(along) + off[:, 1] * np.sin(along)
         self._error = off[:, 1] * np.cos(along) - off[:, 0] * np.sin(along)
         self._progress = np.maximum(self.s[near] + ahead, 0.0)
-        self._behind = np.minimum(self.s[near] + ahead, 0.0)
 
     def progress(self) -> Floats:
         return self._progress
@@ -62,10 +61,6 @@ class Seen:
     def error(self) -> Floats:
         """Beside the path; of a place behind its beginning, beside the line through it."""
         return self._error
-
-    def away(self) -> Floats:
-        """Distance of the path, its beginning where the place is behind that."""
-        return np.hypot(self._behind, self._error)
 
     def askew(self) -> Floats:
         return self.heading - np.interp(self._progress, self.s, self.along)
