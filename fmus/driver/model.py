@@ -47,7 +47,7 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
         Port("grip", "parameter", "1", "share of the friction that speeds and curves are planned with", 0.8,
              allowed=SHARE),
         Port("drive.lag", "parameter", "s", "time constant with which the drives follow", 0.1, allowed=NOT_NEGATIVE),
-        Port("yaw.lag", "parameter", "s", "by which the vehicle turns later than its drives: chains, guides give way", 0.1,
+        Port("yaw.lag", "parameter", "s", "by which the vehicle turns later than drives: chains, guides give way", 0.1,
              allowed=NOT_NEGATIVE),
         Port("path.tolerance", "parameter", "m", "how far to pass beside the path where its curvature jumps", 0.1,
              allowed=POSITIVE),
