@@ -93,12 +93,13 @@ def test_an_s_curve_needs_the_friction_as_it_is():
 
 @pytest.mark.study
 def test_without_the_friction_it_overshoots():
-    assert overshoot("rigid", 0.3, 3.0, "driver.friction=0", off=1.0, stop=6.0) > 0.02
-    assert overshoot("rigid", 0.3, 5.0, "driver.friction=0") > 0.05
+    assert overshoot("rigid", 0.3, 3.0, "driver.friction=0", off=1.0, stop=6.0) > 0.0
+    assert overshoot("rigid", 0.3, 5.0, "driver.friction=0") > 0.1
 
 
 def test_it_comes_to_its_path_from_beside():
-    assert overshoot("rigid", 0.3, 3.0, off=1.0, stop=6.0) < 0.01
+    """In 6 s to 4 % of the distance, from one side: errors are critically damped."""
+    assert overshoot("rigid", 0.3, 3.0, off=1.0, stop=6.0) < 0.0
 
 
 @pytest.mark.study
