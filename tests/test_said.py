@@ -28,7 +28,7 @@ RUNS = {
     "short": ("turn", SHORT, ["rest", "acceleration", "turn right", "braking", "rest"]),
     "straight": ("straight", (), ["rest", "acceleration", "steady"]),
     "turn": ("turn", (), ["rest", "acceleration", "acceleration, turning left", "turn left"]),
-    "serpentine": ("serpentine", (), ["rest", "acceleration", "turn left", "turn right", "braking"]),
+    "serpentine": ("serpentine", (), ["rest", "acceleration", "turn left", "acceleration, turning right", "braking"]),
     "manoeuvre": ("turn", MANOEUVRE, ["rest", "acceleration", "steady", "turn right", "steady", "braking", "rest"]),
 }
 PRINTED = re.compile(

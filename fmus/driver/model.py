@@ -47,6 +47,8 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
         Port("grip", "parameter", "1", "share of the friction that speeds and curves are planned with", 0.8,
              allowed=SHARE),
         Port("drive.lag", "parameter", "s", "time constant with which the drives follow", 0.1, allowed=NOT_NEGATIVE),
+        Port("yaw.lag", "parameter", "s", "by which the vehicle turns later than drives: chains, guides give way", 0.1,
+             allowed=NOT_NEGATIVE),
         Port("path.tolerance", "parameter", "m", "how far to pass beside the path where its curvature jumps", 0.1,
              allowed=POSITIVE),
         Port("curvature.largest", "parameter", "1/m", "sharpest turn that is demanded", 0.5, allowed=POSITIVE),
@@ -137,7 +139,8 @@ class Model(Component):
             width="width", heading_gain="heading.gain", reach="reach", preview="preview", gain="yaw.gain",
             integral="yaw.integral", sharpest="curvature.largest", lateral="acceleration.lateral",
             deceleration="deceleration", start_speed="speed.start", end_speed="speed.end", ramp_start="ramp.start",
-            ramp_end="ramp.end", friction="friction", grip="grip", lag="drive.lag", tolerance="path.tolerance",
+            ramp_end="ramp.end", friction="friction", grip="grip", lag="drive.lag", yaw_lag="yaw.lag",
+            tolerance="path.tolerance",
         )  # fmt: skip
         numbers = {f"law.{field}": f"{{{name}}}" for field, name in own.items()}
         return Free({**numbers, "law.heading": "{heading} + {start.heading}"}, self.placing)
@@ -182,5 +185,6 @@ class Model(Component):
             creep=self._creep,
             grip=float(values["grip"]),
             lag=float(values["drive.lag"]),
+            yaw_lag=float(values["yaw.lag"]),
             tolerance=float(values["path.tolerance"]),
         )

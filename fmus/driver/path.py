@@ -146,7 +146,7 @@ def at(path, piece, s):
 def nearest(path, piece, x, y, s):
     """The way at which a piece is nearest to a point, from the guess ``s``, and how far left of it the point is.
 
-    A point before its beginning is as far off as the beginning is.
+    A piece begins with a straight line that leads to it: who stands behind its beginning is not beside it.
     """
     left, begin, direction = 0.0, ends(path, piece)[0], path.direction[path.first[piece]]
     for _ in range(MOST):
@@ -156,7 +156,6 @@ def nearest(path, piece, x, y, s):
         if abs(ahead) < CLOSE:
             break
         if s == begin and ahead < 0.0:
-            far = np.sqrt(ahead * ahead + left * left)
-            return begin, far if left >= 0.0 else -far
+            break
         s = max(s + ahead / max(1.0 - c * left, 0.2), begin)
     return s, left

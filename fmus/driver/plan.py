@@ -23,7 +23,7 @@ from fmus.physics.arrays import Floats
 
 STEP = 0.1  # m: distance of two places, on paths that are not longer than
 PLACES = 100_000  # times that
-ALONG, TURNS = 0.8, 0.3  # of the grip for a change of speed: straight on, and in a turn, which needs most of the rest
+ALONG, LEAST = 0.8, 0.3  # of the grip, for a change of speed: at most; at least, as part of what a turn leaves
 FAINT = 0.03  # rad/s: a yaw rate that counts as a turn
 FEWEST = 8  # on a piece
 ROUNDS = 8  # of planning slower where the vehicle cannot turn fast enough
@@ -52,6 +52,7 @@ class Bounds(NamedTuple):
     deceleration: float  # m/s2
     turning: float  # yaw acceleration, rad/s2
     tolerance: float  # m
+    resists: float  # share of the grip that resists turning on the spot
 
 
 def plan(path: route.Path) -> Plan:
@@ -122,16 +123,21 @@ def _along(plan, p, square, i, b, ds):
     """Change of speed that is left at a place, m/s2, with the square of the speed there."""
     slope = (plan.curvature[min(i + 1, b - 1)] - plan.curvature[i - 1]) / (2.0 * ds)
     rate = np.sqrt(square) * plan.curvature[i]
-    return left(p.grip, rate, square * plan.curvature[i], square * slope / p.turning if p.turning < np.inf else 0.0)
+    turning = square * slope / p.turning if p.turning < np.inf else 0.0
+    return left(p.grip, p.resists, rate, square * plan.curvature[i], turning)
 
 
 @kernel
-def left(grip, rate, across, turning):
-    """Acceleration along, m/s2, that the grip leaves at a yaw rate, beside that across and a share of the turning."""
+def left(grip, resists, rate, across, turning):
+    """Acceleration along, m/s2, that the grip leaves at a yaw rate, beside that across and a share of the turning.
+
+    One track pulls with all that friction gives; the other one with less by what resists the turn and by what makes it
+    faster. Across, friction is shared as in Coulomb's circle.
+    """
     if not grip < np.inf:
         return grip
-    most = ALONG - (ALONG - TURNS) * rate * rate / (rate * rate + FAINT * FAINT)
-    return most * grip * np.sqrt(max(1.0 - (across / grip) ** 2 - turning * turning, 0.1))
+    part = min(1.0 - resists * rate * rate / (rate * rate + FAINT * FAINT), ALONG)
+    return grip * part * max(np.sqrt(max(1.0 - (across / grip) ** 2, 0.0)) - abs(turning), LEAST)
 
 
 @kernel

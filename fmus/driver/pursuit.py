@@ -37,7 +37,7 @@ REST = 0.25  # s in which what is left of a way to a stop fades
 STANDS, THERE = 0.02, 0.02  # m before its end a piece is driven, rad before its angle a turn on the spot is done
 HARD = 1.5  # yaw acceleration that is asked for, over what friction gives beside the resistance to turning
 BLUNT = 4.0  # of the distance over which a large error fades: v^2 e / L^3 is a yaw acceleration
-PLANNED = 0.7  # share of the yaw acceleration that friction gives, for the plan
+PLANNED = 0.6  # share of the yaw acceleration that friction gives, for the plan
 FULL = 0.95  # share of the friction beyond which none is asked for
 
 
@@ -65,6 +65,7 @@ class Law(NamedTuple):
     creep: float  # m/s, of the friction law
     grip: float  # share of the friction that the plan uses
     lag: float  # s, with which drives follow their demands
+    yaw_lag: float  # s, by which the vehicle turns later than that
     tolerance: float  # m, how far the way that is taken may lie beside the path where it bends
 
 
@@ -111,7 +112,9 @@ def bounds(p, footing):
     for i in range(p.speeds.value.size):
         top = max(top, p.speeds.value[i])
     grip = p.grip * limit(p, footing)
-    return planning.Bounds(top, p.lateral, grip, p.deceleration, PLANNED * turning(p, footing), p.tolerance)
+    return planning.Bounds(
+        top, p.lateral, grip, p.deceleration, PLANNED * turning(p, footing), p.tolerance, resists(footing)
+    )
 
 
 @kernel
@@ -123,8 +126,13 @@ def limit(p, footing):
 @kernel
 def turning(p, footing):
     """Yaw acceleration that friction gives beside the resistance to turning on the spot, rad/s2; at least a tenth."""
-    arm = max(footing.half - footing.arm, 0.1 * footing.half)
-    return limit(p, footing) * footing.mass * arm / footing.inertia
+    return limit(p, footing) * footing.mass * (1.0 - resists(footing)) * footing.half / footing.inertia
+
+
+@kernel
+def resists(footing):
+    """Share of the friction that resists turning on the spot; at most nine tenths."""
+    return min(footing.arm / footing.half, 0.9)
 
 
 @allocating
@@ -213,7 +221,7 @@ def follow(c, seen, speed, h):
     if done(path, piece, x[PROGRESS], seen) and piece + 2 < path.first.size:
         x[PROGRESS], x[PIECE] = route.ends(path, piece)[1], piece + 1.0
         piece += 1
-    if path.direction[path.first[piece]] == 0.0:
+    if on_the_spot(path, piece):
         return spin(c, piece, seen, speed, h)
     return drive(c, piece, seen, speed, h)
 
@@ -221,9 +229,15 @@ def follow(c, seen, speed, h):
 @kernel
 def done(path, piece, s, seen):
     """Whether a piece is driven, and the vehicle stands."""
-    if path.direction[path.first[piece]] == 0.0:
+    if on_the_spot(path, piece):
         return abs(remaining(path, piece, seen)) < THERE and abs(seen.rate) < THERE
     return route.ends(path, piece)[1] - s < STANDS and abs(seen.ahead) < SLOW
+
+
+@kernel
+def on_the_spot(path, piece):
+    """Whether a piece is a turn on the spot."""
+    return path.s.size > 0 and path.direction[path.first[piece]] == 0.0
 
 
 @kernel
@@ -273,7 +287,8 @@ def paced(c, seen, speed, bend, h):
     if h == 0.0 or c.law.friction == 0.0:
         return speed
     grip = c.law.grip * limit(c.law, c.footing)
-    most = h * planning.left(grip, seen.rate, seen.ahead * seen.rate, bend / turning(c.law, c.footing))
+    bend /= PLANNED * turning(c.law, c.footing)
+    most = h * planning.left(grip, resists(c.footing), seen.rate, seen.ahead * seen.rate, bend)
     return min(max(speed, c.state[SPEED] - most), c.state[SPEED] + most)
 
 
@@ -292,7 +307,7 @@ def command(c, seen, wish, pace, h):
     if abs(seen.ahead) > SLOW:
         most = bound(p, f, seen.ahead) * abs(seen.ahead)
         x[LEARNT] = min(max(x[LEARNT] + h * p.integral * lacks, -most), most)
-    moves = 1.0 if wish.speed == 0.0 and wish.rate != 0.0 else abs(wish.speed) / np.hypot(wish.speed, SLOW)
+    moves = 1.0 if on_the_spot(c.path, int(x[PIECE])) else abs(wish.speed) / np.hypot(wish.speed, SLOW)
     more = 0.5 * p.width * (p.gain * lacks + x[LEARNT]) * moves
     if p.friction == 0.0:
         more += 0.5 * p.width * wish.rate * moves
@@ -300,7 +315,7 @@ def command(c, seen, wish, pace, h):
     else:
         hard = HARD * turning(p, f)
         bend = min(max(wish.turning, -hard), hard)
-        rate, most = wish.rate + p.lag * bend, FULL * limit(p, f)
+        rate, most = wish.rate + (p.lag + p.yaw_lag) * bend, FULL * limit(p, f)
         across = min(max(seen.ahead * rate, -most), most)
         most = np.sqrt(most * most - across * across)
         along = min(max(pace - rate * x[SLIPS + 2], -most), most)

@@ -159,10 +159,15 @@ def test_it_comes_back_from_afar_and_says_how_far_it_was(off):
     assert run.model.warnings() == []
 
 
-def test_what_is_before_the_beginning_is_as_far_off_as_the_beginning():
+def test_a_path_is_approached_along_a_line_through_its_beginning():
+    """Exactly behind it there is no error, to neither side."""
     way = path.of_arcs("path.arcs", "5 0")
-    assert path.nearest(way, 0, -3.0, 4.0, 1.0) == (0.0, 5.0)
-    assert path.nearest(way, 0, -3.0, -4.0, 0.0) == (0.0, -5.0)
+    for left in (4.0, -4.0, 1e-17, 0.0):
+        assert path.nearest(way, 0, -3.0, left, 1.0) == (0.0, left)
+    settings = {**PLAIN, "yaw.gain": 1.0, "reach": 2.0}
+    run = Unicycle(**{**settings, "path.points": "8 0; 40 0"}).run(3.0)
+    assert abs(run["path.lateral_error"]).max() < 1e-9
+    assert abs(Unicycle(left=0.01, **{**settings, "path.points": "8 0; 40 0"}).run(3.0)["yaw_rate.demand"]).max() > 1e-4
 
 
 def test_a_path_goes_back_along_its_arcs_and_turns_on_the_spot():

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from planar_vehicle import RATE, _rates
+from scipy.optimize import root
 from skid_steering import Vehicle, turn
 
 from fmus.driver import path as route
@@ -10,8 +12,10 @@ from fmus.driver.skid import footing, slips
 from orchestrator.scene.scene import load
 
 TABLE = load("straight").vehicle.model_dump()
-FREE = planning.Bounds(top=4.0, lateral=1e3, grip=np.inf, deceleration=0.5, turning=np.inf, tolerance=0.1)
-BOUND = planning.Bounds(top=20.0, lateral=1e3, grip=2.0, deceleration=1.0, turning=0.4, tolerance=0.1)
+FREE = planning.Bounds(top=4.0, lateral=1e3, grip=np.inf, deceleration=0.5, turning=np.inf, tolerance=0.1,
+                       resists=0.7)  # fmt: skip
+BOUND = planning.Bounds(top=20.0, lateral=1e3, grip=2.0, deceleration=1.0, turning=0.4, tolerance=0.1,
+                        resists=0.7)  # fmt: skip
 
 
 def planned(arcs, bounds):
@@ -96,6 +100,16 @@ def test_footing_of_the_vehicle():
     assert stands.height == pytest.approx(known.height, rel=0.03)
 
 
+def matched(known):
+    """How the vehicle stands, with the numbers of the independent theory."""
+    wheels, shares = np.array(known.wheels), np.array(known.shares)
+    middle = float(shares @ wheels)
+    return footing(TABLE)[0]._replace(
+        mass=known.mass, height=known.height, wheels=wheels, shares=shares, middle=middle,
+        spread=float(shares @ (wheels - middle) ** 2),
+    )  # fmt: skip
+
+
 CASES = [((8, 12), 0.3), ((0, 10), 0.3), ((-10, 10), 0.3), ((19, 21), 0.3), ((8, 12), 0.7), ((0, 10), 0.7)]
 
 
@@ -103,11 +117,7 @@ CASES = [((8, 12), 0.3), ((0, 10), 0.3), ((-10, 10), 0.3), ((19, 21), 0.3), ((8,
 def test_slip_is_that_of_the_independent_theory(sprockets, friction):
     """With its numbers of the vehicle, to the tolerance of both solvers; not with a friction 3 % off."""
     known = Vehicle(friction=friction)
-    stands = footing(TABLE)[0]._replace(
-        mass=known.mass, height=known.height, wheels=np.array(known.wheels), shares=np.array(known.shares),
-        middle=float(np.dot(known.shares, known.wheels)),
-        spread=float(np.dot(known.shares, (np.array(known.wheels) - np.dot(known.shares, known.wheels)) ** 2)),
-    )  # fmt: skip
+    stands = matched(known)
     steady = turn(known, sprockets)
     r = steady.rate
     for mu, agrees in ((friction, True), (1.03 * friction, False)):
@@ -131,6 +141,35 @@ def test_sprocket_speeds_of_a_steady_circle(sprockets, friction):
     assert np.allclose(found, sprockets, atol=fast)
     assert not np.allclose(found, np.array(sprockets) * 1.03, atol=fast)
     assert not np.allclose(kinematic, sprockets, atol=fast / 2.0)
+
+
+UNSTEADY = [  # friction, speed, yaw rate, its derivative, accelerations of the centre of mass ahead and left
+    (0.3, 4.0, 0.3, 0.2, 0.1, 1.2), (0.3, 5.0, 0.1, -0.15, -0.5, 0.5), (0.7, 6.0, -0.5, -0.3, 0.4, -3.0),
+    (1.2, 3.0, 0.6, 0.5, -0.6, 1.8), (0.2, 2.0, -0.2, 0.1, 0.05, -0.4), (0.3, -2.0, 0.2, 0.1, 0.2, -0.4),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("friction", "speed", "rate", "turning", "ahead", "left"), UNSTEADY)
+def test_slip_of_any_motion_is_that_of_a_planar_vehicle(friction, speed, rate, turning, ahead, left):
+    """Forces of an independent code, solved by scipy: the sprockets and the drift that make these accelerations."""
+    known = Vehicle(friction=friction)
+    stands = matched(known)
+    numbers = (known.mass, stands.inertia, known.height, known.half_width, known.width, 1.0, friction, known.creep, 1.0)
+    wheels, shares = np.array(known.wheels), np.array(known.shares)
+
+    def lacks(z):
+        out, x = np.zeros(8), np.array([0.0, 0.0, 0.0, speed, z[2], rate, 0.0, 0.0])
+        x[6:] = speed - rate * known.half_width + z[0], speed + rate * known.half_width + z[1]
+        found = _rates(x, np.array([ahead, left]), np.zeros(2), wheels, shares, numbers, out)
+        return found[0] - ahead, found[1] - left, out[RATE] - turning
+
+    start = -0.4 * rate, 0.4 * rate, -0.4 * rate
+    for mu, agrees in ((friction, True), (1.03 * friction, False)):
+        z, holds = slips(stands, (mu, known.creep), rate, ahead, left, turning, start)
+        assert holds
+        exact = root(lacks, z, tol=1e-12)
+        assert exact.success
+        assert np.allclose(z, exact.x, atol=1e-6) == agrees
 
 
 def test_any_motion_within_the_friction_has_a_slip():

@@ -12,6 +12,7 @@ import numpy as np
 from mirror.hull import Hull
 from mirror.links import UP, Chain, chain
 from mirror.motion import Recursion, Wheels, wheels
+from mirror.planned import Planned
 from mirror.record import Floats, Part, Record
 from mirror.seen import Seen
 from mirror.spin import Spin
@@ -95,7 +96,7 @@ class View:
 
     @cached_property
     def seen(self) -> Seen:
-        return Seen(self.part)
+        return Planned(self.part) if self.part.parameters["friction"] else Seen(self.part)
 
     def driven(self) -> bool:
         """Whether a track runs on wheels."""

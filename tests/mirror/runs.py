@@ -92,10 +92,10 @@ def thrown() -> Record:
     return Record(system, 0.5)
 
 
-def driven() -> Record:
-    """Along a path to the left and to the right; without friction, so that slip is what a width says."""
+def driven(*settings: str, duration: float = 0.8) -> Record:
+    """Along a path to the left and to the right."""
     path = "driver.arcs=[[0.3, 0], [1, 0.2], [2, -0.2]]", "driver.ramp_start=0 s", "driver.ramp_time=0.3 s"
-    return other("serpentine", "rigid", *path, "driver.friction=0", "driver.speed=3 m/s", duration=0.8)
+    return other("serpentine", "rigid", *path, "driver.speed=3 m/s", *settings, duration=duration)
 
 
 def joined() -> Record:
@@ -127,7 +127,11 @@ RUNS = {
     "planar": Run(lambda: vehicle("flexible", "symmetric=true", "planar=true", *RAISED)),
     "thrown": Run(thrown),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
-    "driven": Run(driven, ("left_track", "right_track", "left_drive", "right_drive", "chassis")),
+    "driven": Run(  # without friction slip is what a width says
+        partial(driven, "driver.friction=0"), ("left_track", "right_track", "left_drive", "right_drive", "chassis")
+    ),
+    "gripping": Run(partial(driven, "driver.ramp_time=1.5 s", "driver.speed=1.5 m/s", duration=1.8),
+                    ("left_track", "right_track", "left_drive", "right_drive", "chassis")),
     "hht rigid": Run(partial(drawn, "rigid", "track.integrator=hht", "track.spectral_radius=0.8")),
     "explicit rigid": Run(partial(drawn, "rigid", *EXPLICIT, "bench.transverse_damping=0 N s/m", duration=0.02)),
     "explicit cable": Run(partial(swinging, *SOFT_LINKS["cable"], *EXPLICIT, *UNDAMPED, duration=0.05)),

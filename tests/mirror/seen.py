@@ -53,8 +53,8 @@ class Seen:
         off, along = self.place - self.way[near], self.along[near]
         ahead = off[:, 0] * np.cos(along) + off[:, 1] * np.sin(along)
         self._error = off[:, 1] * np.cos(along) - off[:, 0] * np.sin(along)
-        self._progress = np.maximum(self.s[near] + ahead, 0.0)
-        self._behind = np.minimum(self.s[near] + ahead, 0.0)
+        bend = curvature[np.minimum(near, len(curvature) - 1)]
+        self._progress = np.maximum(self.s[near] + ahead / (1.0 - bend * self._error), 0.0)
 
     def progress(self) -> Floats:
         return self._progress
@@ -63,18 +63,16 @@ class Seen:
         """Beside the path; of a place behind its beginning, beside the line through it."""
         return self._error
 
-    def away(self) -> Floats:
-        """Distance of the path, its beginning where the place is behind that."""
-        return np.hypot(self._behind, self._error)
-
     def askew(self) -> Floats:
         return self.heading - np.interp(self._progress, self.s, self.along)
 
-    def speed(self) -> Floats:
+    def ramp(self) -> Floats:
         s = (self.t + 0.5 * self.h - self.p["ramp.start"]) / (self.p["ramp.end"] - self.p["ramp.start"])
-        ramp = self.p["speed.end"] * 0.5 * (1.0 - np.cos(np.pi * np.clip(s, 0.0, 1.0)))
+        return self.p["speed.end"] * 0.5 * (1.0 - np.cos(np.pi * np.clip(s, 0.0, 1.0)))
+
+    def speed(self) -> Floats:
         left = np.maximum(self.length - self.progress(), 0.0)
-        return np.minimum(ramp, np.minimum(np.sqrt(2.0 * self.p["deceleration"] * left), left / REST))
+        return np.minimum(self.ramp(), np.minimum(np.sqrt(2.0 * self.p["deceleration"] * left), left / REST))
 
     def planned(self) -> Floats:
         """Curvature of the path at places 10 cm apart, means over as much, straight between."""

@@ -1,0 +1,185 @@
+"""What a driver that knows the friction asks for: its plan by dense least squares, slip by scipy's root finder.
+
+How the vehicle stands is ``skid.footing``'s, which ``fmus/test_driver_plan`` looks at; paths go ahead in one piece.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from planar_vehicle import RATE, _rates
+from scipy.optimize import root
+from skid_steering import G
+
+from fmus.driver.skid import footing
+from mirror.record import Floats, Part
+from mirror.seen import PLACE, REST, SLOW, Seen
+
+TURNS = 0.6  # of the yaw acceleration that friction gives, for the plan
+FAINT = 0.03  # rad/s
+
+
+class Planned(Seen):
+    """As ``Seen``, with friction."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.stands, _ = footing(part.config["vehicle"])
+        self.creep = part.config["vehicle"]["contact"]["ground"]["friction_velocity"]
+        self.limit = self.p["friction"] * G
+        self.grip = self.p["grip"] * self.limit
+        self.resists = self.stands.arm / self.stands.half
+        self.most = self.limit * self.stands.mass * (self.stands.half - self.stands.arm) / self.stands.inertia
+        self.v = np.maximum(self.forward, 0.0)
+
+    def left(self, rate: Floats, across: Floats, turning: Floats) -> Floats:
+        """What friction leaves along; ``turning``: yaw acceleration."""
+        part = np.minimum(1.0 - self.resists / (1.0 + (FAINT / np.maximum(abs(rate), 1e-12)) ** 2), 0.8)
+        circle = np.sqrt(np.maximum(1.0 - (across / self.grip) ** 2, 0.0))
+        return self.grip * part * np.maximum(circle - abs(turning) / (TURNS * self.most), 0.3)
+
+    @cached_property
+    def plan(self) -> tuple[Floats, ...]:
+        """Places, square of the speed, curvature, distance from the path, of the way that is taken."""
+        count = int(np.ceil(self.length / PLACE))
+        s, ds = np.linspace(0.0, self.length, count + 1), self.length / count
+        ends = np.clip(s[:, None] + 0.5 * ds * np.array([-1.0, 1.0]), 0.0, self.length)
+        drawn = np.diff(np.interp(ends, self.s, self.along), axis=1)[:, 0] / np.diff(ends, axis=1)[:, 0]
+        near = np.pad(abs(drawn), 1, mode="edge")
+        bend = np.maximum(np.maximum(near[:-2], near[1:-1]), near[2:])
+        top = min(self.p["acceleration.lateral"], self.grip) / np.maximum(bend, 1e-9)
+        top = np.minimum(top, max(self.p["speed.start"], self.p["speed.end"]) ** 2)
+        D, k = np.diff(np.eye(count + 1), 3, axis=0) / ds**3, drawn
+        for _ in range(9):
+            square, taken = self._speeds(k, top, ds)
+            v2 = 0.5 * (taken[1:-2] + taken[2:-1]) / (TURNS * self.most)
+            rows = np.vstack([np.eye(count + 1) / self.p["path.tolerance"], v2[:, None] * D])
+            right = np.concatenate([np.zeros(count + 1), -v2 * np.diff(drawn)[1:-1] / ds])
+            off = np.linalg.lstsq(rows, right)[0]
+            bends = np.diff(off, 2) / ds**2
+            k = drawn + np.pad(bends, 1, mode="edge")
+            asks = taken[1:-1] * abs(k[2:] - k[:-2]) / (2.0 * ds) / (TURNS * self.most)
+            if not (asks > 1.01).any():
+                break
+            top[1:-1] = np.where(asks > 1.01, taken[1:-1] / asks, top[1:-1])
+        return s, square, k, off
+
+    def _speeds(self, k: Floats, top: Floats, ds: float) -> tuple[Floats, Floats]:
+        """Squares of the speed: what can be braked to the end, and what is reached from rest."""
+        slope = (np.append(k[1:], k[-1]) - np.concatenate([k[:1], k[:-1]])) / (2.0 * ds)
+
+        def room(v2: float, i: int) -> float:
+            return float(self.left(np.sqrt(v2) * k[i], v2 * k[i], v2 * slope[i]))
+
+        square, taken = top.copy(), top.copy()
+        square[-1] = taken[0] = 0.0
+        for i in range(len(k) - 2, -1, -1):
+            slows = min(self.p["deceleration"], room(square[i + 1], i + 1))
+            square[i] = min(top[i], square[i + 1] + 2.0 * slows * ds)
+        for i in range(1, len(k)):
+            taken[i] = min(square[i], taken[i - 1] + 2.0 * room(taken[i - 1], i) * ds)
+        return square, taken
+
+    def _planned(self, values: Floats) -> Floats:
+        return np.interp(self.progress(), self.plan[0], values)
+
+    def planned(self) -> Floats:
+        return self._planned(self.plan[2])
+
+    @cached_property
+    def slope(self) -> Floats:
+        s, _, k, _ = self.plan
+        at = np.clip((self.progress() / (s[1] - s[0])).astype(int), 0, len(s) - 2)
+        return np.diff(k)[at] / (s[1] - s[0])
+
+    @cached_property
+    def paced(self) -> Floats:
+        """The speed, which changes as friction allows."""
+        ends = np.maximum(self.length - self.progress(), 0.0) / REST
+        wanted = np.minimum(self.ramp(), np.minimum(np.sqrt(np.maximum(self._planned(self.plan[1]), 0.0)), ends))
+        room = self.h * self.left(self.rate, self.forward * self.rate, self.v**2 * self.slope)
+        speed, found = 0.0, []
+        for want, most in zip(wanted, room, strict=True):
+            speed = min(max(want, speed - most), speed + most)
+            found.append(speed)
+        return np.array(found)
+
+    def speed(self) -> Floats:
+        return self.paced
+
+    def pace(self) -> Floats:
+        return np.diff(self.paced, prepend=0.0) / self.h
+
+    @cached_property
+    def errors(self) -> tuple[Floats, Floats, Floats]:
+        """Distance over which errors fade; distance and direction from the way that is taken."""
+        s, _, _, off = self.plan
+        off_now = self.error() - self._planned(off)
+        way = self.askew() + np.arctan2(self.sideways, np.maximum(self.v, SLOW))
+        way = way - self._planned(np.gradient(off, s))
+        reach = np.maximum(self.p["reach"], self.p["preview"] * self.v)
+        return np.maximum(reach, np.cbrt(4.0 * self.v**2 * abs(off_now) / self.most)), off_now, way
+
+    def bound(self) -> Floats:
+        across = min(1.1 * self.p["acceleration.lateral"], 0.5 * (1.0 + self.p["grip"]) * self.limit)
+        return np.minimum(self.p["curvature.largest"], across / np.maximum(self.forward, SLOW) ** 2)
+
+    def curvature(self) -> Floats:
+        far, off, way = self.errors
+        asked = self.planned() - 2.0 / far * (way + np.arctan(0.5 * off / far))
+        return np.clip(asked, -self.bound(), self.bound())
+
+    @cached_property
+    def leans(self) -> float:
+        """How far ahead of the centre of mass it turns about, at half of the friction across."""
+        z = self._slip(0.0, 1.0, (0.0, 0.5 * G, 0.0), np.array([-0.4, 0.4, -0.4]), 1.0, 1e-3)
+        return -z[2] / 0.5
+
+    def yaw_rate(self) -> Floats:
+        k = self.planned()
+        grows = self.v * self.v * self.slope + self.pace() * k
+        return self.v * self.curvature() + 2.0 * self.leans / self.limit * abs(k) * self.v * grows
+
+    def _slip(self, speed: float, rate: float, moves: tuple[float, ...], z: Floats, mu: float, creep: float) -> Floats:
+        """Slips and drift, m/s, that make accelerations ahead, left and about the vertical."""
+        f = self.stands
+
+        def lacks(z: Floats, creep: float) -> Floats:
+            numbers = (f.mass, f.inertia, f.height, f.half, 4.0 * f.edge, 1.0, mu, creep, 1.0)
+            out, x = np.zeros(8), np.array([0.0, 0.0, 0.0, speed, z[2], rate, 0.0, 0.0])
+            x[6:] = speed - rate * f.half + z[0], speed + rate * f.half + z[1]
+            found = _rates(x, np.array(moves[:2]), np.zeros(2), f.wheels, f.shares, numbers, out)
+            return np.array([found[0], found[1], out[RATE]]) - moves
+
+        found = root(lacks, z, (creep,), tol=1e-11).x
+        if not abs(lacks(found, creep)).max() < 1e-7:  # from far away: friction sharpens step by step
+            found = rate * np.array([-0.4, 0.4, -0.4])
+            for blunt in creep * np.geomspace(300.0, 1.0, 15):
+                found = root(lacks, found, (blunt,), tol=1e-11).x
+        assert abs(lacks(found, creep)).max() < 1e-7
+        return np.asarray(found)
+
+    @cached_property
+    def sprockets(self) -> Floats:
+        """(K, 2)"""
+        f, far, way = self.stands, self.errors[0], self.errors[2]
+        k, u, pace, wanted, lag = self.planned(), self.v, self.pace(), self.yaw_rate(), self.p["drive.lag"]
+        fades = -2.0 * u * (self.curvature() - k) / far - u * way / far**2
+        bend = np.clip(u * (u * self.slope + fades) + pace * k, -1.5 * self.most, 1.5 * self.most)
+        rate, lacks = wanted + (lag + self.p["yaw.lag"]) * bend, wanted - self.rate
+        learnt, z, found = 0.0, np.zeros(3), []
+        for i, r in enumerate(rate):
+            if abs(self.forward[i]) > SLOW:
+                most = self.bound()[i] * abs(self.forward[i])
+                learnt = float(np.clip(learnt + self.h[i] * self.p["yaw.integral"] * lacks[i], -most, most))
+            moves = self.paced[i] / np.hypot(self.paced[i], SLOW)
+            more = 0.5 * self.p["width"] * (self.p["yaw.gain"] * lacks[i] + learnt) * moves
+            across = self.forward[i] * r
+            z = self._slip(0.0, r, (pace[i] - r * z[2], across, bend[i]), z, self.p["friction"], self.creep)
+            speed = self.paced[i] + lag * pace[i]
+            found.append([speed + z[0] - f.half * r - more, speed + z[1] + f.half * r + more])
+        return np.array(found) / self.radius
+
+    def sprocket(self, side: float) -> Floats:
+        return self.sprockets[:, int(side > 0.0)]
