@@ -57,12 +57,22 @@ def balance(run: RunData, found: Ledger) -> Balance:
 
 def sources(found: Balance) -> str:
     """What the energy came from, HTML: "53.26 kJ put in by the drives and 3.658 kJ released (height)"."""
+    return and_list(_sources(found))
+
+
+def supply(found: Balance) -> str:
+    """The same with the sum where there are two: "56.92 kJ: 53.26 kJ put in by the drives and 3.658 kJ released"."""
+    total = f"{quantity(found.ledger.supplied, 'J')}: " if len(_sources(found)) > 1 else ""
+    return total + sources(found)
+
+
+def _sources(found: Balance) -> list[str]:
     released = {kind: -energy for kind, energy in found.stored.items() if -energy > SHARE * found.ledger.supplied}
     parts = [f"{quantity(found.ledger.work, 'J')} put in by the drives"] if found.ledger.work > 0.0 else []
     if released:
         kinds = and_list([KINDS[kind] for kind in sorted(released, key=lambda kind: -released[kind])])
         parts.append(f"{quantity(sum(released.values()), 'J')} released ({kinds})")
-    return and_list(parts)
+    return parts
 
 
 def _causes(run: RunData, name: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from orchestrator.results.analyses.spells import drops
 from orchestrator.results.page import chain as links
-from orchestrator.results.page.balance import sources
+from orchestrator.results.page.balance import supply
 from orchestrator.results.page.signals import Recorded
 from orchestrator.results.page.study import ALIKE, NOTHING, Study
 from orchestrator.results.page.words import instance, number, percent, quantity, text, wheel_name
@@ -267,7 +267,7 @@ def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
         name = "Weight" if shown[0] == "weight" else "Ground carries"
         made.append(Tile(name, quantity(carried[shown[0]], "N"), ground))
     if (energy := found.get("energy")) and max(abs(energy[each]) for each in ("work", "change", "dissipated")) > 1e-3:
-        share = f"of {quantity(study.balance.ledger.supplied, 'J')}: {sources(study.balance)}" if study.balance else ""
+        share = f"of {supply(study.balance)}" if study.balance else ""
         made.append(Tile("Energy dissipated", quantity(energy["dissipated"], "J"), share))
         open_share, left = percent(energy["residual_relative"], 2), quantity(energy["residual"], "J", 3)
         made.append(Tile("Energy unaccounted for", open_share, f"{left}, an error of the steps"))
