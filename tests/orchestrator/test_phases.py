@@ -116,6 +116,17 @@ def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
     assert of[0].radius != of[0].radius, "straight on there is none"
 
 
+def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
+    """It still accelerates when the yaw rate begins to grow: 0.015 rad/s on average until it holds its speed."""
+    t = times(7.0)
+    yaw_rate = np.interp(t, [2.0, 6.0], [0.0, 0.2])
+    of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), yaw_rate))
+    assert [(one.kind, one.turning) for one in of] == [("rest", ""), ("acceleration", ""), ("turn", "left")]
+    assert of[1].end == pytest.approx(2.6, abs=2.01 * STEP)
+    sharper = found(made(tmp_path / "c.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), 1.4 * yaw_rate))
+    assert [one.turning for one in sharper] == ["", "", "left", "left"]
+
+
 def test_a_quick_stop_is_braking(tmp_path):
     """From 3 m/s in 0.3 s, as with locked sprockets."""
     t = times(6.0)

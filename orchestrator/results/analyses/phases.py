@@ -150,7 +150,7 @@ def of(run: RunData, window: Window = EVER) -> Phases:
     speeds, turns = _speed_states(t, v), _yaw_states(t, yaw_rate)
     edges = sorted({*speeds, *turns, len(t)})
     parts = [(a, b, (_latest(speeds, a) or _held(t, v, a, b), _latest(turns, a))) for a, b in pairwise(edges)]
-    parts = _without_slivers(t, parts)
+    parts = _really_turning(t, np.unwrap(motion.of["chassis.yaw"]), _without_slivers(t, parts))
     return Phases(tuple(_figures(run, motion, a, min(b, len(t) - 1), *state) for a, b, state in parts))
 
 
@@ -289,6 +289,15 @@ def _without_slivers(t: Floats, parts: list[_Part]) -> list[_Part]:
         parts[at] = (*shortest[:2], parts[into][2])
         parts = _merged(parts)
     return parts
+
+
+def _really_turning(t: Floats, yaw: Floats, parts: list[_Part]) -> list[_Part]:
+    """A part of a turn in which the mean yaw rate itself is none goes straight."""
+    found = []
+    for a, b, (speed, turn) in parts:
+        end = min(b, len(t) - 1)
+        found.append((a, b, (speed, turn if turn * (yaw[end] - yaw[a]) > TURNS * (t[end] - t[a]) else 0)))
+    return _merged(found)
 
 
 def _merged(parts: list[_Part]) -> list[_Part]:
