@@ -1,7 +1,8 @@
 """A driver takes full vehicles from beside their path, along S-curves at the limit of friction, back, and round.
 
 ``fmus/test_driver_rides`` drives a planar vehicle so. Friction 1.2 is more than the chains of this vehicle bear: a
-track that brakes draws its idler forward by 0.19 m, and the chain jumps over teeth. There its tensioner is stiffer.
+track that brakes draws its idler forward beyond its travel, and the chain jumps over teeth. There its tensioner is
+stiffer.
 """
 
 import numpy as np
