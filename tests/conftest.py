@@ -8,13 +8,14 @@ hence the order of the modules.
 import os
 import sys
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from fmus.build import build_shell
-from orchestrator.cli import main
+from orchestrator.cli import app, main
 from orchestrator.log.stream import Stream
 
 # how long an example takes says something of the machine, not of the code
@@ -100,14 +101,20 @@ def scaled(monkeypatch):
 
 
 @pytest.fixture
-def cotrack(capsys, monkeypatch, tmp_path):
-    """Call the command in an empty folder; exit status, stdout, stderr without the lines of its narration."""
+def cotrack(call):
+    """``call`` of the command ``cotrack``."""
+    return partial(call, app)
+
+
+@pytest.fixture
+def call(capsys, monkeypatch, tmp_path):
+    """Call a command line in an empty folder; exit status, stdout, stderr without the lines of its narration."""
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments):
+    def call(command, *arguments):
         monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
-            main()
+            main(command)
         said = capsys.readouterr()
         return ended.value.code or 0, said.out, messages(said.err)
 

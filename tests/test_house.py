@@ -17,10 +17,8 @@ STOREYS = (
     ("log",),
     ("cosim", "results"),
     ("scene",),
-    ("without_fmu",),
     ("execution",),
     ("studies",),
-    ("bench",),
     ("cli",),
 )
 # Modules that run any FMI 2.0 co-simulation FMU: nothing of ours is behind them.
@@ -73,12 +71,9 @@ DOORS = {
     "fmus.ports", "fmus.ranges", "fmus.saved", "fmus.stance", "fmus.tensioning", "fmus.monolith.model",
     "fmus.native.pack",
 }  # fmt: skip
-# scenes without an FMU, studies of the mechanics and the motion that other codes are given need the mechanics
-TO_PHYSICS = {"without_fmu", "studies", "bench"}
-KERNELS = ORCHESTRATOR / "bench" / "kernels.py"  # times the parts of a step by the signatures of the kernels
-LOOPS = ORCHESTRATOR / "without_fmu" / "ancf" / "many.py"  # kernels of its own, over many elements
-# know the tracks' kernels; other studies see their numbers
-TO_TRACKS = {ORCHESTRATOR / "studies" / name for name in ("evaluations.py", "rods.py")}
+PROOF = ROOT / "tests"
+TO_PHYSICS = ORCHESTRATOR / "studies" / "limits.py"  # predicts the limit of a link's highest frequency
+KERNELS = PROOF / "benchmarks" / "kernels.py"  # times the parts of a step by the signatures of the kernels
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 
 
@@ -146,7 +141,7 @@ def test_the_monolith_is_no_part_of_a_component():
         for file in sources(ORCHESTRATOR)
         if any(n.startswith("fmus.monolith") for n in imports(file.read_text(encoding="utf-8")))
     }
-    assert behind == {"monolithic.py", "truth.py", "states.py"}  # the last one of the study of the paper
+    assert behind == {"monolithic.py", "truth.py"}
 
 
 def test_physics_knows_arrays_and_kernels_only():
@@ -157,8 +152,14 @@ def test_physics_knows_arrays_and_kernels_only():
             assert inside or name == "fmus" or name.split(".")[0] in allowed, (file, name)
 
 
+def test_the_product_knows_nothing_of_its_proof():
+    """Validation, regression and benchmarks are in ``tests``, which is in no wheel."""
+    for file in [*sources(FMUS), *sources(ORCHESTRATOR)]:
+        assert "tests" not in {name.split(".")[0] for name in imports(file.read_text(encoding="utf-8"))}, file
+
+
 def test_fmus_carry_no_physics_that_nothing_in_them_uses():
-    """All of ``fmus/`` is packed into every FMU: what only tests and studies use stands in ``without_fmu/ancf``."""
+    """All of ``fmus/`` is packed into every FMU: other elements and joints are in ``tests/validation/ancf``."""
     used: set[str] = set()
     for file in sources(FMUS):
         if not file.is_relative_to(FMUS / "physics"):
@@ -214,43 +215,26 @@ def test_every_module_of_the_orchestrator_is_in_a_room():
 def test_orchestrator_reaches_into_fmus_through_few_doors():
     for file in sources(ORCHESTRATOR):
         found = ours(imports(file.read_text(encoding="utf-8")), "fmus") - DOORS - {"fmus"}
-        if file == KERNELS:
-            assert "fmus.physics.chain.flexible.assembly" in found, "the kernels are timed elsewhere"
+        if file == TO_PHYSICS:
+            assert found == {"fmus.physics.ancf.cable", "fmus.physics.ancf.element"}
             continue
-        if file.relative_to(ORCHESTRATOR).parts[0] in TO_PHYSICS:
-            found = {module for module in found if not f"{module}.".startswith("fmus.physics.")}
-        if file == LOOPS:
-            assert "fmus.jit" in found, "the loops stand elsewhere"
-            found.remove("fmus.jit")
-        if file in TO_TRACKS:
-            found = {module for module in found if not module.startswith("fmus.track")}
         assert not found, (file, found)
 
 
-def test_the_doors_to_the_physics_are_direct_models_studies_and_benchmarks_alone():
-    behind = {
-        file.relative_to(ORCHESTRATOR).parts[0]
-        for file in sources(ORCHESTRATOR)
-        if any(name.startswith("fmus.physics") for name in imports(file.read_text(encoding="utf-8")))
-    }
-    assert behind == TO_PHYSICS
-
-
-def test_scenes_of_fmus_know_no_direct_model():
-    """Nothing imports the models without an FMU when a module is loaded; a run does so when a scene asks for one."""
-    for file in sources(ORCHESTRATOR):
-        if file.relative_to(ORCHESTRATOR).parts[0] not in TO_PHYSICS:
-            body = [node for node in ast.parse(file.read_text()).body if isinstance(node, ast.ImportFrom)]
-            assert not [node for node in body if node.module.startswith("orchestrator.without_fmu")], file
-    for file in sources(ORCHESTRATOR / "without_fmu"):
-        assert not any(name.startswith("orchestrator.studies") for name in imports(file.read_text())), file
+def test_benchmarks_know_the_kernels_in_one_module():
+    behind = [
+        file
+        for file in sources(PROOF / "benchmarks")
+        if any(name.startswith("fmus.physics.") and "layout" not in name for name in imports(file.read_text()))
+    ]
+    assert behind == [KERNELS]
 
 
 def test_each_peer_is_known_by_one_module():
     known = {
         (package, file.name)
         for package in ("exudyn", "mujoco")
-        for file in [*sources(FMUS), *sources(ORCHESTRATOR)]
+        for file in [*sources(FMUS), *sources(ORCHESTRATOR), *sources(PROOF / "benchmarks")]
         if package in {name.split(".")[0] for name in imports(file.read_text(encoding="utf-8"))}
     }
     assert known == {("exudyn", "exudyn_loops.py"), ("mujoco", "mujoco_loops.py")}

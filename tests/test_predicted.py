@@ -13,7 +13,6 @@ from vehicle_in_process import InProcess
 
 from orchestrator.scene.scene import from_table, load
 from orchestrator.scene.settings import put
-from orchestrator.without_fmu.models import model_of
 
 G = 9.81
 MORE = 1.1
@@ -181,28 +180,3 @@ def test_links_stretch_and_bend_by_their_stiffness(kind):
         assert less_stretched == pytest.approx(stretched / stretch, rel=0.01), key
         if bend is not None:
             assert less_turned == pytest.approx(turned / bend, rel=FAINT), key
-
-
-WITHOUT_FMU = {
-    "flexible_pendulum": (("youngs_modulus", "density"), ("youngs_modulus",)),
-    "sliding_mass": (("mass", "line_density", "axial_stiffness", "bending_stiffness"), ("line_density",)),
-}
-
-
-@pytest.mark.parametrize("name", WITHOUT_FMU)
-def test_motion_hangs_on_stiffness_over_density(name):
-    """All of them a tenth larger: the same motion; one of them alone: another."""
-    scene = load(name)
-
-    def tip(keys):
-        table = scene.resolved()
-        for key in keys:
-            table[scene.assembly][key] *= MORE
-        made = model_of(from_table(table, name))
-        for k in range(20):
-            made.advance(k * scene.run.step, scene.run.step)
-        return made.points()
-
-    together, alone = WITHOUT_FMU[name]
-    np.testing.assert_allclose(tip(together), tip(()), rtol=0.0, atol=1e-9)
-    assert abs(tip(alone) - tip(())).max() > 1e-6

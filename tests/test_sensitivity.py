@@ -22,10 +22,10 @@ from vehicle_in_process import InProcess, Overrides
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.execution.simulate import load_components, opened, paced
+from orchestrator.execution.simulate import load_components, paced
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, placed, system
-from orchestrator.scene.scene import TrackScene, from_table, load, tracked
+from orchestrator.scene.scene import from_table, load
 from orchestrator.scene.settings import put
 
 ROUNDING = 1e3  # so many times the effect of an ulp, and of the rounding of an output itself
@@ -126,10 +126,6 @@ CASES = {
         ulp="drive.speed",
     ),
     "two motors": Case("rig", (*RIG, "idler_drive.torque=100"), ulp="drive.speed"),
-    "pendulum": Case("flexible_pendulum", ulp="pendulum.gravity"),
-    "cantilever": Case("elastica", ("cantilever.elements=4", "cantilever.slenderness=20"), 0.1, "cantilever.load_rate"),
-    "frame": Case("l_frame", ("frame.elements=3",), 0.2, "frame.load_time"),
-    "slider": Case("sliding_mass", (), 0.05, "slider.gravity"),
 }  # fmt: skip
 
 FLEXIBLE, ALL = ("cable", "beam"), ("cable", "beam", "rigid")
@@ -209,12 +205,6 @@ KEYS: dict[str, Acts] = {
     "idler_drive.brake": Acts("rig"),
     "idler_drive.torque": Acts("two motors"),
     "idler_drive.*": Acts("two speeds"),
-    "pendulum.step": Acts("pendulum", value=2e-4),
-    "pendulum.*": Acts("pendulum"),
-    "cantilever.*": Acts("cantilever"),
-    "frame.*": Acts("frame"),
-    "slider.step": Acts("slider", value=1e-3),
-    "slider.*": Acts("slider"),
 }
 # How long and what is recorded; what is expected or a limit. They change nothing that is computed, and must not.
 APART = ("run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*", "vehicle.tensioner.travel")
@@ -237,9 +227,8 @@ def acts(key: str) -> Acts | None:
 
 def scene_of(case: Case, kind: str, **changes: float | int) -> Any:
     """The case's scene with links of a kind and the numbers ``changes`` of its resolved form."""
-    direct = not tracked(case.scene)
     settings = [*case.settings, *(["track.element=beam"] if kind == "beam" else [])]
-    table = load(case.scene, None if direct else "rigid" if kind == "rigid" else "flexible", settings).resolved()
+    table = load(case.scene, "rigid" if kind == "rigid" else "flexible", settings).resolved()
     for key, value in changes.items():
         put(table, key, value)
     return from_table(table, "the case")
@@ -253,9 +242,9 @@ def seen(name: str, pattern: str) -> bool:
 
 
 def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) -> dict[str, float]:
-    """Outputs at the end of a case by name: those of the models in this process, of FMUs, or of a model without one."""
+    """Outputs at the end of a case by name: those of the models in this process, or of FMUs."""
     scene = scene_of(case, kind, **changes)
-    if not isinstance(scene, TrackScene) or fmus or scene.run.variable is not None:
+    if fmus or scene.run.variable is not None:
         return stepped(case, scene)
     members = InProcess(scene, case.overrides).run(case.duration).members.values()
     return {
@@ -267,18 +256,15 @@ def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) 
 
 
 def stepped(case: Case, scene: Any) -> dict[str, float]:
-    """The same through the master: FMUs, or a model that is stepped without one."""
+    """The same through the master, by FMUs."""
     with ExitStack() as stack:
-        if isinstance(scene, TrackScene):
-            assembly = assemble(placed(scene))
-            parts = [
-                part._replace(parameters={**part.parameters, **(case.overrides or {}).get(part.name, {})})
-                for part in assembly.parts
-            ]
-            graph = system(assembly._replace(parts=tuple(parts)))
-            components: Any = load_components(graph, scene.run.stop, stack)
-        else:
-            scene, graph, components = opened(scene, stack, None)
+        assembly = assemble(placed(scene))
+        parts = [
+            part._replace(parameters={**part.parameters, **(case.overrides or {}).get(part.name, {})})
+            for part in assembly.parts
+        ]
+        graph = system(assembly._replace(parts=tuple(parts)))
+        components = load_components(graph, scene.run.stop, stack)
         run = scene.run.model_copy(update={"stop": case.duration})
         outcome = master.run(TracksFirst(wire(graph, components)), paced(run), [])
         assert outcome.status == "ok", outcome.message
@@ -343,7 +329,7 @@ def asked() -> dict[str, tuple[str, ...]]:
     """All keys of all resolved scenes of the gallery and of all cases, and the kinds of links they act on."""
     found: set[str] = set()
     for name in gallery.names():
-        for model in ("flexible", "rigid") if tracked(name) else (None,):
+        for model in ("flexible", "rigid"):
             found |= {key for key, _ in flat(load(name, model).resolved())}
     for case in CASES.values():
         found |= {key for key, _ in flat(scene_of(case, "cable").resolved())}

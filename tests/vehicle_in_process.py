@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.scene.assembly import Part, assemble, placed
-from orchestrator.scene.scene import TrackScene
+from orchestrator.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 Overrides = Mapping[str, Mapping[str, float | int | str]]
@@ -94,7 +94,7 @@ class Member:
 class InProcess:
     """The parts of a scene, initialised, and how they are coupled."""
 
-    def __init__(self, scene: TrackScene, overrides: Overrides | None = None) -> None:
+    def __init__(self, scene: Scene, overrides: Overrides | None = None) -> None:
         """``overrides``: parameters of parts by name or pattern; raises KeyError where there is no such part."""
         self.scene = placed(scene)
         assembly, overrides = assemble(self.scene), overrides or {}

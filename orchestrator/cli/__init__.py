@@ -9,6 +9,7 @@ import logging
 import os
 import sys
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated, Any
 
@@ -18,11 +19,12 @@ from orchestrator import __version__
 from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
 from orchestrator.cli.common import ended_by, narration, noticing, tell
+from orchestrator.cli.moved import bench
 from orchestrator.cli.report_commands import report
 from orchestrator.cli.result_commands import compare, replay
 from orchestrator.cli.run_commands import resume, run, truth
 from orchestrator.cli.scene_commands import build, scenes, show, warm
-from orchestrator.cli.study_commands import bench, study
+from orchestrator.cli.study_commands import study
 from orchestrator.cli.view_commands import view
 
 app = typer.Typer(
@@ -48,10 +50,10 @@ for command in (
     report,
     study,
     truth,
-    bench,
     warm,
 ):
     app.command()(command)
+app.command(hidden=True, context_settings={"ignore_unknown_options": True})(bench)
 
 
 def _version(wanted: bool) -> None:
@@ -73,8 +75,8 @@ def _common(
     narration.begin(str(context.invoked_subcommand))
 
 
-def main() -> None:
-    """Run the command line; an error ends as one sentence, with exit status 2 where the user gave something wrong."""
+def main(command: Callable[[], object] = app) -> None:
+    """Run a command line; an error ends as one sentence, with exit status 2 where the user gave something wrong."""
     logging.basicConfig(format="cotrack: %(message)s", level=logging.WARNING, stream=sys.stderr)
     for stream in (sys.stdout, sys.stderr):  # names of files may hold bytes that are no text
         with suppress(AttributeError):  # closed, or not the system's
@@ -83,7 +85,7 @@ def main() -> None:
     try:
         with warnings.catch_warnings():
             noticing()
-            app()
+            command()
     except KeyboardInterrupt:
         status = tell("interrupted", 1)
     except SystemExit as ended:

@@ -8,7 +8,7 @@ from typing import Any
 
 from fmus.loaded import contents
 from orchestrator.scene.assembly import DRIVE, DRIVER, TRACK, TRACKS, Assembly, Part, assemble
-from orchestrator.scene.scene import Scene, TrackScene, VehicleScene
+from orchestrator.scene.scene import Scene, VehicleScene
 from orchestrator.scene.tables import Check
 
 DOFS = {"cable": (12, 4), "planar": (8, 2), "beam": (24, 6)}  # coordinates of a link, equations of a pin
@@ -19,8 +19,7 @@ CONTACTS = ("contact with wheels and teeth", "contact with the ground")
 def lines(scene: Scene) -> Iterator[str]:
     """Lines of text; raises BuildFailed where a component cannot start."""
     yield from describe(scene)
-    if isinstance(scene, TrackScene):
-        yield from _evaluated(scene, assemble(scene))
+    yield from _evaluated(scene, assemble(scene))
 
 
 def describe(scene: Scene) -> Iterator[str]:
@@ -32,7 +31,7 @@ def describe(scene: Scene) -> Iterator[str]:
     else:
         yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
     yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {scene.links_every}"
-    present, absent = _of_fmus(scene) if isinstance(scene, TrackScene) else _without_fmu(scene)
+    present, absent = _parts(scene)
     yield from _section("in", present)
     yield from _section("left out", absent)
     if scene.expect:
@@ -50,7 +49,7 @@ def _expected(name: str, check: Check) -> str:
     return f"{name}: {check.expected:g} +- {allowed} ({check.signal or check.measure})"
 
 
-def _of_fmus(scene: TrackScene) -> tuple[list[str], list[str]]:
+def _parts(scene: Scene) -> tuple[list[str], list[str]]:
     """Lines of what is in, and of what is not."""
     assembly, present = assemble(scene), []
     wide = max(len(part.kind) for part in assembly.parts)
@@ -62,23 +61,7 @@ def _of_fmus(scene: TrackScene) -> tuple[list[str], list[str]]:
     return present, _absent(scene, assembly)
 
 
-def _without_fmu(scene: Scene) -> tuple[list[str], list[str]]:
-    from orchestrator.without_fmu.models import model_of
-
-    it = model_of(scene)
-    absent = [
-        "FMUs: the mechanics are stepped directly",
-        "both track models",
-        CHASSIS_PARTS,
-        "drives",
-        *CONTACTS,
-        *(() if "energy.kinetic" in it.outputs else ("inertia: static equilibrium at every instant",)),
-        *(() if getattr(getattr(scene, scene.assembly), "gravity", 0.0) else ("gravity",)),
-    ]
-    return [f"{scene.assembly:12} {it.about}; {len(it.outputs)} outputs, {it.count} points"], absent
-
-
-def _size(scene: TrackScene, part: Part) -> str:
+def _size(scene: Scene, part: Part) -> str:
     if part.stage == TRACK:
         track = part.config["track"]
         links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
@@ -109,7 +92,7 @@ def _size(scene: TrackScene, part: Part) -> str:
     return f"1 hull, {arms * sides} arms with wheels, {sides} idlers, {sides} mounts{mirrored}"
 
 
-def _absent(scene: TrackScene, assembly: Assembly) -> list[str]:
+def _absent(scene: Scene, assembly: Assembly) -> list[str]:
     kinds = {part.kind for part in assembly.parts}
     tracks = [part.config["track"] for part in assembly.parts if part.stage == TRACK]
     other = "rigid" if scene.track.model == "flexible" else "flexible"
@@ -133,7 +116,7 @@ def _absent(scene: TrackScene, assembly: Assembly) -> list[str]:
     return [what for what, is_absent in absent.items() if is_absent]
 
 
-def _evaluated(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
+def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
     found = contents([(part.kind, part.config, part.parameters) for part in assembly.parts])
     touching = [f"{part.name:12} {pair}" for part in assembly.parts for pair in pairs(scene, part)]
     yield from _section("contact pairs", touching or ["none: no contact law is loaded"])
@@ -147,7 +130,7 @@ def _evaluated(scene: TrackScene, assembly: Assembly) -> Iterator[str]:
     yield from _section(f"modules of fmus: {len(found.left_out)} left out", _folded(found.left_out))
 
 
-def pairs(scene: TrackScene, part: Part) -> list[str]:
+def pairs(scene: Scene, part: Part) -> list[str]:
     """The contacts that a component looks for in every evaluation."""
     if part.stage != TRACK:
         own: dict[str, Any] = part.config.get("chassis", {}).get("ground", {})

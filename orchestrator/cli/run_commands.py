@@ -48,12 +48,12 @@ def run(
         if error is not None:
             from orchestrator.execution.precision import cheapest, fraction
 
-            chosen = cheapest(resolved.name, resolved.variant or "none", fraction(error)).settings
+            chosen = cheapest(resolved.name, resolved.variant, fraction(error)).settings
             print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
             resolved = load(scene, track, [*chosen, *changes])
         from orchestrator.execution.simulate import simulate
 
-        path = log or Path("logs") / f"{'-'.join(filter(None, (resolved.name, resolved.variant)))}.mcap"
+        path = log or Path("logs") / f"{resolved.name}-{resolved.variant}.mcap"
         result = simulate(resolved, path, warn, narration, estimated=estimate, native=native)
         status = 0 if summary.passed(result) else 1
     except KeyboardInterrupt:
@@ -119,14 +119,13 @@ def truth(
     from orchestrator.results.difference import differences_of_logs
     from orchestrator.results.run_data import RunData
     from orchestrator.scene.assembly import placed
-    from orchestrator.scene.scene import TrackScene, load, of_one_scene
+    from orchestrator.scene.scene import load, of_one_scene
 
     changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
     resolved = load(scene, track, changes)
     if against:
         with Log(against) as log:
-            own = placed(resolved) if isinstance(resolved, TrackScene) else resolved
-            of_one_scene((f"{against}", RunData(log).scene), (f"the truth of {scene}", own.resolved()))
+            of_one_scene((f"{against}", RunData(log).scene), (f"the truth of {scene}", placed(resolved).resolved()))
     try:
         found = module.truth(resolved, narration)
     except module.TruthFailed as failure:

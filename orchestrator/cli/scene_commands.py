@@ -65,14 +65,12 @@ def build(
         wanted = products.of_scenes([load(products.STANDARD, model, changes) for model in models])
     else:
         wanted = products.of_scenes([load(scene, track, changes)])
-    if not wanted:
-        raise BadInput(f"scene '{scene}' needs no FMU")
     for file in products.build_to(output, wanted, native, windows):
         print(file)
 
 
 def warm(
-    scenes: Annotated[list[str] | None, typer.Argument(help="scenes; all of the gallery that have FMUs")] = None,
+    scenes: Annotated[list[str] | None, typer.Argument(help="scenes; all of the gallery")] = None,
 ) -> None:
     """Compile what scenes need ahead of their first run, in as many processes as there are cores."""
     from orchestrator.execution.warm import variants

@@ -1,36 +1,40 @@
-"""Commands that run many cases: studies and the benchmark."""
+"""Studies: many cases side by side, as tables and figures."""
 
 from __future__ import annotations
 
-import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from fmus.vehicle import BadInput
-from orchestrator.cli import printed
 from orchestrator.cli.common import narration
+
+if TYPE_CHECKING:
+    from orchestrator.studies import Case
+
+Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="the folder of tables and figures")]
+Quick = Annotated[bool, typer.Option("--quick", help="below five minutes on two cores")]
+Workers = Annotated[
+    int | None, typer.Option("--workers", metavar="N", help="processes; default 2, 1 where runs are timed", min=1)
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="a Dask scheduler, instead of processes")
+]
 
 
 def study(
     name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="without it: the known studies")] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="the folder of tables and figures")
-    ] = None,
+    output: Output = None,
     scene: Annotated[
         str | None, typer.Argument(metavar="[SCENE]", help="for studies of a scene; default straight")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="below five minutes on two cores")] = False,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", metavar="N", help="processes; default 2, 1 where runs are timed", min=1),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="a Dask scheduler, instead of processes"),
-    ] = None,
+    quick: Quick = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Many cases side by side, as tables and figures.
 
@@ -38,30 +42,38 @@ def study(
     Started again with the same folder, it goes on where it was interrupted.
     """
     from orchestrator import studies
-    from orchestrator.scene.products import made
-    from orchestrator.studies import pool, tables
-    from orchestrator.studies.progress import watched
-    from orchestrator.studies.store import Store
 
     if name is None:
         for known, about in studies.STUDIES.items():
             print(f"{known:16} {about}")
         return
     chosen = studies.find(name)
-    if output is None:
-        raise BadInput(f"study {name}: -o DIR says where its tables and figures go")
-    made(output)
+    folder = folder_of(name, output)
     timed = hasattr(chosen, "WORKERS")  # a study of one scene, whose runs have the machine to themselves
     if scene is not None and not timed:
         raise BadInput(f"study {name} takes no scene")
-    make: Any = chosen.cases
-    if hasattr(chosen, "KEEPS"):  # logs below the folder
-        cases = make(quick, output)
-    else:
-        cases = make(quick, scene) if scene is not None else make(quick)
-    if not quick and hasattr(chosen, "LASTS"):
-        print(f"study {name}: {chosen.LASTS}", file=sys.stderr, flush=True)
-    workers = workers or (1 if timed else 2)
+    cases = chosen.cases(quick, scene) if scene is not None else chosen.cases(quick)
+    conduct(name, chosen, cases, folder, workers or (1 if timed else 2), scheduler)
+
+
+def folder_of(name: str, output: Path | None) -> Path:
+    """The folder of a study's results, made; raises BadInput."""
+    from orchestrator.scene.products import made
+
+    if output is None:
+        raise BadInput(f"study {name}: -o DIR says where its tables and figures go")
+    made(output)
+    return output
+
+
+def conduct(
+    name: str, chosen: ModuleType, cases: Sequence[Case], output: Path, workers: int, scheduler: str | None
+) -> NoReturn:
+    """Run the cases of a study, write its files, print its table and leave; raises BadInput."""
+    from orchestrator.studies import pool, tables
+    from orchestrator.studies.progress import watched
+    from orchestrator.studies.store import Store
+
     try:
         with narration.elsewhere(), watched(name, len(cases)) as done:
             rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
@@ -76,37 +88,3 @@ def study(
     for row in missed:
         print(f"cotrack: {row.item}: {row.case}: {row.note or 'misses its tolerance'}", file=sys.stderr)
     sys.exit(1 if missed else 0)
-
-
-def bench(
-    only: Annotated[str | None, typer.Option("--only", metavar="A,B,...", help="some parts, instead of all")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="shorter windows, fewer steps and repeats")] = False,
-    repeat: Annotated[
-        int | None, typer.Option("--repeat", metavar="N", help="repeats of each timing, or pairs", min=1)
-    ] = None,
-    against: Annotated[
-        Path | None,
-        typer.Option("--against", metavar="FOLDER", help="another checkout: both measure themselves in turn"),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
-) -> None:
-    """How fast: the chain against peers, the vehicle, a step by part and layer, growth, start, memory."""
-    from orchestrator import bench as module
-    from orchestrator.bench import machine
-    from orchestrator.studies import tables
-
-    names = module.chosen(only)
-    repeats = repeat or (module.QUICK_REPEATS if quick else module.REPEATS)
-    print(machine.sentence(machine.facts()), end="\n\n")
-    with narration.elsewhere():
-        result = module.report(
-            names,
-            quick,
-            repeats,
-            against,
-            lambda what: print(f"... {what}", file=sys.stderr, flush=True),
-            lambda table: print(tables.to_markdown(table, "###"), flush=True),
-        )
-    if as_json:
-        print(json.dumps(printed.finite(result)))
-    sys.exit(0 if result["ok"] else 1)

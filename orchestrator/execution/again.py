@@ -11,7 +11,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.log_format import BRANCHED
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import placed
-from orchestrator.scene.scene import TrackScene, load
+from orchestrator.scene.scene import load
 
 
 def command(run: RunData) -> str | None:
@@ -34,8 +34,7 @@ def command(run: RunData) -> str | None:
 
 
 def _resolved(name: str, model: str | None, settings: list[str]) -> Any:
-    scene = load(name, model, settings)
-    return json.loads(json.dumps((placed(scene) if isinstance(scene, TrackScene) else scene).resolved()))
+    return json.loads(json.dumps(placed(load(name, model, settings)).resolved()))
 
 
 def _apart(own: Mapping[str, Any], wanted: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:

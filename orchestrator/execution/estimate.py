@@ -21,7 +21,7 @@ from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene.assembly import TRACK, assemble
-from orchestrator.scene.scene import Scene, TrackScene
+from orchestrator.scene.scene import Scene
 from orchestrator.scene.tables import Variable
 
 SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)
@@ -37,7 +37,7 @@ class Companions(NamedTuple):
     both: Scene
 
 
-def companions(scene: TrackScene, internal: float, simulated: float, components: int) -> Companions:
+def companions(scene: Scene, internal: float, simulated: float, components: int) -> Companions:
     """Twice the communication step, twice the internal step too; ``internal`` s is what the tracks set out to take.
 
     A variable step is doubled through its tolerance; internal steps that follow it are no part of their own. An
@@ -73,7 +73,7 @@ def companions(scene: TrackScene, internal: float, simulated: float, components:
 def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> dict[str, Any]:
     """Relative errors of a recorded run as a whole and by observable; without companions, why not."""
     steps, simulated = _steps(scene, summary), summary["simulated_time"]
-    if not isinstance(scene, TrackScene) or not steps or not all(steps) or simulated < 4.0 * scene.run.step:
+    if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
         return unknown("the run is too short, or nothing in it has an internal step to double")
     count = summary["communication_steps"]
     pieces = max(1, round(max(steps) / count))  # of a communication step; the few that were halved are not counted
@@ -132,8 +132,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
 
 def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
     """Internal steps of the tracks."""
-    parts = assemble(scene).parts if isinstance(scene, TrackScene) else ()
-    tracks = {part.name for part in parts if part.stage == TRACK}
+    tracks = {part.name for part in assemble(scene).parts if part.stage == TRACK}
     return [cost["steps"] for name, cost in summary["components"].items() if name in tracks]
 
 

@@ -81,7 +81,7 @@ def manifest(
         "run": {
             "scene": scene.name,
             "title": scene.title,
-            "track": scene.variant or "none",
+            "track": scene.variant,
             "coupling": str(scene.run.coupling),
             "step": repr(scene.run.step),
             "step_control": "fixed" if scene.run.variable is None else str(scene.run.variable),

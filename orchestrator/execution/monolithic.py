@@ -25,7 +25,7 @@ from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.states import States
 from orchestrator.log.wire import Rule
 from orchestrator.scene.assembly import Assembly, assemble, placed, system
-from orchestrator.scene.scene import TrackScene
+from orchestrator.scene.scene import Scene
 
 
 class Shown:
@@ -120,7 +120,7 @@ def _sampled(assembly: Assembly) -> Assembly:
 
 
 def run(
-    scene: TrackScene,
+    scene: Scene,
     path: Path,
     refine: float = 1.0,
     narration: Narration | None = None,

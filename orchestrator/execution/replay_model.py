@@ -22,7 +22,7 @@ from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import TRACKS, Part, assemble, build_parts, placed
-from orchestrator.scene.scene import Scene, TrackScene, changed, from_table
+from orchestrator.scene.scene import Scene, changed, from_table
 
 
 class Model(NamedTuple):
@@ -31,7 +31,7 @@ class Model(NamedTuple):
     fmu: Path
     parameters: replays.Parameters
     stage: int
-    scene: TrackScene | None  # that it belongs to, None for another's FMU
+    scene: Scene | None  # that it belongs to, None for another's FMU
     ran: bool  # whether it is what the log's component was
     native: bool = False
     settings: Sequence[str] = ()  # that tell its scene from the log's
@@ -140,7 +140,7 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Seque
         own = dict.fromkeys(keys) | {"model": track}
         scene = scene.model_copy(update={"planar": False, "track": scene.track.model_copy(update=own)}).with_axes()
     if settings:
-        scene = _of_fmus(log, changed(scene.resolved(), settings, f"{log.path}: scene.json"))
+        scene = changed(scene.resolved(), settings, f"{log.path}: scene.json")
     part = _part(scene, name)
     if track is not None and part.kind != TRACKS[track]:
         raise BadInput(f"--with {track}: '{name}' is no track")
@@ -155,17 +155,11 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Seque
     return Model(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
 
 
-def _scene(log: Log) -> TrackScene:
-    return _of_fmus(log, from_table(log.table("scene.json"), f"{log.path}: scene.json"))
+def _scene(log: Log) -> Scene:
+    return from_table(log.table("scene.json"), f"{log.path}: scene.json")
 
 
-def _of_fmus(log: Log, scene: Scene) -> TrackScene:
-    if not isinstance(scene, TrackScene):
-        raise BadInput(f"{log.path}: a scene of assembly = '{scene.assembly}' has no FMU to replay")
-    return scene
-
-
-def _part(scene: TrackScene, name: str) -> Part:
+def _part(scene: Scene, name: str) -> Part:
     parts = {part.name: part for part in assemble(placed(scene)).parts}
     if name not in parts:
         raise replays.Unfit(f"the scene of the log has no component '{name}': one of {', '.join(parts)}")

@@ -23,7 +23,7 @@ from orchestrator.log.log_format import BRANCHED, CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
-from orchestrator.scene.scene import Scene, TrackScene, from_table
+from orchestrator.scene.scene import Scene, from_table
 from orchestrator.scene.tables import Run
 
 
@@ -92,8 +92,6 @@ def _chosen(log: Log, at: float | None, run: Run) -> tuple[int, float]:
 
 def _native(log: Log, scene: Scene) -> bool:
     """Whether native FMUs ran; raises BadInput where those that ran cannot be built here."""
-    if not isinstance(scene, TrackScene):
-        raise BadInput(f"{log.path}: a scene of assembly = '{scene.assembly}' has no FMUs to go on with")
     ran = {entry["name"]: entry for entry in system_of(log)["instances"]}
     native = log.metadata.get("run", {}).get("fmus") == NATIVE
     for instance in system(assemble(scene), native).instances:

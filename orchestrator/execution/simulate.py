@@ -22,7 +22,7 @@ from orchestrator.cosim.coupling import SCHEMES, power_residual
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Instance, Recorded, Stages, System, wire
+from orchestrator.cosim.graph import Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, Reached, TimedCheckpoints
 from orchestrator.execution import estimate, summary
@@ -36,7 +36,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.ranges import implausible
-from orchestrator.scene.scene import Scene, TrackScene
+from orchestrator.scene.scene import Scene
 from orchestrator.scene.tables import Run
 
 QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
@@ -258,27 +258,19 @@ def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
 
 def opened(
     scene: Scene, stack: ExitStack, logger: Logger | None, native: bool = False
-) -> tuple[Scene, System, Mapping[str, Recorded]]:
+) -> tuple[Scene, System, dict[str, Component]]:
     """The scene with its wheels in place, its graph, and what is stepped."""
-    if isinstance(scene, TrackScene):
-        beside = _compiled_beside(scene)
-        try:
-            scene = placed(scene)
-            graph = system(assemble(scene), native)
-        finally:
-            for process in beside:
-                process.wait()
-        return scene, graph, load_components(graph, scene.run.stop, stack, logger)
-    from orchestrator.without_fmu.models import (  # the mechanics, only for scenes that need them here
-        ModelComponent,
-        model_of,
-    )
-
-    name = scene.assembly
-    return scene, System((Instance(name, None, {}, 0),), ()), {name: ModelComponent(name, model_of(scene))}
+    beside = _compiled_beside(scene)
+    try:
+        scene = placed(scene)
+        graph = system(assemble(scene), native)
+    finally:
+        for process in beside:
+            process.wait()
+    return scene, graph, load_components(graph, scene.run.stop, stack, logger)
 
 
-def _compiled_beside(scene: TrackScene) -> list[subprocess.Popen[str]]:
+def _compiled_beside(scene: Scene) -> list[subprocess.Popen[str]]:
     """Processes that compile kernels of the scene while the search for the idler's place compiles those of cables."""
     if scene.placed:
         return []

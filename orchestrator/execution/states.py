@@ -27,7 +27,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_format import CHECKPOINT
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble, placed, system
-from orchestrator.scene.scene import TrackScene
+from orchestrator.scene.scene import Scene
 
 
 class States(NamedTuple):
@@ -37,7 +37,7 @@ class States(NamedTuple):
     parts: dict[str, NDArray[np.float64]]
 
 
-def states_at(scene: TrackScene, time: float, narration: Narration | None = None) -> States:
+def states_at(scene: Scene, time: float, narration: Narration | None = None) -> States:
     """Find, or make by a co-simulation to ``time``, s, the states of a scene there; its own stop plays no part.
 
     Raises BadInput where ``time`` is no multiple of the communication step, and what ``simulate`` raises.
@@ -56,13 +56,13 @@ def states_at(scene: TrackScene, time: float, narration: Narration | None = None
         return States(time, {name: found[name] for name in found})
 
 
-def _key(scene: TrackScene) -> str:
+def _key(scene: Scene) -> str:
     """Hash of a scene and of the FMUs that are asked."""
     fmus = [sha256(instance.fmu) for instance in system(assemble(placed(scene))).instances if instance.fmu]
     return hashlib.sha256(json.dumps([scene.resolved(), fmus], sort_keys=True).encode()).hexdigest()[:24]
 
 
-def _made(scene: TrackScene, steps: int, narration: Narration | None) -> bytes:
+def _made(scene: Scene, steps: int, narration: Narration | None) -> bytes:
     """Run there, and take the states out of the checkpoint."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         told = simulate(scene, Path(folder) / "run.mcap", narration=narration)

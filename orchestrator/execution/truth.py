@@ -26,7 +26,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.execution import monolithic
 from orchestrator.results.difference import Difference, differences_of_logs
 from orchestrator.scene import assembly
-from orchestrator.scene.scene import Scene, TrackScene
+from orchestrator.scene.scene import Scene
 from orchestrator.scene.tables import Run
 
 ORDER = 2
@@ -61,8 +61,6 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     integrate. Two processes that want the same build it once; one that is damaged is built again. Raises TruthFailed,
     BadInput (also where it cannot be kept), LogFailed or ComponentFailed.
     """
-    if not isinstance(scene, TrackScene):
-        raise BadInput(f"truth: scene '{scene.name}' has no track, and is its own reference")
     if scene.track.element == "beam":
         raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
     scene = bare(scene)
@@ -101,7 +99,7 @@ def _hashes(folder: Path) -> dict[str, str]:
     return found
 
 
-def bare(scene: TrackScene) -> TrackScene:
+def bare(scene: Scene) -> Scene:
     """The placed scene without what a truth does not depend on; sampled at SAMPLING where its stop allows that."""
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
@@ -114,7 +112,7 @@ def bare(scene: TrackScene) -> TrackScene:
     return assembly.placed(scene).model_copy(update=same)
 
 
-def key(scene: TrackScene) -> str:
+def key(scene: Scene) -> str:
     """Hash of a bare scene and of the sources that make its truth."""
     physics = {name: value for name, value in scene.resolved().items() if name not in ("name", "title")}
     parts = [json.dumps(physics, sort_keys=True), content()]
@@ -122,7 +120,7 @@ def key(scene: TrackScene) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 
-def _build(scene: TrackScene, folder: Path, narration: Narration | None) -> dict[str, Any]:
+def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str, Any]:
     """Both runs side by side and what they differ in; each file is put in its place at once, the figures last."""
     stop = threading.Event()
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="fresh-", ignore_cleanup_errors=True) as fresh:

@@ -11,18 +11,17 @@ from pathlib import Path
 
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import TRACKS
-from orchestrator.scene.scene import DirectScene, load
+from orchestrator.scene.scene import load
 
 SOON = "run.stop=10 ms"
 
 
-def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str | None]]:
-    """The scenes, or those of the gallery that have FMUs, with each model of track; raises BadInput."""
-    chosen = scenes or [name for name in gallery.names() if not isinstance(load(name), DirectScene)]
-    return [(name, track) for name in chosen for track in TRACKS if load(name, track)]
+def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """The scenes, or those of the gallery, with each model of track; raises BadInput."""
+    return [(name, track) for name in scenes or gallery.names() for track in TRACKS if load(name, track)]
 
 
-def warm(wanted: Sequence[tuple[str, str | None]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
+def warm(wanted: Sequence[tuple[str, str]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
     """Begin the scenes; yields the name, what went wrong (or nothing) and the start-up time, s, of each."""
     workers = min(workers or os.cpu_count() or 1, len(wanted))
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
@@ -30,7 +29,7 @@ def warm(wanted: Sequence[tuple[str, str | None]], workers: int | None = None) -
             yield done.result()
 
 
-def _begin(name: str, track: str | None) -> tuple[str, str, float]:
+def _begin(name: str, track: str) -> tuple[str, str, float]:
     from orchestrator.execution.simulate import simulate
 
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:

@@ -16,7 +16,7 @@ from fmus.ports import wheel_state, wrench
 from fmus.stance import Stance
 from fmus.tensioning import tension_wheel
 from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, TrackScene, VehicleScene
+from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.scene.tables import Drive, Driver, Equilibrium, Side, VehicleStart
 
 TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
@@ -47,7 +47,7 @@ class Assembly(NamedTuple):
     connections: tuple[Connection, ...]
 
 
-def placed(scene: TrackScene) -> TrackScene:
+def placed(scene: Scene) -> Scene:
     """The scene with the idler where the chain carries its static tension, and the push that holds it there.
 
     A placed scene (from a log) stays as it is. Raises BadInput when the track cannot be laid round its wheels
@@ -111,7 +111,7 @@ def _solved(config: str, tension: float, keys: str) -> tuple[float, float]:
     return tension_wheel(json.loads(config), "idler", tension, keys)
 
 
-def assemble(scene: TrackScene) -> Assembly:
+def assemble(scene: Scene) -> Assembly:
     """The parts and connections of a scene, wheels where it has them, nothing that it does not declare."""
     match scene:
         case ChainScene():
@@ -361,7 +361,7 @@ def _vehicle_track(scene: VehicleScene) -> dict[str, Any]:
 
 
 def _track_config(
-    scene: TrackScene,
+    scene: Scene,
     *,
     links: int,
     closed: bool,
@@ -388,7 +388,7 @@ def _track_config(
     }
 
 
-def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
+def _track(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
     keys = {
         "start", "element", "elasticity", "axes", "formulation", "joints", "coordinates", "integrator", "step",
         "spectral_radius",
@@ -409,7 +409,7 @@ def _track(scene: TrackScene, name: str, config: dict[str, Any], lateral: float 
 
 
 def _drive(
-    scene: TrackScene,
+    scene: Scene,
     name: str,
     drive: Drive,
     inertia: float,
@@ -455,7 +455,7 @@ def _drive_parameters(drive: Drive) -> Parameters:
     return parameters
 
 
-def _start(scene: TrackScene) -> Parameters:
+def _start(scene: Scene) -> Parameters:
     x, y, z = scene.start.position
     pose: Parameters = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
     pose["start.heading"] = scene.start.heading

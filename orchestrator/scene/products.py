@@ -10,14 +10,14 @@ from fmus.link_outputs import INTERVAL
 from fmus.vehicle import BadInput
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import TRACKS, Part, Product, assemble, build_all, build_native_all, placed
-from orchestrator.scene.scene import Scene, TrackScene, load, tracked
+from orchestrator.scene.scene import Scene, load
 
 STANDARD = "straight"  # its components carry the plain names
 
 
 def of_gallery(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
     """Every distinct FMU of the gallery; the standard vehicle's come first and have no suffix."""
-    ordered = [STANDARD, *(name for name in gallery.names() if name != STANDARD and tracked(name))]
+    ordered = [STANDARD, *(name for name in gallery.names() if name != STANDARD)]
     return of_scenes([load(name, model, settings) for name in ordered for model in models])
 
 
@@ -30,8 +30,6 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
     names: set[str] = set()
     products: list[Product] = []
     for scene in scenes:
-        if not isinstance(scene, TrackScene):
-            continue
         for part in sorted(assemble(placed(scene)).parts, key=_side):
             # in another tool means of links are those of its own communication step
             parameters = {name: value for name, value in part.parameters.items() if name != INTERVAL}

@@ -24,18 +24,14 @@ from orchestrator.scene.settings import keys, merged, put, setting
 from orchestrator.scene.tables import (
     SIDES,
     Bench,
-    Cantilever,
     Chain,
     Check,
     Drive,
     Driver,
-    Frame,
     Ground,
-    Pendulum,
     Rig,
     Run,
     Side,
-    Slider,
     Start,
     Track,
     VehicleDrive,
@@ -62,13 +58,18 @@ SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys 
 
 
 class Scene(Table):
-    """What every scene has."""
+    """A scene of FMUs, a track among them; its kinds add what they assemble."""
 
     name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # names the log
     title: str
     assembly: str
     run: Run
     expect: dict[str, Check] = Field(default_factory=dict)
+    vehicle: Vehicle
+    track: Annotated[Track, BeforeValidator(short_track)]
+    start: Start = Start()
+    placed: bool = False  # whether the idler stands already where the chain carries its static tension
+    planar: bool = False  # chains of cables without their lateral dofs: all motion is in the plane of the track
 
     @model_validator(mode="after")
     def _is_possible(self) -> Scene:
@@ -108,23 +109,8 @@ class Scene(Table):
         """The scene as plain SI numbers; ``from_table`` makes the same scene of it."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
-    @property
-    def variant(self) -> str | None:
-        """The track model; None where there is no track."""
-        return None
-
-
-class TrackScene(Scene):
-    """A scene of FMUs, a track among them; its kinds add what they assemble."""
-
-    vehicle: Vehicle
-    track: Annotated[Track, BeforeValidator(short_track)]
-    start: Start = Start()
-    placed: bool = False  # whether the idler stands already where the chain carries its static tension
-    planar: bool = False  # chains of cables without their lateral dofs: all motion is in the plane of the track
-
     @model_validator(mode="after")
-    def _in_its_plane(self) -> TrackScene:
+    def _in_its_plane(self) -> Scene:
         if not self.planar:
             return self
         if self.track.model == "rigid":
@@ -139,7 +125,7 @@ class TrackScene(Scene):
         """The track model."""
         return self.track.model
 
-    def with_axes(self) -> TrackScene:
+    def with_axes(self) -> Scene:
         """The scene with the axes that its cables need where nothing is said of them: fixed ones."""
         return self
 
@@ -153,7 +139,7 @@ class TrackScene(Scene):
         return self.vehicle.sprocket.teeth * (UNKNOWN if speed is None else speed) / (2.0 * math.pi)
 
 
-class ChainScene(TrackScene):
+class ChainScene(Scene):
     """A chain and nothing else."""
 
     assembly: Literal["chain"]
@@ -168,7 +154,7 @@ class ChainScene(TrackScene):
         return self
 
 
-class BenchScene(TrackScene):
+class BenchScene(Scene):
     """A chain and a driven sprocket."""
 
     assembly: Literal["bench"]
@@ -186,7 +172,7 @@ class BenchScene(TrackScene):
         return self._teeth_rate(self.drive.top_speed)
 
 
-class RigScene(TrackScene):
+class RigScene(Scene):
     """A closed chain, a driven sprocket and a braked idler."""
 
     assembly: Literal["rig"]
@@ -200,7 +186,7 @@ class RigScene(TrackScene):
         return self._teeth_rate(self.drive.top_speed)
 
 
-class VehicleScene(TrackScene):
+class VehicleScene(Scene):
     """A vehicle on its ground."""
 
     assembly: Literal["vehicle"]
@@ -291,47 +277,11 @@ class VehicleScene(TrackScene):
                     )
 
 
-class DirectScene(Scene):
-    """A model that is stepped directly, without an FMU."""
-
-
-class PendulumScene(DirectScene):
-    """A very flexible cable swings."""
-
-    assembly: Literal["pendulum"]
-    pendulum: Pendulum
-
-
-class CantileverScene(DirectScene):
-    """A cable is bent."""
-
-    assembly: Literal["cantilever"]
-    cantilever: Cantilever
-
-
-class FrameScene(DirectScene):
-    """A frame is bent."""
-
-    assembly: Literal["frame"]
-    frame: Frame
-
-
-class SliderScene(DirectScene):
-    """A mass slides."""
-
-    assembly: Literal["slider"]
-    slider: Slider
-
-
 KINDS: dict[str, type[Scene]] = {
     "chain": ChainScene,
     "bench": BenchScene,
     "rig": RigScene,
     "vehicle": VehicleScene,
-    "pendulum": PendulumScene,
-    "cantilever": CantileverScene,
-    "frame": FrameScene,
-    "slider": SliderScene,
 }
 
 
@@ -340,29 +290,26 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
     name, table = gallery.read(scene)
     points.read(table, Path(scene).parent, f"{name}.toml")
     changes = [setting(text) for text in settings]
-    if _has_track(table):
-        _complete(table, f"{name}.toml", track, changes)
-    elif track is not None:
-        raise BadInput(f"--track {track}: scene '{name}' has no track")
+    _kind(table, f"{name}.toml")
+    _complete(table, f"{name}.toml", track, changes)
     for key, value in changes:
         put(table, key, value)
     points.read(table, Path(), f"{name}.toml")
     return from_table({"name": name, **table}, f"{name}.toml")
 
 
-def tracked(scene: str) -> bool:
-    """Whether a scene of the gallery or a file has a track, and so a track model; raises BadInput."""
-    return _has_track(gallery.read(scene)[1])
-
-
-def _has_track(table: Mapping[str, Any]) -> bool:
+def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
+    """What a scene assembles; raises BadInput."""
     assembly = table.get("assembly")
-    kind = KINDS.get(assembly, TrackScene) if isinstance(assembly, str) else TrackScene
-    return issubclass(kind, TrackScene)
+    if isinstance(assembly, str) and assembly in KINDS:
+        return KINDS[assembly]
+    if assembly in gallery.MOVED.values():
+        raise BadInput(f"{where}: assembly = {shown(assembly)}: {gallery.PLACE}")
+    raise BadInput(f"{where}: assembly = {shown(assembly)}: must be one of {', '.join(KINDS)}")
 
 
 def _complete(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
-    """Give the table of a scene with a track its whole vehicle; what is said of either goes out of the changes."""
+    """Give the table of a scene its whole vehicle; what is said of either goes out of the changes."""
     if track is not None:
         changes.insert(0, ("track.model", track))
     table["track"] = short_track(table.get("track", {}))
@@ -377,13 +324,11 @@ def _complete(table: dict[str, Any], where: str, track: str | None, changes: lis
 
 def from_table(table: Mapping[str, Any], where: str) -> Scene:
     """Validate a scene whose vehicle is a whole table; raises BadInput with one sentence."""
-    assembly = table.get("assembly")
-    if not isinstance(assembly, str) or assembly not in KINDS:
-        raise BadInput(f"{where}: assembly = {shown(assembly)}: must be one of {', '.join(KINDS)}")
+    kind = _kind(table, where)
     try:
-        return KINDS[assembly].model_validate(dict(table))
+        return kind.model_validate(dict(table))
     except ValidationError as error:
-        raise BadInput(_complaint(error, where, KINDS[assembly])) from None
+        raise BadInput(_complaint(error, where, kind)) from None
 
 
 def changed(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Scene:

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, mode
 
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
-from fmus.vehicle import Distance, Force, In, Mass, Table, to_si
+from fmus.vehicle import Distance, Force, In, Table, to_si
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
 from orchestrator.results.validity.limits import ALLOWED
@@ -21,8 +21,6 @@ Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
 Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double has no room for contacts
 Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
-Elements = Annotated[int, Field(ge=1, le=256)]
-Gravity = Annotated[float, In("m/s^2", ge=0)]
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 OPTIONS = {
@@ -541,59 +539,3 @@ class Rig(Table):
     links: Annotated[int, Field(ge=8, le=4096)]
     axle_distance: Distance  # as drawn: the idler is moved until the chain carries the tension
     tension: Force
-
-
-class Pendulum(Table):
-    """A cable of circular section, pinned at the origin, that lies along x, turns about y and falls along -y."""
-
-    elements: Elements
-    elasticity: Elasticity
-    length: Distance
-    area: Annotated[float, In("m^2", gt=0)]
-    youngs_modulus: Annotated[float, In("Pa", gt=0)]
-    density: Annotated[float, In("kg/m^3", gt=0)]
-    spin: Annotated[float, In("rad/s")]
-    gravity: Gravity
-    step: Duration  # of the integration, Runge-Kutta of order 4
-
-
-class Cantilever(Table):
-    """A cable clamped at the origin along x under a dead load along z at its tip: L = 1 m, EI = 1 N m2."""
-
-    elements: Elements
-    elasticity: Elasticity
-    slenderness: Annotated[float, Field(gt=1, le=1e4)]  # length over height of the square section
-    load_rate: Annotated[float, In("N/s", gt=0)]  # the load grows from 0, in static equilibrium
-
-
-class Frame(Table):
-    """An L-frame, 1 m along x from its clamp and 0.8 m up, of square section and E = 1e7 Pa.
-
-    At its tip acts (P, 0, P); P grows from 0 to 160 h^4 N/m^4 at ``load_time``, in static equilibrium.
-    """
-
-    elements: Elements  # of each member
-    element: Literal["beam", "small_deformation", "general", "engineering"]
-    height: Annotated[float, In("m", gt=0, le=0.1)]
-    corner: Annotated[float, Field(ge=0, le=1e4)]  # of beams: stiffness of the corner's block over theirs, 0: none
-    load_time: Duration
-
-
-class Slider(Table):
-    """A mass without friction on a smooth flexible beam along x that is pinned at both ends; all at rest."""
-
-    elements: Elements
-    length: Distance
-    line_density: Annotated[float, In("kg/m", gt=0)]
-    axial_stiffness: Annotated[float, In("N", gt=0)]
-    bending_stiffness: Annotated[float, In("N m^2", gt=0)]
-    mass: Mass
-    place: Annotated[float, In("m", gt=0)]  # where on the beam the mass is let go
-    gravity: Gravity
-    step: Duration  # of the integration, which keeps the energy
-
-    @model_validator(mode="after")
-    def _on_its_beam(self) -> Slider:
-        if self.place >= self.length:
-            raise ValueError(f"place = {self.place:g} m must lie on the beam of {self.length:g} m")
-        return self

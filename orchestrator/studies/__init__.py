@@ -3,13 +3,12 @@
 A study is a module of this folder with
 
     TITLE
-    cases(quick) -> list[Case]      of one scene: cases(quick, scene), WORKERS; with logs: cases(quick, folder), KEEPS
+    cases(quick) -> list[Case]      of one scene: cases(quick, scene), WORKERS
     table(rows) -> Table
     write(folder, name, rows, title) -> list[Path]      the files that were made
 
-``compared`` has the last two for figures with a reference. Cases run side by side in processes or on a Dask cluster
-(``pool``), and what is done stays done (``store``). A study may use ``fmus.physics`` itself: a study of the mechanics
-needs the mechanics.
+Cases run side by side in processes or on a Dask cluster (``pool``), and what is done stays done (``store``). Studies of
+cotrack itself, of its mechanics, its couplings and its paper, are in ``tests/validation``.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from orchestrator.scene.gallery import hint
 from orchestrator.studies.tables import Row
 
 STUDIES = {
-    "mechanics": "elements, joints and chains of the paper against exact and published figures",
-    "coupling": "orders, energies and largest stable steps of all couplings on two masses",
     "error-runtime": "error against run time of a scene, over steps, integrators and couplings",
     "leaving-out": "what each thing that a scene leaves out saves, at results that do not change",
     "stability": "stiff and extreme cases: what becomes of them, the margin to the limit, and a map",
-    "baseline": "kernels, runs and errors of this tree against those of the commit that the baseline names",
-    "paper": "the paper's figures 10 to 21, its costs and each of its statements, by all models of chains",
+}
+MOVED = {  # studies that older versions had, and the command of a clone that does the same
+    **{name: f"python -m tests.validation {name} -o {name}" for name in ("mechanics", "coupling", "paper")},
+    "baseline": "python -m tests.regression --against CHECKOUT",
 }
 
 
@@ -50,6 +49,8 @@ class Case(NamedTuple):
 
 def find(name: str) -> ModuleType:
     """A study by its name, the module that it is; raises BadInput."""
+    if name in MOVED:
+        raise BadInput(f"study {name} is run in a clone of cotrack: {MOVED[name]}")
     if name not in STUDIES:
         raise BadInput(f"no study '{name}': {hint(name, STUDIES, 'there are')}")
     return import_module(f"orchestrator.studies.{name.replace('-', '_')}")

@@ -12,11 +12,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from fmus.vehicle import BadInput
 from orchestrator.execution.estimate import estimate
 from orchestrator.execution.truth import ORDER, truth
 from orchestrator.results.difference import differences_of_logs, worst
-from orchestrator.scene.scene import ChainScene, TrackScene, load
+from orchestrator.scene.scene import ChainScene, load
 from orchestrator.studies import Case
 from orchestrator.studies.runs import record, sampled
 from orchestrator.studies.tables import Row
@@ -97,8 +96,6 @@ PACED: Sequence[Method] = (  # where a scene has a variable step
 def cases(quick: bool, scene: str = "straight") -> list[Case]:
     """The truth of each track model, then every way to run the scene."""
     found = load(scene)
-    if not isinstance(found, TrackScene):
-        raise BadInput(f"study error-runtime: scene '{scene}' has no track, and its reference is in its checks")
     base = (QUICK[found.assembly],) if quick else ()
     if isinstance(found, ChainScene) and found.chain.ends == "pinned" and found.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # at rest there is nothing to be wrong about

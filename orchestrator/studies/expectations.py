@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from orchestrator.execution import summary
 from orchestrator.results import measures
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene.scene import ChainScene, RigScene, TrackScene, VehicleScene
+from orchestrator.scene.scene import ChainScene, RigScene, Scene, VehicleScene
 
 Answer = tuple[float, float, float]  # value, expected, tolerance
 
@@ -28,17 +28,17 @@ def weight(run: RunData, scene: VehicleScene, within: float = 0.03) -> Answer:
     return measures.ground_force(run, "", _last(run)), heavy, within * heavy
 
 
-def afloat(run: RunData, scene: TrackScene) -> Answer:
+def afloat(run: RunData, scene: Scene) -> Answer:
     """Without gravity it drifts off as slowly as its tracks push it away when they settle on their wheels."""
     return float(abs(run.signal("chassis.settlement")[1]).max()), 0.0, 0.05
 
 
-def speed(run: RunData, scene: TrackScene) -> Answer:
+def speed(run: RunData, scene: Scene) -> Answer:
     """Vehicle speed over teeth x pitch x omega / 2 pi of the last half second, less 1."""
     return measures.speed_excess(run, "", _last(run, 0.5)), 0.02, 0.04
 
 
-def stays(run: RunData, scene: TrackScene) -> Answer:
+def stays(run: RunData, scene: Scene) -> Answer:
     """Without friction on the ground the vehicle stays where it is, but for its rocking."""
     return run.mean("chassis.speed", _last(run)), 0.0, 0.03
 
@@ -89,7 +89,7 @@ def rides(run: RunData, scene: RigScene) -> Answer:
     return run.mean("track.speed", window) / (pace * run.mean("drive.speed", window)), 1.0, 0.005
 
 
-def ledger(run: RunData, scene: TrackScene) -> Answer:
+def ledger(run: RunData, scene: Scene) -> Answer:
     """The energy ledger closes to 5 %, and that is all that is asked."""
     return 0.0, 0.0, 0.0
 

@@ -6,14 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from orchestrator.scene.scene import RigScene, TrackScene, load
-
-
-def loaded(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> TrackScene:
-    """A scene of the gallery that has tracks; raises BadInput."""
-    found = load(scene, track, settings)
-    assert isinstance(found, TrackScene)
-    return found
+from orchestrator.scene.scene import RigScene, load
 
 
 class Family(NamedTuple):
@@ -37,18 +30,18 @@ LAWS = ("sprocket", "wheel", "ground")
 
 
 def _laws(key: str, factor: float) -> list[str]:
-    contact = loaded("settle").vehicle.contact
+    contact = load("settle").vehicle.contact
     return [f"vehicle.contact.{law}.{key}={factor * getattr(getattr(contact, law), key)}" for law in LAWS]
 
 
 def _heavy(factor: float) -> list[str]:
-    v = loaded("settle").vehicle
+    v = load("settle").vehicle
     inertia = [factor * part for part in v.track.inertia]
     return [f"vehicle.track.mass={factor * v.track.mass}", f"vehicle.track.inertia={inertia}"]
 
 
 def _fast(kmh: float) -> list[str]:
-    v = loaded("straight").vehicle
+    v = load("straight").vehicle
     omega = kmh / 3.6 * 2 * math.pi / (v.sprocket.teeth * v.track.pitch)
     ramp = max(1.5, 0.7 * kmh / 3.6)  # peak of the half cosine below the friction of 0.3
     stop = math.ceil(ramp + 2.0)
@@ -85,7 +78,7 @@ def _loop(n: float) -> list[str]:
 
 
 def _round_wheels(n: float) -> list[str]:
-    scene = loaded("rig")
+    scene = load("rig")
     assert isinstance(scene, RigScene)
     distance = scene.rig.axle_distance + 0.5 * (n - scene.rig.links) * scene.vehicle.track.pitch
     return [f"rig.links={n:.0f}", f"rig.axle_distance={distance}", "run.stop=4 s", "track.link_outputs=false"]

@@ -29,7 +29,7 @@ from orchestrator.execution.manifest import open_log
 from orchestrator.execution.simulate import load_components, paced, simulate, warm_up
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
-from orchestrator.scene.scene import TrackScene, load
+from orchestrator.scene.scene import Scene, load
 from orchestrator.studies import Case, files
 from orchestrator.studies.tables import Column, Row, Table
 
@@ -76,7 +76,7 @@ class Side(NamedTuple):
     estimated: bool = False
 
 
-ADDED: dict[str, Callable[[TrackScene, Assembly], Assembly]] = {
+ADDED: dict[str, Callable[[Scene, Assembly], Assembly]] = {
     "chassis": lambda scene, a: a._replace(parts=(*a.parts, _idle_chassis(scene))),
     "ground": lambda scene, a: a._replace(parts=tuple(_over_ground(part) for part in a.parts)),
 }
@@ -218,7 +218,6 @@ def _main() -> None:
 def run(name: str, side: Side, path: Path) -> tuple[float, float]:
     """CPU and wall time, s, of a scene that is stepped and recorded; with an estimate, of all that it does."""
     scene = load(name, "flexible", side.settings)
-    assert isinstance(scene, TrackScene)
     if side.estimated:
         cpu, wall = time.process_time(), time.perf_counter()
         told = simulate(scene, path, estimated=True)
@@ -246,7 +245,7 @@ def run(name: str, side: Side, path: Path) -> tuple[float, float]:
     return cpu, wall
 
 
-def _idle_chassis(scene: TrackScene) -> Part:
+def _idle_chassis(scene: Scene) -> Part:
     config = {"vehicle": scene.vehicle.model_dump(), "chassis": {"sides": ["left", "right"]}}
     return Part("chassis", "Chassis", config, {}, CHASSIS)
 

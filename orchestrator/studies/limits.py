@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import highest_frequency
 from orchestrator.execution import summary
-from orchestrator.scene.scene import TrackScene, VehicleScene
+from orchestrator.scene.scene import Scene, VehicleScene
 from orchestrator.studies.oscillator import Oscillator, radius
 
 LONGEST = 0.5  # s
@@ -80,7 +80,7 @@ def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
     }  # fmt: skip
 
 
-def link_frequency(scene: TrackScene) -> float:
+def link_frequency(scene: Scene) -> float:
     """Highest frequency of one free straight link, rad/s: no mode of its chain is higher."""
     v = scene.vehicle
     E, A, I, l, mass = v.material.youngs_modulus, v.section.area, v.section.bending, v.track.pitch, v.track.mass
@@ -88,7 +88,7 @@ def link_frequency(scene: TrackScene) -> float:
     return highest_frequency(Cable(l, mass / l, E * A, E * I, 0.0, 0.0, rotary=more))
 
 
-def predicted(scene: TrackScene) -> tuple[float, str]:
+def predicted(scene: Scene) -> tuple[float, str]:
     """Longest step, s, and what limits it; NaN where nothing does (implicit links alone)."""
     if scene.track.integrator == "runge_kutta" and scene.track.model == "flexible":
         return explicit_limit(link_frequency(scene), scene.vehicle.material.relaxation_time), "highest mode of a link"

@@ -11,16 +11,12 @@ Masses m1 and m2 on wall springs and dampers (k1, c1), (k2, c2), joined by (k, c
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
-from fmus.physics.arrays import Floats
-from orchestrator.cosim.graph import Connection, Instance, Kind, Stages, System, wire
+from orchestrator.cosim.graph import Floats, Kind
 
 
 class Oscillator(NamedTuple):
@@ -102,83 +98,6 @@ def _joined(
     return Side(A, B, np.eye(2), np.array([x, v]), zero, zero, False, inputs, outputs, ("value", "value"))
 
 
-class Slave:
-    """A side as the master sees a component."""
-
-    def __init__(self, name: str, side: Side, u: Floats, y: Floats) -> None:
-        self.name, self.side, self.inputs, self.outputs = name, side, side.inputs, side.outputs
-        self.u, self.y = u.copy(), y.copy()
-        self.x = side.x.copy()
-        self.steps = 0  # done in all, also those taken back
-        self._after = y.copy()
-        self._map = cache(side.map)
-
-    def write(self) -> None:
-        """Inputs lie where the step finds them."""
-
-    def step(self, t: float, h: float) -> None:
-        """Exact for what is given."""
-        P, Q, R, S = self._map(h)
-        self._after = R @ self.x + S @ self.u
-        self.x = P @ self.x + Q @ self.u
-        self.steps += 1
-
-    def read(self) -> None:
-        """Outputs."""
-        self.y[:] = self._after
-
-    def save(self) -> Any:
-        """The state with the arrays."""
-        return self.x.copy(), self.u.copy(), self.y.copy()
-
-    def restore(self, state: Any) -> None:
-        """Back again."""
-        self.x = state[0].copy()
-        self.u[:], self.y[:] = state[1:]
-
-    def free(self, state: Any) -> None:
-        """Nothing to do."""
-
-
-def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[Stages, Slave, Slave]:
-    """Both sides, wired; force and velocity are a power bond."""
-    a, b = sides(cut, o)
-    yb = b.C @ b.x  # what both sides show at t = 0: a force that depends on the input sees the true one
-    ya = a.C @ a.x + (a.D @ yb if a.mean else 0.0)
-    one, two = Slave("a", a, yb, ya), kind_of_b("b", b, ya, yb)
-    connections = [
-        Connection(
-            source, (output,), target, (name,), kind,
-            rates=(output.replace("x", "v"),) if output in ("x1", "x2") else (),  # positions of the cut at the masses
-            bond="spring" if output in ("force", "v") else "",
-        )
-        for source, target, side, peer in (("b", "a", a, b), ("a", "b", b, a))
-        for output, name, kind in zip(peer.outputs, side.inputs, side.given, strict=True)
-    ]  # fmt: skip
-    system = System((Instance("a", None, {}, 0), Instance("b", None, {}, 1)), tuple(connections))  # type: ignore[arg-type]
-    return wire(system, {"a": one, "b": two}), one, two
-
-
-def whole(o: Oscillator) -> Floats:
-    """The system's matrix."""
-    return np.array([
-        [0.0, 1.0, 0.0, 0.0],
-        [-(o.k1 + o.k) / o.m1, -(o.c1 + o.c) / o.m1, o.k / o.m1, o.c / o.m1],
-        [0.0, 0.0, 0.0, 1.0],
-        [o.k / o.m2, o.c / o.m2, -(o.k2 + o.k) / o.m2, -(o.c2 + o.c) / o.m2],
-    ])  # fmt: skip
-
-
-def energy(o: Oscillator, x: Floats) -> float:
-    """Of both masses and all springs, J."""
-    x1, v1, x2, v2 = x
-    kinetic = o.m1 * v1**2 + o.m2 * v2**2
-    return float(0.5 * (kinetic + o.k1 * x1**2 + o.k2 * x2**2 + o.k * (x1 - x2) ** 2))
-
-
-# What theory says ---------------------------------------------------------------------------------------------------
-
-
 def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> Floats:
     """The matrix of one step in constant steps, on (x_a, x_b, y_a, y_b, y_a and y_b a step before, missed by a)."""
     a, b = sides(cut, o)
@@ -219,62 +138,3 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
 def radius(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> float:
     """Spectral radius of a step."""
     return float(np.abs(np.linalg.eigvals(amplification(scheme, hold, cut, o, h))).max())
-
-
-# Quiet and violent --------------------------------------------------------------------------------------------------
-
-
-# A hammer: half a sine of force on mass 2, between communication points.
-STRIKE, DURATION, IMPULSE = 10.0037, 0.2, 1.0  # s, s, N s
-
-
-def pieces(t: float, h: float) -> list[tuple[float, float, bool]]:
-    """Start, length, and whether the hammer strikes, of the parts of [t, t + h]."""
-    edges = [t, *(e for e in (STRIKE, STRIKE + DURATION) if t < e < t + h), t + h]
-    return [(a, b - a, STRIKE < 0.5 * (a + b) < STRIKE + DURATION) for a, b in pairwise(edges)]
-
-
-def hammered(A: Floats, x: Floats, place: int, t: float, h: float) -> Floats:
-    """Solve x' = A x exactly under the hammer's force on mass 2 = 1 kg, whose velocity is at ``place``."""
-    w, n = np.pi / DURATION, len(A)
-    for a, length, strikes in pieces(t, h):
-        if not strikes:
-            x = expm(A * length) @ x
-            continue
-        driven = np.zeros((n + 2, n + 2))  # with sine and cosine
-        driven[:n, :n] = A
-        driven[place, n] = 0.5 * w * IMPULSE
-        driven[n, n + 1], driven[n + 1, n] = w, -w
-        phase = w * (a - STRIKE)
-        x = (expm(driven * length) @ np.array([*x, np.sin(phase), np.cos(phase)]))[:n]
-    return x
-
-
-class Struck(Slave):
-    """Side b of the wrench cut under the hammer."""
-
-    def step(self, t: float, h: float) -> None:
-        """Exact for what is given."""
-        if not any(strikes for *_, strikes in pieces(t, h)):
-            super().step(t, h)
-            return
-        A = np.zeros((3, 3))
-        A[:2, :2], A[:2, 2:] = self.side.A, self.side.B
-        self.x = hammered(A, np.array([*self.x, *self.u]), 1, t, h)[:2]
-        self._after = self.side.C @ self.x
-        self.steps += 1
-
-
-def struck(o: Oscillator) -> tuple[Stages, Slave, Slave, Callable[[float], Floats]]:
-    """The wrench cut under the hammer, and the exact motion, to be asked forward in time."""
-    stages, a, b = coupled("wrench", o, Struck)
-    now, x, A = 0.0, np.array(o.start), whole(o)
-
-    def truth(t: float) -> Floats:
-        nonlocal now, x
-        if t > now:
-            x = hammered(A, x, 3, now, t - now)
-        now = t
-        return x
-
-    return stages, a, b, truth

@@ -12,9 +12,10 @@ import math
 from dataclasses import replace
 
 from fmus.vehicle import BadInput
+from orchestrator.scene.scene import load
 from orchestrator.studies import Case
 from orchestrator.studies.expectations import ASKED
-from orchestrator.studies.extreme import BISECTED, FAMILIES, loaded
+from orchestrator.studies.extreme import BISECTED, FAMILIES
 from orchestrator.studies.limits import predicted
 from orchestrator.studies.stability_map import table, write
 from orchestrator.studies.tables import Row
@@ -48,7 +49,7 @@ def one(number: int, value: float) -> list[Row]:
     sensible = family.sensible[0] <= value <= family.sensible[1]
     row = Row("", f"{value:g}", {"value": value, "sensible": sensible, "asked": ASKED[asked][1]})
     try:
-        scene = loaded(family.scene, family.track, family.settings(value))
+        scene = load(family.scene, family.track, family.settings(value))
     except BadInput as refusal:
         return [ended(row, CLEAN, str(refusal))]
     limit, cause = predicted(scene)
@@ -59,14 +60,14 @@ def bisected(number: int) -> list[Row]:
     """The longest step that keeps a run stable, from 1 to 100 times the given one; the predicted one beside it."""
     _, scene, track, settings, key, least = BISECTED[number]
     asked = "weight" if scene == "settle" else "ledger"
-    usual = loaded(scene, track, settings)
+    usual = load(scene, track, settings)
     limit, cause = predicted(usual)
     stop = usual.run.stop
 
     def run(step: float) -> Row:
         whole = stop / round(stop / step) if key == "run.step" else step
         row = Row("", "limit", {"step": whole, "predicted": limit, "cause": cause})
-        return judged(loaded(scene, track, [*settings, f"{key}={whole!r}"]), asked, row)
+        return judged(load(scene, track, [*settings, f"{key}={whole!r}"]), asked, row)
 
     def longest(good: tuple[str, ...]) -> tuple[Row, Row]:
         """The longest step that ends well, and the shortest beyond it that does not."""

@@ -19,11 +19,12 @@ PACKAGES = ("fmus", "orchestrator")
 
 
 @cache
-def sources() -> str:
-    """Hash of every source and scene of the installed packages."""
+def sources(module: str) -> str:
+    """Hash of every source and scene of the installed packages, and of the folder of a module outside of them."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[2]
-    for package in PACKAGES:
+    own = "/".join(module.split(".")[:2])  # tests.validation.x: tests/validation
+    for package in dict.fromkeys((*PACKAGES, own)):
         for file in sorted((root / package).rglob("*")):
             if file.suffix in (".py", ".toml"):
                 digest.update(file.relative_to(root).as_posix().encode() + b"\0")
@@ -38,7 +39,13 @@ class Store:
         self._folder = folder
 
     def _file(self, case: Case) -> Path:
-        what = [case.item, case.name, case.function.__qualname__, repr(case.arguments), sources()]
+        what = [
+            case.item,
+            case.name,
+            case.function.__qualname__,
+            repr(case.arguments),
+            sources(case.function.__module__),
+        ]
         return self._folder / f"{hashlib.sha256(json.dumps(what).encode()).hexdigest()[:24]}.json"
 
     def get(self, case: Case) -> list[Row] | None:

@@ -18,7 +18,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity.limits import ALLOWED
-from orchestrator.scene.scene import TrackScene
+from orchestrator.scene.scene import Scene
 from orchestrator.studies.expectations import ASKED
 from orchestrator.studies.tables import Row
 
@@ -42,7 +42,7 @@ def ended(row: Row, verdict: str, note: str) -> Row:
     return replace(row.having(verdict=verdict), ok=ok, note=" ".join(note.split()))
 
 
-def judged(scene: TrackScene, asked: str, row: Row | None = None) -> Row:
+def judged(scene: Scene, asked: str, row: Row | None = None) -> Row:
     """Run a scene and judge it; nothing but the row is kept, with what it has already."""
     began = time.perf_counter()
     row = (row or Row("", "")).having(asked=ASKED[asked][1])
@@ -51,7 +51,7 @@ def judged(scene: TrackScene, asked: str, row: Row | None = None) -> Row:
     return row.having(seconds=time.perf_counter() - began)
 
 
-def _judged(scene: TrackScene, asked: str, row: Row, path: Path) -> Row:
+def _judged(scene: Scene, asked: str, row: Row, path: Path) -> Row:
     try:
         run = scene.run.model_copy(update={"allow": ALLOWED})  # asked here is what integrators bear
         told = simulate(scene.model_copy(update={"expect": {}, "run": run}), path)

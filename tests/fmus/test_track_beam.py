@@ -21,7 +21,7 @@ from fmus.physics.chain.rolling import roll
 from fmus.physics.contact.ground import bumpy
 from fmus.physics.integrate.generalized_alpha import Slopes
 from orchestrator.cosim.component import Component
-from orchestrator.without_fmu.ancf import joints, loads, mesh, statics, torsion
+from tests.validation.ancf import joints, loads, mesh, statics, torsion
 
 
 def rolled(model, q, v, by_rate: float, tangent: bool, contacts) -> None:

@@ -21,7 +21,7 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
 from fmus.physics.integrate.generalized_alpha import Slopes
-from orchestrator.without_fmu.ancf import joints, loads, mesh, statics
+from tests.validation.ancf import joints, loads, mesh, statics
 
 LIBRARY = {"small_deformation": cable, "general": cable_general, "engineering": cable_engineering}
 SOFT = {"material.youngs_modulus": 2e6, "material.relaxation_time": 0.0}

@@ -29,7 +29,7 @@ from mirror import chassis_checks, drive_checks, driver_checks, joined_checks, r
 from mirror.check import FAULTS, View
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import TRACKS, assemble
-from orchestrator.scene.scene import load, tracked
+from orchestrator.scene.scene import load
 
 CHECKS = {
     "TrackRigid": track_checks.CHECKS,
@@ -227,7 +227,7 @@ def described() -> dict[str, set[str]]:
 
     found, seen = defaultdict(set), set()
     with TemporaryDirectory() as folder:
-        for name in filter(tracked, gallery.names()):
+        for name in gallery.names():
             for model in TRACKS:
                 for part in assemble(load(name, model, [runs.ALL])).parts:
                     key = part.kind, json.dumps(part.config, sort_keys=True)

@@ -20,8 +20,9 @@ from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
-from orchestrator.studies import coupling as study
-from orchestrator.studies.coupling import (
+from orchestrator.studies.oscillator import amplification
+from tests.validation import coupling as study
+from tests.validation.coupling import (
     DAMPED,
     FREE,
     MEMBERS,
@@ -31,7 +32,7 @@ from orchestrator.studies.coupling import (
     predicted_limit,
     run_free,
 )
-from orchestrator.studies.oscillator import amplification, coupled
+from tests.validation.slaves import coupled, whole
 
 
 def hold(variant):
@@ -54,7 +55,7 @@ def test_a_mean_taken_for_a_value_costs_an_order():
             for stage in stages
         )
         assert run(Jacobi(stages, threads=False), Clock(h, round(2 / h)), []).status == "ok"
-        truth = expm(study.whole(FREE) * 2.0) @ FREE.start
+        truth = expm(whole(FREE) * 2.0) @ FREE.start
         errors.append(abs(b.x[0] - truth[2]))
     assert math.log2(errors[0] / errors[1]) < 1.3
 
@@ -117,7 +118,7 @@ def test_uneven_steps_keep_the_order():
             for k in range(round(3.0 / h / 2)):
                 scheme.advance(t, h * (1 + k % 3))
                 t += h * (1 + k % 3)
-            truth = expm(study.whole(FREE) * t) @ FREE.start
+            truth = expm(whole(FREE) * t) @ FREE.start
             errors.append(np.hypot(a.x[0] - truth[0], b.x[0] - truth[2]))
         assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2), variant
 

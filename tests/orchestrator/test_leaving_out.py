@@ -26,7 +26,7 @@ def test_pairs_of_the_study():
         for side in case.arguments[1]:
             load(case.item, "flexible", side.settings)
     with pytest.raises(BadInput, match="must be one of straight, settle"):
-        cases(True, "elastica")
+        cases(True, "turn")
 
 
 def test_what_is_added_in_vain_changes_nothing(tmp_path):

@@ -2,12 +2,12 @@
 
 import pytest
 
-from orchestrator.bench.process import isolated
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
+from tests.benchmarks.process import isolated
 
 HALF = ["symmetric=true", "planar=true", "run.step=2 ms"]  # the quick form of a vehicle
 

@@ -88,9 +88,9 @@ def test_a_run_that_nobody_watches_says_how_far_it_is(monkeypatch):
 
 def test_a_run_speaks_within_the_first_second(environment, tmp_path):
     """The command as a process: lines on stderr, one object on stdout."""
-    command = [sys.executable, "-m", "orchestrator", "run", "elastica", "--stop", "0.1", "--json"]
+    command = [sys.executable, "-m", "orchestrator", "run", "hanging_chain", "--stop", "0.1", "--json"]
     done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
     assert done.stdout.count("\n") == 1
     first, *rest = done.stderr.splitlines()
-    assert first == "... elastica: the scene is read"
+    assert first == "... hanging_chain: the scene is read"
     assert any("simulated" in line for line in rest)

@@ -12,7 +12,7 @@ import pytest
 import orchestrator as cotrack
 
 RESERVED = {*cotrack.OFFERED, "plot", "report"}  # the last two are to come
-PEERS = {"orchestrator.bench.peers.exudyn_loops": "exudyn", "orchestrator.bench.peers.mujoco_loops": "mujoco"}
+PEERS = {"tests.benchmarks.peers.exudyn_loops": "exudyn", "tests.benchmarks.peers.mujoco_loops": "mujoco"}
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -695,12 +696,9 @@ def test_a_check_that_is_not_met_stands_on_top(tmp_path):
     assert html.count('<span class="pill bad">not met</span>') == 1
 
 
-def test_a_scene_without_tracks_has_a_page(tmp_path):
-    path = tmp_path / "mass.mcap"
-    assert simulate(load("sliding_mass", None, ["run.stop=0.05 s"]), path)["status"] == "ok"
-    html = page(path)
+def test_a_scene_without_tracks_has_a_page():
+    html = page(Path(__file__).with_name("logs") / "without_fmu.mcap")
     assert embedded(html)["player"] is None
-    assert 'id="checks"' in html
     assert "The record is complete" in html
 
 

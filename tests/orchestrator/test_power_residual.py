@@ -13,9 +13,10 @@ from orchestrator.cosim.master import run
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
-from orchestrator.studies import coupling as study
-from orchestrator.studies.coupling import couple
-from orchestrator.studies.oscillator import Oscillator, coupled
+from orchestrator.studies.oscillator import Oscillator
+from tests.validation import coupling as study
+from tests.validation.coupling import couple
+from tests.validation.slaves import coupled, whole
 
 FREE = Oscillator(k2=0.0, start=(1.0, 0.3, 0.2, -0.4))
 
@@ -105,7 +106,7 @@ def test_the_shortest_step_is_counted_where_it_is_too_long():
 
 def test_a_tighter_tolerance_is_more_right():
     """A step's residual goes with h^2, so a tenth of a step for a hundredth of it; the motion is of order 2."""
-    truth, errors, steps = expm(study.whole(study.FREE) * 3.0) @ study.FREE.start, [], []
+    truth, errors, steps = expm(whole(study.FREE) * 3.0) @ study.FREE.start, [], []
     for tolerance in (1e-3, 1e-5):
         stages, a, b = coupled("wrench", study.FREE)
         steps.append(run(couple("tracks_first", stages), pace(3.0, 0.01, tolerance), []).steps)

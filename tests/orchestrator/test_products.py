@@ -19,9 +19,9 @@ from orchestrator.execution.simulate import load_components
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, placed, system
 from orchestrator.scene.products import build_to, of_gallery, of_scenes
-from orchestrator.scene.scene import load, tracked
+from orchestrator.scene.scene import load
 
-SCENES = [name for name in gallery.names() if tracked(name)]
+SCENES = gallery.names()
 VARIANTS = {"flexible": (), "rigid": (), "beam": ("track.element=beam",)}
 
 

@@ -55,7 +55,6 @@ def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
         ("rig", ("drive.mode=torque", "drive.torque=10", "drive.speed=0"), 20.0),
         ("straight", ("drive.speed_points=[[0, 0], [1, -30], [2, 5]]", "drive.speed=0"), 30.0),
         ("hanging_chain", (), 0.0),
-        ("elastica", (), 0.0),
     ],
 )
 def test_top_speed_is_what_the_scene_asks_for(scene, settings, speed):

@@ -26,7 +26,7 @@ from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
 from fmus.physics.chain.state import begin, size
 from fmus.physics.integrate import adams, generalized_alpha, hht, runge_kutta
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
-from orchestrator.studies.rods import EXPLICIT, IMPLICIT, P, Rods, of_angles  # noqa: F401 - for tests
+from tests.validation.rods import EXPLICIT, IMPLICIT, P, Rods, of_angles  # noqa: F401 - for tests
 
 AREA, SECOND = 0.01516, 2.03e-6  # of the link's section
 STEEL = Cable(P, 7800 * AREA, 2e11 * AREA, 2e11 * SECOND, 0.0, 0.0)

@@ -13,9 +13,9 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.ancf.cable import Cable
-from orchestrator.without_fmu.ancf import chord, dynamics, joints, loads, statics, torsion
-from orchestrator.without_fmu.ancf.cholesky import CholeskyMesh
-from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
+from tests.validation.ancf import chord, dynamics, joints, loads, statics, torsion
+from tests.validation.ancf.cholesky import CholeskyMesh
+from tests.validation.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
 
 CABLES = [cable, cable_general, cable_engineering]
 CURES = {"nu = 0": {"nu": 0.0, "split": False}, "split": {"nu": 0.3, "split": True}}

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from fmus.physics.ancf import cable
-from orchestrator.without_fmu.ancf import bspline, joints
+from tests.validation.ancf import bspline, joints
 
 rng = np.random.default_rng(11)
 INNER = ([], [1], [2, 1, 1], [3, 1, 2], [4, 2, 3, 1], [1, 1, 1, 1, 1, 1])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from orchestrator.without_fmu.ancf import bspline
-from orchestrator.without_fmu.ancf.bspline_surface import Surface, from_plates, to_plates
+from tests.validation.ancf import bspline
+from tests.validation.ancf.bspline_surface import Surface, from_plates, to_plates
 
 KNOTS_X = np.array([0, 0, 0, 0, 0.7, 1.5, 1.5, 2, 2, 2, 2], dtype=float)
 KNOTS_Y = np.array([0, 0, 0, 0, 0.4, 1, 1, 1, 1], dtype=float)

@@ -9,7 +9,7 @@ import pytest
 
 from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.ancf.cable import Cable
-from orchestrator.without_fmu.ancf import chord, stress, torsion
+from tests.validation.ancf import chord, stress, torsion
 
 CABLE = Cable(0.5, 2.0, 3e4, 40.0, 20.0, 0.01)
 STEEL = Cable(0.1524, 7800 * 0.01516, 2e11 * 0.01516, 2e11 * 2.03e-6, 2e5 * 0.01516, 2e5 * 2.03e-6)

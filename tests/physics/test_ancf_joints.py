@@ -8,9 +8,9 @@ from scipy.sparse.linalg import spsolve
 
 from fmus.physics.ancf import beam, cable, cable_general
 from fmus.physics.ancf.cable import Cable
-from orchestrator.without_fmu.ancf import corner as corners
-from orchestrator.without_fmu.ancf import joints, loads, statics, torsion
-from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
+from tests.validation.ancf import corner as corners
+from tests.validation.ancf import joints, loads, statics, torsion
+from tests.validation.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
 
 PITCH = 0.1524
 LINK = Cable(PITCH, 18.0 / PITCH, 2e11 * 0.01516, 2e11 * 2.03e-6, 0.0, 0.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fmus.physics.ancf import beam
-from orchestrator.without_fmu.ancf import joints, modes, torsion
-from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Tie
-from orchestrator.without_fmu.ancf.stress import strains
+from tests.validation.ancf import joints, modes, torsion
+from tests.validation.ancf.mesh import Member, Mesh, Tie
+from tests.validation.ancf.stress import strains
 
 L, WIDTH, HEIGHT = 0.1524, 0.06, 0.04
 STEEL = beam.Beam(L, WIDTH, HEIGHT, 7800.0, 2e11, 0.3, 0.85, torsion.factor(WIDTH, HEIGHT), False, 0.0)

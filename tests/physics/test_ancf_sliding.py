@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import Cable
-from orchestrator.without_fmu.ancf import sliding
-from orchestrator.without_fmu.ancf.mesh import Member, Mesh, in_a_row, nodes
+from tests.validation.ancf import sliding
+from tests.validation.ancf.mesh import Member, Mesh, in_a_row, nodes
 
 L, N = 2.0, 6  # the rail, m, and its elements
 KINDS = ("point", "cable")

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from fmus.physics.ancf import beam
-from orchestrator.without_fmu.ancf import joints, loads, statics, torsion
-from orchestrator.without_fmu.ancf.mesh import Member, Mesh, Support, in_a_row, nodes
+from tests.validation.ancf import joints, loads, statics, torsion
+from tests.validation.ancf.mesh import Member, Mesh, Support, in_a_row, nodes
 
 E, SHEAR = 1e9, 5 / 6
 CURES = {"nu = 0": (0.0, False), "split": (0.3, True)}

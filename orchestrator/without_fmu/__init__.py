@@ -1,1 +1,0 @@
-"""Models without an FMU: mechanics that the master steps directly, as it steps components."""

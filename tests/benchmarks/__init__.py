@@ -1,0 +1,79 @@
+"""How fast: chains against peers, vehicles in real time, a step by part and layer, growth, start, memory, the log.
+
+A part is a module with ``measure(quick, repeats) -> list[Table]``. It runs in a process of its own, one thread to a
+library, kernels warm (``process``). Speed is measured here and never in a test. What it stands on are faces that last:
+scenes, ``simulate``, the model and the slave behind an FMU's shell (``own``), ``Component``; ``kernels`` alone knows
+today's kernels by their signatures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from fmus.vehicle import BadInput
+from orchestrator.scene.gallery import hint
+from orchestrator.studies.tables import Table
+from tests.benchmarks import machine
+from tests.benchmarks.against import paired
+from tests.benchmarks.process import Failed, isolated
+from tests.benchmarks.tables import failed, from_plain, plain
+
+PARTS = {
+    "chain": "a closed chain of 64 links, flexible, rigid and on the ground, against peers at a known error",
+    "vehicle": "real-time factor of `straight`",
+    "layers": "microseconds of a step by part and by layer",
+    "links": "time a step of 64 to 1,024 links",
+    "start": "from the shell to the first step, with an empty and a full cache",
+    "memory": "peak memory of runs and its growth",
+    "recording": "what the log costs a run, by FMUs and by how many link outputs",
+}
+REPEATS = 5
+QUICK_REPEATS = 3
+
+
+def chosen(only: str | None) -> list[str]:
+    """Names of parts, all without a choice; raises BadInput."""
+    names = [name.strip() for name in only.split(",")] if only is not None else list(PARTS)
+    for name in names:
+        if name not in PARTS:
+            raise BadInput(f"--only {only}: no part '{name}': {hint(name, PARTS, 'there are')}")
+    return list(dict.fromkeys(names))
+
+
+def report(
+    names: Sequence[str],
+    quick: bool,
+    repeats: int,
+    against: Path | None,
+    say: Callable[[str], None],
+    show: Callable[[Table], None],
+) -> dict[str, Any]:
+    """Measure parts one after the other, each in its own process; or pair this checkout with another one.
+
+    ``say`` is told how far it is, ``show`` sees each table as it comes. A part that fails is a table that says why,
+    and ``ok`` of what comes back is False. Raises BadInput where ``against`` is no checkout that can measure itself.
+    """
+    facts = machine.facts()
+    told: dict[str, Any] = {"machine": facts, "busy": machine.busy(facts), "quick": quick, "repeats": repeats}
+    if told["busy"]:
+        say(told["busy"])
+    if against is not None:
+        try:
+            table = paired(against, names, quick, repeats, say)
+        except Failed as reason:
+            table = failed(f"Here against {against}", str(reason))
+        show(table)
+        return told | {"ok": bool(table.columns), "against": plain(table)}
+    told |= {"ok": True, "parts": {}}
+    for name in names:
+        say(f"{name}: {PARTS[name]}")
+        try:
+            tables = [from_plain(table) for table in isolated(name, quick=quick, repeats=repeats)]
+        except Failed as reason:
+            tables, told["ok"] = [failed(PARTS[name], str(reason))], False
+        for table in tables:
+            show(table)
+        told["parts"][name] = [plain(table) for table in tables]
+    return told

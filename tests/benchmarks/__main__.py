@@ -1,0 +1,51 @@
+"""``python -m tests.benchmarks``: how fast, from a clone."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from orchestrator.cli import main, printed
+from orchestrator.studies import tables
+from tests import benchmarks
+from tests.benchmarks import machine
+
+
+def measure(
+    only: Annotated[str | None, typer.Option("--only", metavar="A,B,...", help="some parts, instead of all")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="shorter windows, fewer steps and repeats")] = False,
+    repeat: Annotated[
+        int | None, typer.Option("--repeat", metavar="N", help="repeats of each timing, or pairs", min=1)
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", metavar="FOLDER", help="another checkout: both measure themselves in turn"),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+) -> None:
+    """How fast: the chain against peers, the vehicle, a step by part and layer, growth, start, memory."""
+    names = benchmarks.chosen(only)
+    repeats = repeat or (benchmarks.QUICK_REPEATS if quick else benchmarks.REPEATS)
+    print(machine.sentence(machine.facts()), end="\n\n")
+    result = benchmarks.report(
+        names,
+        quick,
+        repeats,
+        against,
+        lambda what: print(f"... {what}", file=sys.stderr, flush=True),
+        lambda table: print(tables.to_markdown(table, "###"), flush=True),
+    )
+    if as_json:
+        print(json.dumps(printed.finite(result)))
+    sys.exit(0 if result["ok"] else 1)
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app.command()(measure)
+
+if __name__ == "__main__":
+    main(app)

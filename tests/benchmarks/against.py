@@ -1,0 +1,104 @@
+"""Two checkouts side by side: each measures itself in a process of its own, in turn, and the ratios are told.
+
+What changes on a machine from one minute to the next is the same for both of a pair; the ratio of a pair is then that
+of the checkouts, and the spread of the ratios says how well it is known.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from fmus.vehicle import BadInput
+from orchestrator.studies.tables import Column, Table
+from tests.benchmarks.process import ROOT, Failed, environment, last_line
+from tests.benchmarks.tables import costs
+
+COLUMNS = (
+    Column("part", "part"),
+    Column("figure", "figure"),
+    Column("here", "here", ".4g"),
+    Column("there", "there", ".4g"),
+    Column("ratio", "here over there", ".3f"),
+    Column("least", "least", ".3f"),
+    Column("most", "most", ".3f"),
+    Column("best", "least over least", ".3f"),
+)
+
+COMMAND = ("cli/__init__.py", "cli.py")  # where a checkout has its command line, an older one in a single module
+COMMANDS = {  # where a checkout has its benchmark, and how it is started
+    "tests/benchmarks": ("tests.benchmarks",),
+    "orchestrator/bench": ("orchestrator", "bench"),
+}
+
+Costs = dict[tuple[str, str], float]
+
+
+def checkout(folder: Path) -> Path:
+    """The folder of another checkout that can measure itself; raises BadInput."""
+    if not any((folder / "orchestrator" / name).is_file() for name in COMMAND):
+        raise BadInput(f"--against {folder}: there is no checkout of cotrack")
+    if not any((folder / place).is_dir() for place in COMMANDS):
+        raise BadInput(f"--against {folder}: that checkout has no benchmark, so it cannot measure itself")
+    return folder.resolve()
+
+
+def paired(folder: Path, names: Sequence[str], quick: bool, pairs: int, say: Callable[[str], None]) -> Table:
+    """Ratios of all costs that both checkouts tell, medians of ``pairs`` pairs; ``say`` is told how far it is.
+
+    Raises BadInput where ``folder`` is no checkout that can do so, Failed where a measurement ends with an error.
+    """
+    other, found = checkout(folder), []
+    for k in range(pairs):
+        first, second = (ROOT, other) if k % 2 == 0 else (other, ROOT)
+        one, two = measured(first, names, quick), measured(second, names, quick)
+        found.append((one, two) if k % 2 == 0 else (two, one))
+        say(f"pair {k + 1} of {pairs}")
+    notes = (
+        f"Medians of {pairs} pairs in turn, with the least and the most of their ratios; below 1: here is cheaper.",
+        "Least over least: the smallest figure of all pairs on either side, which other work disturbs least.",
+    )
+    return Table(f"Here against {folder}", COLUMNS, ratios(found), notes)
+
+
+def measured(root: Path, names: Sequence[str], quick: bool) -> Costs:
+    """What the checkout ``root`` tells of itself."""
+    started = next(command for place, command in COMMANDS.items() if (root / place).is_dir())
+    command = [sys.executable, "-m", *started, "--json", "--only", ",".join(names)]
+    command += ["--quick"] if quick else []
+    done = subprocess.run(command, cwd=root, env=environment(root), capture_output=True, text=True)
+    try:
+        told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    except (IndexError, ValueError):
+        raise Failed(f"the checkout {root} did not measure itself: {last_line(done.stderr)}") from None
+    for table in (table for part in told["parts"].values() for table in part):
+        if not table["columns"]:
+            raise Failed(f"the checkout {root}: {table['notes'][0]}")
+    return {(part, name): cost for part, tables in told["parts"].items() for name, cost in costs(tables).items()}
+
+
+def ratios(pairs: Sequence[tuple[Costs, Costs]]) -> list[dict[str, Any]]:
+    """Rows for what all members of all pairs tell."""
+    shared = [key for key in pairs[0][0] if all(key in side for pair in pairs for side in pair)]
+    rows = []
+    for part, figure in shared:
+        here, there = ([pair[k][part, figure] for pair in pairs] for k in (0, 1))
+        each = sorted(a / b for a, b in zip(here, there, strict=True))
+        rows.append(
+            {
+                "part": part,
+                "figure": figure,
+                "here": median(here),
+                "there": median(there),
+                "ratio": median(each),
+                "least": each[0],
+                "most": each[-1],
+                "best": min(here) / min(there),
+            }
+        )
+    return rows

@@ -1,0 +1,156 @@
+"""The closed chain of 64 links: steps a second of CPU time at a known error, ours and those of peers.
+
+All codes are given the motion of ``motion`` and measured by the same reference. Ours is timed as the chain's own
+``advance``, one call for all steps as the peers have it, as the model's ``step``, and as an FMU that a run loads, steps
+and logs. Flexible chains keep their plane, as the peers' do; with its lateral dofs a chain is measured beside.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.studies.tables import ABOUT, COST, Column, Table
+from tests.benchmarks import motion
+from tests.benchmarks.motion import CASES, Case, Floats
+from tests.benchmarks.peers import PEERS, runs
+from tests.benchmarks.timing import cpu, least
+
+STEPS = (2e-3, 1e-3, 5e-4)  # s
+H = 1e-3  # s, of what is measured at one step alone
+TARGET = 1e-5  # error at which codes are compared
+COLUMNS = (
+    Column("case", "chain", "", ABOUT),
+    Column("code", "code", "", ABOUT),
+    Column("step", "step, ms", ".3g", ABOUT),
+    Column("rate", "steps a CPU second", ",.0f"),
+    Column("cpu", "CPU ms a simulated second", ".1f", COST),
+    Column("error", "error", ".1e"),
+)
+EQUAL = (
+    Column("case", "chain", "", ABOUT),
+    Column("code", "code", "", ABOUT),
+    Column("step", "step, ms", ".3g", ABOUT),
+    Column("rate", "steps a CPU second", ",.0f"),
+    Column("cpu", "CPU ms a simulated second", ".1f"),
+    Column("ratio", "times ours", ".2f"),
+)
+NOTES = (
+    "Error: RMS distance of the pins from a converged reference at the end, over the RMS of the ways that they went.",
+    "Peers on the ground have other contact laws: their error there is mostly that.",
+)
+
+Run = dict[str, Any]
+
+
+def measure(quick: bool, repeats: int) -> list[Table]:
+    """The runs of all cases and codes; without ``quick`` also what each costs at one error."""
+    rows: list[Run] = []
+    notes: list[str] = []
+    for name, case in CASES.items():
+        stop = case.quick if quick else case.stop
+        found = ours(name, stop, quick, repeats)
+        for peer in PEERS:
+            theirs, reason = runs(peer, name, quick, repeats)
+            found += [{**run, "code": f"{peer.name}, {run['code']}"} for run in theirs]
+            notes += [f"{reason}."] * (bool(reason) and f"{reason}." not in notes)
+        rows += [row(name, case, stop, run) for run in found]
+    window = "; ".join(f"{name} {case.quick if quick else case.stop:g} s" for name, case in CASES.items())
+    notes.append(f"CPU time, the least of {repeats} repeats; simulated: {window}.")
+    tables = [Table("Closed chain of 64 links", COLUMNS, rows, (*NOTES, *notes))]
+    if not quick:
+        tables.append(Table(f"The same at an error of {TARGET:g}", EQUAL, equal(rows), (
+            "Between the steps measured, or at the longest where that is better; empty: none of them is good enough.",
+        )))  # fmt: skip
+    return tables
+
+
+def row(name: str, case: Case, stop: float, run: Run) -> Run:
+    """Figures of a run that spent ``cpu`` s on ``stop`` s in steps of ``step`` s and left its pins at ``pins``."""
+    return {
+        "case": name,
+        "code": run["code"],
+        "step": 1e3 * run["step"],
+        "rate": stop / run["step"] / run["cpu"],
+        "cpu": 1e3 * run["cpu"] / stop,
+        "error": motion.error(case, stop, np.array(run["pins"])),
+    }
+
+
+def ours(name: str, stop: float, quick: bool, repeats: int) -> list[Run]:
+    """Runs by layer, and of the model by step."""
+    case = CASES[name]
+    again = repeats + 1  # a first one may compile
+    found = [("ours, chain's advance", H, least(again, stepped, case, stop, H, "advance"))]
+    for step in (H,) if quick else STEPS:
+        found.append(("ours, model", step, least(again, stepped, case, stop, step, "step")))
+    if case.planar:
+        whole = case._replace(planar=False)
+        found.append(("ours, model, lateral dofs", H, least(again, stepped, whole, stop, H, "step")))
+    if not case.ground:
+        found.append(("ours, FMU with its log", H, least(again, logged, case, stop)))
+    return [{"code": code, "step": step, "cpu": spent, "pins": pins} for code, step, (spent, pins) in found]
+
+
+def stepped(case: Case, stop: float, h: float, layer: str) -> tuple[float, Floats]:
+    """CPU time, s, and pins of a model that is stepped from here: by its ``step``, or its chain by its ``advance``."""
+    model, none = motion.model(case, h), np.zeros(0)
+
+    def steps() -> None:
+        for k in range(round(stop / h)):
+            model.step(k * h, h, none)
+
+    spent, _ = cpu(steps if layer == "step" else lambda: model.advance(0.0, stop))
+    return spent, motion.pins(model)
+
+
+def logged(case: Case, stop: float) -> tuple[float, Floats]:
+    """CPU time, s, and last pins of the scene that ``cotrack run`` would run."""
+    scene = motion.scene(case, motion.LINKS, f"run.stop={stop}", f"run.step={H}", f"track.step={H}")
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        result = simulate(scene, Path(folder) / "loop.mcap")
+        if result["status"] != "ok":
+            raise RuntimeError(result["message"])
+        with Log(folder + "/loop.mcap") as log:
+            links = log.read("/chain/links")
+    if abs(links.t[-1] - stop) > 1e-9:
+        raise RuntimeError(f"the log has no pins at {stop:g} s")
+    return float(result["cpu_time"]), motion.places(list(links.names), links.values[-1])
+
+
+def equal(rows: list[Run]) -> list[Run]:
+    """What codes cost at ``TARGET``, over our model; of ours the model alone."""
+    found: list[Run] = []
+    for name, case in CASES.items():
+        if case.ground:
+            continue
+        codes = dict.fromkeys(row["code"] for row in rows if row["case"] == name)
+        for code in codes:
+            if code.startswith("ours") and code != "ours, model":
+                continue
+            at = at_target([row for row in rows if (row["case"], row["code"]) == (name, code)])
+            found.append({"case": name, "code": code, **at})
+        base = next(row["cpu"] for row in found if (row["case"], row["code"]) == (name, "ours, model"))
+        for row in found:
+            if row["case"] == name and row["cpu"] is not None and base is not None:
+                row["ratio"] = row["cpu"] / base
+    return found
+
+
+def at_target(rows: list[Run]) -> Run:
+    """Step, rate and cost of a code at ``TARGET``; nothing where none of its steps is good enough."""
+    rows = sorted(rows, key=lambda row: -row["step"])
+    good = [k for k, row in enumerate(rows) if row["error"] <= TARGET]
+    if not good:
+        return {"step": None, "rate": None, "cpu": None}
+    best = rows[good[0]]
+    if good[0] == 0:
+        return {key: best[key] for key in ("step", "rate", "cpu")}
+    worse = rows[good[0] - 1]
+    part = np.log(TARGET / best["error"]) / np.log(worse["error"] / best["error"])
+    return {key: float(best[key] ** (1.0 - part) * worse[key] ** part) for key in ("step", "rate", "cpu")}

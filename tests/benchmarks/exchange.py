@@ -1,0 +1,77 @@
+"""What a communication step costs outside the components: the master's exchange, and the log."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling.scheme import Scheme
+from orchestrator.cosim.graph import wire
+from orchestrator.cosim.machine import Board, machine
+from orchestrator.cosim.observers import Logging
+from orchestrator.execution.manifest import open_log
+from orchestrator.execution.simulate import opened
+from orchestrator.scene.scene import Scene
+from orchestrator.studies.tables import ABOUT, COST, Column
+from tests.benchmarks.timing import quiet
+
+COLUMNS = (
+    Column("tracks", "vehicle on tracks", "", ABOUT),
+    Column("exchange", "master's exchange, us", ".1f", COST),
+    Column("log", "log, us", ".1f", COST),
+    Column("packing", "log's own thread, us", ".1f", COST),
+)
+STATS_EVERY = 100  # steps, as in a run at 1 ms
+
+
+def measure(scene: Scene, path: Path, repeats: int) -> dict[str, float]:
+    """Means over a scene's steps, the least of the repeats of each; the log goes to ``path``."""
+    runs = [_run(scene, path) for _ in range(repeats)]
+    return dict(zip(("exchange", "log", "packing"), map(min, zip(*runs, strict=True)), strict=True))
+
+
+def _run(scene: Scene, path: Path) -> tuple[float, float, float]:
+    """CPU times of a step, us: the exchange, the log, and the thread that packs messages."""
+    h, steps, coupling = scene.run.step, scene.run.steps, scene.run.coupling
+    alone: Any = partial(SCHEMES[coupling.scheme], threads=False, **coupling.options())
+    with ExitStack() as stack:
+        placed, graph, components = opened(scene, stack, None)
+        scheme = stack.enter_context(alone(wire(graph, components)))
+        recorder = stack.enter_context(open_log(path, placed, graph, components, scheme))
+        logging = Logging(recorder, list(components.values()), STATS_EVERY)
+        scheme.tape = logging.tape
+        logging(0, 0.0, h)
+        packing = time.process_time() - time.thread_time()
+        _, log = _marched(scheme, logging, 0, steps, h)
+        recorder.close("ok", "", steps)
+        packing = 1e6 * (time.process_time() - time.thread_time() - packing) / steps
+        for component in components.values():
+            assert isinstance(component, Component)
+            _idle(component)
+        exchange, _ = _marched(scheme, None, steps, steps, h)
+    return exchange, log, packing
+
+
+def _marched(scheme: Scheme, logging: Logging | None, first: int, steps: int, h: float) -> tuple[float, float]:
+    """CPU times of this thread for a step after the ``first`` and for its record, us, as many at once as in a run."""
+    k, stepping, recording, clock = first, 0.0, 0.0, time.thread_time
+    with quiet():
+        while k < first + steps:
+            began = clock()
+            k += scheme.march(k, min(STATS_EVERY - k % STATS_EVERY, first + steps - k), h)
+            done = clock()
+            if logging is not None:
+                logging(k, k * h, h)
+            stepping, recording = stepping + done - began, recording + clock() - done
+    return 1e6 * stepping / steps, 1e6 * recording / steps
+
+
+def _idle(component: Component) -> None:
+    """What is left of a step without what happens inside the components."""
+    for function in ("set_real", "do_step", "get_real"):
+        component.board[Board._fields.index(function)] = machine().nothing

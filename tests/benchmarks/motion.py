@@ -1,0 +1,159 @@
+"""The motion that all codes are given, and how far they are from it at the end.
+
+A loop of 64 links, a regular polygon without gravity, turns at 5 rad/s; its links turn by 4 rad/s cos(2 angle) besides,
+so that it becomes an oval of 1.6 by 4.2 m and back. All links are thin rods of the m113's mass: flexible steel and
+rigid links then move alike, to 5e-5 m in a second. On the ground it only turns, under gravity, and is set down: it
+slips, drives off and sags. 0.3 s are known to 1e-7 m; from half a second on no two steps give the same heap.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.physics.chain.layout import ovalling, regular_polygon
+from orchestrator.scene.assembly import Part
+from orchestrator.scene.scene import Scene
+from tests.benchmarks import own
+
+Floats = NDArray[np.float64]
+
+SCENE = "spinning_loop"
+LINKS, MASS = 64, 18.02  # of the m113: kg a link
+SPIN = 5.0  # rad/s, of 64 links; the pins of any other number are as fast
+OVALLING = 4.0  # rad/s
+GRAVITY = 9.81  # m/s2
+REFERENCE = Path(__file__).with_name("reference.json")
+
+
+class Case(NamedTuple):
+    """A chain to be measured."""
+
+    track: str  # the track model
+    ground: bool
+    stop: float  # s
+    quick: float  # end of a quick form, s
+    planar: bool = False  # of cables without their lateral dofs, as the peers' are
+
+
+CASES = {
+    "flexible": Case("flexible", False, 1.0, 0.1, planar=True),
+    "rigid": Case("rigid", False, 1.0, 0.1),
+    "rigid, on the ground": Case("rigid", True, 0.3, 0.1),
+}
+
+
+class Loop(NamedTuple):
+    """The loop at t = 0 for other codes, SI units, in the plane (x, z); n links."""
+
+    pins: Floats  # (n, 2) where links begin
+    velocity: Floats  # (n, 2) of the pins
+    angle: Floats  # (n) of the links, from x towards z
+    rate: Floats  # (n) its derivative
+    pitch: float
+    mass: float  # of a link
+    axial: float  # EA, N
+    bending: float  # EI, N m2
+    relaxation: float  # s: damping constants over stiffness
+    face: float  # m: contact points from the pin line
+    level: float  # z of the ground
+    soil: dict[str, float]  # stiffness, damping, friction of the ground
+
+
+def scene(case: Case, links: int = LINKS, *settings: str) -> Scene:
+    """The scene of a loop that nothing touches."""
+    rod = own.scene(SCENE, case.track, ["vehicle=m113"]).vehicle
+    inertia = (rod.track.inertia[0], MASS * rod.track.pitch**2 / 12.0, rod.track.inertia[2])
+    given = [
+        "vehicle=m113",
+        f"vehicle.track.mass={MASS}",
+        f"vehicle.track.inertia={list(inertia)}",
+        f"chain.links={links}",
+        f"chain.spin={SPIN * LINKS / links!r}",
+        f"chain.ovalling={0.0 if case.ground else OVALLING * LINKS / links!r}",
+        "track.start=polygon",
+        f"planar={str(case.planar).lower()}",
+    ]
+    return own.scene(SCENE, case.track, [*given, *settings])
+
+
+@cache
+def part(case: Case, links: int = LINKS) -> Part:
+    """Its one component; where a case has a ground, that lies just below the loop, and there is gravity."""
+    found = own.part(scene(case, links), "chain")
+    if not case.ground:
+        return found
+    vehicle = found.config["vehicle"]
+    wheel, track = vehicle["road_wheel"], vehicle["track"]
+    depth = 0.5 * track["pitch"] / np.tan(np.pi / links) + track["face"]
+    drawn = {**wheel, "z": wheel["radius"] + 2.0 * track["face"] - depth}  # the ground is where wheels would stand
+    config = {
+        "vehicle": {**vehicle, "road_wheel": drawn},
+        "track": {**found.config["track"], "ground": True, "gravity": GRAVITY},
+    }
+    return found._replace(config={**found.config, **config})
+
+
+def model(case: Case, step: float, links: int = LINKS, **changes: float | str) -> Any:
+    """The component's model at the start, with internal steps of ``step`` s."""
+    return own.started(part(case, links), step=step, **changes)
+
+
+def loop(case: Case, links: int = LINKS) -> Loop:
+    """The same for other codes."""
+    vehicle = part(case, links).config["vehicle"]
+    track, section, material = vehicle["track"], vehicle["section"], vehicle["material"]
+    pins = regular_polygon(track["pitch"], links)
+    spin = SPIN * LINKS / links
+    turning, velocity = ovalling(pins, 0.0 if case.ground else OVALLING * LINKS / links)
+    velocity = velocity + spin * np.stack([pins[:, 1], -pins[:, 0]], axis=1)
+    chord = np.roll(pins, -1, axis=0) - pins
+    wheel = vehicle["road_wheel"]
+    return Loop(
+        pins,
+        velocity,
+        np.arctan2(chord[:, 1], chord[:, 0]),
+        -(turning + spin),  # about y is from z towards x
+        track["pitch"],
+        track["mass"],
+        material["youngs_modulus"] * section["area"],
+        material["youngs_modulus"] * section["bending"],
+        material["relaxation_time"],
+        track["face"],
+        wheel["z"] - wheel["radius"] - 2.0 * track["face"],
+        vehicle["contact"]["ground"],
+    )
+
+
+def pins(model: Any) -> Floats:
+    """Where the pins of a model are, (n, 2) of x and z, from its link outputs."""
+    names = [port.name for port in model.ports if port.causality == "output" and isinstance(port.start, float)]
+    y = np.empty(model.link_ports)
+    model.link_outputs(y)
+    return places(names[-model.link_ports :], y)
+
+
+def places(names: list[str], y: Floats) -> Floats:
+    """The same from values of link outputs by name."""
+    at = {axis: [k for k, name in enumerate(names) if name.endswith(f".position.{axis}")] for axis in "xz"}
+    return np.stack([y[at["x"]], y[at["z"]]], axis=1)
+
+
+# --- the reference ----------------------------------------------------------------------------------------
+
+
+def key(case: Case) -> str:
+    """The name of a case."""
+    return next(name for name, each in CASES.items() if each == case)
+
+
+def error(case: Case, stop: float, found: Floats) -> float:
+    """RMS of the pins' distances from where they should be at ``stop``, over that of the ways they went."""
+    reference = json.loads(REFERENCE.read_text(encoding="utf-8"))["cases"][key(case)][f"{stop:g}"]
+    distance = np.linalg.norm(found - np.array(reference["pins"]), axis=1)
+    return float(np.sqrt(np.mean(distance**2))) / float(reference["way"])

@@ -1,0 +1,59 @@
+"""Our components without FMI: the model and the slave of a part, by way of the shell that its FMU is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from fmus.build import KINDS, build
+from orchestrator.cosim.component import unpack
+from orchestrator.scene.assembly import Part, assemble, placed
+from orchestrator.scene.scene import Scene, load
+
+
+def scene(name: str, track: str, settings: Sequence[str]) -> Scene:
+    """A scene with its idler in place."""
+    found = load(name, track, settings)
+    assert isinstance(found, Scene)
+    return placed(found)
+
+
+def part(of: Scene, name: str) -> Part:
+    """A component of a scene before it is built."""
+    return next(each for each in assemble(of).parts if each.name == name)
+
+
+def shell(kind: str) -> Any:
+    """The class that FMI calls; its ``model`` is the model."""
+    return getattr(import_module(".".join(("fmus", *Path(KINDS[kind]).with_suffix("").parts))), kind)
+
+
+def started(of: Part, **changes: float | str) -> Any:
+    """A model at its start."""
+    model = shell(of.kind).model(of.config)
+    known = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+    model.initialise({**known, **_known(of.parameters, known), **changes})
+    return model
+
+
+def slave(of: Part) -> Any:
+    """A slave at the end of its initialisation, called from Python."""
+    resources = unpack(build(of.kind, of.config)) / "resources"
+    made = shell(of.kind)(instance_name=of.name, resources=str(resources))
+    put = {float: made.set_real, int: made.set_integer, str: made.set_string}
+    for k, port in enumerate(made.variables):
+        if port.causality == "parameter" and port.name in of.parameters:
+            put[type(port.start)]([k], [of.parameters[port.name]])
+    made.setup_experiment(0.0)
+    made.enter_initialization_mode()
+    made.exit_initialization_mode()
+    return made
+
+
+def _known(parameters: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, Any]:
+    unknown = sorted(set(parameters) - set(known))
+    if unknown:
+        raise KeyError(f"no parameter '{unknown[0]}'")
+    return dict(parameters)

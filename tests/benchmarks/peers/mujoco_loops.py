@@ -1,0 +1,98 @@
+"""The loop in MuJoCo: a tree of hinges from one body that slides and turns in the plane, closed by a soft constraint.
+
+``connect`` closes it over two steps (``solref``), at 0.9999 of full stiffness (``solimp``): softer is further off, not
+faster. On the ground contact points and friction are ours, the points spheres of 1 mm; MuJoCo takes stiffness and
+damping of a contact over the mass that it moves, and gets those of the soil over the mass of one link. That is another
+law, so its distance from our reference there is no error of its integration.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tests.benchmarks import motion
+from tests.benchmarks.motion import GRAVITY, Case, Floats, Loop
+from tests.benchmarks.timing import cpu, least
+
+STEPS = {  # s, by integrator; the second one is of first order, and the one that is meant for contact
+    "RK4": (10e-3, 5e-3, 1e-3),
+    "implicitfast": (1e-3, 2.5e-4),
+}
+GROUND_STEPS = {"RK4": (1e-3, 2.5e-4), "implicitfast": (1e-3, 2.5e-4)}
+QUICK_STEPS = {"RK4": (1e-3,), "implicitfast": (1e-3,)}
+STIFF = "0.9999 0.9999 0.001"
+POINT = 1e-3  # m, radius of a contact point
+GAUSS = 1.0 / np.sqrt(12.0)  # of the pitch, from the middle of a link
+
+
+def measure(case: str, quick: bool, repeats: int) -> list[dict[str, Any]]:
+    """Runs of a case of rigid links."""
+    wanted = motion.CASES[case]
+    if wanted.track != "rigid":
+        return []
+    stop = wanted.quick if quick else wanted.stop
+    found = []
+    for integrator, steps in (QUICK_STEPS if quick else GROUND_STEPS if wanted.ground else STEPS).items():
+        for step in steps:
+            spent, (pins, _) = least(repeats, run, wanted, stop, step, integrator)
+            found.append({"code": integrator, "step": step, "cpu": spent, "pins": pins.tolist()})
+    return found
+
+
+def run(case: Case, stop: float, step: float, integrator: str) -> tuple[float, tuple[Floats, float]]:
+    """CPU time, s; pins and energy, J, at ``stop``. Raises RuntimeError with what MuJoCo warned of."""
+    import mujoco
+
+    loop = motion.loop(case)
+    model = mujoco.MjModel.from_xml_string(xml(loop, case.ground, step, integrator))
+    data = mujoco.MjData(model)
+    c, s = np.cos(loop.angle[0]), np.sin(loop.angle[0])  # of the first link, along and across which it slides
+    vx, vz = loop.velocity[0]
+    data.qvel[:2] = c * vx + s * vz, c * vz - s * vx
+    data.qvel[2:] = np.diff(loop.rate, prepend=0.0)
+    warned: list[str] = []
+    mujoco.set_mju_user_warning(warned.append)  # else it writes them into a file here
+    spent, _ = cpu(lambda: mujoco.mj_step(model, data, nstep=round(stop / step)))
+    mujoco.mj_kinematics(model, data)
+    if warned:  # and starts anew where a run blows up
+        raise RuntimeError(f"steps of {step:g} s: {warned[0]}")
+    mujoco.mj_energyPos(model, data)
+    mujoco.mj_energyVel(model, data)
+    first = [model.site(f"first{k}").id for k in range(len(loop.pins))]
+    return spent, (np.array(data.site_xpos[first][:, [0, 2]]), float(data.energy.sum()))
+
+
+def xml(loop: Loop, ground: bool, step: float, integrator: str) -> str:
+    """The model; a hinge turns from x towards z."""
+    n, p, inertia = len(loop.pins), loop.pitch, loop.mass * loop.pitch**2 / 12.0
+    soil = loop.soil
+    touch = (
+        f'condim="3" friction="{soil["friction"]} 0 0" solimp="{STIFF}"'
+        f' solref="{-soil["stiffness"] / loop.mass} {-soil["damping"] / loop.mass}"'
+    )
+    lines = [
+        f'<mujoco><option timestep="{step}" integrator="{integrator}" cone="elliptic"'
+        f' gravity="0 0 {-GRAVITY if ground else 0.0}"/>',
+        '<compiler angle="radian" inertiafromgeom="false"/><worldbody>',
+    ]
+    if ground:
+        lines.append(f'<geom type="plane" size="50 50 1" pos="0 0 {loop.level:.17g}" {touch}/>')
+    for k in range(n):
+        turn = 0.5 * (loop.angle[k] - (loop.angle[k - 1] if k else 0.0))
+        x, z = (p, 0.0) if k else loop.pins[0]
+        lines.append(
+            f'<body pos="{x:.17g} 0 {z:.17g}" quat="{np.cos(turn):.17g} 0 {-np.sin(turn):.17g} 0">'
+            f'<inertial pos="{0.5 * p} 0 0" mass="{loop.mass}" diaginertia="{" ".join([f"{inertia:.17g}"] * 3)}"/>'
+        )
+        if not k:
+            lines.append('<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>')
+        lines.append(f'<joint type="hinge" axis="0 -1 0"/><site name="first{k}"/><site name="last{k}" pos="{p} 0 0"/>')
+        if ground:
+            for side in (-GAUSS, GAUSS):
+                place = f"{(0.5 + side) * p:.17g} 0 {loop.face - POINT:.17g}"
+                lines.append(f'<geom type="sphere" size="{POINT}" pos="{place}" conaffinity="0" {touch}/>')
+    closure = f'site1="last{n - 1}" site2="first0" solref="{2.0 * step} 1" solimp="{STIFF}"'
+    lines.append("</body>" * n + f"</worldbody><equality><connect {closure}/></equality></mujoco>")
+    return "\n".join(lines)

@@ -1,0 +1,114 @@
+"""What the log costs a run: pieces of ``straight`` with and without a record in turn, each against its neighbours."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.graph import wire
+from orchestrator.cosim.observers import Checkpoints, Logging
+from orchestrator.cosim.tape import Tape
+from orchestrator.execution.manifest import STATS_PERIOD, open_log
+from orchestrator.execution.simulate import opened
+from orchestrator.scene.scene import Scene
+from orchestrator.studies.tables import ABOUT, COST, Column, Table
+from tests.benchmarks import own
+from tests.benchmarks.timing import quiet
+
+SCENE, TRACK = "straight", "flexible"
+MOVING = ("drive.ramp_start=0 s", "drive.ramp_time=1 s")  # numbers at rest are quicker to compress
+PIECE = 2.0  # s
+PIECES, QUICK_PIECES = 8, 3  # of each, and a repeat
+NEVER = 1 << 40  # steps
+COLUMNS = (
+    Column("fmus", "FMUs", "", ABOUT),
+    Column("links", "links recorded at", "", ABOUT),
+    Column("step", "step without, us", ".0f", COST),
+    Column("share", "share of recording, %", ".1f", COST),
+    Column("low", "lower quartile, %", ".1f"),
+    Column("high", "upper quartile, %", ".1f"),
+    Column("size", "MB a simulated second", ".2f", COST),
+)
+
+
+def measure(quick: bool, repeats: int) -> list[Table]:
+    """FMUs with Python and without, at default and with all link outputs at every step."""
+    rows = []
+    for native in (False, True):
+        for links in ((), ("run.links=1",)):
+            scene = own.scene(SCENE, TRACK, [*MOVING, *links])
+            pieces = (QUICK_PIECES if quick else PIECES) * (1 if quick else repeats)
+            rows.append(row(scene, native, pieces, round(PIECE / scene.run.step)))
+    note = (
+        f"`{SCENE}`, from standstill; {PIECE:g} s with and without record in turn, wall time until all is in"
+        " the file; without: link outputs are not read either. Share: what a piece takes longer than the mean of its"
+        " neighbours; median and quartiles."
+    )
+    return [Table("What the log costs", COLUMNS, rows, (note,))]
+
+
+def row(scene: Scene, native: bool, pieces: int, steps: int) -> dict[str, Any]:
+    """So many pieces of a scene with a record, each of ``steps``, between as many and one without."""
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        log = Path(folder) / "run.mcap"
+        times = _times(scene, native, pieces, steps, log)
+        size = log.stat().st_size
+    without, recorded = times[::2], times[1::2]
+    shares = [1.0 - 0.5 * sum(around) / one for around, one in zip(pairwise(without), recorded, strict=True)]
+    low, share, high = 100.0 * np.quantile(shares, (0.25, 0.5, 0.75))
+    return {
+        "fmus": "native" if native else "Python",
+        "links": f"one step in {scene.links_every}",
+        "step": 1e6 * float(np.median(without)) / steps,
+        "share": float(share),
+        "low": float(low),
+        "high": float(high),
+        "size": size / 1e6 / (pieces * steps * scene.run.step),
+    }
+
+
+def _times(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> list[float]:
+    """Wall times of pieces, s, every other one recorded; the first is not."""
+    h, coupling, period = scene.run.step, scene.run.coupling, scene.run.checkpoints
+    with ExitStack() as stack:
+        placed, graph, components = opened(scene, stack, None, native)
+        scheme = stack.enter_context(SCHEMES[coupling.scheme](wire(graph, components), **coupling.options()))
+        recorder = stack.enter_context(open_log(log, placed, graph, components, scheme))
+        logging = Logging(recorder, list(components.values()), max(1, round(STATS_PERIOD / h)))
+        checkpoints = Checkpoints(recorder, scheme, round(period / h) if period else NEVER)
+        tape = scheme.tape = logging.tape
+        assert isinstance(tape, Tape)
+        every, k, times = tape.every, 0, []
+
+        def piece(recorded: bool) -> None:
+            nonlocal k
+            tape.every = every if recorded else NEVER
+            if recorded:
+                logging.begin(k, k * h, h)  # after the steps that are not in the log
+            began, end = time.perf_counter(), k + steps
+            while k < end:
+                k += scheme.march(k, min(end - k, logging.patience(k), checkpoints.patience(k)), h)
+                if recorded:
+                    logging(k, k * h, h)
+                    checkpoints(k, k * h, h)
+                else:
+                    tape.take()
+            recorder.flush()
+            times.append(time.perf_counter() - began)
+
+        logging(0, 0.0, h)
+        recorder.flush()
+        piece(True)  # compiles and makes room
+        times.clear()
+        with quiet():
+            for recorded in (False, *(True, False) * pieces):
+                piece(recorded)
+        recorder.close("ok", "", k)
+    return times

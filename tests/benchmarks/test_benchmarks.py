@@ -1,0 +1,392 @@
+"""The benchmark: that each part runs and tells what it should. How fast anything is, is asked of no test."""
+
+import json
+import os
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fmus.jit import cache_folder
+from orchestrator.log.log_format import CHECKPOINT
+from orchestrator.log.reader import Log, Series
+from orchestrator.scene.scene import load
+from tests import benchmarks as bench
+from tests.benchmarks import (
+    against,
+    chain,
+    exchange,
+    kernels,
+    layers,
+    links,
+    machine,
+    memory_run,
+    motion,
+    peers,
+    start,
+    tables,
+)
+from tests.benchmarks import memory as memory_part
+from tests.benchmarks import recording as recording_part
+from tests.benchmarks import vehicle as vehicle_part
+from tests.benchmarks.__main__ import app
+from tests.benchmarks.process import Failed, isolated
+from tests.benchmarks.tables import ABOUT, COST, Column, Table
+from tests.benchmarks.timing import laps, least, per_step
+
+COLUMNS = (Column("what", "what", "", ABOUT), Column("time", "us", ".1f", COST), Column("count", "count", ",d"))
+TABLE = Table("Title", COLUMNS, [{"what": "a", "time": 2.0, "count": 1000}, {"what": "b", "time": None}], ("A note.",))
+
+
+# ------------------------------------------------------------------ the command
+
+
+def test_what_comes_out(call, monkeypatch):
+    asked = []
+
+    def measured(name, **options):
+        asked.append((name, options))
+        if name == "links":
+            raise Failed("no reason")
+        return json.loads(json.dumps([TABLE]))
+
+    monkeypatch.setattr(bench, "isolated", measured)
+    status, out, _ = call(app, "--only", "vehicle,links", "--quick", "--json")
+    told = json.loads(out.splitlines()[-1])
+    assert (status, told["ok"]) == (1, False)
+    assert asked == [(name, {"quick": True, "repeats": bench.QUICK_REPEATS}) for name in ("vehicle", "links")]
+    assert set(told) == {"machine", "busy", "quick", "repeats", "ok", "parts"}
+    assert {"cpu", "cores", "load_average", "python", "packages", "commit"} <= set(told["machine"])
+    assert told["machine"]["packages"]["numba"]
+    assert told["parts"]["vehicle"] == [tables.plain(TABLE)]
+    assert "| a | 2.0 | 1,000 |\n| b |  |  |\n\nA note." in out
+    assert "not measured: no reason" in out
+    status, out, _ = call(app, "--only", "vehicle", "--repeat", "2")
+    assert (status, asked[-1]) == (0, ("vehicle", {"quick": False, "repeats": 2}))
+    assert out.splitlines()[0].endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--only", "chian"], "--only chian: no part 'chian': did you mean 'chain'?"),
+        (["--only", "x"], "no part 'x': there are chain, vehicle, layers, links, start, memory, recording"),
+        (["--repeat", "0"], "--repeat'"),
+        (["--against", "nowhere"], "--against nowhere: there is no checkout of cotrack"),
+        (["--against", "older"], "--against older: that checkout has no benchmark"),
+    ],
+)
+def test_what_is_refused(call, tmp_path, arguments, says):
+    (tmp_path / "older" / "orchestrator").mkdir(parents=True)
+    (tmp_path / "older" / "orchestrator" / "cli.py").touch()
+    status, out, err = call(app, *arguments)
+    assert status == 2
+    assert says in " ".join(err.replace("│", " ").split())
+    assert "|" not in out
+
+
+def test_the_old_command_says_where_it_is(cotrack):
+    status, _, err = cotrack("bench", "--only", "chain", "--against", "there")
+    assert status == 2
+    assert err.endswith("clone of cotrack: python -m tests.benchmarks --only chain --against there\n")
+
+
+def test_an_older_checkout_is_started_by_its_old_command(monkeypatch, tmp_path):
+    started = []
+
+    def run(command, **options):
+        started.append(command[2:5])
+        return SimpleNamespace(stdout=json.dumps({"parts": {}}), stderr="")
+
+    monkeypatch.setattr(against.subprocess, "run", run)
+    for place in ("orchestrator/bench", "tests/benchmarks"):
+        (tmp_path / place).mkdir(parents=True)
+        against.measured(tmp_path, ["links"], False)
+    assert started == [["orchestrator", "bench", "--json"], ["tests.benchmarks", "--json", "--only"]]
+
+
+def test_a_busy_machine_is_named():
+    quiet = machine.facts() | {"load_average": 0.9, "cores_allowed": 2}
+    assert machine.busy(quiet) == ""
+    assert machine.busy(quiet | {"load_average": None}) == ""
+    assert "load average 1.1 on 2 cores" in machine.busy(quiet | {"load_average": 1.1})
+
+
+def test_a_measurement_that_ends_with_an_error_is_a_sentence():
+    with pytest.raises(Failed, match=r"No module named 'tests.benchmarks.nothing'"):
+        isolated("nothing")
+
+
+# ------------------------------------------------------------------ clocks and pairs
+
+
+def test_the_least_of_repeats():
+    runs = iter([(2.0, "a"), (1.0, "b"), (3.0, "c")])
+    assert least(3, lambda: next(runs)) == (1.0, "b")
+    assert per_step([np.array([9.0, 2.0, 4.0]), np.array([9.0, 3.0, 3.0])], 1) == 2.5
+    short, long = laps(20, lambda k: None, lambda k: sum(range(20_000)))
+    assert np.median(short) < 50.0 < np.min(long)
+
+
+def test_costs_go_by_what_a_row_is_about():
+    assert tables.costs([tables.plain(TABLE)]) == {"a: us": 2.0}
+
+
+def test_pairs_are_measured_in_turn(monkeypatch, tmp_path):
+    (tmp_path / "orchestrator" / "bench").mkdir(parents=True)
+    (tmp_path / "orchestrator" / "cli.py").touch()
+    roots = []
+
+    def measured(root, names, quick):
+        roots.append(root)
+        drift = float(len(roots))  # the machine slows down
+        return {("links", "step"): (1.0 if root == against.ROOT else 2.0) * drift, ("links", str(root)): 1.0}
+
+    monkeypatch.setattr(against, "measured", measured)
+    table = against.paired(tmp_path, ["links"], True, 4, lambda said: None)
+    assert [root == against.ROOT for root in roots] == [True, False, False, True, True, False, False, True]
+    (row,) = table.rows
+    assert row["figure"] == "step"
+    assert row["ratio"] == pytest.approx(0.5, rel=0.3)
+    assert row["least"] < 0.5 < row["most"]
+    roots.clear()
+    itself = against.paired(against.ROOT, ["links"], True, 2, lambda said: None)
+    assert [row["least"] for row in itself.rows if row["figure"] == "step"] == [0.5]  # and not of one with itself
+
+
+def test_a_pair_needs_both_sides(monkeypatch):
+    def said(parts):
+        out = json.dumps({"parts": parts})
+        monkeypatch.setattr(against.subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=out, stderr=""))
+        return against.measured(against.ROOT, ["links"], True)
+
+    assert said({"links": [tables.plain(TABLE)]}) == {("links", "a: us"): 2.0}
+    with pytest.raises(Failed, match="not measured: no reason"):
+        said({"links": [tables.plain(tables.failed("Title", "no reason"))]})
+
+
+# ------------------------------------------------------------------ the chain
+
+
+def test_all_are_measured_by_one_reference():
+    """Errors at 1 ms are those of the second order; a hundredth more of the motion shows a hundredfold."""
+    for name, expected in (("flexible", 2.602e-5), ("rigid", 8.917e-6), ("rigid, on the ground", 1.234e-4)):
+        case = motion.CASES[name]
+        spent, pins = chain.stepped(case, case.quick, 1e-3, "step")
+        assert spent > 0.0
+        assert motion.error(case, case.quick, pins) == pytest.approx(expected, rel=0.03), name
+        np.testing.assert_allclose(pins, chain.stepped(case, case.quick, 1e-3, "advance")[1], atol=1e-10)
+    case = motion.CASES["rigid"]
+    faster = motion.model(case, 1e-3, **{"start.ovalling": 1.01 * motion.OVALLING})
+    for k in range(100):
+        faster.step(1e-3 * k, 1e-3, np.zeros(0))
+    assert motion.error(case, 0.1, motion.pins(faster)) > 1e-3
+    np.testing.assert_allclose(chain.logged(case, 0.1)[1], chain.stepped(case, 0.1, 1e-3, "step")[1], atol=1e-14)
+
+
+def test_peers_are_given_what_our_model_starts_with():
+    case = motion.CASES["rigid"]
+    loop, model, h = motion.loop(case), motion.model(case, 1e-6), 1e-6
+    np.testing.assert_allclose(motion.pins(model), loop.pins, atol=1e-14)
+    model.step(0.0, h, np.zeros(0))
+    np.testing.assert_allclose((motion.pins(model) - loop.pins) / h, loop.velocity, atol=2e-4)
+    chord = np.roll(loop.pins, -1, axis=0) - loop.pins
+    turning = np.roll(loop.velocity, -1, axis=0) - loop.velocity
+    np.testing.assert_allclose(turning[:, 1], loop.rate * chord[:, 0], atol=1e-12)
+    np.testing.assert_allclose(np.arctan2(chord[:, 1], chord[:, 0]), loop.angle, atol=1e-12)
+
+
+def test_a_peer_that_is_missing_is_one_sentence(monkeypatch):
+    monkeypatch.setattr(peers, "find_spec", lambda package: None)
+    for peer in peers.PEERS:
+        rows, reason = peers.runs(peer, "rigid", True, 1)
+        assert rows == []
+        assert reason == f"{peer.name} is not installed: pip install 'cotrack[benchmark]'"
+
+
+def test_cost_at_one_error():
+    """Of an order-2 code between its steps; of one that is better throughout at its longest; of none that is worse."""
+    rows = [{"step": h, "error": 1e-5 * h**2, "cpu": 8.0 / h, "rate": 1.0} for h in (4.0, 2.0, 0.5)]
+    at = chain.at_target(rows)
+    assert (at["step"], at["cpu"]) == (pytest.approx(1.0), pytest.approx(8.0))
+    assert chain.at_target(rows[2:])["step"] == 0.5
+    assert chain.at_target(rows[:2])["cpu"] is None
+
+
+def test_growth_with_links():
+    rows = [{"links": n, "time": 0.1 * n**1.5} for n in (64, 128, 1024)]
+    assert links.exponent(rows) == pytest.approx(1.5)
+    row = links.row("rigid", 8, 3, 1)
+    assert row["time"] > 0.0
+    assert 1.0 <= row["evaluations"] < 10.0
+
+
+# ------------------------------------------------------------------ vehicle, layers, start, memory
+
+
+def test_a_vehicle_by_its_clock():
+    row = vehicle_part.row("rigid", ["run.stop=5 ms", "drive.ramp_start=0 s"], 1)
+    assert row["factor"] == pytest.approx(1e3 / row["wall"])
+    assert row["least"] == row["factor"] == row["most"]
+    assert row["window"] == "0.005 s, off at 0 s"
+
+
+def test_layers_repeat_the_log(monkeypatch):
+    monkeypatch.setattr(layers, "QUICK_STOP", 0.004)
+    two = {row: each for row, each in layers.COMPONENTS.items() if row in ("drive", "track, rigid")}
+    monkeypatch.setattr(layers, "COMPONENTS", {**two, "drive": ("rigid", *two["drive"][1:])})
+    by_layer, outside, newton = layers.measure(quick=True, repeats=1)
+    assert [row["part"] for row in by_layer.rows] == list(two)
+    for table, width in ((by_layer, 6), (outside, 3), (newton, 4)):
+        for row in table.rows:
+            times = [row[column.key] for column in table.columns if column.role == COST]
+            assert len(times) == width
+            assert all(np.isfinite(times))
+    (row,) = newton.rows
+    assert row["part"] == "rigid"
+    assert row["evaluations"] >= row["matrices"] > 0.0
+    assert outside.columns == exchange.COLUMNS
+
+
+def test_a_replay_that_does_not_repeat_the_log_is_no_figure(monkeypatch):
+    monkeypatch.setattr(layers, "_kernel", lambda *given: ({"kernel": np.ones(4)}, np.zeros(2)))
+    part, t = motion.part(motion.CASES["rigid"], 8), np.zeros(4)
+    inputs, outputs = Series(t, t, (), np.zeros((4, 0))), Series(t, t, ("x", "y"), np.ones((4, 2)))
+    with pytest.raises(RuntimeError, match="chain: the kernel does not repeat what the log holds"):
+        layers.replayed(part, inputs, outputs, 1)
+
+
+def test_parts_of_an_iteration_by_todays_kernels():
+    for name, kind in (("flexible", "TrackFlexible"), ("rigid", "TrackRigid")):
+        model = motion.model(motion.CASES[name], 1e-3, 8)
+        model.step(0.0, 1e-3, np.zeros(0))
+        found = kernels.parts(kind, model, 1e-3, 2)
+        assert tuple(found) == kernels.PARTS == tuple(column.key for column in layers.NEWTON[1:5])
+        assert min(found.values()) > 0.0
+
+
+def test_pieces_with_a_record_stand_between_pieces_without(tmp_path):
+    """Their log is whole, and its inputs are proven across the gaps."""
+    rig = load("rig", "rigid", ("expect={}", "drive.ramp_start=0", "run.checkpoints=0.02"))
+    times = recording_part._times(rig, False, 2, 30, tmp_path / "pieces.mcap")
+    assert len(times) == 5
+    with Log(tmp_path / "pieces.mcap") as log:
+        steps = log.read("/track/out").t / rig.run.step
+        assert np.array_equal(np.round(steps), [*range(31), *range(61, 91), *range(121, 151)])
+        assert any(name.startswith(CHECKPOINT) for name in log.attachments)
+
+
+def test_the_share_of_a_record_is_that_of_its_pieces(monkeypatch):
+    def times(*given):
+        given[-1].write_bytes(b"log!")
+        return [1.0, 2.0, 3.0, 5.0, 2.0]  # shares of 0 and 50 %
+
+    monkeypatch.setattr(recording_part, "_times", times)
+    rig = load("rig", "rigid", ("run.step=1 ms", "run.links=3"))
+    row = recording_part.row(rig, False, 2, 1000)
+    assert (row["fmus"], row["links"]) == ("Python", "one step in 3")
+    told = [row[key] for key in ("step", "low", "share", "high", "size")]
+    assert told == pytest.approx([2000.0, 12.5, 25.0, 37.5, 2e-6])
+
+
+def test_start_and_memory(monkeypatch):
+    times = start.command("hanging_chain", "rigid", str(cache_folder()))
+    assert 0.0 < times["startup"] < times["first"] < times["whole"]
+    assert list(times) == [column.key for column in start.COLUMNS[2:]]
+    with pytest.raises(Failed, match="no scene 'nowhere'"):
+        start.command("nowhere", "rigid", os.devnull)
+    monkeypatch.setattr(memory_part, "isolated", lambda module, stop, **_: 100.0 + 10.0 * stop)
+    (table,) = memory_part.measure(quick=False, repeats=1)
+    assert [row["growth"] for row in table.rows] == pytest.approx([10.0, 10.0])
+    assert 50.0 < memory_run.measure("hanging_chain", "rigid", 0.01) < 20_000.0
+
+
+# ------------------------------------------------------------------ peers and the whole, by hand
+
+
+@pytest.mark.benchmark
+def test_exudyn_moves_the_same_chain():
+    """Error of order 2 towards our reference, ours to a hundredth of it at the same step; and the same mass."""
+    exudyn = pytest.importorskip("exudyn")
+    from tests.benchmarks.peers import exudyn_loops
+
+    for name, assembled in (("flexible", exudyn_loops.cables), ("rigid", exudyn_loops.rods)):
+        case = motion.CASES[name]
+        errors = [motion.error(case, 0.1, exudyn_loops.run(name, 0.1, h, "full Newton")[1]) for h in (1e-3, 5e-4)]
+        assert 3.6 < errors[0] / errors[1] < 4.4
+        assert errors[0] == pytest.approx(motion.error(case, 0.1, chain.stepped(case, 0.1, 1e-3, "step")[1]), rel=0.01)
+        mbs, _ = assembled(motion.loop(case))
+        solver, chosen = exudyn.MainSolverImplicitSecondOrder(), exudyn_loops.settings(0.1, 1e-3, False)
+        chosen.linearSolver.solverType = exudyn.LinearSolverType.EXUdense
+        solver.InitializeSolver(mbs, chosen)
+        solver.ComputeMassMatrix(mbs)
+        v = mbs.systemData.GetODE2Coordinates_t()
+        kinetic = 0.5 * v @ solver.GetSystemMassMatrix() @ v
+        assert kinetic == pytest.approx(kinetic_energy(case), rel=1e-6)
+
+
+@pytest.mark.benchmark
+def test_mujoco_moves_the_same_chain(monkeypatch, tmp_path):
+    """It closes its loop softly, and goes to our reference nevertheless; energy is kept, and ours."""
+    pytest.importorskip("mujoco")
+    from tests.benchmarks.peers import mujoco_loops
+
+    case = motion.CASES["rigid"]
+    errors = []
+    for h in (1e-3, 2.5e-4):
+        _, (pins, energy) = mujoco_loops.run(case, 0.1, h, "RK4")
+        errors.append(motion.error(case, 0.1, pins))
+        assert energy == pytest.approx(kinetic_energy(case), rel=1e-7)
+    assert errors[0] < 1e-7
+    assert errors[1] < 0.1 * errors[0]
+    first, second = (
+        motion.error(case, 0.1, mujoco_loops.run(case, 0.1, h, "implicitfast")[1][0]) for h in (1e-3, 5e-4)
+    )
+    assert first / second == pytest.approx(2.0, rel=0.1)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RuntimeError, match=r"steps of 0.02 s: .*simulation is unstable"):
+        mujoco_loops.run(case, 1.0, 0.02, "RK4")
+    assert not list(tmp_path.iterdir())
+    ground = motion.CASES["rigid, on the ground"]
+    _, (pins, _) = mujoco_loops.run(ground, 0.1, 2.5e-4, "RK4")
+    assert motion.error(ground, 0.1, pins) < 0.02  # another law of contact
+    loop = motion.loop(ground)
+    free = loop.pins + 0.1 * loop.velocity  # what nothing touches and nothing holds
+    assert motion.error(ground, 0.1, free) > 0.1
+
+
+def kinetic_energy(case):
+    """Of our model at the start, J."""
+    model = motion.model(case, 1e-3)
+    outputs = [port.name for port in model.ports if port.causality == "output" and isinstance(port.start, float)]
+    y = np.empty(len(outputs) - model.link_ports)
+    model.outputs(y)
+    return y[outputs.index("energy.kinetic")]
+
+
+@pytest.mark.benchmark
+def test_the_reference_is_what_it_says():
+    from tests.benchmarks import reference
+
+    for name, case in motion.CASES.items():
+        step = 2.0 * reference.STEPS[name]
+        pins, way = reference.states(case._replace(stop=case.quick), step)[f"{case.quick:g}"]
+        assert motion.error(case, case.quick, pins) * way < 1e-7
+
+
+@pytest.mark.benchmark
+def test_the_quick_form_as_a_whole(call):
+    status, out, _ = call(app, "--quick", "--repeat", "1", "--json")
+    told = json.loads(out.splitlines()[-1])
+    assert status == 0, out
+    assert list(told["parts"]) == list(bench.PARTS)
+    assert all(table["rows"] for part in told["parts"].values() for table in part)
+    assert [row["part"] for row in told["parts"]["layers"][0]["rows"]] == list(layers.COMPONENTS)
+
+
+@pytest.mark.benchmark
+def test_a_checkout_against_itself():
+    if machine.busy(machine.facts()):
+        pytest.skip("the machine is busy")
+    table = against.paired(against.ROOT, ["links"], True, 5, lambda said: None)
+    assert [row["ratio"] for row in table.rows] == pytest.approx([1.0] * len(table.rows), abs=0.03)

@@ -1,0 +1,1 @@
+"""Regression: whether two checkouts compute the same bits."""

@@ -1,0 +1,1 @@
+"""Validation: the mechanics, the couplings and the paper's comparison, each a study (``orchestrator/studies``)."""

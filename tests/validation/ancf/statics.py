@@ -1,0 +1,52 @@
+"""Static equilibrium of a mesh by Newton's method with load steps that adapt."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from fmus.physics.arrays import Floats
+from tests.validation.ancf.mesh import Mesh
+
+MOST = 30  # iterations of Newton's method in a load step
+
+
+class NotFound(ArithmeticError):
+    """No equilibrium found."""
+
+
+def newton(mesh: Mesh, q: Floats, share: float, tolerance: float, most: int = MOST) -> tuple[Floats, int] | None:
+    """The equilibrium near ``q`` under a share of the loads, and the iterations; None if the way there is lost."""
+    q, before = q.copy(), np.inf
+    for k in range(1, most + 1):
+        residual = share * mesh.applied(q) - mesh.force(q)
+        dq = splu((mesh.tangent(q) - share * mesh.applied_tangent(q)).tocsc()).solve(residual)
+        q += dq
+        size = abs(dq).max()
+        if not size < 1e3 or (k > 8 and size > 0.5 and size > before):
+            return None
+        if size < tolerance:
+            return q, k
+        before = size
+    return None
+
+
+def equilibrium(mesh: Mesh, q: Floats, steps: int = 10, tolerance: float = 1e-10) -> Floats:
+    """The q under all loads. These grow in ``steps``: one that fails is halved, one that is easy lets the next grow.
+
+    ``tolerance`` bounds the last correction of the coordinates (positions in m, gradients without unit).
+    """
+    share, step = 0.0, 1.0 / steps
+    while share < 1.0:
+        step = min(step, 1.0 - share)
+        found = newton(mesh, q, share + step, tolerance)
+        if found is None:
+            step *= 0.5
+            if step < 1e-5:
+                raise NotFound(f"Newton: lost at {share + step:.5f} of the loads")
+            continue
+        share += step
+        q, iterations = found
+        if iterations < MOST // 3:
+            step *= 1.5
+    return q

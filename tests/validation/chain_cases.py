@@ -1,0 +1,272 @@
+"""Chains without contact against exact and published figures, of rods and of meshes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh
+
+from fmus.physics.ancf import beam, cable
+from fmus.physics.arrays import Floats
+from fmus.physics.chain.layout import regular_polygon
+from orchestrator.studies import Case
+from orchestrator.studies.tables import Row
+from tests.validation.ancf import dynamics, loads, statics
+from tests.validation.compared import checked, of_order
+from tests.validation.meshes import (
+    AREA,
+    PITCH,
+    SECOND,
+    SHOE,
+    STEEL,
+    TRACK,
+    angular_momentum,
+    chain,
+    spinning,
+    velocity,
+)
+from tests.validation.orders import order_of, rate_of
+from tests.validation.rods import EXPLICIT, IMPLICIT, MASS, G, Rods, of_angles
+
+# 5. Released horizontal chain --------------------------------------------------------------------------------------
+
+LINKS = 64
+STEP = "step, s"  # what series of errors go over
+
+
+def released_rods() -> list[Row]:
+    """Thin rigid rods by Runge-Kutta."""
+    hs = (1e-2, 5e-3, 2.5e-3)
+    line_of = of_angles(np.zeros(LINKS))
+    tips = [float(Rods(line_of, held=True).run(0.5, h).tip()[0]) for h in hs]
+    return _over_steps("released chain of 64 rods, tip x at 0.5 s, m", hs, tips, 9.413161, 4)
+
+
+def released_steel(hs: tuple[float, ...]) -> list[Row]:
+    """Steel cables by generalised alpha."""
+    mesh = chain(cable, STEEL, np.zeros(LINKS), held=True)
+    mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
+    tips = []
+    for h in hs:
+        q, still = mesh.start(), np.zeros(mesh.n)
+        for _, now, _ in dynamics.generalized_alpha(mesh, q, still, h, round(0.5 / h)):
+            q = now
+        tips.append(float(mesh.end(q, (LINKS - 1, 1))[0, 0]))
+    return _over_steps("released chain of 64 steel links, tip x at 0.5 s, m", hs, tips, 9.413174, 2)
+
+
+def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference: float, order: int) -> list[Row]:
+    """The reference has six decimals; the series is that of the values towards their own limit."""
+    limit = values[-1] + (values[-1] - values[-2]) / (2**order - 1)
+    series = tuple((h, abs(value - limit)) for h, value in zip(hs, values, strict=True))
+    off = abs(values[-1] - reference)
+    row = checked("", case, values[-1], reference, 2e-5, off, order=order_of(hs, values), over=STEP, series=series)
+    row = of_order(row, order - 0.4, order + 0.4)
+    return [replace(row, note=f"{row.note}; the figure's errors are to the values' own limit")]
+
+
+# 6. Small swings of the hanging chain ------------------------------------------------------------------------------
+
+SWINGS = (1.20242178, 2.76073253, 4.33154065, 5.91226122)  # omega sqrt(L/g) of 64 thin rods
+
+
+def swings_of_rods() -> list[Row]:
+    """From the angular accelerations of links let go a little off the vertical, one at a time."""
+    d = 1e-5
+
+    def released(k: int, turn: float) -> Floats:
+        angles = np.full(LINKS, -np.pi / 2)
+        angles[k] += turn
+        return Rods(of_angles(angles), held=True).release()[:, 4]  # angles count from x to z, that is about -y
+
+    stiff = np.stack([(released(k, d) - released(k, -d)) / (2 * d) for k in range(LINKS)], axis=1)
+    return _swings("rods", np.sort(np.linalg.eigvals(stiff).real)[:4])
+
+
+def swings_of_steel() -> list[Row]:
+    """Linearised about the loaded equilibrium, in the plane."""
+    mesh = chain(cable, TRACK, np.full(LINKS, -np.pi / 2), held=True)
+    mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
+    # a chain without tension resists no swing: Newton begins at the stretch that the weight below each link makes
+    stretch = 1.0 + (LINKS - np.arange(LINKS) - 0.5) * TRACK.rhoA * PITCH * G / TRACK.EA
+    e = mesh.coordinates(mesh.start()).reshape(LINKS, 4, 3)
+    e[:, 2, 2] = -PITCH * np.cumsum(stretch)
+    e[1:, 0, 2], e[:, [1, 3], 2] = e[:-1, 2, 2], -stretch[:, None]
+    q = statics.equilibrium(mesh, mesh.fit(e), steps=1, tolerance=1e-13)
+    plane = np.flatnonzero(abs(mesh.B[1::3]).sum(axis=0) == 0.0)
+    K = mesh.tangent(q).toarray()[np.ix_(plane, plane)]
+    M = mesh.M.toarray()[np.ix_(plane, plane)]
+    return _swings("steel links", 1.0 / eigh(M, 0.5 * (K + K.T), eigvals_only=True)[::-1][:4])
+
+
+def _swings(what: str, squares: Floats) -> list[Row]:
+    found = np.sqrt(squares * LINKS * PITCH / G)
+    return [
+        checked("", f"hanging chain of 64 {what}, mode {k + 1}, omega sqrt(L/g)", value, SWINGS[k], 1e-4)
+        for k, value in enumerate(found)
+    ]
+
+
+# 7. Spinning free loop ---------------------------------------------------------------------------------------------
+
+
+def spinning_loop() -> list[Row]:
+    """Joint force of rods and steel, hoop strain of steel."""
+    omega, expected, slope = 5.0, 7112.513, np.pi / LINKS
+    loop = Rods(regular_polygon(PITCH, LINKS), closed=True, gravity=0.0)
+    loop.turn(np.array([0.0, omega, 0.0]))
+    loop.release()
+    rods = np.linalg.norm(loop.s.lam[:, :3], axis=1)
+    mesh, q = spinning(LINKS, omega)
+    e = mesh.coordinates(q)
+    residual = (mesh.internal(q) - omega**2 * (mesh.M_e @ e)).reshape(LINKS, 4, 3)
+    steel = np.linalg.norm(residual[:, 0], axis=1)
+    e = e.reshape(LINKS, 4, 3)
+    hoop = np.linalg.norm(e[:, 2] - e[:, 0], axis=1) / PITCH - 1
+    inside = expected * np.cos(slope) + TRACK.rhoA * omega**2 * PITCH**2 / 12  # mean along a straight link
+    rows = []
+    for what, found, exact, tolerance in (
+        ("joint force, rods, N", rods, expected, 1e-5),
+        ("joint force, steel, N", steel, expected, 1e-5),
+        ("hoop strain, steel, = T/EA", hoop, expected / TRACK.EA, 5e-4),
+        ("hoop strain, steel, = mean tension of a link/EA", hoop, inside / TRACK.EA, 1e-5),
+    ):
+        k = int(np.abs(found - exact).argmax())
+        rows.append(checked("", f"spinning loop of 64 links, {what}", found[k], exact, tolerance))
+    return rows
+
+
+# 8. Folded falling chain -------------------------------------------------------------------------------------------
+
+
+def folded_chain(links: int) -> list[Row]:
+    """Pinned at one end, folded once, let go at the other; no link turns more than 0.05 rad in a step."""
+    n, quarter = links // 2, np.pi / 2
+    rods = Rods(of_angles(np.concatenate([np.full(n, -quarter), [0.0], np.full(n, quarter)])), held=True)
+    length = links * PITCH
+    scale, start = math.sqrt(2 * length / G), rods.energy()
+    t, drop, drift = [0.0], [0.0], 0.0
+    while t[-1] < 0.9 * scale and drop[-1] >= 0.98 * max(drop):
+        h = min(2e-3 * scale, 0.05 / max(float(np.abs(rods.s.v[:, 4]).max()), 1e-9))
+        rods.run(h, h)
+        t.append(t[-1] + h)
+        drop.append(-float(rods.tip()[2]))
+        drift = max(drift, abs(rods.energy() - start))
+    times, drops = np.array(t) / scale, np.array(drop) / length
+    k = int(drops.argmax())
+    top = float(np.polynomial.Polynomial.fit(times[k - 1 : k + 2], drops[k - 1 : k + 2], 2).deriv().roots()[0])
+    half = float(np.interp(0.5, drops[:k], times[:k])) * math.sqrt(2.0)
+    ahead = float((drops[1:k] / times[1:k] ** 2).min())
+    name = f"folded chain of {links} rods"
+    return [
+        checked("", f"{name}, time of the largest drop / sqrt(2 L/g)", top, 0.8472, 0.01),
+        checked("", f"{name}, time to drop L/2 / sqrt(L/g)", half, 0.948, 0.005),
+        checked(
+            "", f"{name}, least drop / that of free fall", ahead, 1.0, 0.0, max(0.0, 1.0 - ahead),
+            note="above 1: ahead at every instant",
+        ),
+        checked("", f"{name}, energy drift / m g L", drift / (links * MASS * G * length), 0.0, 1e-3),
+    ]  # fmt: skip
+
+
+# 13. Drift of an undamped free chain -------------------------------------------------------------------------------
+
+ZIGZAG = 0.3 * np.cos(2.2 * np.arange(8))
+SPIN = np.array([0.2, 2.0, 0.3])  # rad/s, rigid
+ORDERS = {EXPLICIT: 4, IMPLICIT: 2}
+WEAK = 2e5  # Pa: links whose own modes an explicit method can follow
+
+
+def drift(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
+    """Of energy and angular momentum, relative, during runs in steps of each h.
+
+    Runge-Kutta of order 4 loses energy at order 5 where the motion is slow.
+    """
+    drifts = _drifts_of_rods(integrator, time) if what == "rods" else _drifts_of_mesh(what, integrator, time)
+    largest, order = np.array([np.max(list(drifts(h)), axis=0) for h in hs]), ORDERS[integrator]
+    rows = []
+    for kept, errors, tolerance in zip(("energy", "angular momentum"), largest.T.tolist(), (1e-4, 1e-5), strict=True):
+        row = checked(
+            "", f"free chain, {what}, {integrator}, {kept} drift over {time:g} s", errors[-1], 0.0, tolerance,
+            order=rate_of(hs, errors), over=STEP, series=tuple(zip(hs, errors, strict=True)),
+        )  # fmt: skip
+        rows.append(of_order(row, order - 0.4, order + (0.4 if order == 2 else 1.5)))
+    return rows
+
+
+Drifts = Callable[[float], Iterator[tuple[float, float]]]  # of energy and angular momentum in the course of a run
+
+
+def _drifts_of_rods(integrator: str, time: float) -> Drifts:
+    """All three components."""
+    pins = of_angles(ZIGZAG)
+
+    def drifts(h: float) -> Iterator[tuple[float, float]]:
+        rods = Rods(pins - pins.mean(axis=0), gravity=0.0)
+        rods.turn(SPIN)
+        energy, L = rods.energy(), rods.angular_momentum()
+        for _ in rods.steps(time, h, integrator):
+            off = np.abs(rods.angular_momentum() - L).max()
+            yield abs(rods.energy() / energy - 1.0), float(off / np.linalg.norm(L))
+
+    return drifts
+
+
+def _drifts_of_mesh(what: str, integrator: str, time: float) -> Drifts:
+    """Cables about the pin axis alone; beams about all axes."""
+    link = STEEL if what == "steel cables" else STEEL._replace(EA=WEAK * AREA, EI=WEAK * SECOND)
+    if what == "soft beams":
+        mesh = chain(beam, SHOE._replace(E=WEAK), ZIGZAG[:3])
+        spin, axes = SPIN, slice(0, 3)
+    else:
+        mesh = chain(cable, link, ZIGZAG)
+        spin, axes = np.array([0.0, 2.0, 0.0]), slice(1, 2)
+    method = dynamics.runge_kutta if integrator == EXPLICIT else dynamics.generalized_alpha
+    options: dict[str, Any] = {} if integrator == EXPLICIT else {"tolerance": 1e-12, "radius": 0.8}
+    q0 = mesh.start()
+    v0 = velocity(mesh, np.cross(spin, mesh.e0.reshape(-1, 3)))
+    energy, L = mesh.energy(q0) + mesh.kinetic(v0), angular_momentum(mesh, q0, v0)
+
+    def drifts(h: float) -> Iterator[tuple[float, float]]:
+        for k, (_, q, v) in enumerate(method(mesh, q0, v0, h, round(time / h), **options)):
+            if k % 10 == 9:
+                off = np.abs(angular_momentum(mesh, q, v) - L)[axes].max()
+                yield abs((mesh.energy(q) + mesh.kinetic(v)) / energy - 1.0), float(off / np.linalg.norm(L))
+
+    return drifts
+
+
+# All of it ---------------------------------------------------------------------------------------------------------
+
+
+def cases(quick: bool) -> list[Case]:
+    """``quick`` leaves the two long chains and the long windows out."""
+    window = 2.0 if quick else 10.0
+    coarse = (2.5e-3, 1.25e-3, 6.25e-4)
+    free: tuple[tuple[str, str, tuple[float, ...]], ...] = (
+        ("rods", IMPLICIT, (5e-3, 2.5e-3, 1.25e-3)),
+        ("rods", EXPLICIT, (2e-2, 1e-2, 5e-3)),
+        ("steel cables", IMPLICIT, coarse),
+        ("soft cables", IMPLICIT, coarse),
+        ("soft cables", EXPLICIT, (4e-3, 2e-3, 1e-3)),
+        ("soft beams", IMPLICIT, coarse),
+        ("soft beams", EXPLICIT, (1e-3, 5e-4, 2.5e-4)),
+    )
+    folded = (17, 33) if quick else (17, 33, 65, 129)
+    long = {IMPLICIT: 10 * window, EXPLICIT: window}
+    return [
+        Case("5", "released rods", released_rods, (), 2),
+        Case("5", "released steel", released_steel, ((1e-3, 5e-4, 2.5e-4),), 60),
+        Case("6", "swings of rods", swings_of_rods, (), 2),
+        Case("6", "swings of steel", swings_of_steel, (), 2),
+        Case("7", "spinning loop", spinning_loop, (), 5),
+        *(Case("8", f"folded chain of {links}", folded_chain, (links,), links / 4) for links in folded),
+        *(
+            Case("13", f"drift of {what}, {integrator}", drift, (what, integrator, hs, window), long[integrator])
+            for what, integrator, hs in free
+        ),
+    ]

@@ -1,0 +1,355 @@
+"""Elements, joints, corners and splines against exact and published figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh
+
+from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
+from fmus.physics.arrays import Floats
+from orchestrator.studies import Case
+from orchestrator.studies.tables import Row
+from tests.validation.ancf import bspline, dynamics, joints, sliding
+from tests.validation.ancf.mesh import Member, Mesh, Tie, nodes
+from tests.validation.compared import checked, of_order
+from tests.validation.meshes import (
+    AREA,
+    MODULUS,
+    PITCH,
+    SECTIONS,
+    SHOE,
+    TRACK,
+    Y,
+    chain,
+    cornered,
+    deflection,
+    elastica,
+    frame_tip,
+    line,
+    opening,
+    polygon,
+    rope,
+    rotating,
+    rotation,
+    section,
+    turned,
+)
+from tests.validation.orders import order_of, rate_of
+
+CABLES: dict[str, Any] = {
+    "small deformation (11)-(15)": cable,
+    "general (8)-(10)": cable_general,
+    "engineering": cable_engineering,
+}
+CURES: dict[str, dict[str, Any]] = {
+    "nu = 0": {"nu": 0.0, "split": False},
+    "split nu = 0.3": {"nu": 0.3, "split": True},
+}
+ALPHAS = (1, 5, 10)
+LINKS = 64
+ELEMENTS = "elements"  # what series of errors go over
+
+# 2. The elastica ---------------------------------------------------------------------------------------------------
+
+
+def _over_elements(case: str, ns: tuple[int, ...], values: list[float], reference: float, tolerance: float) -> Row:
+    """The value with the last number of elements, the errors of all, the order of the values among themselves."""
+    scale = abs(reference) or 1.0
+    series = tuple((float(n), abs(value - reference) / scale) for n, value in zip(ns, values, strict=True))
+    return checked("", case, values[-1], reference, tolerance, order=order_of(ns, values), over=ELEMENTS, series=series)
+
+
+def _element(name: str) -> tuple[str, Any, dict[str, Any]]:
+    """A cable or a beam in words, its kind and options."""
+    return (f"cable {name}", CABLES[name], {}) if name in CABLES else (f"beam {name}", beam, CURES[name])
+
+
+def elastica_of(name: str) -> list[Row]:
+    """Tip loads and the circle. Of beams short elements are of order 2, long ones converge faster."""
+    what, kind, kind_of = _element(name)
+    slender, finer, tolerance = (1000, (8, 16, 32), 1e-4) if name in CABLES else (100, (16, 32, 64), 2e-3)
+    ns, rows = (8, 16, 32), []
+    for a in ALPHAS:
+        values = [deflection(kind, n, a, slender, **kind_of) for n in ns]
+        rows.append(_over_elements(f"elastica, {what}, alpha = {a}, w/L", ns, values, elastica(a), tolerance))
+    gaps = [opening(kind, n, slender, **kind_of) for n in finer]
+    return [*rows, _over_elements(f"closed circle, {what}, gap/L", finer, gaps, 0.0, tolerance)]
+
+
+def elastica_order(name: str) -> list[Row]:
+    """Values of three meshes among themselves, stockier, so that bending and not the stretch decides."""
+    what, kind, kind_of = _element(name)
+    slender, ns, expected, off = (50, (4, 8, 16), 4, 0.5) if name in CABLES else (20, (32, 64, 128), 2, 0.2)
+    order = order_of(ns, [deflection(kind, n, 5, slender, **kind_of) for n in ns])
+    case = f"elastica, {what}, alpha = 5, L/h = {slender}, order of {ns} elements"
+    return [checked("", case, order, expected, off, abs(order - expected), order=order)]
+
+
+def elastica_without_cure() -> list[Row]:
+    """With nu = 0.3 in every point: converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu))."""
+    stiffer, rows = 0.7 / (1.3 * 0.4), []
+    for a in ALPHAS:
+        found = deflection(beam, 64, a, 100, nu=0.3, split=False)
+        case = f"elastica, beam nu = 0.3 without a cure, alpha = {a}, w/L"
+        rows += [
+            checked("", case, found, elastica(a), math.nan, note="the wrong limit, for information"),
+            checked("", f"{case}, with 1.346 EI", found, elastica(a / stiffer), 2e-3),
+        ]
+    return rows
+
+
+# 3. Frequencies ----------------------------------------------------------------------------------------------------
+
+ENDS: dict[str, tuple[list[Any], list[float]]] = {
+    "cantilever": ([((0, 0), joints.clamped)], [1.87510407, 4.69409113, 7.85475744]),
+    "free-free": ([], [4.73004074, 7.85320462, 10.99560784]),
+    "pinned": ([((0, 0), joints.held), ((-1, 1), joints.held)], [np.pi, 2 * np.pi, 3 * np.pi]),
+}
+
+
+def _beta(kind: Any, n: int, slender: float, ends: str, **kind_of: Any) -> Floats:
+    """The beta L of the first three bending modes; each comes twice, once a plane."""
+    supports = [((node % n, end), own) for (node, end), own in ENDS[ends][0]]
+    mesh = line(kind, section(kind, n, slender, **kind_of), n, supports)
+    K, M = mesh.tangent(mesh.start()).toarray(), mesh.M.toarray()
+    squares = 1.0 / eigh(M, K + M, eigvals_only=True)[::-1] - 1.0  # the lowest with the most digits
+    return np.asarray(squares[squares > 1.0][:6][::2] ** 0.25)
+
+
+def frequencies(name: str, ends: str) -> list[Row]:
+    """The worst of the first three, against Euler-Bernoulli."""
+    element, kind, kind_of = _element(name)
+    slim = name in CABLES
+    slender, ns, tolerance = (1000, (4, 8, 16), 1e-4) if slim else (300, (8, 16, 32), 2e-3)
+    exact = np.array(ENDS[ends][1])
+    found = [_beta(kind, n, slender, ends, **kind_of) for n in ns]
+    errors = [np.abs(f / exact - 1.0) for f in found]
+    k = int(errors[-1].argmax())
+    worst = [float(e[k]) for e in errors]
+    row = checked(
+        "", f"frequencies, {element}, {ends}, beta L of mode {k + 1}", found[-1][k], exact[k], tolerance, worst[-1],
+        order=rate_of(ns, worst), over=ELEMENTS, series=tuple(zip(map(float, ns), worst, strict=True)),
+    )  # fmt: skip
+    return [of_order(row, 3.7, 4.3) if slim else of_order(row, 1.9, 2.2)]
+
+
+# 4. The rotating very flexible cable -------------------------------------------------------------------------------
+
+TIMES = (0.2, 0.5, 1.0)
+TIPS: dict[str, tuple[list[tuple[float, float, float]], float]] = {
+    "engineering": (
+        [(0.65482, -0.19797, -0.70458), (-0.69153, -0.71131, -0.09043), (0.65581, 0.04280, 0.66516)],
+        2e-5,
+    ),
+    "general (8)-(10)": (
+        [(0.654762, -0.197966, -0.704555), (-0.691538, -0.711404, -0.090278), (0.655978, 0.042512, 0.665746)],
+        1e-4,
+    ),
+    "small deformation (11)-(15)": (
+        [(0.663443, -0.198522, -0.691218), (-0.675681, -0.713420, -0.094477), (0.629955, 0.044924, 0.684144)],
+        1e-4,
+    ),
+}
+
+
+def rotating_cable(name: str) -> list[Row]:
+    """Its tip at three times; each row shows the component that is farthest off."""
+    mesh, q, v = rotating(CABLES[name])
+    steps = 2500
+    rows: list[Row] = []
+    expected, tolerance = TIPS[name]
+    for t, p, _ in dynamics.runge_kutta(mesh, q, v, 1.0 / steps, steps):
+        if round(t * steps) in [round(moment * steps) for moment in TIMES]:
+            tip, exact = mesh.end(p, (3, 1))[0], np.array(expected[len(rows)])
+            k = int(np.abs(tip - exact).argmax())
+            what = f"rotating cable, {name}, tip {'xyz'[k]} at {t:g} s, m"
+            rows.append(checked("", what, tip[k], exact[k], tolerance, abs(tip[k] - exact[k])))
+    return rows
+
+
+# 9. The sliding joint ----------------------------------------------------------------------------------------------
+
+
+def sliding_joint(slider: str) -> list[Row]:
+    """Five seconds without friction over the nodes of a flexible rail."""
+    b, r, s = rope(slider)
+    lost = sliding.removed(b, r, s.X, s.w)
+    start, worst, closed, kinetic = sum(sliding.energy(b, s)), 0.0, 0.0, 0.0
+    for _ in range(2500):
+        s = sliding.step(b, r, s, 2e-3)
+        parts = sliding.energy(b, s)
+        worst, kinetic = max(worst, abs(sum(parts) - start)), max(kinetic, parts[0])
+        closed = max(closed, float(np.abs(sliding.constraint(r, s.X, s.w)).max()))
+    name = f"{slider} on a flexible rail, 5 s"
+    return [
+        checked("", f"{name}, energy change / largest kinetic energy", worst / kinetic, 0.0, 1e-6),
+        checked("", f"{name}, constraint, m", closed, 0.0, 1e-10),
+        checked("", f"{name}, degrees of freedom removed", lost, 4 if slider == "cable" else 2, 0.0),
+    ]
+
+
+# 10. Pins ----------------------------------------------------------------------------------------------------------
+
+
+def pin_counts() -> list[Row]:
+    """Ranks of what a pin eliminates, and degrees of freedom of whole tracks."""
+    rows = []
+    kinds: tuple[tuple[str, Any, Any, Any, int], ...] = (
+        ("cable", cable, TRACK, joints.pin_cable(Y), 4),
+        ("beam", beam, SHOE, joints.pin_beam(Y), 6),
+    )
+    for name, kind, c, pin, rank in kinds:
+        ties = [Tie((0, 1), (1, 0), pin)]
+        mesh = Mesh([Member(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, 2))], ties)
+        found = int(np.linalg.matrix_rank(mesh.constraints(ties)))
+        rows.append(checked("", f"pin of the {name}, rank of its equations", found, rank, 0.0))
+        own = 24 if kind is beam else 12
+        for closed, pins in ((True, LINKS), (False, LINKS - 1)):
+            track = chain(kind, c, polygon(LINKS) if closed else np.zeros(LINKS), closed)
+            what = f"{'closed' if closed else 'open'} track of 64 {name}s, degrees of freedom"
+            rows.append(checked("", what, track.n, LINKS * own - pins * rank, 0.0))
+    return rows
+
+
+def _unstrained(what: str, mesh: Mesh, places: Iterable[Floats], over: str, scale: float, off: str) -> list[Row]:
+    """Largest strain energy ``over`` a ``scale`` in J, and misfit of the joints, at places that nothing strains."""
+    energy = misfit = 0.0
+    for x in places:
+        q = mesh.fit(x)
+        misfit = max(misfit, float(abs(mesh.coordinates(q) - x.ravel()).max()))
+        energy = max(energy, mesh.energy(q))
+    return [
+        checked("", f"{what}, strain energy / {over}", energy / scale, 0.0, 1e-24),
+        checked("", f"{what}, {off}, m", misfit, 0.0, 1e-14),
+    ]
+
+
+def pin_turns(name: str) -> list[Row]:
+    """Two links, the second turned about the pin through 360 degrees: largest strain energy over EA l."""
+    kind, c = (beam, SHOE) if name == "beam" else (cable, TRACK)
+    mesh = chain(kind, c, np.zeros(2))
+    e, half = mesh.e0.reshape(2, kind.ROWS, 3), kind.ROWS // 2
+    middle = e[1, 0].copy()
+
+    def folded(angle: float) -> Floats:
+        x = e.copy()
+        x[1, [0, half]] -= middle
+        x[1] = turned(x[1], rotation(Y, angle))
+        x[1, [0, half]] += middle
+        return turned(x, rotation([3, -1, 2] if kind is beam else Y, 1.0))
+
+    what, places = f"pin of the {name} through 360 degrees", map(folded, np.radians(np.arange(0, 361, 15)))
+    return _unstrained(what, mesh, places, "EA l", MODULUS * AREA * PITCH, "misfit of the joint")
+
+
+# 11. Corners -------------------------------------------------------------------------------------------------------
+
+
+def sections() -> list[Row]:
+    """T, L and V turned as one body: strain energy over EA, and how far the joints are off."""
+    rows: list[Row] = []
+    kinds: tuple[tuple[str, Any, Any, tuple[Any, ...]], ...] = (
+        ("beams", beam, SHOE, ([0, 1, 0], [1, 2, 3], [1, 0, 0])),
+        ("cables in their plane", cable, TRACK, (Y,)),
+    )
+    for name, kind, c, axes in kinds:
+        for shape, angles in SECTIONS.items():
+            mesh = cornered(kind, [c] * (1 + len(angles)), angles, 2)
+            places = (turned(mesh.e0, rotation(axis, angle)) for angle, axis in enumerate(axes, 1))
+            what = f"{shape} section of {name} turned as one body"
+            rows += _unstrained(what, mesh, places, "EA", MODULUS * AREA, "misfit")
+    return rows
+
+
+def l_frame(name: str) -> list[Row]:
+    """Tip deflection of an L-frame at L/h = 20, nu = 0, against Timoshenko."""
+    kind, ns = (beam, (6, 12, 24)) if name == "beam" else (CABLES[name], (1, 2, 4))
+    found = [frame_tip(kind, n) for n in ns]
+    rows = []
+    for k, axis in enumerate("xz"):
+        values = [float(u[k]) for u, _ in found]
+        exact = float(found[-1][1][k])
+        if kind is beam:
+            case = f"L-frame of beams with a rigid corner, tip {axis}, m"
+            rows.append(_over_elements(case, ns, values, exact, 5e-3))
+        else:  # one element is exact but for its being bent a little: there is no order
+            rows.append(checked("", f"L-frame of cables {name}, tip {axis}, m", values[-1], exact, 5e-3))
+    if kind is beam:
+        u, exact_u = frame_tip(beam, 24, rigid=0.0)
+        what = "L-frame of beams, gradient transformation alone, tip x, m"
+        rows.append(checked("", what, u[0], exact_u[0], math.nan, note="yields in the corner, for information"))
+    return rows
+
+
+# 12. Splines -------------------------------------------------------------------------------------------------------
+
+DEMANDS = {  # element, joint: equations, the knot that makes it, missing with the nearest weaker knot
+    ("cable", "spherical"): (3, 3, 0),
+    ("cable", "pin"): (4, None, 1),
+    ("cable", "sliding"): (4, None, 4),
+    ("cable", "rigid"): (6, None, 3),
+    ("cable", "smooth"): (6, 2, 0),
+    ("cable", "curvature"): (9, 1, 0),
+    ("beam", "spherical"): (3, None, 3),
+    ("beam", "pin"): (6, None, 6),
+    ("beam", "sliding"): (4, None, 4),
+    ("beam", "rigid"): (12, None, 12),
+    ("beam", "smooth"): (18, 2, 0),
+    ("beam", "curvature"): (27, 1, 0),
+}
+
+
+def splines() -> list[Row]:
+    """To cable coordinates and back, and again; both ways relative to the largest coordinate."""
+    from scipy.interpolate import BSpline
+
+    rng, there, back = np.random.default_rng(11), 0.0, 0.0
+    for inner in ([], [1], [2, 1, 1], [3, 1, 2], [4, 2, 3, 1], [1] * 6):
+        spots = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, len(inner) + 1))])
+        knots = np.repeat(spots, [4, *inner, 4])
+        spline = BSpline(knots, rng.standard_normal((len(knots) - 4, 3)), 3)
+        e, l = bspline.to_cable(spline)
+        again = bspline.from_cable(e, l, np.array(inner, dtype=np.int64))
+        back = max(back, float(np.abs(again.c - spline.c).max() / max(1.0, np.abs(spline.c).max())))
+        there = max(there, float(np.abs(bspline.to_cable(again)[0] - e).max() / np.abs(e).max()))
+    rows = [
+        checked("", "control points of B-splines, to cables and back", back, 0.0, 1e-14),
+        checked("", "cable coordinates, to B-splines and back", there, 0.0, 1e-14),
+        checked("", "control points of one bicubic patch", bspline.patch_points(8, 8), 16, 0.0),
+    ]
+    for m in range(5):
+        found = int(np.linalg.matrix_rank(bspline.knot_rows(m))) if m < 4 else len(bspline.knot_rows(m))
+        rows.append(checked("", f"equations that a knot of multiplicity {m} imposes", found, 3 * (4 - m), 0.0))
+    for d in bspline.table():
+        equations, knot, missing = DEMANDS[d.element, d.joint]
+        made = f"knot {d.knot}" if d.knot else f"no knot; {d.missing} missing with {d.weaker}"
+        same = (d.knot, d.missing) == (knot, missing)
+        row = checked("", f"equations of the joint '{d.joint}' of {d.element}s", d.equations, equations, 0.0, note=made)
+        rows.append(replace(row, ok=bool(row.ok) and same))
+    return rows
+
+
+# All of it ---------------------------------------------------------------------------------------------------------
+
+
+def cases() -> list[Case]:
+    """Every element, joint and corner; each takes seconds."""
+    both, framed = (*CABLES, *CURES), ("beam", "small deformation (11)-(15)", "general (8)-(10)")
+    return [
+        *(Case("2", f"elastica, {_element(name)[0]}", elastica_of, (name,), 4) for name in both),
+        *(Case("2", f"order of the elastica, {name}", elastica_order, (name,), 3) for name in both),
+        Case("2", "elastica without a cure", elastica_without_cure, (), 5),
+        *(Case("3", f"frequencies, {name}, {ends}", frequencies, (name, ends), 2) for name in both for ends in ENDS),
+        *(Case("4", f"rotating cable, {name}", rotating_cable, (name,), 8) for name in CABLES),
+        *(Case("9", f"sliding {slider}", sliding_joint, (slider,), 5) for slider in ("point", "cable")),
+        Case("10", "pins counted", pin_counts, (), 2),
+        *(Case("10", f"pin of the {name} turned", pin_turns, (name,)) for name in ("cable", "beam")),
+        Case("11", "sections", sections),
+        *(Case("11", f"L-frame, {name}", l_frame, (name,), 2) for name in framed),
+        Case("12", "splines", splines),
+    ]

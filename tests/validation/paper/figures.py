@@ -1,0 +1,247 @@
+"""Figures 10 to 21 of the paper, all models in one axis; figure 21 has a pane for each.
+
+Below figures 10 to 17 stand differences from the closed mesh at the same instants, of the path of figure 15 the
+distance of the points: in one pane of the models whose links have the same inertia, in the other of those with a rod's,
+which differ by so much more that they would hide the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results import picture
+from orchestrator.results.analyses import circuit, deformation, hull
+from orchestrator.results.run_data import Links, RunData, Window
+from tests.validation.paper.conventions import (
+    FIRST,
+    INSTANT,
+    LINK,
+    NODE,
+    SECTIONS,
+    SIDE,
+    TRACK,
+    edges,
+    in_chassis,
+)
+from tests.validation.paper.models import REFERENCE, RODS, Model
+
+SHADES = ("0.93", "0.97", "0.9")  # of the sections of figure 20
+
+
+class Curve(NamedTuple):
+    """What a figure shows of a run."""
+
+    t: Floats  # (m,) s
+    values: Floats  # (m, k): over time one of them, of a path across and up
+
+
+class Figure(NamedTuple):
+    """One of the paper, over time or of a path."""
+
+    number: int
+    title: str
+    up: str
+    apart: str  # label of the differences
+    read: Callable[[RunData], Curve]
+    across: str = "time, s"
+
+
+def signal(name: str, from_start: bool = False) -> Callable[[RunData], Curve]:
+    """A signal over time."""
+
+    def read(run: RunData) -> Curve:
+        t, values = run.signal(name)
+        return Curve(t, (values - values[0] if from_start else values)[:, None])
+
+    return read
+
+
+def node_forward(run: RunData) -> Curve:
+    """Figure 14."""
+    t, place = run.vectors(TRACK, "links", f"joint[{NODE}].position")
+    return Curve(t, place[:, :1])
+
+
+def node_path(run: RunData) -> Curve:
+    """Figure 15."""
+    t, place = run.vectors(TRACK, "links", f"joint[{NODE}].position")
+    return Curve(t, in_chassis(run, t, place, True)[:, [0, 2]])
+
+
+def joint_force(axis: int) -> Callable[[RunData], Curve]:
+    """Figures 16 and 17, kN."""
+
+    def read(run: RunData) -> Curve:
+        t, force = run.vectors(TRACK, "links", f"joint[{FIRST}].force")
+        return Curve(t, in_chassis(run, t, force, False)[:, [axis]] / 1e3)
+
+    return read
+
+
+FIGURES = (
+    Figure(10, "Sprocket rotational velocity", "angular velocity, rad/s", "difference, rad/s",
+           signal(f"{SIDE}_drive.speed")),
+    Figure(11, "Chassis forward velocity", "velocity, m/s", "difference, m/s", signal("chassis.chassis.velocity.x")),
+    Figure(12, "Forward displacement of the chassis", "displacement, m", "difference, m",
+           signal("chassis.chassis.position.x", True)),
+    Figure(13, "Vertical displacement of the chassis", "displacement, m", "difference, m",
+           signal("chassis.chassis.position.z", True)),
+    Figure(14, f"Node {NODE} (end of link {NODE - 1}): forward position", "forward position, m", "difference, m",
+           node_forward),
+    Figure(15, f"Node {NODE}: path in the chassis frame", "above it, m", "distance, m", node_path,
+           "ahead of the centre of mass, m"),
+    Figure(16, "First joint (links 1 and 2): longitudinal force", "force along the chassis, kN", "difference, kN",
+           joint_force(0)),
+    Figure(17, "First joint (links 1 and 2): vertical force", "force up the chassis, kN", "difference, kN",
+           joint_force(2)),
+)  # fmt: skip
+
+
+def differences(curve: Curve, reference: Curve) -> Curve:
+    """From the reference at the instants of the curve: of one value with its sign, of a path the distance."""
+    other = np.stack([np.interp(curve.t, reference.t, column) for column in reference.values.T], axis=1)
+    apart = curve.values - other
+    return Curve(curve.t, apart if apart.shape[1] == 1 else np.linalg.norm(apart, axis=1, keepdims=True))
+
+
+def add(pane: Any, model: Model, x: Floats, y: Floats, **more: Any) -> None:
+    """A model's curve in its own style."""
+    over = {"-": 2.0, "--": 2.1, "-.": 2.2, ":": 2.3}[model.line]  # dots last: curves lie on one another
+    pane.plot(x, y, model.line, color=model.colour, linewidth=over - 0.8, zorder=over, label=model.label, **more)
+
+
+def draw(logs: dict[Model, Path], folder: Path) -> list[Path]:
+    """All figures as PNG and SVG; the files."""
+    curves: dict[int, dict[Model, Curve]] = {figure.number: {} for figure in FIGURES}
+    found = {}
+    for model, run in _opened(logs):
+        for figure in FIGURES:
+            curves[figure.number][model] = figure.read(run)
+        found[model] = deformation.of(run, TRACK, at=[INSTANT])
+    made = []
+    for figure in FIGURES:
+        made += _saved(_over_differences(figure, curves[figure.number]), folder, str(figure.number))
+    made += _saved(_deformations(found), folder, "18-19")
+    made += _saved(_stresses(logs), folder, "20")
+    return [*made, *_saved(_configuration(logs), folder, "21")]
+
+
+def _over_differences(figure: Figure, curves: dict[Model, Curve]) -> Any:
+    """The figure, and below it how far the models are from the reference: of equal inertia, and of a rod's."""
+    from matplotlib.figure import Figure as Page
+
+    path = next(iter(curves.values())).values.shape[1] > 1
+    page = Page(figsize=(9.0, 7.2 if path else 8.4), layout="constrained")
+    pane, alike, rods = page.subplots(3, 1, sharex=not path, height_ratios=(1.0, 0.9, 0.9) if path else (1.6, 1.0, 1.0))
+    for model, curve in curves.items():
+        add(pane, model, *(curve.values.T if path else (curve.t, curve.values[:, 0])), alpha=0.8)
+        if model is not REFERENCE and REFERENCE in curves:
+            apart = differences(curve, curves[REFERENCE])
+            add(rods if model in RODS else alike, model, apart.t, apart.values[:, 0], alpha=0.8)
+    pane.set_title(f"Figure {figure.number}. {figure.title}", fontsize=10, loc="left")
+    for below, inertia in ((alike, "links of equal inertia"), (rods, "links with the inertia of a rod")):
+        what = f"{'distance from' if path else 'less'} that of the {REFERENCE.label}: {inertia}"
+        below.set_title(what, fontsize=9, loc="left")
+        below.set_ylabel(figure.apart)
+    if path:
+        pane.set_aspect("equal")
+        pane.set_xlabel(figure.across)
+    rods.set_xlabel("time, s")
+    pane.set_ylabel(figure.up)
+    for each in (pane, alike, rods):
+        each.grid(True, color="0.9")
+    page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
+    return page
+
+
+def _deformations(found: dict[Model, deformation.Deformation]) -> Any:
+    """Figures 18 and 19."""
+    from matplotlib.figure import Figure as Page
+
+    page = Page(figsize=(10.0, 5.0), layout="constrained")
+    panes = page.subplots(1, 2)
+    for model, each in found.items():
+        each.draw(panes, LINK, model.label, linestyle=model.line, color=model.colour)
+    deformation.framed(panes, float(next(iter(found.values())).x[-1]))
+    for number, pane, what in ((18, panes[0], "Axial"), (19, panes[1], "Transverse")):
+        pane.set_title(f"Figure {number}. {what} deformation of link {LINK} of the right chain", fontsize=9, loc="left")
+    page.legend(*panes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
+    return page
+
+
+def _stresses(logs: dict[Model, Path]) -> Any:
+    """Figure 20: from the middle of the wrap of the sprocket, down to the ground and round; its sections shaded."""
+    from matplotlib.figure import Figure as Page
+
+    page = Page(figsize=(9.0, 4.8), layout="constrained")
+    pane = page.subplots()
+    for model, run in _opened(logs):
+        area = hull.number(run, "section", "area")
+        placed = next(circuit.records(run, TRACK, Window(INSTANT, INSTANT), "link[*].tension"))
+        order = placed.links[0].argsort()
+        add(pane, model, placed.links[0, order], placed.values[0][0, order] / area / 1e6, drawstyle="steps-mid")
+        if model is REFERENCE:
+            _shade(pane, edges(run.scene["vehicle"], placed))
+    pane.set_xlabel("along the circuit from the sprocket to ground, idler and upper run, m")
+    pane.set_ylabel("axial stress, MPa")
+    pane.set_ylim(bottom=min(0.0, pane.get_ylim()[0]))  # names of sections stand below the curves
+    pane.set_title(f"Figure 20. Right chain: axial stress at t = {INSTANT:g} s", fontsize=10, loc="left")
+    pane.grid(True, color="0.9")
+    page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
+    return page
+
+
+def _shade(pane: Any, between: tuple[float, ...]) -> None:
+    for low, high, text, shade in zip(between, between[1:], SECTIONS, SHADES, strict=False):
+        pane.axvspan(low, high, color=shade, zorder=0)
+        pane.text(0.5 * (low + high), 0.02, text, ha="center", fontsize=8, transform=pane.get_xaxis_transform())
+
+
+def _configuration(logs: dict[Model, Path]) -> Any:
+    """Figure 21: all models at the instant, one below the other, one scale of tension; the first joint is marked."""
+    with ExitStack() as stack:
+        runs = {model: RunData(stack.enter_context(Log(path))) for model, path in logs.items()}
+        return _panes({model: (run, run.links(TRACK, Window(INSTANT, INSTANT))) for model, run in runs.items()})
+
+
+def _panes(found: dict[Model, tuple[RunData, Links]]) -> Any:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure as Page
+
+    tension = np.concatenate([links.tension[0] for _, links in found.values()]) / 1e3
+    scale = ScalarMappable(Normalize(float(tension.min()), float(tension.max())), "viridis")
+    page = Page(figsize=(9.0, 2.3 * len(found) + 0.5), layout="constrained")
+    panes: Any = page.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
+    for pane, (model, (run, links)) in zip(panes, found.items(), strict=True):
+        reach = tuple((float(part.min()) - 0.25, float(part.max()) + 0.25) for part in (links.forward, links.up))
+        picture.add(pane, run, TRACK, links, scale, reach)
+        place = links.forward[0, FIRST - 1], links.up[0, FIRST - 1]
+        pane.plot(*place, "o", color="C3", markersize=5, fillstyle="none")
+        pane.annotate("first joint", place, (6, 6), textcoords="offset points", color="C3", fontsize=8)
+        pane.set_title(f"{model.label}, t = {INSTANT:g} s", fontsize=9, loc="left")
+    panes[-1].set_xlabel("ahead of the sprocket axle, m")
+    page.colorbar(scale, ax=list(panes), label="link tension, kN", shrink=0.8)
+    page.suptitle("Figure 21. Right chain, coloured by tension", fontsize=10)
+    return page
+
+
+def _opened(logs: dict[Model, Path]) -> Iterable[tuple[Model, RunData]]:
+    """Models with their logs, one after the other."""
+    for model, path in logs.items():
+        with Log(path) as log:
+            yield model, RunData(log)
+
+
+def _saved(page: Any, folder: Path, number: str) -> list[Path]:
+    paths = [folder / f"figure-{number}.{suffix}" for suffix in ("png", "svg")]
+    for path in paths:
+        page.savefig(path, dpi=120)
+    return paths

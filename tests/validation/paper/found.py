@@ -1,0 +1,54 @@
+"""What statements look at and how they are judged: rows by kind and model, verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from orchestrator.studies.tables import Row
+from tests.validation.paper.models import MODELS, Model
+
+HOLDS, PART, NOT, UNMEASURED = VERDICTS = "holds", "holds in part", "does not hold", "not measured"
+
+
+class Found(NamedTuple):
+    """What the study has found."""
+
+    rows: Sequence[Row]
+
+    def of(self, item: str, model: Model | None = None, **figures: object) -> list[Row]:
+        """Rows of a kind that were measured, of a model, with these figures."""
+        return [
+            row
+            for row in self.rows
+            if row.item == item
+            and not row.note.startswith("not there")
+            and (model is None or row.figures.get("model") == model.name)
+            and all(row.figures.get(key) == value for key, value in figures.items())
+        ]
+
+    def one(self, item: str, model: Model | None = None, **figures: object) -> Row | None:
+        """The first of them; None where there is none."""
+        return next(iter(self.of(item, model, **figures)), None)
+
+    def models(self, item: str) -> list[tuple[Model, Row]]:
+        """Models with their row of a kind."""
+        found = [(model, self.one(item, model)) for model in MODELS]
+        return [(model, row) for model, row in found if row is not None and row.ok]
+
+
+class Verdict(NamedTuple):
+    """Of a statement."""
+
+    verdict: str
+    measured: str
+
+
+NONE = Verdict(UNMEASURED, "a model that it needs is not there")
+
+
+def graded(good: Sequence[bool], measured: str) -> Verdict:
+    """Holds where all is good, in part where some is."""
+    if not good:
+        return NONE
+    return Verdict(HOLDS if all(good) else PART if any(good) else NOT, measured)

@@ -1,0 +1,88 @@
+"""Section 5: what knots of B-splines join, and what the joints of section 4 need, by ranks and by curves."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from orchestrator.studies.tables import Row
+from tests.validation.ancf import bspline
+
+SAME = 1e-12  # of two descriptions of one curve
+
+
+def rows() -> list[Row]:
+    """Rows as those of ``equations``; a joint that no knot makes has 0 for its knot."""
+    demands = [
+        row for demand in bspline.table()
+        for row in _demanded(demand)
+    ]  # fmt: skip
+    found = [
+        ("5.2", "patch", "control points of a bicubic surface, the least (7)", bspline.patch_points(8, 8), 16),
+        *(("5.5", f"continuity_{m}", f"degree of continuity at a knot of multiplicity {m}", continuity(m), 3 - m)
+          for m in (3, 2, 1)),
+        *(("5.3", f"removed_{m}", f"control points that a knot less than {m + 1} takes away",
+           points(m + 1) - points(m), 1) for m in (3, 2, 1)),
+        *(("5.3", f"equations_{element}", f"scalar equations of a knot less, {element}",
+           len(bspline.knot_rows(2, element)) - len(bspline.knot_rows(3, element)), expected)
+          for element, expected in (("cable", 3), ("beam", 9))),
+        *demands,
+    ]  # fmt: skip
+    made = [
+        Row("equation", text, {"where": where, "key": key, "value": value, "reference": reference}, value == reference)
+        for where, key, text, value, reference in found
+    ]
+    apart = there_and_back()
+    text = "the same curve as B-spline and as cable elements: largest difference, of its size"
+    return [
+        *made,
+        Row("equation", text, {"where": "5", "key": "geometry", "value": apart, "reference": 0.0}, apart < SAME),
+    ]
+
+
+# equations of a joint between cables, and the knot that imposes exactly these
+CABLES = {"spherical": (3, 3), "pin": (4, 0), "sliding": (4, 0), "rigid": (6, 0), "smooth": (6, 2), "curvature": (9, 1)}
+WHERE = {"pin": "5.3", "sliding": "5.5", "rigid": "5.4"}
+
+
+def _demanded(demand: bspline.Demand) -> list[tuple[str, str, str, int, int]]:
+    """Of a joint between cables: its equations and its knot."""
+    if demand.element != "cable":
+        return []
+    name, (equations, knot) = demand.joint, CABLES[demand.joint]
+    where = WHERE.get(name, "5.3")
+    return [
+        (where, f"{name}_equations", f"equations of the {name} joint of cables", demand.equations, equations),
+        (where, f"{name}_knot", "the knot that imposes exactly these, 0: none", demand.knot or 0, knot),
+        (where, f"{name}_weaker", "the smallest knot that imposes none but these (4: no equation)", demand.weaker,
+         WEAKER[name]),
+    ]  # fmt: skip
+
+
+WEAKER = {"spherical": 3, "pin": 3, "sliding": 4, "rigid": 3, "smooth": 2, "curvature": 1}
+
+
+def spline(multiplicity: int) -> BSpline:
+    """A clamped cubic in space with one inner knot of this multiplicity, any control points."""
+    knots = np.repeat([0.0, 0.7, 1.6], [4, multiplicity, 4])
+    return BSpline(knots, np.random.default_rng(multiplicity).standard_normal((len(knots) - 4, 3)), bspline.DEGREE)
+
+
+def continuity(multiplicity: int) -> int:
+    """Of the cable elements of that curve at their common node, by their derivatives."""
+    return bspline.DEGREE - int(bspline.multiplicities(*bspline.to_cable(spline(multiplicity)))[0])
+
+
+def points(multiplicity: int) -> int:
+    """Control points."""
+    return bspline.control_points(len(spline(multiplicity).t))
+
+
+def there_and_back() -> float:
+    """Largest difference of control points after a way through cable elements and back, of the largest."""
+    apart = []
+    for multiplicity in (1, 2, 3):
+        curve = spline(multiplicity)
+        back = bspline.from_cable(*bspline.to_cable(curve))
+        apart.append(float(np.abs(back.c - curve.c).max() / np.abs(curve.c).max()))
+    return max(apart)

@@ -1,0 +1,216 @@
+"""A short piece of the drive by explicit methods: what each model costs at equal error (section 8.3).
+
+The vehicle as one differential equation begins at the state that the implicit co-simulation of the model has at
+``BEGIN``, in the middle of the ramp, and drives on for a piece. Adams' methods of variable step and order (the paper's)
+run at several tolerances, the classical Runge-Kutta method at its largest stable step and below. The error of a run is
+the RMS distance of the pins of the left chain, at the end, from those of the same model by Runge-Kutta at a fraction of
+the step, over the RMS of the ways that they went. A method's cost is that of its cheapest run within ``EQUAL``; both
+sides of the vehicle are alike and one of them is integrated, whatever the model. CPU times are medians of ``REPEATS``.
+Two moments of a machine may differ by more than two chains do: what an evaluation costs is measured in turn.
+
+A step of Adams' methods ends at each output at the latest, and takes two evaluations: no run has fewer than two an
+interval of output. Between these two, joints that are kept as equations are projected with the factors of the first,
+which is no evaluation; it costs less than one and counts as one where evaluations are given with projections.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.execution.states import states_at
+from orchestrator.log.time_series import Floats
+from orchestrator.scene.scene import Scene
+from orchestrator.studies.tables import Row
+from tests.validation.paper.links import storage
+from tests.validation.paper.models import CLOSED, RIGID_SPRING, named, scene
+from tests.validation.paper.states import LONGEST, whole
+
+BEGIN = 4.0  # s
+LONG, QUICK = 0.2, 0.02  # s, of a piece
+OUTPUT = 1.25e-3  # s, the communication step of the scene: that of outputs
+INTERVALS = 0.25, 1.0, 4.0, 16.0  # of output, times OUTPUT: what costs are shown over
+AT = 1e-3  # tolerance at which they are
+REPEATS = 3
+TURNS = 5
+EQUAL = 1e-4  # error of pins that costs are compared at
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of Adams' methods, relative and absolute
+FRACTIONS = (1.0, 2.0)  # of the largest stable step
+FINER = 4.0  # the reference's, times the last
+STIFFNESSES = (1e9, 1e10, 1e11)  # of the closing spring, N/m
+ADAMS, RUNGE_KUTTA = "Adams", "Runge-Kutta"
+TRACK = "left_track"
+
+
+class Cost(NamedTuple):
+    """One run."""
+
+    method: str
+    setting: float  # tolerance, or fraction of the stable step
+    cpu: float  # s, median
+    evaluations: int
+    error: float
+    order: float  # mean, of Adams' methods
+    storage: float = math.nan  # bytes of all arrays that a chain steps with
+    least: float = math.nan  # CPU time of the fastest run, s
+    most: float = math.nan  # and of the slowest one
+    steps: int = 0
+    projections: int = 0
+    interval: float = OUTPUT  # of output, s
+
+
+def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tuple[float, ...] = ()) -> list[Row]:
+    """The runs of a model, a row each, and the cheapest within EQUAL of each method.
+
+    ``intervals`` of output, times OUTPUT, as long as the piece is: a row each, by Adams' methods at AT.
+    """
+    wanted = scene(named(name), "track.link_outputs=false", *settings)
+    label = named(name).label
+    if isinstance(wanted, str):
+        return [Row("piece", label, {"model": name}, note=f"not there: {wanted}")]
+    try:
+        drive = Drive(wanted, piece)
+        costs = [*drive.runs()]
+        over = [drive.cost(ADAMS, AT, OUTPUT * part) for part in intervals if OUTPUT * part <= piece * (1.0 + 1e-9)]
+    except (BadInput, RuntimeError, ValueError) as failure:
+        return [Row("piece", label, {"model": name}, note=f"not there: {failure}")]
+    common = {"model": name, "piece": piece}
+    found = [
+        Row(item, label, {**common, **figures(cost), "floor": 2 * round(piece / cost.interval)})
+        for item, several in (("piece", costs), ("interval", over))
+        for cost in several
+    ]
+    for method in (ADAMS, RUNGE_KUTTA):
+        best = cheapest(costs, method)
+        if best is None:
+            found.append(Row("cost", label, {**common, "method": method}, note=f"none is within {EQUAL:g}"))
+        else:
+            found.append(Row("cost", label, {**common, **figures(best)}, True))
+    return found
+
+
+def figures(cost: Cost) -> dict[str, Any]:
+    """Of a run, with the time of one evaluation, s."""
+    each = cost.cpu / cost.evaluations if cost.evaluations else math.nan
+    return {**cost._asdict(), "each": each, "counted": cost.evaluations + cost.projections}
+
+
+def in_turn(name: str, piece: float) -> list[Row]:
+    """CPU time of an evaluation of the closed mesh over one of a rigid model, run after run in turn: a row a method."""
+    label, models = f"{CLOSED.name} / {name}", (CLOSED.name, name)
+    wanted = [scene(named(each), "track.link_outputs=false") for each in models]
+    if any(isinstance(each, str) for each in wanted):
+        return [Row("each", label, {"rigid": name}, note=f"not there: {wanted}")]
+    drives = [Drive(each, piece) for each in wanted if isinstance(each, Scene)]
+    found = []
+    for method, setting in ((ADAMS, AT), (RUNGE_KUTTA, FRACTIONS[0])):
+        vehicles = [drive.vehicle(method, setting) for drive in drives]
+        each = np.array([[drive.each(one) for drive, one in zip(drives, vehicles, strict=True)] for _ in range(TURNS)])
+        over = each[:, 0] / each[:, 1]
+        figures = {"each": float(np.median(over)), "least": float(over.min()), "most": float(over.max())}
+        found.append(Row("each", label, {"rigid": name, "method": method, "piece": piece, **figures}, True))
+    return found
+
+
+def stiff(stiffness: float, piece: float) -> list[Row]:
+    """The cost of the rigid chain that a spring of this stiffness, N/m, closes, by Adams' methods."""
+    found = rows(RIGID_SPRING.name, piece, (f"track.closure_stiffness={stiffness!r}",))
+    return [
+        replace(row.having(stiffness=stiffness), item="stiffness")
+        for row in found
+        if row.item == "cost" and row["method"] == ADAMS
+    ]
+
+
+def cheapest(costs: list[Cost], method: str) -> Cost | None:
+    """The run of a method that takes fewest evaluations within EQUAL; None where there is none."""
+    good = [cost for cost in costs if cost.method == method and cost.error <= EQUAL]
+    return min(good, key=lambda cost: cost.evaluations, default=None)
+
+
+class Drive:
+    """The piece of one model; raises what the monolith and the states raise."""
+
+    def __init__(self, wanted: Scene, piece: float) -> None:
+        self.wanted, self.piece = wanted, piece
+        self.begun = states_at(_implicit(wanted), BEGIN)
+
+    @cached_property
+    def exact(self) -> tuple[Floats, float]:
+        """Pins at the end, and the RMS of the ways that they went."""
+        vehicle = whole(self.wanted, refine=FINER * FRACTIONS[-1])
+        self._timed(vehicle, 1e-6, 1e-6)  # what has to be compiled or loaded is
+        vehicle.begin_at(self.begun.time, self.begun.parts)
+        start = vehicle.models[TRACK].pins()
+        self._timed(vehicle, self.piece, OUTPUT)
+        found = vehicle.models[TRACK].pins()
+        return found, _rms(found - start)
+
+    def runs(self) -> Iterator[Cost]:
+        """Runge-Kutta at each fraction, Adams at each tolerance, at outputs every OUTPUT."""
+        for part in FRACTIONS:
+            yield self.cost(RUNGE_KUTTA, part)
+        for tolerance in TOLERANCES:
+            yield self.cost(ADAMS, tolerance)
+
+    def vehicle(self, method: str, setting: float, interval: float = OUTPUT) -> Any:
+        """One that integrates by a method at a fraction of the stable step or at a tolerance, ready to be timed."""
+        integration: dict[str, Any] = {"refine": setting}
+        if method == ADAMS:  # no step is bounded but by outputs and errors
+            integration = {"integrator": "adams", "rtol": setting, "atol": setting, "refine": LONGEST / interval}
+        vehicle = whole(self.wanted, **integration)
+        self._timed(vehicle, 1e-6, 1e-6)
+        return vehicle
+
+    def each(self, vehicle: Any) -> float:
+        """CPU time of an evaluation, s."""
+        before = vehicle.effort.evaluations
+        return self._timed(vehicle, self.piece, OUTPUT) / float(vehicle.effort.evaluations - before)
+
+    def cost(self, method: str, setting: float, interval: float = OUTPUT) -> Cost:
+        """Of a method at a fraction of the stable step, or at a tolerance; infinite error where it cannot be kept."""
+        exact, way = self.exact
+        times = []
+        try:
+            vehicle = self.vehicle(method, setting, interval)
+            for _ in range(REPEATS):
+                before = vehicle.effort
+                times.append(self._timed(vehicle, self.piece, interval))
+        except RuntimeError:  # a tolerance too wide for it is a result
+            return Cost(method, setting, np.nan, 0, np.inf, np.nan, interval=interval)
+        chain, effort, sizes = vehicle.models[TRACK], vehicle.effort, storage(vehicle.models[TRACK])
+        steps = int(effort.steps - before.steps)
+        return Cost(
+            method, setting, float(np.median(times)), int(effort.evaluations - before.evaluations),
+            _rms(chain.pins() - exact) / way, float(effort.order), sizes["bytes"], min(times), max(times),
+            steps, steps if sizes["multipliers"] else 0, interval,
+        )  # fmt: skip
+
+    def _timed(self, vehicle: Any, piece: float, interval: float) -> float:
+        """CPU time, s, of a ``piece`` from BEGIN on with outputs every ``interval``, s."""
+        vehicle.begin_at(self.begun.time, self.begun.parts)
+        t, began = self.begun.time, time.process_time()
+        for _ in range(round(piece / interval)):
+            vehicle.advance(t, interval)
+            t += interval
+        return time.process_time() - began
+
+
+def _rms(off: Floats) -> float:
+    """Of the lengths of vectors (n, 3)."""
+    return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+
+
+def _implicit(wanted: Scene) -> Scene:
+    """The scene whose co-simulation leads to the piece: with implicit steps where the coordinates have none."""
+    if wanted.track.coordinates is None:
+        return wanted
+    track = wanted.track.model_copy(update={"coordinates": None, "integrator": None})
+    return wanted.model_copy(update={"track": track})

@@ -1,0 +1,105 @@
+"""Logs of whole runs: made, or taken where one that fits is there already.
+
+A log fits when its run ended ok, its scene is, number by number, the one that this model would run here, and its FMUs
+have the same contents. Anything else is made anew.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fmus.build import BuildFailed
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.execution.manifest import sha256
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.scene import Scene
+from tests.validation.paper.models import Model, scene
+
+LOGS = "logs"
+SHOWN = ("tension", "position", "force", "slopes")
+RECORDED = (f"track.link_outputs={json.dumps(SHOWN)}", "run.links=4", "run.checkpoints=0.25 s", "expect={}")
+
+
+class NotThere(RuntimeError):
+    """A model that cannot be run here; the message says why."""
+
+
+def path(folder: Path, model: Model) -> Path:
+    """The log of a model below the folder of the study."""
+    return folder / LOGS / f"{model.name}.mcap"
+
+
+def ensure(model: Model, folder: Path, stop: float) -> str:
+    """See that the log of a model is there; how it came. Raises NotThere, and RuntimeError for a run that failed."""
+    wanted = scene(model, *RECORDED, f"run.stop={stop!r} s")
+    if isinstance(wanted, str):
+        raise NotThere(wanted)
+    file = path(folder, model)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    if fits(file, wanted):
+        return f"taken as it was, made of {_commit(file)}"
+    try:
+        ran(wanted, file)
+    except (BuildFailed, ComponentFailed) as failure:
+        raise NotThere(str(failure)) from None
+    return "made now"
+
+
+def ran(wanted: Scene, file: Path) -> dict[str, Any]:
+    """The result of a run into a log; RuntimeError of one that fails, KeyboardInterrupt of one that is interrupted."""
+    result = simulate(wanted, file)
+    if result["status"] == "interrupted":
+        raise KeyboardInterrupt
+    if result["status"] != "ok":
+        raise RuntimeError(result["message"])
+    return result
+
+
+def fits(file: Path, wanted: Scene) -> bool:
+    """Whether the log of a run that ended ok is there, of this very scene and the FMUs that it has here."""
+    try:
+        with Log(file) as log:
+            ended = log.complete and log.closing is not None and log.closing["status"] == "ok"
+            if not ended or not _alike(log.table("scene.json"), placed(wanted).resolved()):
+                return False
+            recorded = {entry["name"]: entry.get("sha256") for entry in log.table("system.json")["instances"]}
+    except (OSError, ValueError, LookupError, LogUnreadable):
+        return False
+    here = system(assemble(placed(wanted))).instances
+    return recorded == {instance.name: instance.fmu and sha256(instance.fmu) for instance in here}
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Whether two tables hold the same, whatever their order; solved places to rounding."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_alike(one[key], other[key]) for key in one)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_alike, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-9, abs_tol=1e-12)
+    return bool(one == other)
+
+
+def costs(file: Path) -> dict[str, float]:
+    """Of a run: its CPU time, s (NaN where a log does not tell it), evaluations and steps of both tracks."""
+    found = {"evaluations": 0.0, "steps": 0.0}
+    with Log(file) as log:
+        found["cpu"] = float((log.closing or {})["results"].get("cpu_time", "nan"))
+        for topic in (topic for topic in log.topics if topic.startswith("/stats/")):
+            series = log.read(topic)
+            last = dict(zip(series.names, series.values[-1].tolist(), strict=True))
+            if topic.endswith("track"):
+                found["evaluations"] += last["solver.evaluations"]
+                found["steps"] += last["solver.steps"]
+    return found
+
+
+def _commit(file: Path) -> str:
+    with Log(file) as log:
+        return str(log.metadata.get("provenance", {}).get("commit") or "an unknown commit")[:12]

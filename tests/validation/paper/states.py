@@ -1,0 +1,38 @@
+"""States of components as a log's checkpoints hold them, models that have them, and the monolith of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from fmus.monolith.model import LONGEST, Monolith, started
+from fmus.saved import from_bytes
+from orchestrator.cosim import checkpoint
+from orchestrator.execution.monolithic import parts_of
+from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.scene import Scene
+
+__all__ = ["LONGEST", "model", "saved", "whole"]
+
+
+def saved(log: Log) -> Iterator[tuple[float, dict[str, Floats]]]:
+    """Times, s, and states by component, of all checkpoints in order."""
+    numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
+    for number in numbers:
+        t, states = checkpoint.states(log.attachment(f"{CHECKPOINT}{number}"))
+        yield t, {name: from_bytes(state).state for name, state in states.items()}
+
+
+def model(scene: Scene, name: str) -> Any:
+    """The model of a component of a scene, at its start; raises InvalidParameter or StepFailed."""
+    part = next(part for part in assemble(placed(scene)).parts if part.name == name)
+    return started(part.kind, part.config, part.parameters)
+
+
+def whole(scene: Scene, **integration: Any) -> Monolith:
+    """The scene as one differential equation, at its start; ``integration`` as of ``Monolith``, which raises."""
+    assembly = assemble(placed(scene))
+    return Monolith(parts_of(assembly), assembly.connections, **integration)

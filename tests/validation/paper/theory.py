@@ -1,0 +1,110 @@
+"""Rules of the statements about joints, elements, knots and elasticity (sections 1 to 7)."""
+
+from __future__ import annotations
+
+import math
+
+from orchestrator.studies.tables import Row
+from tests.validation.paper.found import NONE, Found, Verdict, graded
+from tests.validation.paper.models import CLOSED
+
+NEAR = 1e-3  # of a printed value
+
+
+def equations(found: Found, *keys: str) -> list[Row]:
+    """The rows of these equations, in this order; raises LookupError where one was not measured."""
+    rows = {row.figures["key"]: row for row in found.of("equation")}
+    return [rows[key] for key in keys]
+
+
+def checked(found: Found, *keys: str, printed: float | None = None) -> Verdict:
+    """Holds where all these equations do; with a ``printed`` value, where they give that."""
+    try:
+        rows = equations(found, *keys)
+    except LookupError:
+        return NONE
+    good = [row.ok is True if printed is None else abs(row["value"] - printed) < NEAR for row in rows]
+    return graded(good, "; ".join(f"{row.case}: {row['value']:.3g}" for row in rows))
+
+
+def positions(found: Found) -> Verdict:
+    """Section 2."""
+    return checked(found, "cubic", "rigid")
+
+
+def constant_inertia(found: Found) -> Verdict:
+    """One matrix gives the kinetic energy of every motion; that of a cut rigid chain changes as it moves."""
+    verdict, row = checked(found, "mass", "kinetic", "inertia"), found.one("singularity", CLOSED)
+    if row is None or not row.ok or verdict is NONE:
+        return verdict
+    varies = max(row["cut"]) / min(row["cut"])
+    return verdict._replace(
+        measured=f"{verdict.measured}; condition of the mass, 2 to 8 s: ANCF mesh {row['mesh']:.0f} always, of a cut"
+        f" rigid chain it varies by a factor of {varies:.2f}"
+    )
+
+
+def joint_equations(found: Found) -> Verdict:
+    """Sections 4.1 to 4.3."""
+    return checked(found, "spherical", "pin", "pin_beam", "sliding")
+
+
+def joint_modes(found: Found) -> Verdict:
+    """Section 4.4."""
+    return checked(found, "deformations", "rotation", "continuous", "pin_stretch")
+
+
+def same_geometry(found: Found) -> Verdict:
+    """Exact linear maps both ways; rational weights have none."""
+    verdict = checked(found, "geometry")
+    return verdict if verdict is NONE else verdict._replace(measured=f"{verdict.measured}; NURBS have no such map")
+
+
+def patch(found: Found) -> Verdict:
+    """Section 5.2."""
+    return checked(found, "patch")
+
+
+def knots(found: Found) -> Verdict:
+    """Section 5.3: one control point, three equations a knot; the pin's four are none of a knot."""
+    keys = *(f"removed_{m}" for m in (3, 2, 1)), "equations_cable", "pin_equations", "pin_knot"
+    return checked(found, *keys)
+
+
+def corners(found: Found) -> Verdict:
+    """Section 5.4: a corner is C0 as a spherical joint is, with three equations more."""
+    return checked(found, "spherical_equations", "spherical_knot", "rigid_equations", "rigid_weaker", "rigid_knot")
+
+
+def sliding(found: Found) -> Verdict:
+    """Section 5.5: every knot that makes slopes continuous makes places continuous first."""
+    return checked(found, *(f"continuity_{m}" for m in (3, 2, 1)), "sliding_knot", "sliding_weaker")
+
+
+def cheaper(found: Found) -> Verdict:
+    """Section 7.1: (11)-(15) against (8)-(10)."""
+    rows = found.of("elasticity", elasticity="general")
+    told = ", ".join(f"{row['links']} links {row['evaluation']:.2f} and {row['step']:.2f}" for row in rows)
+    good = [row[key] > 1.0 for row in rows for key in ("evaluation", "step") if math.isfinite(row[key])]
+    return graded(good, f"CPU time of (8)-(10) over (11)-(15), of an evaluation and of an implicit step: {told}")
+
+
+def coupled(found: Found) -> Verdict:
+    """Section 7.1: bending stretches, and both models agree where strains are small."""
+    return checked(found, "coupling", "models")
+
+
+def constant_stiffness(found: Found) -> Verdict:
+    """Below (15): K_e,t is constant, K_e,l is in proportion to the strain."""
+    return checked(found, "bending", "axial", printed=1.0)
+
+
+def potential(found: Found) -> Verdict:
+    """Below (12): the printed mean strain gives no gradient of (8); told beside it: Green's does."""
+    chord, green = checked(found, "chord", printed=0.0), checked(found, "green")
+    return chord if chord is NONE else chord._replace(measured=f"{chord.measured}; {green.measured}")
+
+
+def undamped(found: Found) -> Verdict:
+    """Section 7.2."""
+    return checked(found, "undamped")

@@ -1,0 +1,76 @@
+"""Adams' methods inside tracks that are FMUs: they begin anew at each communication step, which costs evaluations.
+
+The piece of ``pieces``, and twice as long: the co-simulation leads there with implicit steps, the models that the FMUs
+of the tracks hold take over at t = ``BEGIN`` with Adams' methods, and are stepped with the inputs that the
+co-simulation recorded, at several tolerances. The count of the paper is that of ``pieces``, one differential equation
+without a stop.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fmus.physics.chain.report import EVALUATIONS, STEPS
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.scene.scene import Scene
+from orchestrator.studies.tables import Row
+from tests.validation.paper.models import named, scene
+from tests.validation.paper.pieces import BEGIN
+from tests.validation.paper.recorded import ran
+from tests.validation.paper.states import model, saved
+
+TOLERANCES = 1e-4, 1e-6  # relative and absolute
+TRACKS = "left_track", "right_track"
+COUNTS = "steps", "evaluations", "restarts"
+
+
+def rows(name: str, piece: float) -> list[Row]:
+    """Evaluations, steps and restarts of both tracks a simulated second, over a ``piece``, s; a row a tolerance."""
+    label, common = named(name).label, {"model": name, "piece": piece}
+    stop = f"run.stop={BEGIN + piece!r}", f"run.checkpoints={BEGIN!r}", "expect={}", "track.link_outputs=false"
+    coupled, explicit = scene(named(name), *stop), [scene(named(name), *stop, *adams(each)) for each in TOLERANCES]
+    for refusal in (coupled, *explicit):
+        if isinstance(refusal, str):
+            return [Row("fmus", label, common, note=f"not there: {refusal}")]
+    assert isinstance(coupled, Scene)
+    try:
+        counts = _counted(coupled, [each for each in explicit if isinstance(each, Scene)], piece)
+    except (BadInput, RuntimeError, ValueError) as failure:
+        return [Row("fmus", label, common, note=f"not there: {failure}")]
+    return [
+        Row("fmus", label, {**common, "tolerance": tolerance, **dict(zip(COUNTS, found / piece, strict=True))}, True)
+        for tolerance, found in zip(TOLERANCES, counts, strict=True)
+    ]
+
+
+def adams(tolerance: float) -> tuple[str, ...]:
+    """Settings of tracks."""
+    return "track.integrator=adams", f"track.rtol={tolerance!r}", f"track.atol={tolerance!r}"
+
+
+def _counted(coupled: Scene, explicit: Sequence[Scene], piece: float) -> list[np.ndarray]:
+    """Steps, evaluations and restarts of both tracks in the piece that ends the run of ``coupled``, of each scene."""
+    with (
+        tempfile.TemporaryDirectory(prefix="cotrack-") as folder,
+        Log(Path(ran(coupled, Path(folder) / "run.mcap")["log"])) as log,
+    ):
+        states = dict(saved(log))[BEGIN]
+        return [sum(_stepped(each, name, states[name], log) for name in TRACKS) for each in explicit]  # type: ignore[misc]
+
+
+def _stepped(explicit: Scene, name: str, state: Floats, log: Log) -> np.ndarray:
+    """Steps, evaluations and restarts of a track from its state on with the inputs that the log has."""
+    track, inputs = model(explicit, name), log.read(f"/{name}/in")
+    if not track.hold(state):
+        raise ValueError(f"{name}: the state of implicit steps is none of Adams' methods")
+    track.counters[STEPS] = 1  # it has moved: where it was laid says nothing any more
+    driven = inputs.rows(inputs.t >= BEGIN - 1e-9)
+    for t, h, u in zip(driven.t.tolist(), driven.h.tolist(), driven.values, strict=True):
+        track.step(t, h, u)
+    return np.array([track.counters[STEPS] - 1, track.counters[EVALUATIONS], len(driven.t)], dtype=float)

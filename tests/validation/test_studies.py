@@ -1,0 +1,283 @@
+"""Studies: one fast case from the command to the figure, tables, what a missed tolerance and a failure do."""
+
+import csv
+import io
+import math
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from fmus.vehicle import BadInput
+from orchestrator import studies
+from orchestrator.studies import Case, pool, store, tables
+from orchestrator.studies.store import Store
+from orchestrator.studies.tables import Row
+from tests.validation import compared, element_cases, mechanics, orders
+from tests.validation.__main__ import STUDIES, app
+from tests.validation.compared import checked
+
+ROOT = Path(__file__).parents[2]
+FRAME = Case("11", "L-frame", element_cases.l_frame, ("beam",))
+FAST = Case("11", "L-frame", element_cases.l_frame, ("small deformation (11)-(15)",))
+
+
+def raises() -> list[Row]:
+    raise ValueError("no equilibrium | found")
+
+
+def dies() -> list[Row]:
+    os._exit(3)
+
+
+@pytest.fixture
+def validate(call):
+    """Call ``python -m tests.validation``."""
+    return partial(call, app)
+
+
+def only(monkeypatch, *cases):
+    monkeypatch.setattr(mechanics, "cases", lambda quick: list(cases))
+
+
+def test_a_case_from_the_command_to_the_figure(validate, monkeypatch, tmp_path):
+    only(monkeypatch, FRAME)
+    status, out, err = validate("mechanics", "--quick", "--workers", 1, "-o", "found")
+    assert status == 0, err
+    assert "1/1 L-frame" in err
+    assert "| 11 | L-frame of beams with a rigid corner, tip x, m |" in out
+    made = {file.name for file in (tmp_path / "found").iterdir() if file.is_file()}
+    assert made == {
+        "mechanics.csv",
+        "mechanics-convergence.csv",
+        "mechanics.md",
+        "mechanics.png",
+        "mechanics.svg",
+    }
+    assert (tmp_path / "found" / "mechanics.png").read_bytes()[:4] == b"\x89PNG"
+    assert "elements" in (tmp_path / "found" / "mechanics.svg").read_text()
+    assert out.split("\n\n")[0] in (tmp_path / "found" / "mechanics.md").read_text()
+    rows = list(csv.DictReader((tmp_path / "found" / "mechanics.csv").open()))
+    assert [row["ok"] for row in rows] == ["ok", "ok", ""]
+    points = list(csv.DictReader((tmp_path / "found" / "mechanics-convergence.csv").open()))
+    assert [float(p["size"]) for p in points] == [6, 12, 24, 6, 12, 24]
+
+
+def test_a_missed_tolerance_is_exit_1(validate, monkeypatch):
+    """The twin: a frame whose corner is not rigid is a tenth too soft."""
+    frame_tip = element_cases.frame_tip
+    monkeypatch.setattr(element_cases, "frame_tip", lambda kind, n, **_: frame_tip(kind, n, rigid=0.0))
+    only(monkeypatch, FRAME)
+    status, out, err = validate("mechanics", "--workers", 1, "-o", "found")
+    assert status == 1
+    assert "| NOT |" in out
+    assert "misses its tolerance" in err
+
+
+def test_a_case_that_fails_is_a_row_and_the_others_go_on(validate, monkeypatch):
+    only(monkeypatch, Case("0", "bad", raises), FAST)
+    status, out, err = validate("mechanics", "--workers", 1, "-o", "found")
+    assert status == 1
+    assert "| 0 | bad |  |  |  |  |  | NOT | ValueError: no equilibrium \\| found |" in out
+    assert sum(line.endswith("| ok |  |") for line in out.splitlines()) == 2
+    assert "0: bad: ValueError" in err
+
+
+def sleeps() -> list[Row]:
+    time.sleep(60)
+    return []
+
+
+def counts(folder) -> list[Row]:
+    """Leaves a trace of every time it is measured."""
+    (folder / str(len(list(folder.iterdir())))).touch()
+    return [checked("0", "counted", 1.0, 1.0, 0.1, series=((1.0, 2.0),))]
+
+
+def fails_once(folder) -> list[Row]:
+    """The first process that tries it ends."""
+    trace = folder / "tried"
+    if not trace.exists():
+        trace.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return [checked("0", "survived", 1.0, 1.0, 0.1)]
+
+
+def test_processes_give_the_same_rows():
+    wanted = [FAST, Case("0", "bad", raises)]
+    alone, side_by_side = (pool.run(wanted, workers) for workers in (1, 10**400))  # no more than cases
+    assert repr(alone) == repr(side_by_side)  # NaN is not itself
+
+
+def test_processes_take_our_modules_not_those_of_an_fmu_that_ran_here(tmp_path, monkeypatch):
+    (tmp_path / "fmus").mkdir()
+    (tmp_path / "fmus" / "__init__.py").write_text("raise ImportError('these are the modules of an FMU')")
+    monkeypatch.syspath_prepend(tmp_path)
+    rows = pool.run([FAST], 2)
+    assert rows
+    assert all(row.ok for row in rows)
+
+
+def test_a_dead_process_and_an_endless_case_are_recorded():
+    cases = [Case("0", "dead", dies), Case("0", "endless", sleeps, limit=1.0), FAST]
+    rows = pool.run(cases, 2)
+    assert [row.ok for row in rows] == [False, False, True, True]
+    assert rows[0].note == "its process ended with status 3"
+    assert rows[1].note == "took longer than 1 s"
+
+
+ENDLESS = """
+import os, time
+from orchestrator.studies import Case, pool
+
+def endless(pipe):
+    with open(pipe, "w") as told:
+        print(os.getpid(), file=told)
+    while True:
+        time.sleep(3600)
+
+if __name__ == "__main__":
+    pool.run([Case("0", str(k), endless, ("pids",)) for k in range(2)], 2)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_processes_end_with_a_study_that_a_signal_ends(tmp_path, environment, number):
+    """Nothing waits on the clock: a pipe gives the processes' numbers, their descriptors say when they have ended."""
+    (tmp_path / "study.py").write_text(ENDLESS)
+    os.mkfifo(tmp_path / "pids")
+    study = subprocess.Popen([sys.executable, "study.py"], env=environment, cwd=tmp_path)
+    pipe, pids = os.open(tmp_path / "pids", os.O_RDWR), []  # also for writing: it has no end before both have written
+    while len(pids) < 2:
+        assert select.select([pipe], [], [], 120)[0], "the processes did not begin"
+        pids += [int(pid) for pid in os.read(pipe, 100).split()]
+    os.close(pipe)
+    ends = [os.pidfd_open(pid) for pid in pids]
+    study.send_signal(number)
+    assert study.wait(timeout=60) == -number
+    try:
+        for end in ends:
+            assert select.select([end], [], [], 60)[0], "a process went on computing"
+    finally:
+        for end in ends:
+            with suppress(ProcessLookupError):
+                signal.pidfd_send_signal(end, signal.SIGKILL)
+            os.close(end)
+
+
+def test_a_study_goes_on_where_it_was(tmp_path):
+    """What is done is not done again; what lost its process is."""
+    trace = tmp_path / "trace"
+    trace.mkdir()
+    kept = Store(tmp_path / "cases")
+    counted, once = Case("0", "counted", counts, (trace,)), Case("0", "once", fails_once, (tmp_path,))
+    first = pool.run([counted, once], 2, store=kept)
+    assert [row.ok for row in first] == [True, False]
+    again = pool.run([counted, once], 2, store=kept)
+    assert [row.ok for row in again] == [True, True]
+    assert len(list(trace.iterdir())) == 1
+    assert repr(again[0].having(series=())) == repr(first[0].having(series=()))
+    other = Case("0", "counted", counts, (tmp_path,))
+    assert kept.get(other) is None, "other arguments, another case"
+
+
+def test_a_cluster_gives_the_same_rows_and_outlives_a_worker(tmp_path):
+    from dask.distributed import LocalCluster
+
+    kept = Store(tmp_path / "cases")
+    cases = [FAST, Case("0", "bad", raises), Case("0", "once", fails_once, (tmp_path,))]
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        rows = pool.run(cases, scheduler=cluster.scheduler_address, store=kept)
+    assert [row.ok for row in rows] == [True, True, False, True]
+    assert all(kept.get(case) for case in cases)
+    with pytest.raises(BadInput, match="no Dask scheduler answers"):
+        pool.run(cases, scheduler="tcp://127.0.0.1:9")
+
+
+def test_known_studies_and_bad_input(cotrack, validate, tmp_path):
+    (tmp_path / "file").touch()
+    for command, known, near in (
+        (validate, STUDIES, "mechanic"),
+        (partial(cotrack, "study"), studies.STUDIES, "stabilty"),
+    ):
+        status, out, _ = command()
+        assert status == 0
+        assert [line.split()[0] for line in out.splitlines()] == list(known)
+        first = next(iter(known))
+        for arguments, said in (
+            ((near, "-o", "x"), "did you mean "),
+            (("zzz", "-o", "x"), f"there are {first}"),
+            ((first,), "-o DIR"),
+            ((first, "-o", "file/x"), "cannot be made"),
+        ):
+            status, _, err = command(*arguments)
+            assert status == 2
+            assert said in err
+            assert len(err.splitlines()) == 1
+    with pytest.raises(BadInput):
+        studies.find("")
+
+
+@pytest.mark.parametrize("name", studies.MOVED)
+def test_a_study_that_has_moved_says_where(cotrack, name):
+    status, _, err = cotrack("study", name, "--quick", "-o", "x")
+    assert status == 2
+    assert err == f"cotrack: study {name} is run in a clone of cotrack: {studies.MOVED[name]}\n"
+    assert (ROOT / studies.MOVED[name].split()[2].replace(".", "/") / "__main__.py").is_file()
+
+
+def test_cases_are_kept_with_the_sources_of_their_study(tmp_path, monkeypatch):
+    of_study = store.sources("tests.validation.element_cases")
+    assert of_study == store.sources("tests.validation.chain_cases")
+    assert of_study != store.sources("orchestrator.studies.stability"), "sources of the study are none of the product's"
+
+
+ROWS = [
+    checked("1", "a", 1.001, 1.0, 1e-2, order=2.0, over="elements", series=((4.0, 1e-2), (8.0, 0.0))),
+    checked("2", "b, with a comma", 3e-6, 0.0, 1e-6),
+    checked("3", "c", 2.0, 4.0, math.nan, note="for information"),
+    Row("4", "d", ok=False, note="Lost: nothing left"),
+]
+
+
+def test_tables(tmp_path):
+    assert [row.ok for row in ROWS] == [True, False, None, False]
+    assert compared.of_order(ROWS[0], 1.9, 2.1).ok
+    assert compared.of_order(ROWS[0], 2.1, 2.5).ok is False
+    assert [row["error"] for row in ROWS[:3]] == pytest.approx([1e-3, 3e-6, 0.5])
+    lines = tables.to_markdown(compared.table(ROWS)).splitlines()
+    assert lines[0] == "| item | case | value | reference | error | tolerance | order | ok | note |"
+    assert lines[2] == "| 1 | a | 1.001 | 1 | 0.001 | 0.01 | 2 | ok |  |"
+    assert lines[4] == "| 3 | c | 2 | 4 | 0.5 |  |  |  | for information |"
+    assert {line.count("|") for line in lines} == {len(compared.COLUMNS) + 1}
+    read = list(csv.DictReader(io.StringIO(tables.to_csv(compared.table(ROWS)))))
+    assert float(read[0]["value"]) == ROWS[0]["value"]
+    assert read[1]["case"] == "b, with a comma"
+    assert (read[3]["ok"], read[3]["error"], read[3]["note"]) == ("NOT", "", "Lost: nothing left")
+    assert len(tables.to_csv(compared.points(ROWS)).splitlines()) == 3
+    compared.write(tmp_path, "x", ROWS[1:], "without a series")
+    assert (tmp_path / "x.png").stat().st_size > 1000
+
+
+def test_cases_of_the_mechanics():
+    quick, whole = mechanics.cases(True), mechanics.cases(False)
+    assert {case.item for case in quick} == {str(k) for k in range(2, 14)}
+    assert {case.name for case in whole} - {case.name for case in quick} == {
+        "folded chain of 65",
+        "folded chain of 129",
+    }
+    assert len({case.name for case in whole}) == len(whole)
+
+
+def test_observed_orders():
+    values = [1.0 + h**3 for h in (0.4, 0.2, 0.1)]
+    assert orders.order_of((0.4, 0.2, 0.1), values) == pytest.approx(3.0)
+    assert orders.rate_of((8, 16), (1.0, 0.25)) == pytest.approx(2.0)
+    assert math.isnan(orders.order_of((1, 2, 4), (1.0, 1.0, 1.0)))
