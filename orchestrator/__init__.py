@@ -18,7 +18,7 @@ OFFERED = {  # name: module and what it is called there
     "to_xarray": ("log.frames", "to_xarray"),
     "to_polars": ("log.frames", "to_polars"),
     "to_arrow": ("log.frames", "to_arrow"),
-    "analyse": ("results.analyses.asked", "analyse"),
+    "analyse": ("results.analyses.catalogue", "analyse"),
     "report": ("execution.reported", "report"),
     "compare": ("results.difference", "differences_of_logs"),
 }

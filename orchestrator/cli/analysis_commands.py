@@ -3,158 +3,85 @@
 from __future__ import annotations
 
 import json
-from enum import StrEnum
-from importlib import import_module
+from collections.abc import Mapping, Sequence
+from inspect import Parameter, Signature, signature
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath
+from orchestrator.results.analyses.catalogue import ANALYSES, Option, module_of
+from orchestrator.results.page.words import and_list
+
+if TYPE_CHECKING:
+    from orchestrator.results.analyses.table import Table
 
 From = Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")]
 To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
 
 
-class What(StrEnum):
-    """The analyses."""
-
-    power = "power"
-    spectrum = "spectrum"
-    envelope = "envelope"
-    fatigue = "fatigue"
-    wheel_loads = "wheel-loads"
-    patches = "patches"
-    contact = "contact"
-    slip = "slip"
-    joints = "joints"
-    links = "links"
-    deformation = "deformation"
-    events = "events"
-    phases = "phases"
-    validity = "validity"
+def options() -> dict[str, Parameter]:
+    """The options of all analyses, by the names of the arguments of ``analyse``."""
+    found = {option.flag: option for one in ANALYSES.values() for option in (*one.options, *one.of_picture)}
+    return {
+        _argument(flag): Parameter(
+            _argument(flag),
+            Parameter.KEYWORD_ONLY,
+            default=False if option.kind is bool else None,
+            annotation=Annotated[
+                bool if option.kind is bool else option.kind | None,
+                typer.Option(flag, metavar=option.metavar, help=option.help, min=option.least),
+            ],
+        )
+        for flag, option in found.items()
+    }
 
 
-class Shape(StrEnum):
-    """Windows of a spectrum."""
-
-    hann = "hann"
-    flat_top = "flat-top"
-
-
-OPTIONS = {  # by option the analyses that have it
-    "--signal": (What.spectrum, What.envelope),
-    "--track": (What.envelope, What.fatigue, What.contact, What.joints, What.links, What.deformation),
-    "--shape": (What.spectrum,),
-    "--order": (What.spectrum,),
-    "--bins": (What.envelope,),
-    "--sn": (What.fatigue,),
-    "--teeth": (What.events,),
-    "--at": (What.deformation,),
-    "--link": (What.deformation,),
-}
-IN_FULL = (What.power, What.spectrum, What.slip, What.deformation)  # go into a file over time, frequency or length
+def _argument(flag: str) -> str:
+    return f"option_{flag.removeprefix('--')}"
 
 
 def analyse(
     log: LogPath,
-    what: Annotated[What, typer.Argument(metavar="WHAT", help="one of these analyses")],
+    what: Annotated[str, typer.Argument(metavar="WHAT", help="one of these analyses")],
     start: From = -inf,
     end: To = inf,
-    signals: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--signal",
-            metavar="NAME",
-            help="of a spectrum: instance.variable, * for anything; repeatable; "
-            "of an envelope: link[*].tension or the like",
-        ),
-    ] = None,
-    track: Annotated[str, typer.Option("--track", metavar="NAME", help="by default the first, of joints all")] = "",
-    shape: Annotated[Shape | None, typer.Option("--shape", help="window of a spectrum, default hann")] = None,
-    order: Annotated[bool, typer.Option("--order", help="of a spectrum: tooth orders too")] = False,
-    bins: Annotated[int, typer.Option("--bins", metavar="N", min=0, help="of an envelope, default one a link")] = 0,
-    sn: Annotated[
-        str, typer.Option("--sn", metavar="PA,CYCLES,SLOPE", help="S-N line of fatigue, default 100e6,2e6,3")
-    ] = "",
-    teeth: Annotated[bool, typer.Option("--teeth", help="events: each tooth that passes")] = False,
-    at: Annotated[
-        list[float] | None,
-        typer.Option("--at", metavar="T", help="deformation: an instant, s; repeatable; default last"),
-    ] = None,
-    link: Annotated[int, typer.Option("--link", metavar="N", help="deformation: the link of a picture, default 1")] = 0,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE.csv", help="all numbers; of deformation also .png, .svg or .pdf"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
+    **given: Any,
 ) -> None:
-    """What happened in a run, as a table with units.
-
-    \b
-    power        through wheels, sprockets and motors, relative to the hull
-    spectrum     largest peaks of signals, by frequency and tooth order
-    envelope     least, mean, largest tension by place on the circuit
-    fatigue      rainflow cycles and damage of links
-    wheel-loads  of road wheels, and how long they are lifted off
-    patches      contact patches of road wheels and idlers on links
-    contact      pressure under links
-    slip         and thrust of tracks
-    joints       extremes of joint forces, where and when
-    links        forces on links in their own axes
-    deformation  of links along their length, in their tangent frames
-    events       wheels that lift off, brakes that hold, steps taken back, warnings
-    phases       rest, acceleration, steady motion, turns, braking: speed, yaw rate, power, slip, tension
-    validity     where the run stops being valid: penetration, tooth jumps, travel of idlers, ...
-
-    With -o a CSV file: the table, or all of power, spectrum, slip and deformation over time, frequency or length.
-    """  # noqa: D301
+    """Print the table of an analysis; write it, or all its numbers, into a file."""
     from orchestrator.log.reader import Log
     from orchestrator.results.run_data import RunData, Window
     from orchestrator.results.views.files import PICTURES
     from orchestrator.results.whole_file import fresh, refuse
 
-    given = {
-        "--signal": signals, "--track": track, "--shape": shape, "--order": order, "--bins": bins, "--sn": sn,
-        "--teeth": teeth, "--at": at, "--link": link,
-    }  # fmt: skip
-    for option, value in given.items():
-        if value and what not in OPTIONS[option]:
-            raise BadInput(f"{option} is an option of {' and '.join(OPTIONS[option])}, not of {what}")
+    module = module_of(what)
+    analysis = ANALYSES[what]
+    _belong(what, given)
     _check(start, end)
+    drawn = PICTURES if hasattr(module, "picture") else ()
     if output:
-        refuse(output, (".csv", *PICTURES) if what is What.deformation else (".csv",))
+        refuse(output, (".csv", *drawn))
     with Log(log) as opened:
-        run = RunData(opened)
-        analysis = import_module(f"orchestrator.results.analyses.{what.name}")
-        summed = not (output and what in IN_FULL) and hasattr(analysis, "summary")  # a table needs no more
-        found = (analysis.summary if summed else analysis.of)(
-            run, window=Window(start, end), **_asked(what, run, given)
-        )
+        in_full = output and analysis.in_full
+        of = module.of if in_full else getattr(module, "summary", module.of)  # a table needs no more
+        found = of(RunData(opened), window=Window(start, end), **_asked(analysis.options, given))
     table = found.table()
-    if output and output.suffix.lower() in PICTURES:
-        analysis.picture(found, output, link or 1)
+    if output and output.suffix.lower() in drawn:
+        module.picture(found, output, **_asked(analysis.of_picture, given))
     elif output:
         with fresh(output) as beside:
             beside.write_text(getattr(found, "series", found.table)().csv(), encoding="utf-8")
     if as_json:
-        rows = [{name: printed.finite(cell) for name, cell in row.items()} for row in table.records()]
-        units = {name.strip(): unit for name, unit in table.columns}
-        print(
-            json.dumps(
-                {
-                    "log": str(log),
-                    "what": what,
-                    "title": table.title,
-                    "units": units,
-                    "rows": rows,
-                    "notes": table.notes,
-                }
-            )
-        )
+        print(json.dumps(_as_json(log, what, table)))
         return
     for line in str(table).splitlines():
         print(printed.plain(line))
@@ -162,44 +89,44 @@ def analyse(
         print(output)
 
 
+analyse.__signature__ = Signature(  # type: ignore[attr-defined]
+    [p for p in signature(analyse, eval_str=True).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    + list(options().values())
+)
+_WIDE = max(map(len, ANALYSES)) + 2
+analyse.__doc__ = "\n".join(
+    [
+        "What happened in a run, as a table with units.\n\n\b",
+        *(f"{name:{_WIDE}}{one.about}" for name, one in ANALYSES.items()),
+        "\nWith -o a CSV file: the table, or all of "
+        f"{and_list([name for name, one in ANALYSES.items() if one.in_full])} over time, frequency or length.",
+    ]
+)
+
+
+def _belong(what: str, given: Mapping[str, Any]) -> None:
+    """Raises BadInput for an option that the analysis does not have."""
+    for flag in (option for one in ANALYSES.values() for option in one.flags):
+        if given[_argument(flag)] and flag not in ANALYSES[what].flags:
+            owners = and_list([name for name, one in ANALYSES.items() if flag in one.flags])
+            raise BadInput(f"{flag} is an option of {owners}, not of {what}")
+
+
+def _asked(options: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that were given, by the names of the arguments."""
+    return {one.name: given[_argument(one.flag)] for one in options if given[_argument(one.flag)]}
+
+
+def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:
+    rows = [{name: printed.finite(cell) for name, cell in row.items()} for row in table.records()]
+    units = {name.strip(): unit for name, unit in table.columns}
+    return {"log": str(log), "what": what, "title": table.title, "units": units, "rows": rows, "notes": table.notes}
+
+
 def _check(start: float, end: float) -> None:
     """Raises BadInput for a window that holds nothing."""
     if not start <= end:
         raise BadInput(f"--from {start:g} --to {end:g}: the first instant must not be after the last")
-
-
-def _line(text: str) -> Any:
-    """The S-N line; raises BadInput."""
-    from orchestrator.results.analyses.fatigue import Line
-
-    if not text:
-        return Line()
-    try:
-        stress, cycles, slope = map(float, text.split(","))
-    except ValueError:
-        raise BadInput(f"--sn {text}: must be stress range in Pa, cycles and slope, as 100e6,2e6,3") from None
-    return Line(stress, cycles, slope)
-
-
-def _asked(what: What, run: Any, given: dict[str, Any]) -> dict[str, Any]:
-    """What the analysis is given beside run and window; raises BadInput."""
-    if what is What.fatigue:
-        return {"track": given["--track"], "line": _line(given["--sn"])}
-    if what is What.deformation:
-        return {"track": given["--track"], "at": given["--at"] or ()}
-    if what is What.events:
-        return {"teeth": given["--teeth"]}
-    if what is What.spectrum:
-        if not given["--signal"]:
-            raise BadInput("a spectrum needs --signal NAME: 'cotrack log info --signals LOG' says which there are")
-        return {"signals": given["--signal"], "shape": given["--shape"] or "hann", "orders": given["--order"]}
-    if what is What.envelope:
-        signal, *more = given["--signal"] or ["link[*].tension"]
-        if more:
-            raise BadInput(f"an envelope is of one signal, not of {1 + len(more)}")
-        owner = next((name for name in run.tracks if signal.startswith(f"{name}.")), given["--track"])
-        return {"track": owner, "signal": signal.removeprefix(f"{owner}."), "bins": given["--bins"]}
-    return {"track": given["--track"]} if what in OPTIONS["--track"] else {}
 
 
 def plot(

@@ -1,14 +1,17 @@
 """Analyses against known answers: exact sums of a run's own records, made-up signals, published examples."""
 
+import inspect
 import json
+import sys
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 
 from fmus.vehicle import BadInput
-from orchestrator.cli.analysis_commands import What
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
@@ -29,7 +32,8 @@ from orchestrator.results.analyses import (
     spectrum,
     wheel_loads,
 )
-from orchestrator.results.analyses.asked import NAMES, analyse
+from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, analyse, module_of
+from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.thinned import Envelope
 from orchestrator.results.views.bodies import Bodies
@@ -840,7 +844,7 @@ table = found.table().frame()"""
 OPTIONS = {"spectrum": ", signals='left_track.tension.max'"}
 
 
-@pytest.mark.parametrize("what", NAMES)
+@pytest.mark.parametrize("what", ANALYSES)
 def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
     cell = CELL.format(path=str(driven), what=what, window=(0.05, 0.2), options=OPTIONS.get(what, ""))
     names = {}
@@ -848,7 +852,30 @@ def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
     assert len(cell.splitlines()) == 3
     assert len(names["table"]) == len(names["found"].table().rows) > -(what in ("events", "validity"))
     assert list(names["table"].columns) == [name for name, _ in names["found"].table().columns]
-    assert [what.value for what in What] == list(NAMES)
+
+
+@pytest.mark.parametrize(("what", "analysis"), ANALYSES.items())
+def test_what_is_declared_is_what_an_analysis_takes(what, analysis):
+    module = module_of(what)
+    for function, options in ((module.of, analysis.options), (getattr(module, "picture", None), analysis.of_picture)):
+        names = set(inspect.signature(function).parameters) if function else set()
+        assert {option.name for option in options} <= names
+    assert hasattr(module, "summary") <= analysis.in_full or what == "links"
+
+
+def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch):
+    class Toy(NamedTuple):
+        def table(self):
+            return Table("toy", (("weight", "N"),), [(1.5,)])
+
+    of = SimpleNamespace(of=lambda run, window, track="": Toy())
+    monkeypatch.setitem(sys.modules, "orchestrator.results.analyses.toy", of)
+    monkeypatch.setitem(ANALYSES, "toy", Analysis("weighs", (TRACK,)))
+    status, out, _ = cotrack("analyse", driven, "toy", "--track", "left_track")
+    assert status == 0
+    assert "weight, N\n      1.5" in out
+    status, _, err = cotrack("analyse", driven, "toy", "--teeth")
+    assert (status, err) == (2, "cotrack: --teeth is an option of events, not of toy\n")
 
 
 def test_a_cell_that_asks_for_nothing_we_know_is_told(driven):

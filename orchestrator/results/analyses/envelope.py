@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, hull, of_links
 from orchestrator.results.analyses.table import Table
@@ -65,12 +67,21 @@ class Bins:
 
 
 def of(
-    run: RunData, track: str = "", signal: str = "link[*].tension", window: Window = EVER, bins: int = 0
+    run: RunData,
+    track: str = "",
+    signal: str | Sequence[str] = "link[*].tension",
+    window: Window = EVER,
+    bins: int = 0,
 ) -> Envelope:
     """Of a signal of each link or pin of a track, by default the first, in as many bins as it has links or ``bins``.
 
-    Raises Missing.
+    The signal may begin with the name of its track. Raises Missing, BadInput for several signals.
     """
+    signal, *more = [signal] if isinstance(signal, str) else signal
+    if more:
+        raise BadInput(f"an envelope is of one signal, not of {1 + len(more)}")
+    track = next((name for name in run.tracks if signal.startswith(f"{name}.")), track)
+    signal = signal.removeprefix(f"{track}.")
     track = hull.tracks(run, track)[0]
     unit = of_links.unit(run, track, signal)
     gathered: Bins | None = None

@@ -27,6 +27,15 @@ class Line(NamedTuple):
     cycles: float = 2e6  # that the reference range allows
     slope: float = 3.0
 
+    @classmethod
+    def read(cls, text: str) -> Line:
+        """Of "stress,cycles,slope"; raises BadInput."""
+        try:
+            stress, cycles, slope = map(float, text.split(","))
+        except ValueError:
+            raise BadInput(f"--sn {text}: must be stress range in Pa, cycles and slope, as 100e6,2e6,3") from None
+        return cls(stress, cycles, slope)
+
 
 class Fatigue(NamedTuple):
     """By link and fibre (outer, inner)."""
@@ -61,9 +70,9 @@ class Fatigue(NamedTuple):
         return Table(title, columns, rows, notes)
 
 
-def of(run: RunData, track: str = "", window: Window = EVER, line: Line | None = None) -> Fatigue:
+def of(run: RunData, track: str = "", window: Window = EVER, line: Line | str | None = None) -> Fatigue:
     """Of each link of a track, by default the first; raises Missing, BadInput, NotInstalled."""
-    line = line or Line()
+    line = Line.read(line) if isinstance(line, str) else line or Line()
     for name, value in line._asdict().items():
         if not 0.0 < value < np.inf:
             raise BadInput(f"the S-N line's {name} = {value:g}: must be greater than 0 and finite")

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import at_steps, hull
 from orchestrator.results.analyses.table import Table
@@ -76,13 +77,17 @@ class Spectrum(NamedTuple):
 
 
 def of(
-    run: RunData, signals: Sequence[str] | str, window: Window = EVER, shape: str = "hann", orders: bool = False
+    run: RunData, signals: Sequence[str] | str = (), window: Window = EVER, shape: str = "hann", orders: bool = False
 ) -> Spectrum:
     """Spectra of signals ("*" stands for anything) of one topic over a window of time.
 
     ``orders`` asks also for the rate of the teeth of the sprocket that belongs to the signals, or the log's first.
-    Raises Missing, NoSuchSignal.
+    Raises BadInput, Missing, NoSuchSignal.
     """
+    if not signals:
+        raise BadInput("a spectrum needs --signal NAME: 'cotrack log info --signals LOG' says which there are")
+    if shape not in SHAPES:
+        raise BadInput(f"--shape {shape}: must be {' or '.join(SHAPES)}")
     chosen = at_steps.columns(run, [signals] if isinstance(signals, str) else signals)
     if len(chosen) != 1:
         raise Missing(f"the signals are on {len(chosen)} topics: a spectrum needs signals of one, with common times")

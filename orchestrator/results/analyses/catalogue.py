@@ -1,0 +1,92 @@
+"""The analyses: what each says, its options, and an analysis of a log by its name.
+
+An analysis is a module of this folder that has its name, with ``of(run, window=..., OPTIONS...)``, whose result has a
+``table()``. It may have ``summary``, as quick as the table allows, and ``picture``; its result may have ``series()``,
+all numbers. The command ``cotrack analyse`` and ``analyse`` here are made of ``ANALYSES``.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.results.run_data import EVER, RunData, Window
+
+
+class Option(NamedTuple):
+    """An argument of ``of``, and how the command line asks for it."""
+
+    name: str  # of the argument
+    kind: Any  # type on the command line
+    flag: str
+    metavar: str | None
+    help: str
+    least: int | None = None
+
+
+class Analysis(NamedTuple):
+    """What an analysis says, and what it is asked with."""
+
+    about: str
+    options: tuple[Option, ...] = ()
+    of_picture: tuple[Option, ...] = ()  # asked of ``picture``
+    in_full: bool = False  # a file gets all numbers over time, frequency or length, not the table
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Its options on the command line."""
+        return tuple(option.flag for option in (*self.options, *self.of_picture))
+
+
+TRACK = Option("track", str, "--track", "NAME", "by default the first, of joints all")
+SIGNALS = Option(
+    "signals", list[str], "--signal", "NAME",
+    "of a spectrum: instance.variable, * for anything; repeatable; of an envelope: link[*].tension or the like",
+)  # fmt: skip
+SHAPE = Option("shape", str, "--shape", "hann|flat-top", "window of a spectrum, default hann")
+ORDERS = Option("orders", bool, "--order", None, "of a spectrum: tooth orders too")
+BINS = Option("bins", int, "--bins", "N", "of an envelope, default one a link", 0)
+LINE = Option("line", str, "--sn", "PA,CYCLES,SLOPE", "S-N line of fatigue, default 100e6,2e6,3")
+TEETH = Option("teeth", bool, "--teeth", None, "events: each tooth that passes")
+AT = Option("at", list[float], "--at", "T", "deformation: an instant, s; repeatable; default last")
+LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, default 1")
+
+ANALYSES = {
+    "power": Analysis("through wheels, sprockets and motors, relative to the hull", in_full=True),
+    "spectrum": Analysis("largest peaks of signals, by frequency and tooth order", (SIGNALS, SHAPE, ORDERS), (), True),
+    "envelope": Analysis(
+        "least, mean, largest tension by place on the circuit", (SIGNALS._replace(name="signal"), TRACK, BINS)
+    ),
+    "fatigue": Analysis("rainflow cycles and damage of links", (TRACK, LINE)),
+    "wheel-loads": Analysis("of road wheels, and how long they are lifted off"),
+    "patches": Analysis("contact patches of road wheels and idlers on links"),
+    "contact": Analysis("pressure under links", (TRACK,)),
+    "slip": Analysis("and thrust of tracks", in_full=True),
+    "joints": Analysis("extremes of joint forces, where and when", (TRACK,)),
+    "links": Analysis("forces on links in their own axes", (TRACK,)),
+    "deformation": Analysis("of links along their length, in their tangent frames", (TRACK, AT), (LINK,), True),
+    "events": Analysis("wheels that lift off, brakes that hold, steps taken back, warnings", (TEETH,)),
+    "phases": Analysis("rest, acceleration, steady motion, turns, braking: speed, yaw rate, power, slip, tension"),
+    "validity": Analysis("where the run stops being valid: penetration, tooth jumps, travel of idlers, ..."),
+}
+
+
+def module_of(name: str) -> Any:
+    """The module of an analysis; raises BadInput for a name that is none."""
+    if name not in ANALYSES:
+        raise BadInput(f"no analysis '{name}': one of {', '.join(ANALYSES)}")
+    return import_module(f"orchestrator.results.analyses.{name.replace('-', '_')}")
+
+
+def analyse(path: str | os.PathLike[str], what: str, window: tuple[float, float] = EVER, **options: Any) -> Any:
+    """Analyse a log in a window of time, s; the result has arrays and ``table()`` with its ``frame()``.
+
+    ``options`` are those of its ``of``: ``track`` of most, ``signals`` of a spectrum, ``signal`` of an envelope.
+    Raises BadInput for a name that is none, Missing, LogUnreadable, NoSuchSignal.
+    """
+    analysis = module_of(what)
+    with Log(path) as log:
+        return analysis.of(RunData(log), window=Window(*window), **options)
