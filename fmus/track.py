@@ -52,6 +52,7 @@ from fmus.ports import (
 from fmus.sentences import Sentence
 from fmus.stance import Stance, at_rest, stance
 from fmus.start import KEYS, Start, start
+from fmus.track_choices import ADAMS, EXPLICIT, HHT, INTEGRATORS
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
 OUTPUTS = (
@@ -88,7 +89,6 @@ OUTPUTS = (
     ("energy.dissipated.joints", "J", "energy lost by damping of pins across the chain and of a closing spring"),
 )
 INTERVALS = Range(1.0, 1e6, "a whole number from 1 to 1e6")
-INTEGRATORS = IMPLICIT, EXPLICIT, HHT, ADAMS = "generalized_alpha", "runge_kutta", "hht", "adams"
 CAUSES = {  # of a failure: implicitly, explicitly
     STALLED: ("Newton's iteration of the chain did not converge", ""),
     SINGULAR: ("the chain's matrix is singular", "the chain's matrix is singular"),

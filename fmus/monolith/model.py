@@ -28,7 +28,7 @@ from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
 from fmus.ports import STATE, TOLERANCE, TOLERANCES, WRENCH
-from fmus.track import ADAMS, EXPLICIT
+from fmus.track_choices import ADAMS, EXPLICIT
 
 RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
 JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this

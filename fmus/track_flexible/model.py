@@ -27,16 +27,25 @@ from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port, Range
-from fmus.track import ADAMS, EXPLICIT, TrackModel, alpha, integration
+from fmus.track import TrackModel, alpha, integration
+from fmus.track_choices import (
+    ADAMS,
+    AXES,
+    CHOLESKY,
+    CONSTRAINED,
+    COORDINATES,
+    ELIMINATED,
+    EXPLICIT,
+    JOINTS,
+    NODAL,
+    conflict_of_links,
+)
 from fmus.track_closure import PIN, SPRING, closure
 
 STILL = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # coordinates of a pin
-AXES = ("fixed", "free")
-JOINTS = ELIMINATED, CONSTRAINED = "eliminated", "constrained"
-COORDINATES = NODAL, CHOLESKY = "nodal", "cholesky"
 FINE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
 
 
@@ -137,30 +146,11 @@ class Model(TrackModel):
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from material and section; views of the state."""
+        if conflict := conflict_of_links(p):
+            raise InvalidParameter(conflict)
         element, elasticity, axes = p["element"], p["elasticity"], p["axes"]
-        if element != "cable" and elasticity != "small_deformation":
-            raise InvalidParameter(
-                f"elasticity = '{elasticity}' needs element = 'cable': a {element} chain has but one"
-            )
-        if axes == "free" and element != "cable":
-            raise InvalidParameter(f"axes = 'free' needs element = 'cable': a {element} has no use for them")
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
-        if p["joints"] == CONSTRAINED and (element != "cable" or axes != "fixed"):
-            raise InvalidParameter(
-                f"joints = '{CONSTRAINED}' needs element = 'cable' and axes = 'fixed', not '{element}' and '{axes}'"
-            )
-        if p["coordinates"] == CHOLESKY:
-            if p["integrator"] not in (EXPLICIT, ADAMS):
-                raise InvalidParameter(
-                    f"coordinates = '{CHOLESKY}' needs integrator = '{EXPLICIT}' or '{ADAMS}', not '{p['integrator']}':"
-                    " an implicit step factors another matrix than the mass"
-                )
-            if axes != "fixed" or p["joints"] != ELIMINATED:
-                raise InvalidParameter(
-                    f"coordinates = '{CHOLESKY}' needs axes = 'fixed' and joints = '{ELIMINATED}', not '{axes}' and"
-                    f" '{p['joints']}': only then is there a constant mass matrix and no equation"
-                )
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
         self.method = Method(alpha(p), p["tolerance"], True)
         closed_by = p.get("closure", PIN)

@@ -22,10 +22,10 @@ from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, Ends, Spring
 from fmus.ports import Port
-from fmus.track import ADAMS, EXPLICIT, TrackModel, alpha, integration
+from fmus.track import TrackModel, alpha, integration
+from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
 from fmus.track_closure import SPRING, closure
 
-FORMULATIONS = AUGMENTED, RECURSIVE = "augmented", "recursive"
 REST = Method(BACKWARD, 0.01 * FORCE, False)  # towards static equilibrium
 
 
@@ -53,11 +53,8 @@ class Model(TrackModel):
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Links from the vehicle table; raises InvalidParameter."""
-        if p["formulation"] == RECURSIVE and p["integrator"] not in (EXPLICIT, ADAMS):
-            raise InvalidParameter(
-                f"formulation = '{RECURSIVE}' is integrated explicitly: integrator = '{p['integrator']}' must be"
-                f" '{EXPLICIT}' or '{ADAMS}'"
-            )
+        if conflict := conflict_of_bodies(p):
+            raise InvalidParameter(conflict)
         if p["formulation"] != self.formulation:
             self.formulation = p["formulation"]
             self.allocate()

@@ -136,9 +136,7 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Seque
         raise BadInput(f"{log.path} does not say of which scene '{name}' is: name its FMU with --with")
     scene = _scene(log)
     if track is not None:
-        keys = "integrator", "element", "elasticity", "axes", "joints", "coordinates", "formulation"
-        own = dict.fromkeys(keys) | {"model": track}
-        scene = scene.model_copy(update={"planar": False, "track": scene.track.model_copy(update=own)}).with_axes()
+        scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
     if settings:
         scene = changed(scene.resolved(), settings, f"{log.path}: scene.json")
     part = _part(scene, name)

@@ -104,9 +104,7 @@ def bare(scene: Scene) -> Scene:
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
     sampled = Run(stop=run.stop, step=step, outputs=1, links=LINKS)
-    how = dict.fromkeys(
-        ("formulation", "joints", "coordinates", "integrator", "step", "spectral_radius", "rtol", "atol")
-    )
+    how = {key: None for key, one in scene.track.sets().items() if one.method}
     track = scene.track.model_copy(update={**how, "link_outputs": STANDARD})
     same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # the motion of a planar chain is no other
     return assembly.placed(scene).model_copy(update=same)

@@ -389,22 +389,13 @@ def _track_config(
 
 
 def _track(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
-    keys = {
-        "start", "element", "elasticity", "axes", "formulation", "joints", "coordinates", "integrator", "step",
-        "spectral_radius",
-    }  # fmt: skip
-    told = scene.track.model_dump(include=keys, exclude_none=True)
-    closing = {"closure": "closure", "closure_stiffness": "closure.stiffness", "closure_damping": "closure.damping"}
-    told |= {name: value for key, name in closing.items() if (value := getattr(scene.track, key)) is not None}
-    tolerances = scene.track.model_dump(include={"rtol", "atol"}, exclude_none=True)
-    told |= {f"adams.{name}": value for name, value in tolerances.items()}
+    parameters = {**_start(scene), "start.lateral": lateral, **scene.track.parameters()}
     if scene.track.integrator == "hht":
-        told.setdefault("spectral_radius", HHT)
+        parameters.setdefault("spectral_radius", HHT)
     if scene.planar:
-        told["element"] = "planar"
+        parameters["element"] = "planar"
     if scene.track.link_outputs:
-        told[INTERVAL] = float(scene.links_every)
-    parameters = {**_start(scene), "start.lateral": lateral, **told}
+        parameters[INTERVAL] = float(scene.links_every)
     return Part(name, TRACKS[scene.track.model], config, parameters, TRACK)
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import pairwise
 from math import pi, remainder
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
+from fmus.track_choices import DEFAULTS, conflict_of_bodies, conflict_of_links
 from fmus.vehicle import Distance, Force, In, Table, to_si
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
@@ -215,52 +216,71 @@ def _groups(asked: object) -> object:
 LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_groups)]
 
 
+class Sets(NamedTuple):
+    """What a key of ``[track]`` sets; stands in the annotation of the key."""
+
+    parameter: str = ""  # of the track's FMU; the key's own name where empty
+    model: str = ""  # the one that has it; both where empty
+    method: bool = False  # how the motion is computed, and not what moves
+
+
+FLEXIBLE, FLEXIBLE_METHOD, METHOD = Sets(model="flexible"), Sets(model="flexible", method=True), Sets(method=True)
+LINKS = {"flexible": "flexible links", "rigid": "rigid links"}
+CONFLICTS = {"flexible": conflict_of_links, "rigid": conflict_of_bodies}
+
+
 class Track(Table):
-    """Which track model, and what it is told; what is not given is the model's own default."""
+    """Which track model, and its parameters; what is not given is the model's own default."""
 
     model: Literal["flexible", "rigid"]
-    element: Literal["cable", "beam"] | None = None  # of flexible links
-    elasticity: Elasticity | None = None  # of cables
-    axes: Literal["fixed", "free"] | None = None  # of cables: fixed ones stay in their plane; as the scene needs
-    formulation: Literal["augmented", "recursive"] | None = None  # of rigid links
-    joints: Literal["eliminated", "constrained"] | None = None  # of cables: pins without equations, or with multipliers
-    coordinates: Literal["nodal", "cholesky"] | None = None  # of flexible links, that an explicit integrator integrates
-    closure: Literal["pin", "spring"] | None = None  # of a loop: how its last link is joined to its first
-    closure_stiffness: Annotated[float, In("N/m", gt=0)] | None = None  # of the spring, and its damping
-    closure_damping: Annotated[float, In("N s/m", ge=0)] | None = None
-    integrator: Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None = None
-    step: Duration | None = None  # largest internal step
-    spectral_radius: Annotated[float, Field(ge=0, le=1)] | None = None  # of an implicit integrator; hht: 0.5 at least
-    rtol: Tolerance | None = None  # of integrator = 'adams'
-    atol: Tolerance | None = None  # the same, in m, rad, m/s and rad/s
-    start: Literal["rest", "displaced", "polygon", "straight", "folded"] | None = None
+    element: Annotated[Literal["cable", "beam"] | None, FLEXIBLE] = None
+    elasticity: Annotated[Elasticity | None, FLEXIBLE] = None  # of cables
+    # of cables: fixed ones stay in their plane; as the scene needs
+    axes: Annotated[Literal["fixed", "free"] | None, FLEXIBLE] = None
+    formulation: Annotated[Literal["augmented", "recursive"] | None, Sets(model="rigid", method=True)] = None
+    # of cables: pins without equations, or with multipliers
+    joints: Annotated[Literal["eliminated", "constrained"] | None, FLEXIBLE_METHOD] = None
+    # that an explicit integrator integrates
+    coordinates: Annotated[Literal["nodal", "cholesky"] | None, FLEXIBLE_METHOD] = None
+    closure: Annotated[Literal["pin", "spring"] | None, Sets()] = None  # of a loop: how its last link joins its first
+    closure_stiffness: Annotated[Annotated[float, In("N/m", gt=0)] | None, Sets("closure.stiffness")] = None
+    closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, Sets("closure.damping")] = None
+    integrator: Annotated[Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None, METHOD] = None
+    step: Annotated[Duration | None, METHOD] = None  # largest internal step
+    # of an implicit integrator; hht: 0.5 at least
+    spectral_radius: Annotated[Annotated[float, Field(ge=0, le=1)] | None, METHOD] = None
+    rtol: Annotated[Tolerance | None, Sets("adams.rtol", method=True)] = None  # of integrator = 'adams'
+    atol: Annotated[Tolerance | None, Sets("adams.atol", method=True)] = None  # the same, in m, rad, m/s and rad/s
+    start: Annotated[Literal["rest", "displaced", "polygon", "straight", "folded"] | None, Sets()] = None
     link_outputs: LinkOutputs = STANDARD  # groups of ``fmus.link_outputs``
+
+    @classmethod
+    def sets(cls) -> dict[str, Sets]:
+        """The keys that set a parameter of the track's FMU."""
+        found = ((key, one) for key, field in cls.model_fields.items() for one in field.metadata)
+        return {key: one for key, one in found if isinstance(one, Sets)}
+
+    def parameters(self) -> dict[str, Any]:
+        """The parameters that are given, by their names in the track's FMU."""
+        given = self.model_dump(exclude_none=True)
+        return {one.parameter or key: given[key] for key, one in self.sets().items() if key in given}
+
+    def of_model(self, model: str) -> Track:
+        """The same track of another model, without what only one of both has; with that model's own integrator."""
+        own = {key: None for key, one in self.sets().items() if one.model or key == "integrator"}
+        return self.model_copy(update={**own, "model": model})
 
     @model_validator(mode="after")
     def _fits(self) -> Track:
-        for key in ("element", "elasticity", "axes", "joints", "coordinates"):
+        for key, one in self.sets().items():
             value = getattr(self, key)
-            if self.model == "rigid" and value is not None:
-                raise ValueError(f"{key} = '{value}' needs model = 'flexible': rigid links have none")
-        if self.model == "flexible" and self.formulation is not None:
-            raise ValueError(f"formulation = '{self.formulation}' needs model = 'rigid': flexible links have none")
+            if one.model not in ("", self.model) and value is not None:
+                raise ValueError(f"{key} = '{value}' needs model = '{one.model}': {LINKS[self.model]} have none")
         for key in ("rtol", "atol"):
             if getattr(self, key) is not None and self.integrator != "adams":
                 raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")
-        if self.element == "beam" and self.elasticity not in (None, "small_deformation"):
-            raise ValueError(f"elasticity = '{self.elasticity}' needs element = 'cable': a beam has but one")
-        if self.element == "beam" and self.axes is not None:
-            raise ValueError(f"axes = '{self.axes}' needs element = 'cable': beams turn with their pins")
-        if self.joints == "constrained" and (self.element == "beam" or self.axes == "free"):
-            raise ValueError("joints = 'constrained' needs element = 'cable' and axes = 'fixed'")
-        if self.coordinates == "cholesky":
-            if self.integrator not in ("runge_kutta", "adams"):
-                raise ValueError(
-                    "coordinates = 'cholesky' needs integrator = 'runge_kutta' or 'adams': an implicit step factors"
-                    " another matrix than the mass"
-                )
-            if self.axes == "free" or self.joints == "constrained":
-                raise ValueError("coordinates = 'cholesky' needs axes = 'fixed' and joints = 'eliminated'")
+        if conflict := CONFLICTS[self.model]({**DEFAULTS[self.model], **self.parameters()}):
+            raise ValueError(conflict)
         return self
 
     @model_validator(mode="after")

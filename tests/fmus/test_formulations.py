@@ -84,7 +84,10 @@ def test_recursive_links_are_integrated_explicitly():
 def test_scenes_say_the_formulation_of_rigid_links_alone():
     with pytest.raises(BadInput, match=r"formulation = 'recursive' needs model = 'rigid': flexible links have none$"):
         load("hanging_chain", "flexible", ["track.formulation=recursive"])
-    part = assemble(load("hanging_chain", "rigid", ["track.formulation=recursive"])).parts[0]
+    with pytest.raises(BadInput, match=r"track: formulation = 'recursive' is integrated explicitly"):
+        load("hanging_chain", "rigid", ["track.formulation=recursive"])
+    scene = load("hanging_chain", "rigid", ["track.formulation=recursive", "track.integrator=adams"])
+    part = assemble(scene).parts[0]
     assert part.parameters["formulation"] == "recursive"
     assert "formulation" not in assemble(load("hanging_chain", "rigid")).parts[0].parameters
 

@@ -1,5 +1,7 @@
 import json
 from contextlib import nullcontext
+from importlib import import_module
+from typing import Annotated, Literal, get_args, get_origin
 
 import numpy as np
 import pytest
@@ -7,12 +9,16 @@ from scipy.spatial.transform import Rotation
 
 from fmus import vehicle
 from fmus.start import orientation, start
+from fmus.track import STARTS
+from fmus.track_choices import DEFAULTS
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import describe
+from orchestrator.execution.truth import bare
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, placed
 from orchestrator.scene.scene import Scene, from_table, load, of_one_scene
 from orchestrator.scene.settings import keys
+from orchestrator.scene.tables import Sets, Track
 
 BARE = """
 title = "a chain"
@@ -196,13 +202,54 @@ def test_coordinates_are_for_explicit_integrators():
     assert any("516 dofs, Cholesky coordinates" in line for line in describe(scene))
     assert load("straight", "flexible", ["planar=true", "symmetric=true", cholesky, explicit]).planar
     for model, settings, sentence in (
-        ("flexible", [cholesky], "needs integrator = 'runge_kutta' or 'adams': an implicit step factors"),
+        (
+            "flexible",
+            [cholesky],
+            "needs integrator = 'runge_kutta' or 'adams', not 'generalized_alpha': an implicit step factors",
+        ),
         ("flexible", [cholesky, "track.integrator=hht"], "needs integrator = 'runge_kutta' or 'adams'"),
-        ("flexible", [cholesky, explicit, "track.joints=constrained"], "fixed' and joints = 'eliminated'$"),
+        (
+            "flexible",
+            [cholesky, explicit, "track.joints=constrained"],
+            "needs axes = 'fixed' and joints = 'eliminated', not",
+        ),
         ("rigid", [cholesky, explicit], "coordinates = 'cholesky' needs model = 'flexible': rigid links have none$"),
     ):
         with pytest.raises(BadInput, match=sentence):
             load("hanging_chain", model, settings)
+
+
+@pytest.mark.parametrize("model", ["flexible", "rigid"])
+def test_keys_of_a_track_are_parameters_of_its_fmu(model):
+    """Every key, its choices, and the defaults by which conflicts are found."""
+    part = assemble(load("rig", model)).parts[0]
+    shell = import_module(f"fmus.track_{model}.model").Model
+    ports = {port.name: port for port in shell(part.config).ports}
+    for key, sets in Track.sets().items():
+        if sets.model in ("", model):
+            port = ports[sets.parameter or key]
+            asked = get_args(Track.model_fields[key].annotation)
+            chosen = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
+            assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "of starts those of its ends"
+            assert {*port.choices} - set(chosen) <= {"planar"}, "scenes say that by a key of their own"
+    for name, value in DEFAULTS[model].items():
+        assert ports[name].start == value
+
+
+def test_a_key_of_a_track_is_declared_once(monkeypatch):
+    """A toy key reaches the FMU, belongs to one model, is dropped by a swap of models and no part of the motion."""
+
+    class Toy(Track):
+        stickiness: Annotated[float | None, Sets("glue.stickiness", model="rigid", method=True)] = None
+
+    toy = Toy(model="rigid", stickiness=0.5)
+    assert toy.parameters()["glue.stickiness"] == 0.5
+    assert toy.of_model("flexible").parameters() == {}
+    with pytest.raises(ValueError, match=r"stickiness = '0.5' needs model = 'rigid': flexible links have none"):
+        Toy(model="flexible", stickiness=0.5)
+    scene = load("rig", "rigid").model_copy(update={"track": toy})
+    assert assemble(scene).parts[0].parameters["glue.stickiness"] == 0.5
+    assert bare(placed(scene)).track.stickiness is None
 
 
 def test_element_is_for_flexible_links():
