@@ -8,7 +8,8 @@ from fmus.vehicle import BadInput
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 BRIEF = ("run.stop=1 s", "driver.ramp_start=0", "driver.ramp_time=0.4 s", "track.link_outputs=false")

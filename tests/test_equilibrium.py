@@ -11,7 +11,7 @@ from vehicle_in_process import InProcess
 from fmus.physics.wheels import read_states
 from fmus.ports import wheel_state
 from fmus.vehicle import BadInput
-from orchestrator.scene.assembly import placed
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import changed, from_table, load
 
 MOTION = [port.name.removeprefix("of.") for port in wheel_state("of", "output")]

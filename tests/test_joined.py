@@ -10,7 +10,8 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import difference, measures, turning
 from orchestrator.results.run_data import Missing, RunData, Window
-from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 QUICK = ("run.stop=1.5 s", "track.link_outputs=false", "drive.ramp_start=0.2 s", "drive.ramp_time=0.8 s")

@@ -18,7 +18,8 @@ from vehicle_in_process import InProcess
 from fmus.native.link import compiler
 from fmus.native.platform import WINDOWS
 from orchestrator.cosim.component import Component, unpack
-from orchestrator.scene.assembly import assemble, build_all, build_native_all, placed
+from orchestrator.scene.assembly import assemble, build_all, build_native_all
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 HOST = Path(__file__).parent / "host" / "host.c"

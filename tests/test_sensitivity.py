@@ -24,7 +24,8 @@ from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
 from orchestrator.execution.simulate import load_components, paced
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import from_table, load
 from orchestrator.scene.settings import put
 

@@ -7,7 +7,8 @@ import pytest
 
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 

@@ -17,8 +17,10 @@ from orchestrator.log.reader import Log
 from orchestrator.results import turning
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import assemble, placed
-from orchestrator.scene.scene import load, unlike
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
+from orchestrator.scene.same_scene import unlike
+from orchestrator.scene.scene import load
 
 PADS = 1.0114  # speed of a track over that of the pitch circle, measured driving straight
 KINDS = ("rigid", "flexible")

@@ -24,7 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.scene.assembly import Part, assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.parts import Part
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,8 @@ from math import isclose
 from typing import Any
 
 from fmus.loaded import contents
-from orchestrator.scene.assembly import DRIVE, DRIVER, TRACK, TRACKS, Assembly, Part, assemble
+from orchestrator.scene.assembly import Assembly, assemble
+from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, TRACKS, Part
 from orchestrator.scene.scene import Scene, VehicleScene
 from orchestrator.scene.tables import Check
 

@@ -134,7 +134,7 @@ def compare(
     from orchestrator.results.divergence import divergence
     from orchestrator.results.growth_picture import draw
     from orchestrator.results.run_data import RunData, Window
-    from orchestrator.scene.scene import of_one_scene
+    from orchestrator.scene.same_scene import of_one_scene
 
     window = Window(start, end)
     with Log(run) as one, Log(reference) as other:

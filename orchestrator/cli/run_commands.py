@@ -118,8 +118,9 @@ def truth(
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import differences_of_logs
     from orchestrator.results.run_data import RunData
-    from orchestrator.scene.assembly import placed
-    from orchestrator.scene.scene import load, of_one_scene
+    from orchestrator.scene.placing import placed
+    from orchestrator.scene.same_scene import of_one_scene
+    from orchestrator.scene.scene import load
 
     changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
     resolved = load(scene, track, changes)

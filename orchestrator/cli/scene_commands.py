@@ -50,7 +50,7 @@ def build(
     The four standard ones, a scene's, or all.
     """
     from orchestrator.scene import products
-    from orchestrator.scene.assembly import TRACKS
+    from orchestrator.scene.parts import TRACKS
     from orchestrator.scene.scene import load
 
     if scene is not None and everything:

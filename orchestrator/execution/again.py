@@ -10,7 +10,7 @@ from typing import Any
 from fmus.vehicle import BadInput
 from orchestrator.log.log_format import BRANCHED
 from orchestrator.results.run_data import RunData
-from orchestrator.scene.assembly import placed
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 

@@ -20,9 +20,10 @@ from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.scene.assembly import TRACK, assemble
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.parts import TRACK
+from orchestrator.scene.run_tables import Variable
 from orchestrator.scene.scene import Scene
-from orchestrator.scene.tables import Variable
 
 SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")

@@ -24,7 +24,8 @@ from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.states import States
 from orchestrator.log.wire import Rule
-from orchestrator.scene.assembly import Assembly, assemble, placed, system
+from orchestrator.scene.assembly import Assembly, assemble, system
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
 
 

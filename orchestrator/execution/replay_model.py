@@ -21,7 +21,9 @@ from orchestrator.log.described import system_of
 from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER
-from orchestrator.scene.assembly import TRACKS, Part, assemble, build_parts, placed
+from orchestrator.scene.assembly import assemble, build_parts
+from orchestrator.scene.parts import TRACKS, Part
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, changed, from_table
 
 

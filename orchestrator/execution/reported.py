@@ -15,7 +15,8 @@ from orchestrator.results.page.signals import span
 from orchestrator.results.page.study import Judged
 from orchestrator.results.run_data import RunData
 from orchestrator.results.whole_file import refuse
-from orchestrator.scene.scene import from_table, of_one_scene
+from orchestrator.scene.same_scene import of_one_scene
+from orchestrator.scene.scene import from_table
 
 
 def report(

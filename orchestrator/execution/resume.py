@@ -23,8 +23,8 @@ from orchestrator.log.log_format import BRANCHED, CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.run_tables import Run
 from orchestrator.scene.scene import Scene, from_table
-from orchestrator.scene.tables import Run
 
 
 def resume(

@@ -34,10 +34,11 @@ from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
-from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.placing import placed
 from orchestrator.scene.ranges import implausible
+from orchestrator.scene.run_tables import Run
 from orchestrator.scene.scene import Scene
-from orchestrator.scene.tables import Run
 
 QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
 LATER = 10  # niceness of a process beside that is not the longest

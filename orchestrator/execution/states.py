@@ -26,7 +26,8 @@ from orchestrator.execution.manifest import sha256
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_format import CHECKPOINT
 from orchestrator.log.reader import Log
-from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
 
 

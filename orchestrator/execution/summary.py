@@ -17,7 +17,8 @@ from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.validity.entry import FAILURE, Entry
 from orchestrator.results.validity.ledger import validity
 from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
-from orchestrator.scene.tables import SIDES, Check
+from orchestrator.scene.tables import Check
+from orchestrator.scene.values import SIDES
 
 LAST = 1.0  # s: observables are means over the end of a run, but these:
 OF_THE_RUN = ("tension_max", "distance", "path_error")  # largest of the run, or from its start to its end

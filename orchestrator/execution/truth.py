@@ -25,9 +25,10 @@ from fmus.vehicle import BadInput
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution import monolithic
 from orchestrator.results.difference import Difference, differences_of_logs
-from orchestrator.scene import assembly
+from orchestrator.scene import assembly, parts, placing
+from orchestrator.scene.placing import placed
+from orchestrator.scene.run_tables import Run
 from orchestrator.scene.scene import Scene
-from orchestrator.scene.tables import Run
 
 ORDER = 2
 SAMPLING, LINKS = 1e-3, 10  # s between outputs; links at one in so many
@@ -107,15 +108,17 @@ def bare(scene: Scene) -> Scene:
     how = {key: None for key, one in scene.track.sets().items() if one.method}
     track = scene.track.model_copy(update={**how, "link_outputs": STANDARD})
     same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # the motion of a planar chain is no other
-    return assembly.placed(scene).model_copy(update=same)
+    return placed(scene).model_copy(update=same)
 
 
 def key(scene: Scene) -> str:
     """Hash of a bare scene and of the sources that make its truth."""
     physics = {name: value for name, value in scene.resolved().items() if name not in ("name", "title")}
-    parts = [json.dumps(physics, sort_keys=True), content()]
-    parts += [Path(str(module.__file__)).read_text(encoding="utf-8") for module in (assembly, monolithic)]
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+    hashed = [json.dumps(physics, sort_keys=True), content()]
+    hashed += [
+        Path(str(module.__file__)).read_text(encoding="utf-8") for module in (assembly, parts, placing, monolithic)
+    ]
+    return hashlib.sha256("\0".join(hashed).encode()).hexdigest()[:24]
 
 
 def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str, Any]:

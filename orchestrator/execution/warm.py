@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import TRACKS
+from orchestrator.scene.parts import TRACKS
 from orchestrator.scene.scene import load
 
 SOON = "run.stop=10 ms"

@@ -9,7 +9,9 @@ from pathlib import Path
 from fmus.link_outputs import INTERVAL
 from fmus.vehicle import BadInput
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import TRACKS, Part, Product, assemble, build_all, build_native_all, placed
+from orchestrator.scene.assembly import Product, assemble, build_all, build_native_all
+from orchestrator.scene.parts import TRACKS, Part
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, load
 
 STANDARD = "straight"  # its components carry the plain names

@@ -6,7 +6,6 @@ scene holds the whole vehicle table under ``vehicle``, so that a dotted key reac
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
@@ -18,37 +17,16 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 from fmus.ranges import outside
 from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery, points
+from orchestrator.scene.drive_tables import Drive, Driver, VehicleDrive
 from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.recording import UNKNOWN, folded, links_every
+from orchestrator.scene.run_tables import Run, short_coupling
 from orchestrator.scene.settings import keys, merged, put, setting
-from orchestrator.scene.tables import (
-    SIDES,
-    Bench,
-    Chain,
-    Check,
-    Drive,
-    Driver,
-    Ground,
-    Rig,
-    Run,
-    Side,
-    Start,
-    Track,
-    VehicleDrive,
-    VehicleStart,
-    off,
-    short_coupling,
-    short_track,
-)
+from orchestrator.scene.start_tables import Ground, Start, VehicleStart
+from orchestrator.scene.tables import Bench, Chain, Check, Rig
+from orchestrator.scene.track_table import Track, short_track
+from orchestrator.scene.values import SIDES, Side, off
 
-# how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
-COMPUTED = (
-    "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name", "vehicle.tensioner.travel",
-    *(f"track.{key}" for key in Track.model_fields if key != "start"), "start.state", "start.equilibrium", "push",
-)  # fmt: skip
-# what is searched for so that the chain carries its tension: versions end the search at other last digits
-SEARCHED = ("vehicle.idler.x", "vehicle.tensioner.preload", "rig.axle_distance")
-ALIKE = 1e-5  # relative
 # what a drive in mode controller may say beside a driver
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
 # what a planar scene asks of its links
@@ -339,48 +317,6 @@ def changed(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Sc
     for key, value in map(setting, settings):
         put(resolved, SHORT.get(key, key), value)
     return from_table(resolved, where)
-
-
-def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]], remedy: str = "") -> None:
-    """Refuse two runs, each where it is from and its scene as logged, that are not of one scene; raises BadInput.
-
-    Its sentence ends with the ``remedy``.
-    """
-    for where, table in (one, other):
-        if not table:
-            raise BadInput(f"{where} does not say of which scene it is")
-    if unlike(one[1], other[1]) and (apart := unlike(_as_read_now(one[1]), _as_read_now(other[1]))):
-        named = [f"{where} ({shown(table.get('name'))})" for where, table in (one, other)]
-        raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}{remedy}")
-
-
-def _as_read_now(table: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A logged scene with the keys of this version: a log of an older one says nothing of those that came later."""
-    try:
-        found: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
-        return found
-    except BadInput:
-        return table
-
-
-def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:
-    """What makes two resolved, placed scenes different ones, "key = value and value"; None where it is one scene."""
-    for name in sorted({*one, *other}):
-        key, a, b = f"{above}{name}", one.get(name), other.get(name)
-        if key in COMPUTED or a == b or (key in SEARCHED and _alike(a, b)):
-            continue
-        if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:
-            if a and b and a.keys().isdisjoint(b):
-                return f"{key} says {', '.join(sorted(a))} and {', '.join(sorted(b))}"
-            if (found := unlike(a, b, f"{key}.")) is not None:
-                return found
-        else:
-            return f"{key} = {' and '.join('not given' if value is None else shown(value) for value in (a, b))}"
-    return None
-
-
-def _alike(a: object, b: object) -> bool:
-    return isinstance(a, int | float) and isinstance(b, int | float) and math.isclose(a, b, rel_tol=ALIKE)
 
 
 def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:

@@ -28,7 +28,9 @@ from orchestrator.cosim.observers import Logging
 from orchestrator.execution.manifest import open_log
 from orchestrator.execution.simulate import load_components, paced, simulate, warm_up
 from orchestrator.log.reader import Log
-from orchestrator.scene.assembly import CHASSIS, TRACK, Assembly, Part, assemble, placed, system
+from orchestrator.scene.assembly import Assembly, assemble, system
+from orchestrator.scene.parts import CHASSIS, TRACK, Part
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, load
 from orchestrator.studies import Case, files
 from orchestrator.studies.tables import Column, Row, Table

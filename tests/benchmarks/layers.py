@@ -16,7 +16,7 @@ from fmus.build import build
 from orchestrator.cosim.component import Component
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, Series
-from orchestrator.scene.assembly import TRACKS, Part
+from orchestrator.scene.parts import TRACKS, Part
 from orchestrator.studies.tables import ABOUT, COST, Column, Table
 from tests.benchmarks import exchange, kernels, own
 from tests.benchmarks.timing import Floats, laps, per_step

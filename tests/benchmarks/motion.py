@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.physics.chain.layout import ovalling, regular_polygon
-from orchestrator.scene.assembly import Part
+from orchestrator.scene.parts import Part
 from orchestrator.scene.scene import Scene
 from tests.benchmarks import own
 

@@ -9,7 +9,9 @@ from typing import Any
 
 from fmus.build import KINDS, build
 from orchestrator.cosim.component import unpack
-from orchestrator.scene.assembly import Part, assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.parts import Part
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, load
 
 

@@ -13,7 +13,8 @@ from fmus.model import InvalidParameter
 from fmus.sprocket_drive.model import Model as Drive
 from fmus.track_rigid.model import Model as RigidTrack
 from orchestrator.cosim.component import Component
-from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 H = 1e-3

@@ -14,7 +14,8 @@ from fmus.physics.chain.rigid.closing import opening
 from fmus.physics.chain.rigid.explicit import LIMIT
 from fmus.vehicle import BadInput
 from orchestrator.execution import monolithic
-from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 NONE = np.zeros(0)

@@ -25,7 +25,8 @@ from fmus.native import link, pack
 from fmus.native.pack import build_native, held
 from fmus.native.platform import LINUX, WINDOWS
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
-from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 H, STEPS = 1e-3, 120

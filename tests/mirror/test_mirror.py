@@ -28,7 +28,8 @@ from fmus.track_rigid.model import Model as TrackRigid
 from mirror import chassis_checks, drive_checks, driver_checks, joined_checks, runs, track_checks
 from mirror.check import FAULTS, View
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import TRACKS, assemble
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.parts import TRACKS
 from orchestrator.scene.scene import load
 
 CHECKS = {

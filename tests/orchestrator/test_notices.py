@@ -12,7 +12,8 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import notices
 from orchestrator.log.reader import Log
-from orchestrator.scene.scene import load, of_one_scene
+from orchestrator.scene.same_scene import of_one_scene
+from orchestrator.scene.scene import load
 
 OLD = Path(__file__).with_name("logs") / "format_1.mcap"  # made by cotrack 0.1.0
 

@@ -17,7 +17,8 @@ from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
 from orchestrator.execution.simulate import load_components
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.placing import placed
 from orchestrator.scene.products import build_to, of_gallery, of_scenes
 from orchestrator.scene.scene import load
 

@@ -15,10 +15,12 @@ from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import describe
 from orchestrator.execution.truth import bare
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import assemble, placed
-from orchestrator.scene.scene import Scene, from_table, load, of_one_scene
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
+from orchestrator.scene.same_scene import of_one_scene
+from orchestrator.scene.scene import Scene, from_table, load
 from orchestrator.scene.settings import keys
-from orchestrator.scene.tables import Sets, Track
+from orchestrator.scene.track_table import Sets, Track
 
 BARE = """
 title = "a chain"

@@ -7,7 +7,8 @@ import pytest
 from fmus.ports import STATE, WRENCH
 from orchestrator.cli.inventory import describe
 from orchestrator.cosim.graph import Connection, Instance, Miswired, System, wire
-from orchestrator.scene.assembly import CHASSIS, DRIVE, TRACK, assemble
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.parts import CHASSIS, DRIVE, TRACK
 from orchestrator.scene.products import of_gallery, of_scenes
 from orchestrator.scene.scene import load
 

@@ -25,7 +25,8 @@ from orchestrator.log.reader import Log
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 SOFT = ("track.start=displaced", "vehicle.material.youngs_modulus=2e7", "chain.links=16")

@@ -19,7 +19,8 @@ from orchestrator.cosim.warned import Warned, Warnings
 from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
-from orchestrator.scene.assembly import assemble, build_all, placed
+from orchestrator.scene.assembly import assemble, build_all
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 H = 1e-3

@@ -17,7 +17,8 @@ from orchestrator.cosim.component import ComponentFailed
 from orchestrator.execution.manifest import sha256
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.scene.assembly import assemble, placed, system
+from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
 from tests.validation.paper.models import Model, scene
 

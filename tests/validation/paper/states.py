@@ -12,7 +12,8 @@ from orchestrator.execution.monolithic import parts_of
 from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.scene.assembly import assemble, placed
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
 
 __all__ = ["LONGEST", "model", "saved", "whole"]

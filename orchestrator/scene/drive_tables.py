@@ -1,0 +1,214 @@
+"""``[drive]``, ``[drive.steering]`` and ``[driver]``: what turns the sprockets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from fmus.vehicle import Distance, In, Table, to_si
+from orchestrator.scene.values import SIDES, Duration, Place, Side, Time, off
+
+POINTS_OF = {  # and the modes in which they act
+    "speed_points": ("speed", "controller"),
+    "torque_points": ("torque",),
+    "brake_points": ("torque", "controller"),
+    "engine_points": ("torque", "controller"),
+}
+
+
+class Drive(Table):
+    """What turns a sprocket (or a braked idler).
+
+    ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time``, and is
+    then held; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
+    """
+
+    mode: Literal["speed", "torque", "controller"]
+    speed: Annotated[float, In("rad/s")] = 0.0
+    ramp_start: Time = 0.0
+    ramp_time: Time = 1.0
+    stop: Time | None = None  # when the sprocket is stopped for good, after the ramp
+    stop_time: Duration = 1e-3
+    torque: Annotated[float, In("N m")] = 0.0
+    torque_limit: Annotated[float, In("N m", gt=0)] | None = None
+    brake: Annotated[float, In("N m", ge=0)] = 0.0
+    # points [time, value], or a CSV file of them, instead of a constant: straight lines between, held before and after
+    speed_points: tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None = None  # instead of ramp and stop
+    torque_points: tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None = None
+    brake_points: tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None = None
+
+    # full-load curve of the engine, [speed, torque] of its shaft, or a CSV file: at the sprocket by the gear's ratio
+    engine_points: tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None = (
+        None
+    )
+    gear_ratio: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = (
+        None  # turns of the engine to the sprocket's
+    )
+
+    @model_validator(mode="after")
+    def _points_fit(self) -> Drive:
+        for key, modes in POINTS_OF.items():
+            points = getattr(self, key)
+            if points is None:
+                continue
+            if self.mode not in modes:
+                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+            times = [time for time, _ in points]
+            if not times or any(later <= earlier for earlier, later in pairwise(times)):
+                raise ValueError(
+                    f"{key}: needs at least one point, and {'speeds' if key == 'engine_points' else 'times'} that rise"
+                )
+        if self.gear_ratio is not None and self.engine_points is None:
+            raise ValueError("gear_ratio needs engine_points: without an engine's curve there is nothing to gear")
+        if self.stop is not None and self.stop < self.ramp_start + self.ramp_time:
+            raise ValueError(
+                f"stop = {self.stop:g} s must not be before the ramp ends, {self.ramp_start + self.ramp_time:g} s"
+            )
+        if self.speed_points is not None and self.stop is not None:
+            raise ValueError("speed_points and stop exclude each other: the points say when it stops")
+        return self
+
+    @property
+    def top_speed(self) -> float | None:
+        """Largest speed that is asked for, rad/s; None where a torque makes it."""
+        if self.mode == "torque":
+            return None
+        return max(abs(speed) for _, speed in self.speed_points or ((0.0, self.speed),))
+
+
+class Steering(Drive):
+    """What turns right less left in a steering differential: ``speed`` is the right sprocket's less the left one's."""
+
+    mode: Literal["speed", "torque", "controller"] = "speed"
+
+    @model_validator(mode="after")
+    def _acts(self) -> Steering:
+        """Raise ValueError for what the mode, which may not have been said, leaves without effect."""
+        acting = {"torque": ("torque",), "torque_limit": ("controller",), "brake": ("torque", "controller")}
+        for key, modes in acting.items():
+            if getattr(self, key) and self.mode not in modes:
+                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+        return self
+
+
+class VehicleDrive(Drive):
+    """The drive of both sides of a vehicle; what ``left`` or ``right`` says lies over it.
+
+    With ``steering`` both sprockets are joined by a differential, and the drive turns the mean of their speeds.
+    """
+
+    left: Drive | None = None
+    right: Drive | None = None
+    steering: Annotated[Steering | None, BeforeValidator(off)] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _laid_over(cls, value: object) -> object:
+        if not isinstance(value, Mapping):
+            return value
+        both = {key: each for key, each in value.items() if key not in SIDES}
+        known = {key: each for key, each in both.items() if key in Drive.model_fields}
+        own = {side: value[side] for side in SIDES if value.get(side) is not None}
+        whole = {side: {**known, **each} if isinstance(each, Mapping) else each for side, each in own.items()}
+        modes = [each["mode"] for each in whole.values() if isinstance(each, Mapping) and "mode" in each]
+        if modes and "mode" not in both and (len(own) == len(SIDES) or known != both):
+            both["mode"] = modes[0]  # each side has its own, or another key is to be complained of
+        return both | whole
+
+    @model_validator(mode="after")
+    def _named_by_side(self) -> VehicleDrive:
+        """Sides that differ are both named, sides that are alike neither; what else is said is then the left one's."""
+        left, right = (getattr(self, side) or self._both() for side in SIDES)
+        sides = {} if left == right else {"left": left, "right": right}
+        if sides and self.steering is not None:
+            raise ValueError("left and right exclude steering: a differential turns both, by their mean and difference")
+        return self.model_construct(None, **left.model_dump(), **sides, steering=self.steering)
+
+    @model_serializer(mode="wrap")
+    def _without_what_does_nothing(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in whole(self).items() if (key in SIDES) == self.steers}
+
+    def _both(self) -> Drive:
+        return Drive.model_construct(**{key: getattr(self, key) for key in Drive.model_fields})
+
+    @property
+    def steers(self) -> bool:
+        """Whether the sides' drives differ."""
+        return self.left is not None and self.right is not None
+
+    def motors(self) -> dict[str, Drive]:
+        """All drives by their keys."""
+        own = {"drive.left": self.left, "drive.right": self.right} if self.steers else {"drive": self}
+        return {key: each for key, each in {**own, "drive.steering": self.steering}.items() if each is not None}
+
+    def of(self, side: Side) -> Drive:
+        """The drive of a side."""
+        return getattr(self, side) or self._both()
+
+
+def _arc(pair: object) -> object:
+    """An arc of a path in SI: [length, curvature], or [0, angle] for a turn on the spot."""
+    if not isinstance(pair, list | tuple) or len(pair) != 2:
+        return pair
+    length = to_si("m")(pair[0])
+    second = to_si("rad/m" if length else "rad")(pair[1])
+    if not length and not second:
+        raise ValueError("an arc of length 0 turns on the spot: its second number is the angle, not 0")
+    return length, second
+
+
+Arc = Annotated[tuple[Place, Annotated[float, In("rad/m", ge=-1e3, le=1e3)]], BeforeValidator(_arc)]
+
+
+class Driver(Table):
+    """Who drives a vehicle along a path, or on a heading, at a speed; the path begins under its middle road wheel.
+
+    Without arcs and points the heading of the start, turned by ``heading``, is held. What is not given is the
+    driver's own default.
+    """
+
+    # [length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a CSV file of them
+    arcs: Annotated[tuple[Arc, ...] | None, BeforeValidator(off)] = None
+    # [x, y] of a smooth path, or a CSV file of them
+    points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(off)] = None
+    heading: Annotated[float, In("rad")] | None = None
+    speed: Annotated[float, In("m/s", ge=0, le=1e3)] = 0.0
+    ramp_start: Time = 0.0
+    ramp_time: Time = 1.0
+    speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None  # instead of the ramp
+    deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # towards curves and the end of the path
+    lateral_acceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # bounds speed and curvature
+    reach: Distance | None = None  # least distance of the point that is pursued
+    preview: Time | None = None  # and in time
+    width: Distance | None = None  # distance of two tracks that would turn the vehicle alike without slip: for errors
+    friction: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None  # that is counted on: else the ground's
+    grip: Annotated[float, Field(ge=0.05, le=0.9)] | None = None  # share of the friction that the way is planned with
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Driver:
+        given = [key for key in ("arcs", "points", "heading") if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{given[0]} and {given[1]} exclude each other")
+        for key, least in (("arcs", 1), ("points", 2), ("speed_points", 1)):
+            if (pairs := getattr(self, key)) is not None and len(pairs) < least:
+                raise ValueError(f"{key}: needs at least {least} of them, not {len(pairs)}")
+        times = [time for time, _ in self.speed_points or ()]
+        if any(later <= earlier for earlier, later in pairwise(times)):
+            raise ValueError("speed_points: needs times that rise")
+        for k, (one, other) in enumerate(pairwise(self.points or ())):
+            if one == other:
+                raise ValueError(f"points: number {k + 1} and {k + 2} are the same place, {list(one)}")
+        if self.speed_points is not None and self.speed:
+            raise ValueError("speed and speed_points exclude each other")
+        for key in ("deceleration", "reach", "preview"):
+            if getattr(self, key) is not None and self.arcs is None and self.points is None:
+                raise ValueError(f"{key} needs a path, arcs or points")
+        return self
+
+    @property
+    def top_speed(self) -> float:
+        """Largest speed that is asked for, m/s."""
+        return max(speed for _, speed in self.speed_points or ((0.0, self.speed),))

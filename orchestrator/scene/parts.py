@@ -1,0 +1,278 @@
+"""The components of a scene before they are built: their configs, parameters and connections."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from fmus.equilibrium import upright
+from fmus.link_outputs import INTERVAL
+from fmus.ports import wheel_state, wrench
+from fmus.stance import Stance
+from orchestrator.cosim.graph import Connection
+from orchestrator.scene.drive_tables import Drive, Driver
+from orchestrator.scene.scene import RigScene, Scene, VehicleScene
+from orchestrator.scene.start_tables import VehicleStart
+from orchestrator.scene.values import Side
+
+TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
+
+
+SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
+
+
+AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
+
+
+DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages: who demands, then force sides first
+
+
+DIFFERENTIAL = "differential"
+
+
+HHT = 0.5  # spectral radius of hht unless a scene asks for another: the strongest damping that it has
+
+
+POSE = 7  # of a wheel's 13: position and orientation, then its rates
+
+
+Parameters = dict[str, float | int | str]
+
+
+class Part(NamedTuple):
+    """A component before it is built."""
+
+    name: str
+    kind: str  # FMU kind, a key of the build
+    config: dict[str, Any]  # what the build packs beside the model
+    parameters: Parameters  # set before initialisation
+    stage: int
+
+
+def chassis_config(scene: VehicleScene) -> dict[str, Any]:
+    """Config of the chassis: its sides, where it starts, what it touches."""
+    at = scene.start.equilibrium
+    own: dict[str, Any] = {"sides": list(SIDES)[: 1 if scene.symmetric else 2], **_touching(scene)}
+    own |= {"start": at.model_dump(mode="json")} if at else {}
+    own |= {"push": scene.push} if scene.push and len(scene.tracks) == 1 else {}
+    return {"vehicle": scene.vehicle.model_dump(), "chassis": own}
+
+
+def standing(scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]) -> dict[str, Any]:
+    """The config of a track with its wheels where they stand on this side of the vehicle."""
+    at = scene.start.equilibrium
+    if at is None:
+        return config
+    if at.roll:
+        stands = {name: upright(place, at.pitch) for name, place in stands.items()}
+    wheels = [{**wheel, "start": list(stands[f"{side}.{wheel['name']}"])} for wheel in config["track"]["wheels"]]
+    return {**config, "track": {**config["track"], "wheels": wheels}}
+
+
+def drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
+    """The component that drives a side, and what its variables of that side begin with."""
+    return (f"{side}_drive", "") if scene.drive.steering is None else (DIFFERENTIAL, f"{side}.")
+
+
+def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
+    """What a driver sees, and what the drives are told."""
+    shown, seen = _names(wheel_state("chassis", "output")), _names(wheel_state("chassis", "input"))
+    return (
+        Connection("chassis", shown[:POSE], "driver", seen[:POSE], "state"),
+        Connection("chassis", shown[POSE:], "driver", seen[POSE:], "rate"),
+        *(
+            Connection("driver", (f"{side}.speed",), drive, (f"{connector}speed.demand",), "mean")
+            for side in SIDES
+            for drive, connector in [drive_of_side(scene, side)]
+        ),
+    )
+
+
+def driver_parameters(driver: Driver) -> Parameters:
+    """What the scene says of a driver."""
+    same = {"heading", "deceleration", "reach", "preview", "width", "friction", "grip"}
+    own = driver.model_dump(include=same, exclude_none=True)
+    ramp = {
+        "speed.end": driver.speed,
+        "ramp.start": driver.ramp_start,
+        "ramp.end": driver.ramp_start + driver.ramp_time,
+    }
+    pairs = {"path.arcs": driver.arcs, "path.points": driver.points, "speed.points": driver.speed_points}
+    if driver.lateral_acceleration is not None:
+        own["acceleration.lateral"] = driver.lateral_acceleration
+    return own | ramp | {name: _text(points) for name, points in pairs.items() if points is not None}
+
+
+def _text(pairs: Sequence[tuple[float, float]]) -> str:
+    """Pairs as a String parameter."""
+    return "; ".join(f"{first!r} {second!r}" for first, second in pairs)
+
+
+def _touching(scene: VehicleScene) -> dict[str, Any]:
+    """Config of what the chassis itself touches: the hull where declared, wheels that have no track."""
+    bare = [side for side in SIDES if side not in scene.tracks]
+    if not bare and not scene.ground.hull:
+        return {}
+    return {"ground": {"hull": scene.ground.hull, "bare": bare, **_bump(scene)}}
+
+
+def _bump(scene: VehicleScene) -> dict[str, Any]:
+    bump = scene.ground.bump
+    return {} if bump is None else {"bump": bump.model_dump()}
+
+
+def rig_track_config(scene: RigScene) -> dict[str, Any]:
+    """Config of the track of a rig."""
+    rig = scene.rig
+    wheels = [sprocket(), rim("idler", scene.vehicle.idler.radius, -rig.axle_distance, 0.0)]
+    return track_config(scene, links=rig.links, closed=True, wheels=wheels, gravity=0.0, tension=rig.tension)
+
+
+def vehicle_track_config(scene: VehicleScene) -> dict[str, Any]:
+    """Config of the track of a vehicle, round its wheels as drawn."""
+    vehicle = scene.vehicle
+    wheels = [
+        sprocket(),
+        *(
+            rim(f"road_wheel[{i}]", vehicle.road_wheel.radius, x, vehicle.road_wheel.z)
+            for i, x in enumerate(vehicle.road_wheel.x, 1)
+        ),
+        rim("idler", vehicle.idler.radius, vehicle.idler.x, vehicle.idler.z),
+    ]
+    config = track_config(
+        scene,
+        links=vehicle.track.links,
+        closed=True,
+        wheels=wheels,
+        ground=True,
+        tension=vehicle.track.tension,
+    )
+    config["track"] |= _bump(scene)
+    return config
+
+
+def track_config(
+    scene: Scene,
+    *,
+    links: int,
+    closed: bool,
+    wheels: list[dict[str, Any]],
+    ground: bool = False,
+    gravity: float | None = None,
+    ends: dict[str, Any] | None = None,
+    transverse_damping: float = 0.0,
+    tension: float = 0.0,
+) -> dict[str, Any]:
+    """Config of a track: vehicle, wheels, ends, ground; ``tension`` for what places its idler."""
+    return {
+        "vehicle": scene.vehicle.model_dump(),
+        "track": {
+            "links": links,
+            "closed": closed,
+            "wheels": wheels,
+            "ground": ground,
+            "gravity": scene.vehicle.gravity if gravity is None else gravity,
+            "ends": ends,
+            "transverse_damping": transverse_damping,
+            "tension": tension,
+        },
+        "link_outputs": scene.track.link_outputs,
+    }
+
+
+def track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
+    """A track with its parameters, ``lateral`` m to the left of the middle."""
+    parameters = {**start_parameters(scene), "start.lateral": lateral, **scene.track.parameters()}
+    if scene.track.integrator == "hht":
+        parameters.setdefault("spectral_radius", HHT)
+    if scene.planar:
+        parameters["element"] = "planar"
+    if scene.track.link_outputs:
+        parameters[INTERVAL] = float(scene.links_every)
+    return Part(name, TRACKS[scene.track.model], config, parameters, TRACK)
+
+
+def drive_part(
+    scene: Scene,
+    name: str,
+    drive: Drive,
+    inertia: float,
+    mount: Sequence[float],
+    lateral: float = 0.0,
+) -> Part:
+    """A sprocket drive on its mount, ``lateral`` m to the left of the middle."""
+    config = {"vehicle": scene.vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
+    parameters = {**start_parameters(scene), "start.lateral": lateral, **_drive_parameters(drive)}
+    return Part(name, "SprocketDrive", config, parameters, DRIVE)
+
+
+def differential_part(scene: VehicleScene, steering: Drive, stands: Mapping[str, Stance]) -> Part:
+    """The steering differential between both sprockets."""
+    vehicle = scene.vehicle
+    own: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
+    for (side, sign), key in zip(SIDES.items(), ("mount", "right"), strict=True):
+        x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
+        own[key] = [x, y + sign * vehicle.track.lateral, *rest]
+    config = {"vehicle": vehicle.model_dump(), "drive": own}
+    parameters = start_parameters(scene)
+    for shaft, drive in (("propulsion", scene.drive), ("steering", steering)):
+        parameters |= {f"{shaft}.{name}": value for name, value in _drive_parameters(drive).items()}
+    return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
+
+
+def _drive_parameters(drive: Drive) -> Parameters:
+    parameters: Parameters = {
+        "mode": drive.mode,
+        "speed.end": drive.speed,
+        "ramp.start": drive.ramp_start,
+        "ramp.end": drive.ramp_start + drive.ramp_time,
+        "torque.drive": drive.torque,
+        "brake.torque": drive.brake,
+    }
+    if drive.stop is not None:
+        parameters |= {"stop.start": drive.stop, "stop.time": drive.stop_time}
+    for name in ("speed", "torque", "brake", "engine"):
+        if (points := getattr(drive, f"{name}_points")) is not None:
+            parameters[f"{name}.points"] = _text(points)
+    if drive.gear_ratio is not None:
+        parameters["gear.ratio"] = drive.gear_ratio
+    if drive.torque_limit is not None:
+        parameters["torque.limit"] = drive.torque_limit
+    return parameters
+
+
+def start_parameters(scene: Scene) -> Parameters:
+    """Place and attitude in which all components start."""
+    x, y, z = scene.start.position
+    pose: Parameters = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
+    pose["start.heading"] = scene.start.heading
+    if isinstance(scene.start, VehicleStart):
+        heading, pitch = scene.start.turned()
+        pose |= {"start.heading": heading, "start.height": scene.start.height, "start.pitch": pitch}
+    return pose
+
+
+def sprocket() -> dict[str, Any]:
+    """A sprocket in the config of a track, at its origin."""
+    return {"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]}
+
+
+def rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
+    """A smooth wheel in the config of a track, m."""
+    return {"name": name, "kind": "rim", "radius": radius, "position": [x, z]}
+
+
+def wheel_connections(giver: str, connector: str, taker: str, taken: str) -> tuple[Connection, ...]:
+    """Pose and rates from the taker to the giver, mean wrench from the giver to the taker: a power bond."""
+    shown, seen = _names(wheel_state(taken, "output")), _names(wheel_state(connector, "input"))
+    given, felt = _names(wrench(connector, "output")), _names(wrench(taken, "input"))
+    bond = f"{giver}.{connector}"
+    return (
+        Connection(taker, shown[:POSE], giver, seen[:POSE], "state"),
+        Connection(taker, shown[POSE:], giver, seen[POSE:], "rate", bond=bond),
+        Connection(giver, given, taker, felt, "mean", bond=bond),
+    )
+
+
+def _names(ports: Sequence[Any]) -> tuple[str, ...]:
+    return tuple(port.name for port in ports)

@@ -1,0 +1,79 @@
+"""Where a scene starts: idlers where chains carry their tension, a vehicle in equilibrium."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from typing import Any
+
+from fmus.equilibrium import Track, equilibrium
+from fmus.tensioning import tension_wheel
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.parts import Parameters, Part, rig_track_config, vehicle_track_config
+from orchestrator.scene.scene import RigScene, Scene, VehicleScene
+from orchestrator.scene.start_tables import Equilibrium
+from orchestrator.scene.values import SIDES
+
+
+def placed(scene: Scene) -> Scene:
+    """The scene with the idler where the chain carries its static tension, and the push that holds it there.
+
+    A placed scene (from a log) stays as it is. Raises BadInput when the track cannot be laid round its wheels
+    or cannot carry the tension.
+    """
+    if scene.placed:
+        return scene
+    update: dict[str, Any] = {"placed": True}
+    match scene:
+        case RigScene():
+            x, _ = _tensioned(rig_track_config(scene), scene.rig.tension, "rig")
+            update["rig"] = scene.rig.model_copy(update={"axle_distance": -x})
+        case VehicleScene():
+            return _rested(_tight(scene).model_copy(update=update))
+    return scene.model_copy(update=update)
+
+
+def _tight(scene: VehicleScene) -> VehicleScene:
+    """A vehicle with its idlers where tracks as drawn carry their tension, and the push that holds them there."""
+    if not scene.tracks:
+        return scene
+    vehicle = scene.vehicle
+    x, push = _tensioned(vehicle_track_config(scene), vehicle.track.tension, "vehicle.track")
+    idler = vehicle.idler.model_copy(update={"x": x})
+    tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
+    changes = {"push": push, "vehicle": vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})}
+    return scene.model_copy(update=changes)
+
+
+def _rested(scene: VehicleScene) -> VehicleScene:
+    """A vehicle with tight tracks where it starts: in equilibrium, unless it starts as drawn."""
+    if scene.start.state != "equilibrium":
+        return scene
+    parts = {part.name: part for part in assemble(scene.model_copy(update={"symmetric": False})).parts}
+    tracks = {side: _carrying(scene, part) for side in SIDES if (part := parts.get(f"{side}_track"))}
+    found = Equilibrium(**_settled(json.dumps([parts["chassis"].config, tracks]))._asdict())
+    return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": found})})
+
+
+def _carrying(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Parameters]:
+    """A track as it takes part in the search; a closing spring as stiff as by default makes no difference (0.3 um)."""
+    soft = scene.track.closure_stiffness is not None
+    closure = {name: value for name, value in part.parameters.items() if soft and name.startswith("closure")}
+    return {**part.config, "link_outputs": False}, closure
+
+
+@cache
+def _settled(asked: str) -> Any:
+    """Solved once a process, as the idler's place."""
+    chassis, tracks = json.loads(asked)
+    return equilibrium(chassis, {side: Track(*track) for side, track in tracks.items()})
+
+
+def _tensioned(config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:
+    return _solved(json.dumps(config, sort_keys=True), tension, keys)
+
+
+@cache
+def _solved(config: str, tension: float, keys: str) -> tuple[float, float]:
+    """Solved once a process: scenes and track models share their idler's place."""
+    return tension_wheel(json.loads(config), "idler", tension, keys)

@@ -1,0 +1,67 @@
+"""Whether two runs are of one scene: only how they were computed, recorded and checked may differ."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from fmus.vehicle import BadInput, shown
+from orchestrator.scene.scene import from_table
+from orchestrator.scene.track_table import Track
+
+# how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
+COMPUTED = (
+    "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name", "vehicle.tensioner.travel",
+    *(f"track.{key}" for key in Track.model_fields if key != "start"), "start.state", "start.equilibrium", "push",
+)  # fmt: skip
+
+
+# what is searched for so that the chain carries its tension: versions end the search at other last digits
+SEARCHED = ("vehicle.idler.x", "vehicle.tensioner.preload", "rig.axle_distance")
+
+
+ALIKE = 1e-5  # relative
+
+
+def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]], remedy: str = "") -> None:
+    """Refuse two runs, each where it is from and its scene as logged, that are not of one scene; raises BadInput.
+
+    Its sentence ends with the ``remedy``.
+    """
+    for where, table in (one, other):
+        if not table:
+            raise BadInput(f"{where} does not say of which scene it is")
+    if unlike(one[1], other[1]) and (apart := unlike(_as_read_now(one[1]), _as_read_now(other[1]))):
+        named = [f"{where} ({shown(table.get('name'))})" for where, table in (one, other)]
+        raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}{remedy}")
+
+
+def _as_read_now(table: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A logged scene with the keys of this version: a log of an older one says nothing of those that came later."""
+    try:
+        found: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
+        return found
+    except BadInput:
+        return table
+
+
+def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:
+    """What makes two resolved, placed scenes different ones, "key = value and value"; None where it is one scene."""
+    for name in sorted({*one, *other}):
+        key, a, b = f"{above}{name}", one.get(name), other.get(name)
+        if key in COMPUTED or a == b or (key in SEARCHED and _alike(a, b)):
+            continue
+        if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:
+            if a and b and a.keys().isdisjoint(b):
+                return f"{key} says {', '.join(sorted(a))} and {', '.join(sorted(b))}"
+            if (found := unlike(a, b, f"{key}.")) is not None:
+                return found
+        else:
+            return f"{key} = {' and '.join('not given' if value is None else shown(value) for value in (a, b))}"
+    return None
+
+
+def _alike(a: object, b: object) -> bool:
+    return isinstance(a, int | float) and isinstance(b, int | float) and math.isclose(a, b, rel_tol=ALIKE)

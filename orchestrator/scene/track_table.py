@@ -1,0 +1,117 @@
+"""``[track]``: which links, and how they are computed."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from fmus.link_outputs import GROUPS, STANDARD
+from fmus.ports import TOLERANCES
+from fmus.track_choices import DEFAULTS, conflict_of_bodies, conflict_of_links
+from fmus.vehicle import In, Table
+from orchestrator.scene.values import Duration
+
+Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
+
+
+Elasticity = Literal["small_deformation", "general", "engineering"]
+
+
+def _groups(asked: object) -> object:
+    """Of link outputs: all, those that are standard (true), none (false), or names."""
+    if asked == "all":
+        return tuple(GROUPS)
+    if isinstance(asked, bool):
+        return STANDARD if asked else ()
+    if isinstance(asked, list | tuple) and all(isinstance(name, str) and name in GROUPS for name in asked):
+        return tuple(name for name in GROUPS if name in asked)
+    raise ValueError(f"must be true, false, 'all' or a list of {', '.join(GROUPS)}")
+
+
+LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_groups)]
+
+
+class Sets(NamedTuple):
+    """What a key of ``[track]`` sets; stands in the annotation of the key."""
+
+    parameter: str = ""  # of the track's FMU; the key's own name where empty
+    model: str = ""  # the one that has it; both where empty
+    method: bool = False  # how the motion is computed, and not what moves
+
+
+FLEXIBLE, FLEXIBLE_METHOD, METHOD = Sets(model="flexible"), Sets(model="flexible", method=True), Sets(method=True)
+
+
+LINKS = {"flexible": "flexible links", "rigid": "rigid links"}
+
+
+CONFLICTS = {"flexible": conflict_of_links, "rigid": conflict_of_bodies}
+
+
+class Track(Table):
+    """Which track model, and its parameters; what is not given is the model's own default."""
+
+    model: Literal["flexible", "rigid"]
+    element: Annotated[Literal["cable", "beam"] | None, FLEXIBLE] = None
+    elasticity: Annotated[Elasticity | None, FLEXIBLE] = None  # of cables
+    # of cables: fixed ones stay in their plane; as the scene needs
+    axes: Annotated[Literal["fixed", "free"] | None, FLEXIBLE] = None
+    formulation: Annotated[Literal["augmented", "recursive"] | None, Sets(model="rigid", method=True)] = None
+    # of cables: pins without equations, or with multipliers
+    joints: Annotated[Literal["eliminated", "constrained"] | None, FLEXIBLE_METHOD] = None
+    # that an explicit integrator integrates
+    coordinates: Annotated[Literal["nodal", "cholesky"] | None, FLEXIBLE_METHOD] = None
+    closure: Annotated[Literal["pin", "spring"] | None, Sets()] = None  # of a loop: how its last link joins its first
+    closure_stiffness: Annotated[Annotated[float, In("N/m", gt=0)] | None, Sets("closure.stiffness")] = None
+    closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, Sets("closure.damping")] = None
+    integrator: Annotated[Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None, METHOD] = None
+    step: Annotated[Duration | None, METHOD] = None  # largest internal step
+    # of an implicit integrator; hht: 0.5 at least
+    spectral_radius: Annotated[Annotated[float, Field(ge=0, le=1)] | None, METHOD] = None
+    rtol: Annotated[Tolerance | None, Sets("adams.rtol", method=True)] = None  # of integrator = 'adams'
+    atol: Annotated[Tolerance | None, Sets("adams.atol", method=True)] = None  # the same, in m, rad, m/s and rad/s
+    start: Annotated[Literal["rest", "displaced", "polygon", "straight", "folded"] | None, Sets()] = None
+    link_outputs: LinkOutputs = STANDARD  # groups of ``fmus.link_outputs``
+
+    @classmethod
+    def sets(cls) -> dict[str, Sets]:
+        """The keys that set a parameter of the track's FMU."""
+        found = ((key, one) for key, field in cls.model_fields.items() for one in field.metadata)
+        return {key: one for key, one in found if isinstance(one, Sets)}
+
+    def parameters(self) -> dict[str, Any]:
+        """The parameters that are given, by their names in the track's FMU."""
+        given = self.model_dump(exclude_none=True)
+        return {one.parameter or key: given[key] for key, one in self.sets().items() if key in given}
+
+    def of_model(self, model: str) -> Track:
+        """The same track of another model, without what only one of both has; with that model's own integrator."""
+        own = {key: None for key, one in self.sets().items() if one.model or key == "integrator"}
+        return self.model_copy(update={**own, "model": model})
+
+    @model_validator(mode="after")
+    def _fits(self) -> Track:
+        for key, one in self.sets().items():
+            value = getattr(self, key)
+            if one.model not in ("", self.model) and value is not None:
+                raise ValueError(f"{key} = '{value}' needs model = '{one.model}': {LINKS[self.model]} have none")
+        for key in ("rtol", "atol"):
+            if getattr(self, key) is not None and self.integrator != "adams":
+                raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")
+        if conflict := CONFLICTS[self.model]({**DEFAULTS[self.model], **self.parameters()}):
+            raise ValueError(conflict)
+        return self
+
+    @model_validator(mode="after")
+    def _springs_close(self) -> Track:
+        for key in ("closure_stiffness", "closure_damping"):
+            value = getattr(self, key)
+            if self.closure != "spring" and value is not None:
+                raise ValueError(f"{key} = {value} needs closure = 'spring': a pin has none")
+        return self
+
+
+def short_track(value: object) -> object:
+    """A model's name may stand for its table."""
+    return {"model": value} if isinstance(value, str) else value

@@ -1,0 +1,32 @@
+"""Values that several tables of a scene file have."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from fmus.vehicle import In
+from orchestrator.log.message_records import MOST_STEPS
+
+Duration = Annotated[float, In("s", gt=0)]
+
+
+Time = Annotated[float, In("s", ge=0)]
+
+
+Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double has no room for contacts
+
+
+Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
+
+
+Side = Literal["left", "right"]
+
+
+SIDES: tuple[Side, Side] = ("left", "right")
+
+
+def off(value: object) -> object:
+    """What a scene has can be left out: TOML has no none."""
+    return None if value is False else value
