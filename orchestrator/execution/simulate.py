@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import signal
 import subprocess
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from math import ceil
 from pathlib import Path
@@ -26,6 +24,7 @@ from orchestrator.cosim.graph import Recorded, Stages, System, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, Reached, TimedCheckpoints
 from orchestrator.execution import estimate, summary
+from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.manifest import NATIVE, STATS_PERIOD, open_log
 from orchestrator.log import events_topic
 from orchestrator.log.events_topic import Told
@@ -73,7 +72,7 @@ def simulate(
     step (then no log is written); afterwards every failure is in the summary's status and message.
     """
     check_writable(path)
-    with _interruptible() as interrupt:
+    with interruptible() as interrupt:
         try:
             return _simulate(scene, path, logger, narration, estimated, interrupt, native, begun)
         except (BuildFailed, ComponentFailed):
@@ -88,95 +87,132 @@ def _simulate(
     logger: Logger | None,
     narration: Narration | None,
     estimated: bool,
-    interrupt: _Interrupt,
+    interrupt: Interrupt,
     native: bool = False,
     begun: Begun | None = None,
 ) -> dict[str, Any]:
     began = time.perf_counter()
     result = summary.empty(scene.name, scene.variant)
     say = narration or (lambda what: None)
+    reached = Reached()
     with ExitStack() as stack:
         say(f"{scene.name}: components are built and brought to their start")
-        scene, graph, components = opened(scene, stack, logger, native)
-        stages = wire(graph, components)
-        scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
-        pace = paced(scene.run)
-        if isinstance(pace, VariableStep):
-            needs_states(scheme, "a variable step")
-        warm_up(stages, scene.run.step)
-        at = None
-        if begun is not None:
-            remember = None if isinstance(pace, master.Clock) else pace.remember
-            at = checkpoint.restore(begun.checkpoint, scheme, begun.step, remember, begun.made)
-            if isinstance(pace, master.Clock):
-                pace = pace._replace(done=at.k)
-        told: list[dict[str, Any]] = []  # of the record and the scene
-        aliases = scene.folded if any_links(components) else ""
-        for component, text in [("log", aliases)] * bool(aliases) + _beforehand(scene):
-            told.append({"component": component, "text": text, "time": 0.0, "count": 1})
-            if logger:
-                logger(component, 1, text)
-        if logger:
-            for entry in contact_step.of_scene(scene.resolved()):  # the ledger has them in the end
-                logger(entry.component, 1, entry.sentence)
-        named: dict[str, Any] = {}
-        outcome, startup, wall, spent = master.Outcome("failed", "", 0, 0.0), 0.0, 0.0, 0.0
-        reached = Reached()
+        run = _Prepared.of(*opened(scene, stack, logger, native), begun)
+        told = _warned_before(run, logger)
+        result["warnings"] = told
+        written = False
         try:
             about, more = {"fmus": NATIVE} if native else {}, begun.metadata if begun else {}
-            with open_log(path, scene, graph, components, scheme, about, more) as recorder:
-                named = {"log": str(path)}
+            with open_log(path, run.scene, run.graph, run.components, run.scheme, about, more) as recorder:
+                written = True
                 if begun is not None:
                     begun.copy(recorder)
-                recorded = list(components.values())
-                logging = Logging(recorder, recorded, max(1, round(STATS_PERIOD / pace.step)), scene.between)
-                observers: list[master.Observer] = [reached, logging]
-                scheme.tape = logging.tape
-                if at is not None:
-                    logging.begin(*at)
-                    reached(*at)
-                if (period := scene.run.checkpoints) and checkpoint.possible(scheme):
-                    stride = scene.links_every if scene.between else 1  # between two records no checkpoint holds all
-                    if isinstance(pace, master.Clock):
-                        every = stride * ceil(max(1, round(period / pace.step)) / stride)
-                        observers.append(Checkpoints(recorder, scheme, every))
-                    else:
-                        since = at.t if at else 0.0
-                        observers.append(TimedCheckpoints(recorder, scheme, pace, period, stride, since))
+                observers: list[master.Observer] = [reached, *_observers(run, recorder, reached)]
                 if narration:
-                    observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
-                say(f"{scene.name}: {scene.run.stop:g} s are simulated")
-                startup, spent = time.perf_counter() - began, time.process_time()
+                    stop = run.scene.run.stop
+                    observers.append(stack.enter_context(ProgressBar(scene.name, stop, narration)))
+                say(f"{scene.name}: {run.scene.run.stop:g} s are simulated")
+                result["startup_time"] = time.perf_counter() - began
                 interrupt.gentle = True
-                try:
-                    outcome = master.run(scheme, pace, observers, lambda: interrupt.asked, at and at[:2])
-                finally:
-                    wall, spent = time.perf_counter() - began - startup, time.process_time() - spent
+                outcome = _marched(run, observers, interrupt, result)
                 recorder.end()
-                result |= _how_it_ended(outcome, startup, wall, at.t if at else 0.0)
-                result |= {
-                    "cpu_time": spent,
-                    "rejected_steps": 0 if isinstance(pace, master.Clock) else pace.rejected,
-                    "components": {name: cost(component) for name, component in components.items()},
-                    "warnings": [*told, *warnings(components)],
-                }
+                result["warnings"] = [*told, *warnings(run.components)]
                 if outcome.steps:
                     say(f"{scene.name}: results are read from the log")
-                    found, happened = _evaluated(scene, path, outcome, result["warnings"])
+                    found, happened = _evaluated(run.scene, path, outcome, result["warnings"])
                     result |= found
                     recorder.tell(happened)
                     if estimated and result["status"] == "ok":
                         say(f"{scene.name}: the error is estimated, by up to two runs with longer steps")
-                        result["error"] = estimate.estimate(scene, path, result, _companion(interrupt))
-                status, message = (outcome.status, outcome.message)
+                        result["error"] = estimate.estimate(run.scene, path, result, _companion(interrupt))
+                status, message = outcome.status, outcome.message
                 if invalid := summary.invalid(result["validity"]):
                     status, message = "failed", "; ".join(filter(None, (message, invalid)))
                 recorder.close(status, message, outcome.steps, _results(result), result["warnings"])
         except LogFailed as failure:
             outcome = master.Outcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
-            result |= _how_it_ended(outcome, startup, wall) | {"warnings": [*told, *warnings(components)]}
+            result |= _how_it_ended(outcome, result["wall_time"]) | {"warnings": [*told, *warnings(run.components)]}
         interrupt.gentle = False
-    return result | named | {"log_bytes": path.stat().st_size if named and path.exists() else 0}
+    if written:
+        result["log"] = str(path)
+    return result | {"log_bytes": path.stat().st_size if written and path.exists() else 0}
+
+
+class _Prepared(NamedTuple):
+    """A scene whose components stand at its start, or where an earlier run was."""
+
+    scene: Scene
+    graph: System
+    components: dict[str, Component]
+    scheme: Scheme
+    pace: master.Clock | VariableStep | PowerResidual
+    at: Any  # number, time and state of the step from which it goes on; None at the start
+
+    @classmethod
+    def of(cls, scene: Scene, graph: System, components: dict[str, Component], begun: Begun | None) -> _Prepared:
+        """Wire, warm up and, where an earlier run has ``begun``, restore; raises CouplingFailed, Unusable."""
+        stages = wire(graph, components)
+        scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
+        pace, at = paced(scene.run), None
+        if isinstance(pace, VariableStep):
+            needs_states(scheme, "a variable step")
+        warm_up(stages, scene.run.step)
+        if begun is not None:
+            remember = None if isinstance(pace, master.Clock) else pace.remember
+            at = checkpoint.restore(begun.checkpoint, scheme, begun.step, remember, begun.made)
+            if isinstance(pace, master.Clock):
+                pace = pace._replace(done=at.k)
+        return cls(scene, graph, components, scheme, pace, at)
+
+
+def _warned_before(run: _Prepared, logger: Logger | None) -> list[dict[str, Any]]:
+    """Warnings of the record and of the scene, which the logger gets as well."""
+    aliases = run.scene.folded if any_links(run.components) else ""
+    sentences = [("log", aliases)] * bool(aliases) + _beforehand(run.scene)
+    if logger:
+        for component, text in sentences:
+            logger(component, 1, text)
+        for entry in contact_step.of_scene(run.scene.resolved()):  # the ledger has them in the end
+            logger(entry.component, 1, entry.sentence)
+    return [{"component": component, "text": text, "time": 0.0, "count": 1} for component, text in sentences]
+
+
+def _observers(run: _Prepared, recorder: Recorder, reached: Reached) -> list[master.Observer]:
+    """What records each step, and checkpoints where a run can go on from them; they know where it goes on."""
+    scene, scheme, pace, at = run.scene, run.scheme, run.pace, run.at
+    every = max(1, round(STATS_PERIOD / pace.step))
+    logging = Logging(recorder, list(run.components.values()), every, scene.between)
+    scheme.tape = logging.tape
+    if at is not None:
+        logging.begin(*at)
+        reached(*at)
+    observers: list[master.Observer] = [logging]
+    if (period := scene.run.checkpoints) and checkpoint.possible(scheme):
+        stride = scene.links_every if scene.between else 1  # between two records no checkpoint holds all
+        if isinstance(pace, master.Clock):
+            steps = stride * ceil(max(1, round(period / pace.step)) / stride)
+            observers.append(Checkpoints(recorder, scheme, steps))
+        else:
+            observers.append(TimedCheckpoints(recorder, scheme, pace, period, stride, at.t if at else 0.0))
+    return observers
+
+
+def _marched(
+    run: _Prepared, observers: list[master.Observer], interrupt: Interrupt, result: dict[str, Any]
+) -> master.Outcome:
+    """Step to the end; how that went and what it cost goes into the result, the time also where it raises."""
+    since, spent = time.perf_counter(), time.process_time()
+    try:
+        outcome = master.run(run.scheme, run.pace, observers, lambda: interrupt.asked, run.at and run.at[:2])
+    finally:
+        result["wall_time"] = time.perf_counter() - since
+    result |= _how_it_ended(outcome, result["wall_time"], run.at.t if run.at else 0.0)
+    result |= {
+        "cpu_time": time.process_time() - spent,
+        "rejected_steps": 0 if isinstance(run.pace, master.Clock) else run.pace.rejected,
+        "components": {name: cost(component) for name, component in run.components.items()},
+    }
+    return outcome
 
 
 def _beforehand(scene: Scene) -> list[tuple[str, str]]:
@@ -184,12 +220,11 @@ def _beforehand(scene: Scene) -> list[tuple[str, str]]:
     return [("scene", sentence) for sentence in implausible(scene.resolved(), f"{scene.name}.toml")]
 
 
-def _how_it_ended(outcome: master.Outcome, startup: float, wall: float, since: float = 0.0) -> dict[str, Any]:
+def _how_it_ended(outcome: master.Outcome, wall: float, since: float = 0.0) -> dict[str, Any]:
     return {
         "status": "ok" if outcome.status == "ok" else "failed",
         "message": outcome.message,
         "simulated_time": outcome.time,
-        "startup_time": startup,
         "wall_time": wall,
         "real_time_factor": (outcome.time - since) / wall if wall else 0.0,
         "communication_steps": outcome.steps,
@@ -216,7 +251,7 @@ def _evaluated(
     return found | {"message": message} | status, told
 
 
-def _companion(interrupt: _Interrupt) -> estimate.Run:
+def _companion(interrupt: Interrupt) -> estimate.Run:
     """How a coarser run beside this one is made; Ctrl-C ends it and with it the estimate."""
 
     def record(scene: Scene, path: Path) -> dict[str, Any]:
@@ -334,29 +369,3 @@ def warnings(components: Mapping[str, Recorded]) -> list[dict[str, Any]]:
 def any_links(components: Mapping[str, Recorded]) -> bool:
     """Whether something is recorded of every link."""
     return any(component.links for component in components.values())
-
-
-class _Interrupt:
-    """What Ctrl-C and SIGTERM do: end at once, or, while ``gentle``, ask for it; the second time at once."""
-
-    def __init__(self) -> None:
-        self.asked = self.gentle = False
-
-    def __call__(self, number: int, frame: object) -> None:
-        again, self.asked = self.asked, True
-        if again or not self.gentle:
-            raise KeyboardInterrupt
-
-
-@contextmanager
-def _interruptible() -> Iterator[_Interrupt]:
-    """Signals only ask while a run steps: a step in progress ends, and the log is closed properly."""
-    interrupt = _Interrupt()
-    main = threading.current_thread() is threading.main_thread()
-    signals = [signal.SIGINT, signal.SIGTERM] if main else []
-    before = [signal.signal(number, interrupt) for number in signals]
-    try:
-        yield interrupt
-    finally:
-        for number, handler in zip(signals, before, strict=True):
-            signal.signal(number, handler)
