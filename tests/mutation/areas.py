@@ -1,0 +1,93 @@
+"""Where faults are planted, how many, and which tests are nearest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.mutation.operators import Fault
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class Area(NamedTuple):
+    """A part of the product."""
+
+    name: str
+    share: int  # of a hundred faults
+    sources: tuple[str, ...]  # files and folders
+    tests: tuple[str, ...]  # where no test names the faulty module
+
+    def files(self) -> list[Path]:
+        """Its sources, relative to the root, in a fixed order."""
+        found = [ROOT / source for source in self.sources]
+        files = {file for one in found for file in ([one] if one.is_file() else one.rglob("*.py"))}
+        return sorted(file.relative_to(ROOT) for file in files)
+
+
+AREAS = (
+    Area("elements, integrators, bodies", 14, ("fmus/physics/ancf", "fmus/physics/integrate", "fmus/physics/rigid"),
+         ("tests/physics",)),
+    Area("chains", 20, ("fmus/physics/chain", "fmus/physics/block_cyclic.py"),
+         ("tests/physics/test_chain_benchmarks.py", "tests/fmus/test_track_flexible.py",
+          "tests/fmus/test_track_rigid.py", "tests/fmus/test_free_chains.py")),
+    Area("contact", 8, ("fmus/physics/contact",),
+         ("tests/physics/test_contact.py", "tests/fmus/test_contact_patch.py")),
+    Area("tracks and their FMUs", 8,
+         ("fmus/track.py", "fmus/track_steps.py", "fmus/track_flexible", "fmus/track_rigid", "fmus/slave.py"),
+         ("tests/fmus/test_track_flexible.py", "tests/fmus/test_track_rigid.py", "tests/fmus/test_slave.py")),
+    Area("chassis, drives, driver", 14,
+         ("fmus/chassis", "fmus/drives", "fmus/sprocket_drive", "fmus/steering_differential", "fmus/driver"),
+         ("tests/fmus/test_chassis.py", "tests/fmus/test_sprocket_drive.py", "tests/fmus/test_steering_differential.py",
+          "tests/fmus/test_driver.py")),
+    Area("coupling", 12, ("orchestrator/cosim",),
+         ("tests/orchestrator/test_coupling.py", "tests/orchestrator/test_master.py",
+          "tests/orchestrator/test_component.py", "tests/orchestrator/test_program.py")),
+    Area("log", 8, ("orchestrator/log",),
+         ("tests/orchestrator/test_recorder.py", "tests/orchestrator/test_reader.py",
+          "tests/orchestrator/test_log_tools.py")),
+    Area("results", 10, ("orchestrator/results",),
+         ("tests/orchestrator/test_analyses.py", "tests/orchestrator/test_energy.py",
+          "tests/orchestrator/test_measures.py")),
+    Area("scene and command line", 6, ("orchestrator/scene", "orchestrator/execution", "orchestrator/cli"),
+         ("tests/orchestrator/test_scene.py", "tests/orchestrator/test_cli.py")),
+)  # fmt: skip
+
+# Faults that once survived the tests nearest to them: file, what stands there, what stands there instead.
+KNOWN = (
+    ("fmus/physics/contact/wheel.py", "4.0 * c * c / 45.0", "4.0 * c * c / 54.0"),
+    ("fmus/driver/pursuit.py", "far = max(p.reach, p.preview * v)", "far = p.preview * v"),
+    ("fmus/drives/motor.py", "torque != wanted and wanted * error > 0.0", "torque != wanted"),
+    ("orchestrator/log/page.py", "handed_over(proof.rule, start, end).view(np.uint64) != given.view(np.uint64)",
+     "handed_over(proof.rule, start, end) != given"),
+    ("orchestrator/log/stream.py", 'there &= found | (part.rule == "end")', "there &= found"),
+    ("orchestrator/results/energy.py", "max(abs(work), abs(change), ", "max(abs(work), "),
+)  # fmt: skip
+
+
+def known_faults() -> list[tuple[Path, Fault]]:
+    """The known ones as faults of lines; raises LookupError where a line has changed."""
+    found = []
+    for name, old, new in KNOWN:
+        lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
+        numbers = [k for k, line in enumerate(lines, 1) if old in line]
+        if len(numbers) != 1:
+            raise LookupError(f"{name}: '{old}' stands in {len(numbers)} lines")
+        line = lines[numbers[0] - 1]
+        found.append((Path(name), Fault(numbers[0], line, line.replace(old, new), "known")))
+    return found
+
+
+def nearest(file: Path, area: Area) -> list[str]:
+    """Test modules that import the module of a file; those of its area where there is none."""
+    module = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
+    parent, _, name = module.rpartition(".")
+    found = []
+    for test in sorted((ROOT / "tests").rglob("test_*.py")):
+        text = test.read_text(encoding="utf-8")
+        if f"{module} import" in text or any(
+            line.startswith(f"from {parent} import") and name in line.replace(",", " ").split()
+            for line in text.splitlines()
+        ):
+            found.append(test.relative_to(ROOT).as_posix())
+    return found or list(area.tests)
