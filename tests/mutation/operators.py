@@ -52,7 +52,8 @@ def _places(tree: ast.AST, source: str) -> Iterator[tuple[str, Place, Place, str
             yield from _between(node.left, node.comparators[0], sign, COMPARISONS[type(node.ops[0])], source)
         elif isinstance(node, ast.BoolOp) and len(node.values) == 2:
             sign, other = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
-            yield from _between(*node.values, sign, other, source)
+            left, right = node.values
+            yield from _between(left, right, sign, other, source)
         elif isinstance(node, ast.Call) and (name := _name(node.func)) in FUNCTIONS:
             end = (node.func.end_lineno or 0, node.func.end_col_offset or 0)
             yield "function", (end[0], end[1] - len(name)), end, FUNCTIONS[name]

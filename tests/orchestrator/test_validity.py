@@ -12,7 +12,7 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results.analyses.asked import analyse
+from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import facts
 from orchestrator.results.page.study import Judged, study
 from orchestrator.results.run_data import RunData
