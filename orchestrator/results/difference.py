@@ -65,9 +65,7 @@ def differences(
             pair = observable.read(run), observable.read(reference)
             if along is not TIME:
                 pair = _laid(pair[0], clocks[0]), _laid(pair[1], clocks[1])
-            if (
-                pair[0].values.shape[1:] == pair[1].values.shape[1:]
-            ):  # half a vehicle and a whole one differ in their links
+            if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # half a vehicle has fewer links
                 with np.errstate(all="ignore"):  # runs that blew up overflow; their result shows it
                     found[name] = difference(_within(pair[0], window), _within(pair[1], window), observable)
         except (Missing, LookupError):
