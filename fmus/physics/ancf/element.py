@@ -2,7 +2,7 @@
 
 The modules are ``cable``, ``cable_local`` (cables with a local strain, two elasticities) and ``beam``; only the chosen
 one is imported. Functions that do not depend on the elasticity of a cable, above all its mass, are those of ``cable``.
-Shapes: ``e``, ``v``, ``a``, ``Q`` (rows, axes) are element coordinates (positions in m, gradients), their rates, 1/s,
+Shapes: ``e``, ``v``, ``a``, ``Q`` (rows, axes) are element coordinates (positions in m, gradients), their rates,
 their accelerations, and generalised forces (N on positions, N m on gradients).
 """
 

@@ -21,7 +21,7 @@ BOOKS = SUMS - LOSSES + 3  # summed entries of the report: losses by cause, and 
 
 
 def adams(s, rtol: float, atol: float) -> Adams:
-    """Return a zeroed ``Adams`` for the State ``s``; tolerances ``rtol`` (relative) and ``atol`` (absolute)."""
+    """Return a zeroed ``Adams`` for the State ``s``, relative tolerance ``rtol``, absolute ``atol``."""
     return methods.adams(
         sum(part.size for part in moving(s).values()), s.mean.size + s.on_links_sum.size + BOOKS, rtol, atol
     )
