@@ -36,7 +36,7 @@ class Tree(NamedTuple):
     load: np.ndarray  # (3, n, 6) p: of all loads; of a unit force in the closing pin along x; along z
     answer: np.ndarray  # (3, n, 6) accelerations due to these loads
     mobility: np.ndarray  # (2, 2) relative acceleration of the closing pin's sides due to these unit forces, 1/kg
-    scratch: np.ndarray  # (3)
+    scratch: np.ndarray  # (3) for the inversion
 
 
 def tree(n: int) -> Tree:

@@ -1,8 +1,9 @@
 """Faces of cables in turning axes; see ``faces``.
 
-Motion: q, v (nodes, 8), axes; vectors are along the axes. A link has a width: a point is at r + z n + y (j - b t), with the tangent t in the plane of the axes, the normal
-n = t x j, the pin axis j and the yaw b = r_x.j / |r_x| of the link relative to it. With m = z n + y j and c the slopes
-of the shape functions over |r_x| it moves by (S - c t m^T) de; the change of t with the yaw is left out.
+Motion: q, v (nodes, 8), axes; vectors are along the axes. A link has a width: a point is at r + z n + y (j - b t), with
+the tangent t in the plane of the axes, the normal n = t x j, the pin axis j and the yaw b = r_x.j / |r_x| of the link
+relative to it. With m = z n + y j and c the slopes of the shape functions over |r_x| it moves by (S - c t m^T) de; the
+change of t with the yaw is left out.
 """
 
 from __future__ import annotations
