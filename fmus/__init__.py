@@ -1,1 +1,1 @@
-"""Components of a tracked vehicle, each an FMU; what they share; how they are built."""
+"""Components of a tracked vehicle, each an FMU; the modules that they share; the build of FMUs."""

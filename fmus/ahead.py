@@ -1,6 +1,7 @@
-"""Kernels compiled in a process beside: a component's model is started and takes a step, as its FMU will do.
+"""Compilation of kernels ahead of a run: a child process starts a component's model and does one step.
 
-What it compiles is found in the cache. What it cannot do, the FMUs will say.
+The compiled kernels go to the cache, where the component's FMU finds them. An error of the child is ignored: the FMU
+meets the same error and reports it.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, 
 
 
 def begun(part: Recipe, patience: int = 0) -> subprocess.Popen[str] | None:
-    """A process that compiles what the part needs; None where there is nothing to compile.
+    """Start a process that compiles the kernels of a part; None where they are compiled already.
 
-    With ``patience`` it gives way to others, as ``nice`` does.
+    ``patience`` is the niceness of the process: 0, or a larger number to give way to others.
     """
     if _done(part[0]):
         return None
@@ -46,19 +47,19 @@ def begun(part: Recipe, patience: int = 0) -> subprocess.Popen[str] | None:
 
 
 def _mark(kind: str) -> Path:
-    """The file that says that the kernels of these sources were compiled here for a kind of component."""
+    """File that marks the kernels of a kind of component as compiled from the present sources."""
     return cache_folder() / "kernels" / "ahead" / f"{kind}-{source_hash()[:20]}"
 
 
 def _done(kind: str) -> bool:
     try:
         return kept(_mark(kind)) is not None
-    except OSError:  # nothing would be kept
+    except OSError:  # the cache cannot be used: compiled kernels would not be kept
         return True
 
 
 def _child() -> None:
-    from fmus.build import KINDS  # which the parent has no use for
+    from fmus.build import KINDS  # the parent does not need it
 
     if hasattr(os, "nice"):
         os.nice(int(sys.argv[1]))

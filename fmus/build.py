@@ -1,8 +1,8 @@
-"""Build FMUs: stage the sources, let a child process describe them, pack, and keep the result by content.
+"""Build of FMUs: stage the sources, describe them in a child process, pack, cache the file by content.
 
-The child (``python -m fmus.build``) runs in the stage and imports the staged ``fmus``, so that an FMU which
-is built also loads alone; what pythonfmu leaves in ``sys.path`` and ``sys.modules`` goes with it. The checksum
-of a kept FMU is its archive's comment; one for which it does not hold is built again.
+The child (``python -m fmus.build``) runs in the stage and imports the staged ``fmus``: an FMU that was built therefore
+also loads by itself, and pythonfmu's changes of ``sys.path`` and ``sys.modules`` end with the child. The comment of the
+archive holds the checksum of a cached FMU; an FMU whose checksum is wrong is built again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import Any
 from fmus.cache import CHECKSUM, cache_folder, keep, kept, own, tell, temporary, write
 from fmus.jit import ROOT, source_hash, sources
 
-# kind of component -> its shell; the stems differ, because modules are global to a process
+# kind of component -> its shell; the file names differ, because modules are global to a process
 KINDS = {
     "TrackFlexible": "track_flexible/track_flexible_fmu.py",
     "TrackRigid": "track_rigid/track_rigid_fmu.py",
@@ -40,10 +40,10 @@ class BuildFailed(RuntimeError):
 
 
 def build(kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None) -> Path:
-    """The FMU of a kind of component, built unless the cache has it.
+    """Path of the FMU of a kind of component, built unless the cache has it.
 
-    ``config`` is what the model is made from (JSON). The file is called ``name`` (default: the kind) and lies
-    in the cache, or in ``folder`` if one is given. Raises BuildFailed.
+    ``config`` (JSON) is the argument of the component's model. The file is called ``name``.fmu (default: the kind) and
+    lies in the cache, or in ``folder`` if one is given. Raises BuildFailed.
     """
     if kind not in KINDS:
         raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
@@ -57,7 +57,10 @@ def build_shell(
     name: str | None = None,
     packages: Sequence[Path] = (),
 ) -> Path:
-    """The FMU of any shell of `fmus.slave`; ``packages`` are source folders it imports besides ``fmus``."""
+    """Path of the FMU of a shell (script with a subclass of `Slave`), built unless the cache has it.
+
+    ``packages`` are the source folders that the shell imports besides ``fmus``. Raises BuildFailed.
+    """
     try:
         text = json.dumps(config, sort_keys=True, allow_nan=False)
     except (TypeError, ValueError) as error:
@@ -76,13 +79,16 @@ def build_shell(
 
 
 def built(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = None) -> Path:
-    """The FMU ``file`` in the cache, or in ``folder``; ``pack`` makes it unless the cache has it under ``key``."""
+    """Path of the FMU ``file`` in the cache, or in ``folder``.
+
+    ``pack`` returns its bytes; it is called unless the cache has the file under ``key``. Raises BuildFailed.
+    """
 
     def found(cache: Path) -> Path:
         place = own(cache / "fmus" / key) / file
         if kept(place) is None:
             content = pack()
-            if kept(place) is None:  # of two processes that built the same, the first one's stays
+            if kept(place) is None:  # another process may have built the same: its file stays
                 keep(place, content)
         return place
 
@@ -102,7 +108,7 @@ def built(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = 
 
 
 def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> bytes:
-    """The FMU but for its checksum."""
+    """Bytes of the FMU without the checksum; raises BuildFailed."""
     tree = stage / "tree"
     for package in (ROOT, *packages):
         for source in sources(package):
@@ -133,7 +139,7 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> b
 
 
 def archive(files: Mapping[str, bytes]) -> bytes:
-    """An archive in a fixed order, without times of files: equal sources give equal bytes. Its checksum is left out."""
+    """Bytes of a zip archive without its checksum; equal files give equal bytes (fixed order, no times)."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as target:
         for name in sorted(files):
@@ -141,7 +147,7 @@ def archive(files: Mapping[str, bytes]) -> bytes:
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
             target.writestr(entry, files[name])
-        target.comment = bytes(CHECKSUM)  # room for it
+        target.comment = bytes(CHECKSUM)  # space for the checksum
     return packed.getvalue()[:-CHECKSUM]
 
 

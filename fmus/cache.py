@@ -1,8 +1,9 @@
-"""The cache folder: what was made once is found again, and checked before it is used.
+"""The cache folder: results of earlier work by kind and key; every file is checked before it is used.
 
-A place in it is ``cache/kind/key``, made with mode 0700. A file ends with a checksum over its name and content, and is
-written at once. Nothing is taken from a folder that others can write into. Without a cache all goes on, but for longer.
-``orchestrator/cache.py`` says once more what component.py needs, which imports nothing of ``fmus``.
+A folder ``cache/kind/key`` has the mode 0700. A file ends with a checksum over its name and content and is replaced as
+a whole. Nothing is read from a folder that others can write into. Without a cache everything works, but takes longer.
+``orchestrator/cosim/cache.py`` repeats the functions that the master needs, which imports nothing of ``fmus``; a test
+compares them.
 """
 
 from __future__ import annotations
@@ -115,7 +116,7 @@ def keep(file: Path, content: bytes) -> None:
 
 
 def kept(file: Path) -> bytes | None:
-    """What `keep` wrote; None where nothing is there, or not that any more. Raises OSError, Untrusted."""
+    """Content that `keep` wrote; None where the file is missing or damaged. Raises OSError, Untrusted."""
     check(*file.parents[:3])
     try:
         with file.open("rb") as stream:
@@ -132,12 +133,12 @@ def _checksum(name: str, content: bytes) -> bytes:
     return digest.hexdigest().encode()
 
 
-# ------------------------------------------------------------------ going on without
+# ------------------------------------------------------------------ without a cache
 
 
 @contextmanager
 def spared() -> Iterator[None]:
-    """What the cache fails at in here only costs time; the reason is told."""
+    """Context in which an OSError of the cache is reported and ignored: it costs time, nothing else."""
     try:
         yield
     except OSError as error:
@@ -145,7 +146,7 @@ def spared() -> Iterator[None]:
 
 
 def tell(error: OSError) -> None:
-    """Say why the cache is not used, once a process."""
+    """Log why the cache is not used; each reason once a process."""
     kind = (type(error), error.errno)
     if kind in _said:
         return
@@ -159,11 +160,11 @@ def tell(error: OSError) -> None:
 
 
 def reason(error: OSError) -> str:
-    """What is wrong with the cache, without the number of an errno."""
+    """Text of an error of the cache, without the number of its errno."""
     return str(error) if error.strerror is None else f"{error.filename or 'it'}: {error.strerror}"
 
 
 def unheard() -> Iterator[str]:
-    """Sentences that no log was there for, each once: an FMU passes them on to its host."""
+    """Yield, and forget, the sentences that no log handler received: an FMU passes them to its host."""
     while _unheard:
         yield _unheard.pop(0)

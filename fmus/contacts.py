@@ -1,4 +1,7 @@
-"""What a chain touches: wheels, teeth and ground with their laws. Imported only where a scene has any of them."""
+"""Contact partners of a chain: wheels, teeth and ground with their laws.
+
+Imported only where a chain has such a partner.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +17,17 @@ from fmus.physics.contact.teeth import Teeth, teeth
 
 
 class Contacts(NamedTuple):
-    """The contact partners of a chain, constant through a run."""
+    """Contact partners of a chain with m wheels, constant through a run."""
 
     teeth: np.ndarray  # (m) int: 1 where the wheel has teeth
     radius: np.ndarray  # (m) radius of the rim, m (outer radius of the pins' path for teeth)
-    profile: Teeth  # the outline of the teeth
+    profile: Teeth  # outline of the teeth
     clearance: float  # lateral play of the guides on each side, m
     ground: int  # 1 where there is a ground
-    shape: Ground  # of the ground in the track's frame
-    sprocket: Any  # a law of ``physics.contact.laws``
-    wheel: Any
-    soil: Any
+    shape: Ground  # shape of the ground in the track's frame
+    sprocket: Any  # contact law (``physics.contact.laws``) of pins with teeth,
+    wheel: Any  # of links with rims
+    soil: Any  # and of links with the ground
 
 
 def contacts(
@@ -34,7 +37,7 @@ def contacts(
     bump: Mapping[str, float] | None,
     parameters: Mapping[str, Any],
 ) -> Contacts:
-    """Partners from the vehicle table, the wheels of a track's config and the FMI parameters.
+    """Contact partners from the vehicle table, the wheels of a track's config and the FMI parameters.
 
     Raises InvalidParameter with the key, the value and what is allowed.
     """
@@ -68,9 +71,10 @@ def contacts(
 
 
 def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, float] | None) -> Ground:
-    """The ground in the frame of a vehicle that starts ``height`` above its drawn place; ``bump`` as in ``bumpy``.
+    """Ground in the frame of a vehicle that starts ``height`` m above its drawn place.
 
-    Without height the pads just touch it under the road wheels of the drawn position. Raises InvalidParameter.
+    With height 0 the pads just touch it under the road wheels of the drawn position; ``bump`` as in ``bumpy``. Raises
+    InvalidParameter.
     """
     wheel, face = vehicle["road_wheel"], vehicle["track"]["face"]
     level = wheel["z"] - wheel["radius"] - 2.0 * face - height
@@ -81,7 +85,7 @@ def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, f
 
 
 def law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, Any]) -> Any:
-    """A law from its parameters, or from the table where the track has no such partner."""
+    """Contact law of a pair from its FMI parameters, or from the table where there is no such partner."""
 
     def value(key: str) -> Any:
         return parameters.get(f"contact.{pair}.{key}", table[key])
@@ -90,7 +94,7 @@ def law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, Any]) -> A
 
 
 def smooth(partners: Contacts) -> Contacts:
-    """The same partners without friction."""
+    """Copy of the partners without friction."""
     return partners._replace(
         sprocket=partners.sprocket._replace(mu=0.0),
         wheel=partners.wheel._replace(mu=0.0),

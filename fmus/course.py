@@ -1,4 +1,7 @@
-"""A quantity over time, or an engine's torque over speed, by points: straight between, held at both ends; or a ramp."""
+"""Piecewise linear course of a quantity over time (or of a torque over speed), and a half-cosine ramp.
+
+Beyond its first and last point a course keeps their values.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +14,21 @@ from fmus.model import InvalidParameter
 
 
 class Course(NamedTuple):
-    """Without points there is no course."""
+    """Points of a course; no points stand for no course."""
 
     time: np.ndarray  # (n) s, rising
     value: np.ndarray  # (n)
-    area: np.ndarray  # (n) integral from the first point to each
+    area: np.ndarray  # (n) integral from the first point to each point
 
 
 NONE = Course(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 def course(name: str, text: str, pair: str = "time value") -> Course:
-    """Of a parameter ``name``, "time value; time value; ..." or of another ``pair``; raises InvalidParameter."""
+    """Course from the text of the parameter ``name``: "time value; ...", or other pairs (``pair``).
+
+    Raises InvalidParameter.
+    """
     if not text.strip():
         return NONE
     try:
@@ -38,13 +44,13 @@ def course(name: str, text: str, pair: str = "time value") -> Course:
 
 @kernel
 def given(c):
-    """Whether there is a course."""
+    """Whether the course has points."""
     return c.time.size > 0
 
 
 @kernel
 def interval(grid, t):
-    """Index of the last of the rising numbers ``grid`` (n) that is not beyond ``t``; of the first where all are."""
+    """Index of the last of the rising numbers ``grid`` (n) that is at most ``t``; 0 where all are larger."""
     low, high = 0, grid.size
     while high - low > 1:
         middle = (low + high) // 2
@@ -57,7 +63,7 @@ def interval(grid, t):
 
 @kernel
 def at(c, t):
-    """Value at ``t``, its integral since the first point, its slope: at a point that of what follows."""
+    """Value at ``t``, integral since the first point, and slope (at a point: of the part that follows)."""
     n = c.time.size
     if t < c.time[0]:
         return c.value[0], c.value[0] * (t - c.time[0]), 0.0
@@ -71,7 +77,7 @@ def at(c, t):
 
 @kernel
 def lay(c, t, h, now, then):
-    """Make a course of two points the straight line from ``now`` at ``t`` to ``then`` at t + h."""
+    """Set a course of two points to the straight line from ``now`` at ``t`` to ``then`` at t + h."""
     c.time[0], c.time[1] = t, t + h
     c.value[0], c.value[1] = now, then
     c.area[0], c.area[1] = 0.0, 0.5 * (now + then) * h
@@ -79,7 +85,10 @@ def lay(c, t, h, now, then):
 
 @kernel
 def ramp(p, t):
-    """Speed of a half-cosine ramp at t, and its integral since the ramp's start; ``p`` has start and end of both."""
+    """Speed of a half-cosine ramp at t, rad/s or m/s, and its integral since the start of the ramp.
+
+    ``p`` has the fields ramp_start, ramp_end (s), start_speed and end_speed.
+    """
     length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
     rise = p.end_speed - p.start_speed
     angle = p.start_speed * past

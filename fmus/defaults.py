@@ -1,4 +1,4 @@
-"""What parameters are when nobody sets them: the model's own values, or those of the config that it is built from."""
+"""Default and allowed values of parameters; a config may give other defaults than the model's."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 from fmus.model import InvalidParameter
 from fmus.ports import Port
 
-KEY = "parameters"  # of a config: values by name
+KEY = "parameters"  # key of a config: values by name of the parameter
 
 
 def checked(port: Port, value: object) -> float | int | str:
-    """The value in the type of a parameter's port; raises InvalidParameter for one that it cannot have."""
+    """Value in the type of a parameter's port; raises InvalidParameter where it is not allowed."""
     if isinstance(port.start, str):
         if not isinstance(value, str):
             raise InvalidParameter(f"{port.name} = {value!r}: must be a text")
@@ -29,14 +29,14 @@ def checked(port: Port, value: object) -> float | int | str:
 
 
 def given(ports: Iterable[Port], values: Mapping[str, Any]) -> dict[str, Any]:
-    """The checked values of all parameters, their starts where there are no others; raises InvalidParameter."""
+    """Checked values of all parameters by name, start values where none is given; raises InvalidParameter."""
     return {
         port.name: checked(port, values.get(port.name, port.start)) for port in ports if port.causality == "parameter"
     }
 
 
 def configured(ports: Iterable[Port], config: Mapping[str, Any]) -> tuple[Port, ...]:
-    """The ports, parameters with the start values that the config has for them; raises InvalidParameter."""
+    """Ports whose parameters have the start values given in the config; raises InvalidParameter."""
     given = config.get(KEY, {})
     return tuple(
         port._replace(start=checked(port, given[port.name]))
@@ -47,7 +47,7 @@ def configured(ports: Iterable[Port], config: Mapping[str, Any]) -> tuple[Port, 
 
 
 def check_names(ports: Iterable[Port], config: Mapping[str, Any]) -> None:
-    """Refuse a config with values of parameters that do not exist; raises InvalidParameter."""
+    """Check that a config gives values of known parameters only; raises InvalidParameter."""
     known = {port.name for port in ports if port.causality == "parameter"}
     for name in config.get(KEY, {}):
         if name not in known:

@@ -1,4 +1,4 @@
-"""modelDescription.xml of an FMI 2.0 co-simulation slave: units, dependencies, initial unknowns, numbers in full."""
+"""modelDescription.xml of an FMI 2.0 co-simulation FMU, with units, dependencies and initial unknowns."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from fmus.ports import UNITS, Port
 
-DATE = 315_532_800  # s: 1980-01-01, as of the files in the archive, so that equal sources give equal bytes
+DATE = 315_532_800  # s: 1980-01-01 as for the files in the archive, so that equal sources give equal bytes
 
 
 def document(
@@ -24,16 +24,16 @@ def document(
     continuous: int,
     categories: Mapping[str, str],
 ) -> Element:
-    """The document's root.
+    """Root element of the document.
 
-    :param name: of the model, and the identifier of its binary.
-    :param text: what the model is, one line.
-    :param tool: what generated the FMU.
-    :param variables: the index is the value reference; Reals come first. One with the causality "local" is a constant,
-        unless it is an Integer.
-    :param reals: how many of them are Reals.
-    :param continuous: how many of the Reals are no parameters.
-    :param categories: of log messages, and what they mean.
+    :param name: name of the model and identifier of its binary.
+    :param text: description of the model, one line.
+    :param tool: name of the generating tool.
+    :param variables: the index is the value reference; Reals come first. A variable with the causality "local" is a
+        constant, unless it is an Integer.
+    :param reals: number of Reals.
+    :param continuous: number of Reals that are not parameters.
+    :param categories: categories of log messages, and their meanings.
     """
     built = int(os.environ.get("SOURCE_DATE_EPOCH") or DATE)
     root = Element(
@@ -105,7 +105,7 @@ def document(
         kind = "Real" if real else "String" if isinstance(port.start, str) else "Integer"
         SubElement(variable, kind, attributes)
 
-    # Outputs follow from states alone (no feedthrough), the states at the start from parameters.
+    # Outputs depend on states alone (no feedthrough), the states at the start on parameters.
     structure = SubElement(root, "ModelStructure")
     for group, dependencies in (("Outputs", ""), ("InitialUnknowns", " ".join(known))):
         node = SubElement(structure, group)

@@ -1,17 +1,17 @@
-"""Where a vehicle stands at rest: hull, road arms, idlers, chains and ground in static equilibrium (build side).
+"""Static equilibrium of a vehicle: hull, road arms, idlers, chains and ground at rest (build side).
 
-The unknowns are height, roll and pitch of the hull and the coordinates of its leaves. A guess says where the wheels
-stand; the chains come to their own equilibrium on them (the one that a track starts in), and with their wrenches the
-chassis has accelerations, which must vanish. Friction plays no part: it is regularised, so that it is zero at rest.
+The unknowns are height, roll and pitch of the hull and the coordinates of the leaves. They place the wheels; each chain
+is brought to its own static equilibrium on these wheels (in which a track starts); with the wrenches of the chains the
+chassis has accelerations, which must vanish. Friction has no influence: regularised friction is zero at rest.
 
-The chains are cables, whatever the links of the scene are, so that all kinds start in one place: rigid links, beams and
-cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. They stay in the upright plane of their track,
-where a track is laid out. The wheels of a vehicle that leans tilt on them; links resist that as springs side by side
-(``_Chain.pushes``). Lateral forces of tilted wheels are left out: friction alone holds links against them, and creeps.
+The chains are cables for all kinds of links of the scene, so that all kinds start in the same place: rigid links, beams
+and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. Chains stay in the upright plane in which a
+track is laid out. The wheels of a vehicle that leans tilt on them; the links resist the tilt as springs side by side
+(``_Chain.pushes``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances them.
 
-Newton's method with a term of inertia over the square of a pseudo step that grows as the accelerations fall
+Method: Newton with an inertia term over the square of a pseudo step that grows as the accelerations fall
 (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the
-Jacobian is of differences.
+Jacobian is computed by finite differences.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ from fmus.track_flexible.model import Model as Cables
 from fmus.vehicle import BadInput
 
 FIRST, LAST = 0.05, 1e6  # pseudo steps, s
-FARTHEST = 0.05  # that anything moves in one of them, m or rad
-DIFFERENCE = 1e-6  # of the Jacobian, m or rad
-STILL = 1e-4  # accelerations at rest, m/s2 or rad/s2: 0.04 N on an idler
+FARTHEST = 0.05  # largest change of an unknown in a pseudo step, m or rad
+DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
+STILL = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
 MOST = 60  # pseudo steps
-LIFTED = np.eye(WIDTH)[2] * 1e-5  # of all wheels, m: what they then carry less is their stiffness
-HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # of a guess
+LIFTED = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
+HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
 
 class Equilibrium(NamedTuple):
-    """Where hull and leaves stand, from the drawn position."""
+    """Coordinates of hull and leaves at rest, from the drawn position."""
 
     height: float  # of the hull's centre of mass, m
     roll: float  # rad
@@ -57,17 +57,17 @@ class Equilibrium(NamedTuple):
 
 
 class Track(NamedTuple):
-    """A track that takes part."""
+    """A track of the vehicle, as a flexible one."""
 
     config: Mapping[str, Any]
-    parameters: Mapping[str, Any]  # of a flexible track that differ from the defaults: how its loop is closed
+    parameters: Mapping[str, Any]  # those that differ from the defaults: how the loop is closed
 
 
 def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> Equilibrium:
-    """Of a chassis, by its config, on tracks by side; it stays in the cache, for this build.
+    """Static equilibrium of a chassis, given by its config, on tracks by side ("left", "right").
 
-    With tracks on both sides that are alike, and a hull that does not lean to one side, the left half is solved.
-    Raises BadInput.
+    With equal tracks on both sides and a hull that does not lean sideways, only the left half is solved. The result is
+    cached for this build. Raises BadInput.
     """
     asked = json.dumps([source_hash(), chassis, tracks], sort_keys=True).encode()
     file = cache_folder() / "places" / hashlib.sha256(asked).hexdigest()[:24] / "equilibrium"
@@ -84,7 +84,10 @@ def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> Equi
 
 
 def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
-    """Where the places of each side stand at the start of a chassis, by its config; y from the plane of the track."""
+    """Stances of the places of a chassis at the start, by name (``left.idler``), from its config.
+
+    They are in the vehicle frame, but y counts from the plane of the track.
+    """
     vehicle = chassis["vehicle"]
     both = {**chassis["chassis"], "sides": ["left", "right"]}
     model, lateral = Chassis({"vehicle": vehicle, "chassis": both}), vehicle["track"]["lateral"]
@@ -98,17 +101,17 @@ def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
 
 
 def upright(place: Stance, pitch: float) -> Stance:
-    """Where a chain that stays in its plane sees a wheel of a vehicle that leans."""
+    """Stance of a wheel for a chain that stays in its plane: no lateral offset, no roll; ``pitch``, rad."""
     return stance((place[0], 0.0, place[2], *leaning(0.0, pitch)))
 
 
 def leans(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
-    """Whether the two sides carry different loads."""
+    """Whether the two sides carry different loads, so that the hull rolls."""
     return len(tracks) == 1 or chassis["vehicle"]["chassis"]["centre"][1] != 0.0
 
 
 class _Vehicle:
-    """A chassis and the chains on it, in places that are guessed."""
+    """Chassis and chains of a vehicle: its accelerations at given values of the unknowns."""
 
     def __init__(self, chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> None:
         self.half = not leans(chassis, tuple(tracks))
@@ -120,13 +123,16 @@ class _Vehicle:
         self.free = [HEIGHT, *([] if self.half else [ROLL]), PITCH, *range(LEAVES, LEAVES + len(sides) * self.leaves)]
 
     def place(self, guess: Floats) -> Equilibrium:
-        """Of a guess: height, roll and pitch of the hull, leaves left and, where it leans, right."""
+        """Equilibrium from the unknowns: height, roll, pitch of the hull, leaves left and right (half: left)."""
         height, roll, pitch, *leaves = guess.tolist()
         left = leaves[: self.leaves]
         return Equilibrium(height, roll, pitch, left, left if self.half else leaves[self.leaves :])
 
     def accelerations(self, guess: Floats) -> Floats:
-        """Of what ``guess`` names, at rest there; raises StepFailed where a chain finds no equilibrium."""
+        """Accelerations of the free unknowns of a vehicle at rest at ``guess``, m/s2 and rad/s2.
+
+        Raises StepFailed where a chain finds no equilibrium.
+        """
         x = self.chassis.begun(self.place(guess)._asdict())
         motions = _motions(self.chassis, x)
         pushes = np.zeros((len(motions), len(motions[0]), WRENCH))
@@ -140,12 +146,12 @@ class _Vehicle:
 
 
 class _Chain:
-    """A chain that comes to rest on wheels that stand anywhere; it begins as it was left."""
+    """A chain that is brought to rest on given wheels; the search begins at the last equilibrium."""
 
     def __init__(self, track: Track) -> None:
         self._model = Cables({**track.config, "link_outputs": False})
         self._model.initialise(track.parameters)
-        self._arm = 0.25 * self._model.vehicle["track"]["width"]  # of the two faces of a link from its middle, m
+        self._arm = 0.25 * self._model.vehicle["track"]["width"]  # lever of the two faces of a link, m
         self._known: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
 
     def pushes(self, motions: Floats, roll: float, pitch: float) -> Floats:
@@ -157,7 +163,7 @@ class _Chain:
         plain(read_states)(np.roll(stands, 1, axis=0).ravel(), level, rows)  # a track has its sprocket first
         if not np.array_equal(rows, self._known[0]):
             pushes = self._at_rest(rows)
-            if roll:  # half of the stiffness stands on each face
+            if roll:  # each face has half of the stiffness
                 lifted = self._at_rest(rows + LIFTED)
                 pushes[:, 3] = (lifted - pushes)[:, 2] / LIFTED[2] * self._arm**2 * roll
             self._known = rows, pushes
@@ -169,7 +175,7 @@ class _Chain:
 
 
 def _motions(chassis: Any, x: Floats) -> Floats:
-    """Of the places of a chassis in the state x (sides, places, 13)."""
+    """Motions (sides, places, 13) of the places of a chassis in the state x."""
     sides, places = len(chassis.sides), len(chassis.tree.turns) // 2 + 1
     y = np.zeros(sides * places * STATE)
     put_sides(chassis.tree, x, sides, y, 0)
@@ -177,7 +183,7 @@ def _motions(chassis: Any, x: Floats) -> Floats:
 
 
 def _solved(vehicle: _Vehicle) -> Equilibrium:
-    """Raises StepFailed."""
+    """Equilibrium by pseudo-transient continuation; raises StepFailed where it does not converge."""
     guess = np.zeros(LEAVES + (1 if vehicle.half else 2) * vehicle.leaves)
     free, size = vehicle.free, len(vehicle.free)
     now, step = vehicle.accelerations(guess), FIRST

@@ -1,4 +1,4 @@
-"""What a track can show of its links and pins, in groups: a scene chooses, and nobody computes what was not chosen."""
+"""Outputs of links and pins of a track, in groups: a scene chooses groups, and only they are computed."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from fmus.ports import Port
 XYZ = tuple("xyz")
 
 
-INTERVAL = "link_outputs.interval"  # parameter: communication steps that means of links span
+INTERVAL = "link_outputs.interval"  # parameter: communication steps over which link outputs are averaged
 
 
 class Group(NamedTuple):
-    """Outputs of each link, or of each pin ("joint"): all links one after the other, of each its ``parts``."""
+    """A group of outputs of each link or each pin, ordered by link (or pin), then by part."""
 
-    of: str
+    of: str  # "link" or "joint" (a pin)
     signal: str
-    parts: tuple[str, ...]  # the last part of the name; "" for a signal that has none
+    parts: tuple[str, ...]  # last components of the names; "" for a scalar signal
     unit: str
-    text: str  # {part} of {it}
-    columns: int = 0  # of ``on_links`` that it needs
+    text: str  # description, with {part} and {it}
+    columns: int = 0  # number of columns of ``on_links`` that the group needs
     ground: bool = False  # only where there is a ground
 
 
@@ -61,23 +61,23 @@ GROUPS = {
 }  # fmt: skip
 TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES, SLOPES = range(len(GROUPS))
 STANDARD = ("tension", "stress", "position", "force", "ground")
-BEYOND = ("axis", "fibres", "slopes")  # what needs kernels of its own
+BEYOND = ("axis", "fibres", "slopes")  # groups with kernels of their own
 
 
 def chosen(asked: Any, ground: bool) -> tuple[str, ...]:
-    """Names of the groups, in order, that there are; ``asked``: names, what is standard (True), or nothing (False)."""
+    """Names of the groups to show, in order; ``asked``: names, True (standard groups) or False (none)."""
     names = STANDARD if asked is True else asked or ()
     return tuple(name for name, group in GROUPS.items() if name in names and (ground or not group.ground))
 
 
 def felt(groups: Sequence[str], pins: int) -> Felt:
-    """Rows and columns of the forces on each link."""
+    """Shape (pins, columns) of the array of forces on links that the groups need."""
     columns = max((GROUPS[name].columns for name in groups), default=0)
     return (pins, columns) if columns else NONE
 
 
 def ports(groups: Sequence[str], links: int, pins: int) -> list[Port]:
-    """Outputs of links 1 to ``links`` and pins 1 to ``pins``."""
+    """Output ports of the groups, of links 1 to ``links`` and pins 1 to ``pins``."""
     found = []
     for group in (GROUPS[name] for name in groups):
         of_a_link = group.of == "link"

@@ -1,7 +1,8 @@
-"""What components really load: their models are started in a child process, as Python, and its modules counted.
+"""Modules that components load: a child process starts their models in plain Python and lists them.
 
-Nothing is compiled: the doors between kernels open for Python as they do for the compiler, so that a cold cache makes
-no difference. A chain is laid out as a polygon, for its equilibrium loads nothing more; one that moves is short.
+Nothing is compiled: a door between kernels imports the same modules for Python as for the compiler, so the state of the
+cache does not matter. A chain is laid out as a polygon, because its equilibrium loads no further module; a chain that
+is let go or spins is shortened.
 """
 
 from __future__ import annotations
@@ -16,23 +17,23 @@ from typing import Any, NamedTuple
 
 from fmus.jit import ROOT, sources
 
-SHORT = 5  # links of a chain that is let go or spins
+SHORT = 5  # links of a shortened chain
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
 
 
 class Contents(NamedTuple):
-    """What a set of components consists of."""
+    """Modules and sizes of a set of components."""
 
-    modules: tuple[str, ...]  # of fmus that are loaded
-    left_out: tuple[str, ...]  # of fmus that are not
-    outputs: tuple[int, ...]  # of each component, those of links apart
-    link_outputs: tuple[int, ...]
-    state: tuple[int, ...]  # numbers in the state of each
+    modules: tuple[str, ...]  # modules of fmus that are loaded
+    left_out: tuple[str, ...]  # modules of fmus that are not loaded
+    outputs: tuple[int, ...]  # Real outputs of each component without link outputs
+    link_outputs: tuple[int, ...]  # link outputs of each component
+    state: tuple[int, ...]  # size of each component's state
 
 
 def contents(parts: Sequence[Recipe]) -> Contents:
-    """Start the parts and look; raises BuildFailed with the child's last words."""
-    from fmus.build import KINDS, BuildFailed  # which the child has no use for
+    """Start the parts in a child process; raises BuildFailed with the last message of the child."""
+    from fmus.build import KINDS, BuildFailed  # the child does not need it
 
     shells = [(KINDS[kind].removesuffix(".py").replace("/", "."), *rest) for kind, *rest in parts]
     child = subprocess.run(

@@ -1,4 +1,4 @@
-"""What a component's model is to its FMU shell: ports, a flat state, four functions."""
+"""Interface between a component's model and its FMU shell: ports, flat state, kernels."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_STEPS = 100_000  # internal steps in one communication step: more would loo
 
 
 def finite(values: Floats) -> bool:
-    """Whether all are: one look at their squares, at each where one of those is too large."""
+    """Whether all values are finite; tested one by one only where their sum of squares is not finite."""
     return math.isfinite(values.dot(values)) or bool(np.isfinite(values).all())
 
 
@@ -40,7 +40,10 @@ NO_ROTATION = "at t = {0:.6g} s the input {1:name}.orientation is no rotation: i
 
 @kernel
 def too_many(told, t, h, longest):
-    """Whether a communication step of ``h`` s takes more steps of ``longest`` s than are allowed: tells it."""
+    """Whether a communication step of ``h`` s takes more internal steps of ``longest`` s than are allowed.
+
+    Writes the numbers of the sentence ``TOO_MANY`` into ``told``.
+    """
     steps = h / longest
     told[0], told[1], told[2], told[3] = t, h, steps, longest
     return not steps <= MOST_STEPS
@@ -48,36 +51,43 @@ def too_many(told, t, h, longest):
 
 @kernel
 def no_rotation(told, t, name, u, i):
-    """Whether the quaternion at ``u[i]`` of the input ``name`` (a number) is none: tells it, see ``NO_ROTATION``."""
+    """Whether the quaternion at ``u[i]`` of the input number ``name`` is no rotation (length 0.9 to 1.1).
+
+    Writes the numbers of the sentence ``NO_ROTATION`` into ``told``.
+    """
     length = np.sqrt(u[i] ** 2 + u[i + 1] ** 2 + u[i + 2] ** 2 + u[i + 3] ** 2)
     told[0], told[1], told[2] = t, name, length
     return not 0.9 < length < 1.1
 
 
 class Free(NamedTuple):
-    """Parameters that a component takes as they come, without computing anything anew but what ``starting`` does."""
+    """Parameters that stay settable in a native FMU: only ``starting`` is computed again when they change."""
 
-    numbers: Mapping[str, str]  # places in the parts ("law.mu"), and how they follow: "{parameter} * 2.0"
-    besides: tuple[str, ...] = ()  # parameters that ``starting`` alone takes
+    numbers: Mapping[str, str]  # place in the parts ("law.mu") -> expression of parameters ("{parameter} * 2.0")
+    besides: tuple[str, ...] = ()  # parameters that only ``starting`` reads
 
 
 class Component:
-    """What runs, of every component alike: named tuples and arrays, its ``parts``, and kernels on them.
+    """Base of the components' models: ``parts`` (named tuples of arrays and numbers) and kernels on them.
 
-    A model that starts calls ``begin`` with its parts, or those of each kernel. The kernels are
-    ``starting(parts, told, p)``, which sets the state to the start that the parameters ``p``, those of ``placing``, ask
-    for, and returns 0 or which of those ``refused`` they are; ``stepping(parts, told, t, h, u)``, which returns 0 or
-    which of the ``failures`` it was, and tells numbers of that into the first row of ``told``, of the warning k into
-    row k + 1 behind a 1; ``showing(parts, y)``, and ``showing_links(parts, y)`` where there are link outputs. They know
-    nothing but their parts, so they can be compiled to a library of their own (``fmus.native``).
+    A model that starts calls ``begin`` with its parts. The kernels are
+
+    - ``starting(parts, told, p)``: sets the state to the start for the parameters ``p``, those of ``placing``; returns
+      0 or an index of ``refused``;
+    - ``stepping(parts, told, t, h, u)``: one communication step; returns 0 or an index of ``failures``. The numbers of
+      that sentence go to the first row of ``told``; warning k writes a 1 and its numbers to row k + 1;
+    - ``showing(parts, y)``: Real outputs without link outputs;
+    - ``showing_links(parts, y)``: link outputs, where there are any.
+
+    Kernels access nothing but their parts, so they can be compiled into a library of their own (``fmus.native``).
     """
 
-    failures: tuple[Sentence, ...] = ()  # the first is none
+    failures: tuple[Sentence, ...] = ()  # the first one is empty
     warned: tuple[Sentence, ...] = ()
-    refused: tuple[Sentence, ...] = ()  # the first is none
-    placing: tuple[str, ...] = ()
+    refused: tuple[Sentence, ...] = ()  # the first one is empty
+    placing: tuple[str, ...] = ()  # names of the parameters that ``starting`` reads
     ports: tuple[Port, ...]
-    inputs: int  # Real inputs
+    inputs: int  # number of Real inputs
     state: Floats
     counters: NDArray[np.int64]
     link_ports = 0
@@ -87,20 +97,21 @@ class Component:
     showing_links: Callable[..., None] | None = None
 
     def free(self, p: Mapping[str, Any]) -> Free:
-        """What need not be constant in a native FMU with the checked parameters ``p``."""
+        """Parameters that need not be constant in a native FMU with the checked parameters ``p``."""
         raise NotImplementedError
 
     def begin(self, p: Mapping[str, Any], parts: Any, shown: Any = None, shown_links: Any = None) -> None:
-        """Run from here on with the checked parameters ``p`` and these parts; ``showing*`` may have others.
+        """Start with the checked parameters ``p`` and these parts.
 
-        Raises InvalidParameter.
+        ``shown`` and ``shown_links`` are the parts of the two kernels of outputs, where they are others. Raises
+        InvalidParameter with a sentence of ``refused``.
         """
         self.parts = parts
         self.shown = parts if shown is None else shown
         self.shown_links = parts if shown_links is None else shown_links
         self._told, self._u = np.zeros((1 + len(self.warned), TOLD + 1)), np.zeros(self.inputs)
-        self._y = np.zeros(0)  # like outputs
-        self._step: Any = None  # these three are compiled when they are asked for
+        self._y = np.zeros(0)  # for the type of the outputs
+        self._step: Any = None  # these three are compiled at their first use
         self._show: Any = None
         self._show_links: Any = None
         self._said: list[str] = []
@@ -109,19 +120,22 @@ class Component:
             raise InvalidParameter(say(self.refused[wrong], self._told[0]))
 
     def hold(self, state: Floats) -> bool:
-        """Take the flat state of an equal component; False where it is of another one."""
+        """Copy the flat state of an equal component into this one; False where its size differs."""
         if state.shape != self.state.shape:
             return False
         self.state[:] = state
         return True
 
     def step(self, t: float, h: float, u: Floats) -> None:
-        """Advance from t to t + h with the inputs ``u`` given at t; raises StepFailed, the state is then as it was."""
+        """Advance from t to t + h (s) with the inputs ``u`` (inputs) of time t.
+
+        Raises StepFailed; the state is then the one before the step.
+        """
         self._u[:] = u
         self._take(t, h, self._u)
 
     def ready(self) -> Callable[..., int]:
-        """The kernel of a step, compiled."""
+        """Compiled kernel of a step."""
         if self._step is None:
             self._step = entry(self.stepping, self.parts, self._told, 0.0, 0.0, self._u)
         made: Callable[..., int] = self._step
@@ -142,46 +156,47 @@ class Component:
             raise StepFailed(say(self.failures[failed], self._told[0]))
 
     def outputs(self, y: Floats) -> None:
-        """Write all Real outputs but those of links, in port order."""
+        """Write the Real outputs without link outputs into ``y``, in the order of the ports."""
         if self._show is None:
             self._show = entry(self.showing, self.shown, self._y)
         self._show(self.shown, y)
 
     def link_outputs(self, y: Floats) -> None:
-        """Write those of links."""
+        """Write the link outputs into ``y``, in the order of the ports."""
         if self._show_links is None and self.showing_links is not None:
             self._show_links = entry(self.showing_links, self.shown_links, self._y)
         if self._show_links is not None:
             self._show_links(self.shown_links, y)
 
     def warnings(self) -> list[str]:
-        """Warnings since the last call."""
+        """Return, and forget, the warnings since the last call."""
         said, self._said = self._said, []
         return said
 
 
 class Model(Protocol):
-    """A component without FMI.
+    """Protocol of a component without FMI.
 
     ``ports`` lists Real inputs first, then Real outputs, then Real link outputs, then Integer outputs, then
-    parameters (Real and String). ``state`` is everything that changes between steps, one contiguous float64
-    array made once: saving a model is copying it (and ``counters``), restoring is copying back in place.
+    parameters (Real and String). ``state`` holds everything that changes between steps in one contiguous float64
+    array that is allocated once: a model is saved by copying it (and ``counters``), and restored by copying back in
+    place.
     """
 
-    stepping: Any  # the kernel of a step: compiled at the first one on a machine
+    stepping: Any  # the kernel of a step: compiled at the first step on a machine
     ports: tuple[Port, ...]
-    link_ports: int  # how many of the Real outputs, the last ones, are link outputs (computed only when read)
+    link_ports: int  # number of link outputs, the last of the Real outputs (computed only when read)
     state: Floats
     counters: NDArray[np.int64]  # values of the Integer outputs, in port order
 
     def __init__(self, config: Mapping) -> None:
-        """``config`` is the resolved JSON that the build packed beside the component."""
+        """Make a model from ``config``, the resolved JSON that the build packed beside the component."""
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Set ``state`` to the start; raises InvalidParameter or StepFailed."""
 
     def step(self, t: float, h: float, u: Floats) -> None:
-        """Advance ``state`` from t to t + h with the inputs ``u`` given at t; raises StepFailed."""
+        """Advance ``state`` from t to t + h with the inputs ``u`` of time t; raises StepFailed."""
 
     def outputs(self, y: Floats) -> None:
         """Write the Real outputs (without link outputs) that belong to ``state`` into ``y``."""
@@ -190,4 +205,4 @@ class Model(Protocol):
         """Write the Real link outputs that belong to ``state`` into ``y``."""
 
     def warnings(self) -> list[str]:
-        """Sentences to log with status warning since the last call; empties the list."""
+        """Return, and forget, the warnings since the last call: sentences to log with status warning."""

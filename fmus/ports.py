@@ -1,4 +1,4 @@
-"""The variables through which the components talk: names, causalities, units, signs.
+"""FMI variables of the components: names, causalities, units, signs.
 
 World frame: x forward, y left, z up (ISO 8855). Quaternions are (w, x, y, z), body to world.
 A wrench acts *on* the wheel, about its centre, in world axes, and is the mean over the step just done.
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Range(NamedTuple):
-    """The numbers that a parameter may have."""
+    """Allowed values of a Real parameter."""
 
     least: float = -inf
     most: float = inf
@@ -22,7 +22,7 @@ class Range(NamedTuple):
 ANY = Range()
 POSITIVE, NOT_NEGATIVE = Range(5e-324, inf, "greater than 0"), Range(0.0, inf, "0 or more")
 
-# error of an internal step whose length follows it, relative and in SI units: where nobody asks for another, and any
+# Error of an internal step of variable length, relative and in SI units: default and allowed values.
 TOLERANCE, TOLERANCES = 1e-6, Range(1e-13, 0.1, "between 1e-13 and 0.1")
 
 
@@ -38,8 +38,8 @@ class Port(NamedTuple):
     allowed: Range = ANY  # values of a Real parameter
 
 
-# Where all link outputs lie in memory, one after the other as doubles: names as those of the Open Simulation
-# Interface's packaging (OSMP, "binary variables") for FMI 2.0, which knows no arrays.
+# Address of the link outputs in memory, contiguous doubles: named as in the packaging of the Open Simulation Interface
+# (OSMP, "binary variables") for FMI 2.0, which has no arrays.
 LINKS_ARRAY = (
     Port("links.base.lo", "local", "1", "lower 32 bits of the address at which the link outputs lie", 0),
     Port("links.base.hi", "local", "1", "upper 32 bits of it; what lies there is good until the next step", 0),
@@ -49,20 +49,20 @@ STATUS = Port("status", "output", "1", "0 ok, 1 the last step warned, 3 the last
 
 
 class Variables(NamedTuple):
-    """A component's variables; the index in the row of all is the value reference, and the FMI index less one."""
+    """Variables of a component; the index in ``row`` is the value reference, and the FMI index less one."""
 
-    reals: tuple[Port, ...]  # inputs, outputs with those of links the last, parameters
+    reals: tuple[Port, ...]  # inputs, outputs (link outputs last), parameters
     integers: tuple[Port, ...]  # counters, status, parameters
     strings: tuple[Port, ...]
 
     @property
     def row(self) -> tuple[Port, ...]:
-        """All of them."""
+        """All variables in the order of their value references."""
         return (*self.reals, *self.integers, *self.strings)
 
 
 def variables(ports: Sequence[Port]) -> Variables:
-    """Of a model's ports, in the order in which FMI knows them."""
+    """Variables of a model's ports, in the order of their value references."""
 
     def pick(causality: str, kind: type) -> list[Port]:
         return [port for port in ports if port.causality == causality and isinstance(port.start, kind)]
@@ -74,7 +74,7 @@ def variables(ports: Sequence[Port]) -> Variables:
     )
 
 
-# unit -> SI base unit exponents, as modelDescription.xml wants them
+# unit -> exponents of SI base units, for modelDescription.xml
 UNITS: dict[str, dict[str, int]] = {
     "1": {},
     "m": {"m": 1},
@@ -98,7 +98,7 @@ UNITS: dict[str, dict[str, int]] = {
     "Pa.s": {"kg": 1, "m": -1, "s": -1},
 }
 
-# Widths of the two connectors.
+# Number of variables of the two connectors.
 STATE = 13  # position 3, orientation 4, velocity 3, angular velocity 3
 WRENCH = 6  # force 3, torque 3
 
@@ -106,7 +106,10 @@ WRENCH = 6  # force 3, torque 3
 def wheel_state(
     name: str, causality: str, start: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 ) -> list[Port]:
-    """The 13 variables of a wheel's (or mount's) motion in the world frame; it stands still in the pose ``start``."""
+    """The 13 variables of the motion of a wheel (or mount) in the world frame, m, m/s, rad/s.
+
+    ``start``: start values of position and quaternion; velocities start at 0.
+    """
     centre = [
         Port(f"{name}.position.{axis}", causality, "m", f"{axis} of the centre of {name}, world", place)
         for axis, place in zip("xyz", start[:3], strict=True)
@@ -133,7 +136,7 @@ def wheel_state(
 
 
 def wrench(name: str, causality: str) -> list[Port]:
-    """The 6 variables of the mean wrench on a wheel (or mount) about its centre, world axes."""
+    """The 6 variables of the mean wrench on a wheel (or mount) about its centre, world axes, N, N m."""
     force = [
         Port(f"{name}.force.{axis}", causality, "N", f"{axis} force on {name}, world, mean over the step")
         for axis in "xyz"
@@ -151,7 +154,7 @@ def wrench(name: str, causality: str) -> list[Port]:
 
 
 def start_pose() -> list[Port]:
-    """Where the vehicle stands at the start: set alike on every component that has a place."""
+    """Parameters of the vehicle's pose at the start: set alike on every component that has a place."""
     return [
         *(
             Port(

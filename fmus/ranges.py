@@ -1,8 +1,9 @@
-"""Ranges of physical numbers: outside the plausible a run warns, outside the possible its input is refused.
+"""Plausible and possible ranges of physical numbers.
 
-One table (``VEHICLE``) for the numbers of a vehicle; that of scenes stands beside their tables and has the same type.
-The plausible holds machines from a toy of some kilograms to the largest crawlers; the possible ends where a number
-can only be a slip of the unit or of the pen, and where doubles lose the smaller parts of the vehicle beside it.
+A run warns of a number outside its plausible range; a number outside its possible range is refused. ``VEHICLE`` is the
+table for vehicles; the table for scenes (``orchestrator/scene``) has the same type. Plausible are machines from toys of
+some kilograms to the largest crawlers. The possible range ends where a number must be a mistake of unit or decimal
+point, and where doubles no longer resolve the smaller parts of the vehicle beside it.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ Bounds = tuple[float, float]
 
 
 class Range(NamedTuple):
-    """What a number of a table may be, SI."""
+    """Plausible and possible range of a number of a table, SI."""
 
-    key: str  # dotted, in its table
+    key: str  # dotted key in the table
     unit: str
     plausible: Bounds
     possible: Bounds
@@ -64,7 +65,10 @@ VEHICLE = (
 
 
 def outside(table: Mapping[str, Any], ranges: Sequence[Range], which: str, above: str = "") -> Iterator[str]:
-    """A sentence for each number of a ``table`` outside its range, "plausible" or "possible"; ``above`` its keys."""
+    """Yield a sentence for each number of a ``table`` outside its range.
+
+    ``which``: the range, "plausible" or "possible"; ``above``: prefix of the keys in the sentence.
+    """
     for each in ranges:
         value: Any = table
         for part in each.key.split("."):

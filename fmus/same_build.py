@@ -1,8 +1,8 @@
-"""Modules of ``fmus`` found again after the folder that it was loaded from is gone.
+"""Import of modules of ``fmus`` after the folder from which the package was loaded has been deleted.
 
-All FMUs of a process share the first one's ``fmus``, and a tool may delete the folder of an FMU that it is done with.
-What is imported after that lies in the FMUs that are still unpacked, each in a folder of ``sys.path``; those of the
-same build are as good as the first.
+All FMUs of a process share the ``fmus`` of the first one, and a tool may delete the folder of an FMU that it has freed.
+Modules that are imported later are then found in the FMUs that are still unpacked, each in a folder of ``sys.path``, if
+they are of the same build.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from types import ModuleType
 
 
 class SameBuild:
-    """A finder for ``sys.meta_path``, asked after all others."""
+    """Finder for ``sys.meta_path``, used after all others."""
 
     def __init__(self, package: str, build: str, other: Callable[[str], Exception]) -> None:
         self.package, self._build, self._other = package, build, other
@@ -23,10 +23,13 @@ class SameBuild:
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """The module in the newest unpacked FMU of this build; raises ``other(build)`` if there are others only."""
+        """Spec of a module in the first unpacked FMU of this build in ``sys.path``.
+
+        Raises ``other(build)`` where only FMUs of other builds have it.
+        """
         top, *inner = name.split(".")
         if top != self.package or not inner or any(Path(folder).is_dir() for folder in path or ()):
-            return None  # not ours, or simply not there
+            return None  # another package, or the folder still exists and has no such module
         others = []
         for resources in map(Path, sys.path):
             try:

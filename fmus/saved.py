@@ -1,4 +1,4 @@
-"""The saved state of a slave (fmi2FMUstate), and its bytes: a JSON head, then the arrays; a checksum guards them."""
+"""Saved state of a slave (fmi2FMUstate), and its serialisation: a JSON head, the arrays, a checksum."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class Saved(NamedTuple):
-    """Everything that changes during a run; ``flaw`` tells why the bytes it was read from are unusable."""
+    """Everything that changes during a run; ``flaw``: why the bytes from which it was read are unusable."""
 
     guid: str
     phase: str
@@ -26,7 +26,7 @@ class Saved(NamedTuple):
 
 
 def to_bytes(state: Saved) -> bytes:
-    """Length of the head (8 bytes, little-endian), head, arrays; of an unusable state its flaw."""
+    """Bytes of a state: length of the head (8 bytes, little-endian), head, arrays; or its flaw, if any."""
     if state.flaw:
         return state.flaw.encode()
     arrays = state[5:9]
@@ -36,7 +36,11 @@ def to_bytes(state: Saved) -> bytes:
 
 
 def from_bytes(content: bytes) -> Saved:
-    """The state of `to_bytes`. Nothing is raised, because no instance could be pinned here: see ``Saved.flaw``."""
+    """State from the bytes of `to_bytes`; a state with a ``flaw`` where they are damaged.
+
+    Nothing is raised: pythonfmu would release references that are not its own (see ``fmus.slave``), and no instance is
+    known here that could be given more of them.
+    """
     try:
         end = 8 + int.from_bytes(content[:8], "little")
         guid, phase, flags, failure, strings, sizes, checksum = json.loads(content[8:end])

@@ -1,7 +1,7 @@
-"""Sentences that a kernel decides on: texts whose gaps are filled with the numbers that it tells.
+"""Sentences of failures and warnings: a kernel gives the index of one and the numbers for its gaps.
 
-A gap ``{0:.6g}`` shows the first number as Python does, ``{0:d}`` as a whole one, ``{0:no}`` as one that counts from 0,
-``{0:name}`` as the name that stands there. So the same table serves a component in Python and one in machine code.
+A gap ``{0:.6g}`` shows the first number in Python's format, ``{0:d}`` as an integer, ``{0:no}`` as an integer plus one
+(an index from 0), ``{0:name}`` as the name with that index. The same tables serve Python FMUs and native FMUs.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-TOLD = 6  # numbers of a sentence, at most
+TOLD = 6  # largest number of numbers of a sentence
 
 
 class Sentence(NamedTuple):
-    """A text with gaps."""
+    """A text with gaps, and the names for gaps ``name``."""
 
     text: str
     names: tuple[str, ...] = ()
@@ -31,7 +31,7 @@ class _Number(float):
 
 
 def say(sentence: Sentence, told: Iterable[float]) -> str:
-    """The sentence with the numbers in its gaps."""
+    """Text of the sentence with the numbers ``told`` in its gaps."""
     numbers = [_Number(value) for value in told]
     for number in numbers:
         number.names = sentence.names

@@ -1,14 +1,13 @@
-"""A model as an FMI 2.0 co-simulation slave: the one module that knows pythonfmu.
+"""FMI 2.0 co-simulation slave around a model: the only module that uses pythonfmu.
 
-A shell derives `Slave` and names its model. Variables are ordered as Real inputs, Real outputs, Real link
-outputs, Real parameters, Integers, Strings, and last where the link outputs lie in memory: a master copies them from
-there in microseconds, while `get_real` makes two Python objects of each number. A value reference is the index in that
-order, so that get and set are array accesses.
+A shell derives from `Slave` and names its model. Variables are ordered as Real inputs, Real outputs, Real link outputs,
+Real parameters, Integers, Strings, and last the address of the link outputs in memory: a master copies them from there
+in microseconds, while `get_real` makes two Python objects of each number. A value reference is the index in that order,
+so that get and set are array accesses.
 
-pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation,
-and one each of class, instance and log queue whenever an exception leaves a call. `_lend` gives it as many,
-so that a refusal is an ordinary FMI status, and neither a second one nor freeing the instance crashes the
-process.
+pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation, and one
+each of class, instance and log queue whenever an exception leaves a call. `_lend` adds as many references, so that a
+refusal is an ordinary FMI status, and neither a second refusal nor freeing the instance crashes the process.
 """
 
 from __future__ import annotations
@@ -42,15 +41,15 @@ from fmus.ports import LINKS_ARRAY, Port, variables
 from fmus.same_build import SameBuild
 from fmus.saved import Saved, from_bytes, to_bytes
 
-BUILD = source_hash()  # of the fmus tree that is running
+BUILD = source_hash()  # hash of the fmus sources of this process
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
-LONGEST = 1500  # bytes of a message: importers have room for 2 kB
+LONGEST = 1500  # bytes of a message: importers have buffers of 2 kB
 _INT_MAX = 2**31 - 1  # fmi2Integer is 32 bits wide
 _FINALISED: set[Path] = set()
 
 
 class Refused(RuntimeError):
-    """An FMI call that is not done; pythonfmu shows the repr, so the repr is the sentence."""
+    """Refusal of an FMI call; pythonfmu shows the repr, so the repr is the sentence."""
 
     def __repr__(self) -> str:
         return str(self)
@@ -67,29 +66,29 @@ sys.meta_path.append(SameBuild("fmus", BUILD, _of_another_build))
 
 
 class _Access(NamedTuple):
-    """What a list of Real value references touches."""
+    """Kinds of the variables in a list of Real value references."""
 
-    at: slice | NDArray[np.intp]
-    inputs: bool  # only inputs
-    outputs: bool  # some output
-    links: bool  # some link output
-    parameters: bool  # some parameter
+    at: slice | NDArray[np.intp]  # their places in the values
+    inputs: bool  # all are inputs
+    outputs: bool  # some is an output
+    links: bool  # some is a link output
+    parameters: bool  # some is a parameter
 
 
 def _lend(*objects: object) -> None:
-    """One more reference to each, for pythonfmu to release; a container would be left with dead entries."""
+    """Add a reference to each object, for pythonfmu to release; a container would keep dangling entries."""
     for each in objects:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(each))
 
 
 def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
-    """Turn whatever goes wrong in an FMI call into log entries and one refusal that pythonfmu survives."""
+    """Decorator: log any exception of an FMI call and raise one Refused, which pythonfmu survives."""
 
     @wraps(call)
     def guarded(self: Slave, *args: Any) -> Any:
         try:
             return call(self, *args)
-        except BaseException as error:  # KeyboardInterrupt too: nothing else may leave
+        except BaseException as error:  # KeyboardInterrupt too: no other exception may leave the call
             sentence = self._report(error)
             _lend(type(self), self, self.log_queue)
             raise Refused(sentence) from None
@@ -100,7 +99,7 @@ def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
 class Slave(Fmi2Slave):
     """Base of the FMU shells.
 
-    A shell is a script with a stem of its own, because pythonfmu imports it by that name and runs it twice::
+    A shell is a script with a unique file name, because pythonfmu imports it by that name and runs it twice::
 
         from fmus.slave import Slave
         from fmus.chassis.model import Model
@@ -110,11 +109,10 @@ class Slave(Fmi2Slave):
 
             model = Model
 
-    Beside it, in the FMU's resources, lie ``config.json`` (what the model is made from, and under ``parameters``
-    what the FMU's parameters are by default; see ``defaults``) and ``build.txt`` (hash of the ``fmus`` tree that
-    was packed). In one process all FMUs share the first one's ``fmus``, also
-    when its folder is gone (see ``elsewhere``); an FMU from another build is refused, because it would
-    silently run the wrong code.
+    The FMU's resources also hold ``config.json`` (the argument of the model; under ``parameters`` the defaults of the
+    FMU's parameters, see ``defaults``) and ``build.txt`` (hash of the packed ``fmus`` sources). All FMUs of a process
+    share the ``fmus`` of the first one, also after its folder was deleted (see ``same_build``); an FMU of another build
+    is refused, because it would silently run the wrong code.
     """
 
     model: type[Model]
@@ -128,7 +126,7 @@ class Slave(Fmi2Slave):
         try:
             self._load(Path(self.resources))
             with spared():
-                check(cache_folder())  # before a minute of compilation
+                check(cache_folder())  # refuse an unsafe cache before a minute of compilation
             if not compiled_before(type(self).model.stepping):
                 self.log("the first start on this machine compiles the kernels, which takes up to a minute")
             self._pass_on()
@@ -138,7 +136,7 @@ class Slave(Fmi2Slave):
     # ---------------------------------------------------------------- variables
 
     def _load(self, resources: Path) -> None:
-        # before anything is refused: that process ends too
+        # before anything may be refused: the process of a refused FMU exits too
         _finalise_at_exit(resources.parent / "binaries" / "linux64" / f"{type(self).__name__}.so")
         packed = (resources / "build.txt").read_text().strip()
         if packed != BUILD:
@@ -150,7 +148,7 @@ class Slave(Fmi2Slave):
         check_names(self._model.ports, made_from)
         self._sort_ports(configured(self._model.ports, made_from), self._model.link_ports)
         self._stale, self._links_stale = True, False
-        self._used: dict[str, float | int | str] = {}  # parameters of the last start
+        self._used: dict[str, float | int | str] = {}  # parameters of the last initialisation
 
     def _sort_ports(self, ports: tuple[Port, ...], link_ports: int) -> None:
         self._reals, self._integers, self._string_ports = every = variables(ports)
@@ -184,7 +182,7 @@ class Slave(Fmi2Slave):
         self._integer_values = np.array([int(p.start) for p in self._integer_parameters], dtype=np.int64)
         self._string_values = [str(p.start) for p in self._string_ports]
         self._accesses: dict[tuple[int, ...], _Access] = {}
-        self._recent: dict[int, tuple[list[int], _Access]] = {}  # the last one of each length
+        self._recent: dict[int, tuple[list[int], _Access]] = {}  # last list of references of each length
 
     @property
     def variables(self) -> tuple[Port, ...]:
@@ -192,7 +190,7 @@ class Slave(Fmi2Slave):
         return self._every
 
     def _access(self, references: list[int]) -> _Access:
-        recent = self._recent.get(len(references))  # a master's groups: comparing costs less than hashing them
+        recent = self._recent.get(len(references))  # a master repeats its lists: comparing costs less than hashing
         if recent is not None and recent[0] == references:
             return recent[1]
         key = tuple(references)
@@ -210,7 +208,7 @@ class Slave(Fmi2Slave):
                 links=any(self._links.start <= r < self._links.stop for r in key),
                 parameters=any(r >= self._parameters.start for r in key),
             )
-            if len(self._accesses) > 100:  # an importer that asks one by one, in ever new groups
+            if len(self._accesses) > 100:  # an importer that reads ever new lists
                 self._accesses.clear()
             self._accesses[key] = access
         self._recent[len(key)] = list(key), access
@@ -218,7 +216,7 @@ class Slave(Fmi2Slave):
 
     @_guarded
     def get_real(self, vrs: list[int]) -> list[float]:
-        """Values of Real variables."""
+        """Return the values of Real variables."""
         access = self._access(vrs)
         if access.outputs and self._stale and self._phase == "initialising":
             self._initialise()
@@ -255,7 +253,7 @@ class Slave(Fmi2Slave):
 
     @_guarded
     def get_integer(self, vrs: list[int]) -> list[int]:
-        """Values of Integer variables; counters stop at the largest 32 bit number."""
+        """Return the values of Integer variables; counters saturate at the largest 32 bit number."""
         if self._stale and self._phase == "initialising":
             self._initialise()
         places = [self._integer_place(reference) for reference in vrs]
@@ -277,12 +275,12 @@ class Slave(Fmi2Slave):
 
     @_guarded
     def get_string(self, vrs: list[int]) -> list[str]:
-        """Values of String parameters."""
+        """Return the values of String parameters."""
         return [self._string_values[self._string_place(reference)] for reference in vrs]
 
     @_guarded
     def set_string(self, vrs: list[int], values: list[str]) -> None:
-        """Set String parameters before the end of initialisation; what they may be is checked there."""
+        """Set String parameters before the end of initialisation, where they are checked."""
         for reference, value in zip(vrs, values, strict=True):
             place = self._string_place(reference)
             self._parameter_set(self._string_ports[place].name)
@@ -290,30 +288,30 @@ class Slave(Fmi2Slave):
 
     @_guarded
     def get_boolean(self, vrs: list[int]) -> list[bool]:
-        """There are no Boolean variables."""
+        """Refuse any reference: there are no Boolean variables."""
         if vrs:
             raise Refused(f"no Boolean variable has the value reference {vrs[0]}")
         return []
 
     @_guarded
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
-        """There are no Boolean variables."""
+        """Refuse any reference: there are no Boolean variables."""
         if vrs:
             raise Refused(f"no Boolean variable has the value reference {vrs[0]}")
 
-    # ---------------------------------------------------------------- life
+    # ---------------------------------------------------------------- initialisation and steps
 
     def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None):
-        """Nothing to do: models are autonomous but for the time given to each step."""
+        """Do nothing: models get their time with each step."""
 
     @_guarded
     def enter_initialization_mode(self) -> None:
-        """Parameters may still change; the model starts when an output is read, or at the end."""
+        """Begin initialisation: the model starts when an output is read, or at the end; parameters may change."""
         self._phase = "initialising"
 
     @_guarded
     def exit_initialization_mode(self) -> None:
-        """Start the model, unless reading an output did; wrong parameters are refused here."""
+        """Start the model, unless reading an output has started it; wrong parameters are refused here."""
         if self._stale:
             self._initialise()
         self._phase = "running"
@@ -338,7 +336,7 @@ class Slave(Fmi2Slave):
         return StepFailed(f"{port.causality} '{port.name}' is {values[first]} {when}")
 
     def _refresh(self, t: float | None = None) -> None:
-        """Show the outputs at t (None: the start)."""
+        """Compute the outputs at t (None: at the start)."""
         self._model.outputs(self._y_new)
         if not finite(self._y_new):
             raise self._not_finite(self._y_new, self._outputs, "at the start" if t is None else f"at t = {t}")
@@ -359,7 +357,7 @@ class Slave(Fmi2Slave):
         self._links_stale = False
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """One communication step; False (fmi2Discard) leaves the component as it was before, and failed."""
+        """Do one communication step; False (fmi2Discard) where it failed: the state is then the one before."""
         try:
             self._step(current_time, step_size)
         except BaseException as error:
@@ -383,13 +381,13 @@ class Slave(Fmi2Slave):
             model.step(t, h, self._u)
             self._refresh(t + h)
         except BaseException:
-            self._warn()  # of what may have led there
+            self._warn()  # a warning may explain the failure
             model.state[:], model.counters[:] = state, counters
             raise
 
     @_guarded
     def terminate(self) -> None:
-        """Nothing to do: the instance is freed by its owner."""
+        """Do nothing: the owner frees the instance."""
 
     # ---------------------------------------------------------------- state
 
@@ -422,7 +420,7 @@ class Slave(Fmi2Slave):
         if not self._stale and self._used != self._given():  # a state of a run with other parameters
             self._used = self._given()
             self._model.initialise(self._used)
-        if not self._stale:  # one that is about to start anew has no state, and may yet be of another size
+        if not self._stale:  # before a start there is no state yet, and its size may still change
             self._model.state[:] = state.state
         self._model.counters[:] = state.counters
 
@@ -440,7 +438,7 @@ class Slave(Fmi2Slave):
         return f"{type(error).__name__}: {error}{where}"
 
     def _report(self, error: BaseException) -> str:
-        """Log what went wrong; unless it is a refusal, it lasts, and its traceback follows."""
+        """Log an error and return its sentence; unless a refusal, log the traceback and keep the failure."""
         sentence = self._sentence(error)
         self._status = ERROR
         self.log(sentence, Fmi2Status.error)
@@ -453,20 +451,20 @@ class Slave(Fmi2Slave):
     log_categories = {**Fmi2Slave.log_categories, "traceback": "Where in the code an error arose."}  # noqa: RUF012
 
     def _pass_on(self) -> None:
-        """Tell the host what the cache said where nobody else heard it."""
+        """Pass messages of the cache to the host where no log handler received them."""
         for sentence in unheard():
             self.log(sentence, Fmi2Status.warning)
 
     def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None):
-        """Queue a message; FMI reads it as a printf format, and the wrapper crashes on what is not UTF-8."""
-        text = msg.encode("utf-8", "replace")[:LONGEST].decode("utf-8", "ignore")  # importers cut it anywhere
+        """Queue a message; FMI reads it as a printf format, and the wrapper crashes on invalid UTF-8."""
+        text = msg.encode("utf-8", "replace")[:LONGEST].decode("utf-8", "ignore")  # not cut inside a character
         text = text.replace("\0", "").replace("%", "%%")
         super().log(text, status, category)
 
     # ---------------------------------------------------------------- modelDescription.xml
 
     def to_xml(self, model_options: Mapping[str, str] | None = None) -> Element:
-        """modelDescription.xml (see ``description``)."""
+        """Root element of modelDescription.xml (see ``description``)."""
         name = type(self).__name__
         return document(
             name,
@@ -481,15 +479,15 @@ class Slave(Fmi2Slave):
 
 
 def _finalise_at_exit(library: Path) -> None:
-    """Let the wrapper's helper thread end before the process tears down its libraries.
+    """Register an exit handler that ends the wrapper's helper thread before libraries are unloaded.
 
-    Otherwise an exit may abort: std::thread is destroyed while joinable, or, where that thread started the
-    interpreter and has to end it, LLVM is gone by then. Exit handlers run last in, first out: this one is in
-    after LLVM and before any step. The library stays loaded, so that the handler does.
+    Otherwise an exit may abort: std::thread is destroyed while joinable, or, where that thread started the interpreter
+    and has to end it, LLVM is already unloaded. Exit handlers run last in, first out: this one is registered after that
+    of LLVM and before any step. The library stays loaded, so that the handler stays valid.
     """
     if library in _FINALISED or not sys.platform.startswith("linux") or not library.exists():
         return
     _FINALISED.add(library)
-    with suppress(OSError, AttributeError):  # no such libc, no such wrapper: nothing to end
+    with suppress(OSError, AttributeError):  # another libc or wrapper: there is no such thread
         finalise = ctypes.CDLL(str(library)).finalizePythonInterpreter
         ctypes.CDLL(None).__cxa_atexit(finalise, None, None)

@@ -1,7 +1,7 @@
-"""Where a wheel has to stand so that a closed chain carries a wanted static tension (build side).
+"""Position of a wheel at which a closed chain carries a wanted static tension (build side).
 
-The links are so stiff that a millimetre is a kilonewton: the place is solved with the track's own static equilibrium,
-not drawn.
+The links are so stiff that a millimetre changes the tension by a kilonewton: the position is solved from the static
+equilibrium of the track, not taken from the drawing.
 """
 
 from __future__ import annotations
@@ -20,17 +20,19 @@ from fmus.physics.chain.report import T_MEAN
 from fmus.track_flexible.model import Model
 from fmus.vehicle import BadInput
 
-SLACK, TIGHT = 0.06, 0.06  # how far the wheel is moved from its drawn place, m
+SLACK, TIGHT = 0.06, 0.06  # largest distance of the wheel from its drawn place, m, forward and backward
 
 
 def tension_wheel(
     config: Mapping[str, Any], name: str, tension: float, keys: str = "vehicle.track"
 ) -> tuple[float, float]:
-    """Place of the wheel ``name`` along x, m, for the mean static ``tension``, N, and the push along -x on it, N.
+    """Position x of the wheel ``name``, m, for a mean static ``tension``, N, and the push along -x on it.
 
-    ``config`` is that of a track, ``keys`` the table where the user gave links and tension. What was found stays in the
-    cache, for this build. Raises BadInput when the chain cannot carry that tension with the wheel within 60 mm of its
-    drawn place.
+    The push, N, holds the wheel there against the chain.
+
+    ``config`` is the config of a track, ``keys`` the table in which the user gave links and tension (for messages). The
+    result is cached for this build. Raises BadInput when the chain cannot carry that tension with the wheel within
+    60 mm of its drawn place.
     """
     asked = json.dumps([source_hash(), config, name, tension], sort_keys=True).encode()
     file = cache_folder() / "places" / hashlib.sha256(asked).hexdigest()[:24] / "place"
@@ -60,7 +62,7 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> 
         try:
             return float(settled(x).report[T_MEAN]) - tension
         except (InvalidParameter, StepFailed):
-            # beyond what can be laid out: too short a loop hangs, too long a one does not close
+            # cannot be laid out: the chain hangs slack round too short a path, and does not close round too long a one
             return -tension if x > drawn else 1e6
 
     try:

@@ -1,7 +1,7 @@
-"""What both track models share: ports, parameters, the start layout, and the track's own frame.
+"""Base of both track models: ports, parameters, the start layout, and the frame of the track.
 
-A track computes in a frame at the vehicle's start position, turned by its start heading, with the track plane at
-y = 0: whatever the heading, the joint axis is y and the numbers are small.
+The frame of a track is at the vehicle's start position, turned by its start heading, with the track plane at y = 0: the
+joint axis is y for every heading, and the numbers are small.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ OUTPUTS = (
     ("energy.dissipated.joints", "J", "energy lost by damping of pins across the chain and of a closing spring"),
 )
 INTERVALS = Range(1.0, 1e6, "a whole number from 1 to 1e6")
-CAUSES = {  # of a failure: implicitly, explicitly
+CAUSES = {  # of a failure of an implicit and of an explicit step
     STALLED: ("Newton's iteration of the chain did not converge", ""),
     SINGULAR: ("the chain's matrix is singular", "the chain's matrix is singular"),
     UNSTABLE: ("", "blew up"),
@@ -109,7 +109,7 @@ WARNED = (
 
 
 def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
-    """What a step of a track on these wheels may fail with, in the order of ``track_steps``."""
+    """Sentences of the failures of a step of a track on these wheels, in the order of ``track_steps``."""
     where, causes = "at t = {0:.6g} s, link {1:no}", sorted(CAUSES.items())
     return (
         Sentence(""),
@@ -150,7 +150,7 @@ def integration() -> tuple[Port, ...]:
 
 
 def alpha(p: Mapping[str, Any]) -> GeneralizedAlpha:
-    """Of the implicit integrator that the parameters ask for; raises InvalidParameter."""
+    """Coefficients of the implicit integrator that the parameters choose; raises InvalidParameter."""
     radius = p["spectral_radius"]
     if p["integrator"] != HHT:
         found: GeneralizedAlpha = generalized_alpha.coefficients(radius)
@@ -172,16 +172,16 @@ STARTS = {
 
 
 def begins(wheel: Mapping[str, Any]) -> Stance:
-    """Where a wheel of a track's config stands at the start, y from the plane of the track: as drawn by default."""
+    """Stance of a wheel of a track's config at the start, y from the track plane; as drawn by default."""
     x, z = wheel["position"]
     return stance(wheel.get("start", (x, 0.0, z)))
 
 
 class TrackModel(Component):
-    """A chain of links behind the ports of a track; a subclass brings the mechanics of its links.
+    """Chain of links with the ports of a track; a subclass adds the mechanics of its links.
 
-    The subclass gives ``shapes``, ``prepare``, ``settle`` and ``move``; what it prepares is ``link``,
-    ``method``, ``work`` and ``stable``.
+    The subclass implements ``shapes``, ``prepare``, ``settle``, ``come_to_rest`` and ``move``; ``prepare`` sets
+    ``link``, ``method``, ``work`` and ``stable``.
     """
 
     starting, stepping = staticmethod(steps.begin), staticmethod(steps.implicit)
@@ -189,14 +189,14 @@ class TrackModel(Component):
     placing = *KEYS, "start.lateral"
     warned = WARNED
     plane = 0  # 1: links that stay in their plane
-    State: Any  # of its links
-    link: Any
-    method: Method
-    work: Any
-    stable: float  # the longest step of the explicit integrator, s
+    State: Any  # class of the state's views
+    link: Any  # parameters of the links
+    method: Method  # of the implicit integrator
+    work: Any  # scratch arrays
+    stable: float  # longest stable step of the explicit integrator, s
 
     def __init__(self, config: Mapping[str, Any]) -> None:
-        """Take the resolved config (keys vehicle, track, link_outputs); allocates everything."""
+        """Make a track from the resolved config (keys vehicle, track, link_outputs) and allocate its arrays."""
         self.vehicle = config["vehicle"]
         self.config = config["track"]
         self.wheel_list = self.config["wheels"]
@@ -219,7 +219,7 @@ class TrackModel(Component):
         self.allocate()
 
     def allocate(self) -> None:
-        """The state, zeroed, and the views into it; again where a parameter decides on the size of a chain."""
+        """Allocate the zeroed state and its views; again where a parameter changes the size of the chain."""
         shapes = self.shapes()
         size = state.size(shapes)
         self.state = np.zeros(size + REPORT + len(steps.TOLD))
@@ -282,15 +282,18 @@ class TrackModel(Component):
         return tuple(ports) + self.own_ports_of(vehicle)
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
-        """Parameters that only this kind of chain has."""
+        """Parameters of this kind of links alone."""
         return ()
 
     def _free(self) -> bool:
-        """Whether this is a loop that nothing holds."""
+        """Whether the chain is a loop without wheels."""
         return self.closed and not self.wheel_list
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
-        """Lay the chain out and, unless told otherwise, let it come to rest on its wheels."""
+        """Lay the chain out and, unless ``start`` says otherwise, bring it to rest on its wheels.
+
+        Raises InvalidParameter, StepFailed.
+        """
         p = given(self.ports, parameters)
         self.pose = start(p)
         self.lateral = p["start.lateral"]
@@ -316,7 +319,7 @@ class TrackModel(Component):
         self.run_as_set()
 
     def free(self, p: Mapping[str, Any]) -> Free:
-        """Where it stands on a level ground that goes along with it, and what plays no part in static equilibrium."""
+        """Pose on a level ground that moves with the vehicle, and parameters without influence on the statics."""
         numbers = {"stand.lateral": "{start.lateral}", "stand.interval": f"{{{link_outputs.INTERVAL}}}"}
         if p["integrator"] != EXPLICIT:
             numbers["stand.longest"] = "{step}"
@@ -325,11 +328,11 @@ class TrackModel(Component):
             own = {"c": f"contact.{pair}.damping", "mu": f"contact.{pair}.friction"}
             own["v_reg"] = f"contact.{pair}.friction_velocity"
             numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in own.items() if name in names}
-        held = ("start.height", "start.pitch")  # the chain hangs otherwise
+        held = ("start.height", "start.pitch")  # they change the static equilibrium of the chain
         return Free(numbers, tuple(name for name in self.placing if name not in held))
 
     def run_as_set(self) -> None:
-        """Steps are from here on those of ``integrator`` with what was prepared."""
+        """Begin with the kernel of the chosen integrator and the prepared links."""
         self.stepping, scheme = self._scheme()
         self.begin(
             self._parameters,
@@ -366,7 +369,7 @@ class TrackModel(Component):
         )
 
     def _scheme(self) -> tuple[Any, Any]:
-        """The kernel of a step, and what the integrator remembers or works in."""
+        """Kernel of a step, and the parameters or arrays of its integrator."""
         if self.integrator == EXPLICIT:
             return steps.explicit, slopes(self.s)
         if self.integrator == ADAMS:
@@ -374,7 +377,7 @@ class TrackModel(Component):
         return steps.implicit, self.method
 
     def partners(self, p: Mapping[str, Any]) -> Any:
-        """What the chain touches (a ``fmus.contacts.Contacts``); None, and nothing of it imported, for nothing."""
+        """Contact partners (``fmus.contacts.Contacts``); None, without importing them, where there are none."""
         if not (self.wheel_list or self.config["ground"]):
             return None
         from fmus.contacts import contacts
@@ -393,7 +396,7 @@ class TrackModel(Component):
         return Environment(float(self.config["gravity"]), self.ends_kind, pull, damping, mount)
 
     def polygon(self, rest: bool = True) -> Floats:
-        """Pins (nodes, 2) of the start layout, near ``rest`` or not; raises InvalidParameter where it does not fit."""
+        """Pins (nodes, 2) of the start layout, m; with ``rest`` near equilibrium. Raises InvalidParameter."""
         try:
             if self._free():
                 return regular_polygon(self.pitch, self.links_count)
@@ -433,7 +436,7 @@ class TrackModel(Component):
             self.settle(pins, rest, spin)
 
     def _released(self, layout: str) -> Floats:
-        """Pins (nodes, 2) of a chain that is let go, held at its first one."""
+        """Pins (nodes, 2), m, of a chain that is let go and held at its first pin."""
         first = np.array(self.config["ends"]["first"], dtype=float)
         if layout == "straight":
             return chain_of_angles(first, np.zeros(self.links_count), self.pitch)
@@ -443,46 +446,47 @@ class TrackModel(Component):
             raise InvalidParameter(f"start = 'folded': {error}") from None
 
     def advance(self, t: float, h: float) -> None:
-        """A step with the wheels ``rows`` as they stand; raises StepFailed."""
+        """Do a step with the present wheels ``rows``; raises StepFailed."""
         self._take(t, h, self._u[:0])
 
     def pins(self) -> Floats:
-        """Places of the pins (nodes, 3) in the track's frame."""
+        """Positions of the pins (nodes, 3) in the track's frame, m."""
         places = np.zeros((self.nodes, 3))
         pin_places(self.link, self.s, self.work, places)
         return places
 
     def system(self) -> tuple[Any, Any, Environment]:
-        """What the kernels of a chain take first: the links, what they touch, what acts on them besides."""
+        """First arguments of the kernels of a chain: links, contact partners, environment."""
         return self.link, self.contacts, self.environment
 
-    # What a subclass brings ------------------------------------------------------------------------------------
+    # Implemented by subclasses ---------------------------------------------------------------------------------
 
     def shapes(self) -> state.Shapes:
-        """Of the views into the chain's state."""
+        """Shapes of the views into the chain's state, by name."""
         raise NotImplementedError
 
     def prepare(self, p: Mapping[str, Any]) -> None:
-        """Make the kernel parameters of the links from the FMI parameters ``p``."""
+        """Make the kernel parameters of the links from the FMI parameters ``p``; raises InvalidParameter."""
         raise NotImplementedError
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
-        """Set the chain to the polygon ``pins`` (nodes, 2), at rest; with ``rest``, go to static equilibrium.
+        """Set the chain at rest to the polygon ``pins`` (nodes, 2), m; with ``rest``, to static equilibrium.
 
-        A free loop may turn about the origin at ``spin`` rad/s; its equilibrium is then relative to that.
+        A free loop may turn about the origin at ``spin`` rad/s; its equilibrium is then relative to that rotation.
+        Raises StepFailed.
         """
         raise NotImplementedError
 
     def come_to_rest(self, rows: Floats) -> None:
-        """Static equilibrium on wheels that stand still at ``rows`` (wheels, 15), from where the chain is.
+        """Find static equilibrium on wheels at rest at ``rows`` (wheels, 15), from the present state.
 
         Raises StepFailed.
         """
         raise NotImplementedError
 
     def move(self, turning: Floats, velocity: Floats) -> None:
-        """Add turning of the links about y (n), rad/s, and velocities of the pins (n, 2) to those of a free loop."""
+        """Add rates of the links about y (n), rad/s, and velocities of the pins (n, 2), m/s, to a free loop's."""
         raise NotImplementedError
 
     def tighten(self) -> None:
-        """Give the links of a chain that is let go the tension of that instant; rigid links have it."""
+        """Give the links of a chain that is let go the tension of that instant; rigid links need nothing."""

@@ -1,4 +1,4 @@
-"""The choices of a track's parameters, and which go together: scenes are read by them, tracks initialised."""
+"""Choices of a track's parameters, and combinations that exclude each other; for scenes and tracks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ AXES = ("fixed", "free")
 JOINTS = ELIMINATED, CONSTRAINED = "eliminated", "constrained"
 COORDINATES = NODAL, CHOLESKY = "nodal", "cholesky"
 FORMULATIONS = AUGMENTED, RECURSIVE = "augmented", "recursive"
-DEFAULTS = {  # of the parameters that are in conflict with one another, by model
+DEFAULTS = {  # of the parameters that may exclude each other, by model
     "flexible": {
         "element": "cable", "elasticity": "small_deformation", "axes": "fixed", "joints": ELIMINATED,
         "coordinates": NODAL, "integrator": IMPLICIT,
@@ -20,7 +20,7 @@ DEFAULTS = {  # of the parameters that are in conflict with one another, by mode
 
 
 def conflict_of_links(p: Mapping[str, Any]) -> str | None:
-    """Why flexible links cannot be as these parameters say; None where they can."""
+    """Reason, a sentence, why these parameters of flexible links exclude each other; None for no conflict."""
     element, elasticity, axes, joints = p["element"], p["elasticity"], p["axes"], p["joints"]
     if element != "cable" and elasticity != "small_deformation":
         return f"elasticity = '{elasticity}' needs element = 'cable': a {element} has but one"
@@ -43,7 +43,7 @@ def conflict_of_links(p: Mapping[str, Any]) -> str | None:
 
 
 def conflict_of_bodies(p: Mapping[str, Any]) -> str | None:
-    """Why rigid links cannot be computed as these parameters say; None where they can."""
+    """Reason, a sentence, why these parameters of rigid links exclude each other; None for no conflict."""
     if p["formulation"] == RECURSIVE and p["integrator"] not in (EXPLICIT, ADAMS):
         return (
             f"formulation = '{RECURSIVE}' is integrated explicitly: integrator = '{p['integrator']}' must be"

@@ -1,4 +1,4 @@
-"""How a loop of links is closed: by the last pin as by all others, or, as in paper 8.1, by a stiff spring at a cut."""
+"""Closure of a loop of links: by a pin like all others or, as in paper 8.1, a stiff spring at a cut."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a track does in a communication step and shows after it, whatever its links are: its component's kernels."""
+"""Kernels of a track component for all kinds of links: start, communication step, outputs."""
 
 from __future__ import annotations
 
@@ -21,81 +21,85 @@ from fmus.ports import STATE
 from fmus.sentences import TOLD as NUMBERS
 from fmus.start import lay_frame
 
-ALONG = np.cos(np.radians(0.2))  # of a wheel's axis along the pins, from which on cables are held back in their plane
-LEAVES = np.cos(np.radians(5.0))  # and from which on nothing that they do is right
-MANY = 5  # halvings in one communication step that are worth a word
-# failures; what an integrator says is added to the last two
+# Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
+ALONG = np.cos(np.radians(0.2))  # a larger angle is a warning, because the plane of the links holds the wheel back
+LEAVES = np.cos(np.radians(5.0))  # a larger angle is a failure, because the results are wrong
+MANY = 5  # halvings in one communication step, more of which are a warning
+# Failures; the failure of an integrator is added to the last two.
 NO_WHEEL, TOO_LONG, ELSEWHERE, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 4, 8
 HALVED, TILTED = TOLD = range(2)  # warnings, each given once: flags at the end of the state
 
 
 class Stand(NamedTuple):
-    """Where a track is and on what wheels, whatever its links are."""
+    """Pose of a track, its wheels and counters, for all kinds of links."""
 
-    longest: float  # internal step, s
+    longest: float  # longest internal step, s
     plane: int  # 1: these links stay in their plane
     pitch: float  # m
     lateral: float  # of the track in the vehicle, m
     frame: np.ndarray  # (5) of the track in the world: origin, cosine and sine of its heading
-    start_rows: np.ndarray  # (wheels, 15) as the chain was laid round them
-    rows: np.ndarray  # (wheels, 15) as they are now
-    given: np.ndarray  # (TOLD) warnings
+    start_rows: np.ndarray  # (wheels, 15) states of the wheels round which the chain was laid out
+    rows: np.ndarray  # (wheels, 15) states of the wheels now
+    given: np.ndarray  # (TOLD) 1 for warnings that were given
     counters: np.ndarray  # int
-    interval: float  # communication steps that means of links span
+    interval: float  # communication steps over which link outputs are averaged
 
 
 class Parts(NamedTuple):
-    """A track that runs."""
+    """Data of a running track: parameters, state and scratch arrays of its kernels."""
 
     link: Any
     contacts: Any
     environment: Environment
     scheme: Any  # a ``Method``, the stages of the explicit integrator, or an ``Adams``
     stand: Stand
-    s: Any  # State
-    work: Any
+    s: Any  # views of the state
+    work: Any  # scratch
     report: np.ndarray
 
 
 def alone(link, environment, scheme, longest, s, work, report, counters):
-    """Parts of a chain that touches nothing, laid out at the origin, and room for what its steps tell."""
+    """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
     stand = Stand(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(TOLD)), counters, 1.0)
     return Parts(link, None, environment, scheme, stand, s, work, report), np.zeros((1 + len(TOLD), NUMBERS + 1))
 
 
 class Shown(NamedTuple):
-    """What a track shows of itself."""
+    """Data behind the outputs of a track without its link outputs."""
 
-    frame: np.ndarray
-    mean: np.ndarray  # (wheels, 6) wrenches
+    frame: np.ndarray  # (5)
+    mean: np.ndarray  # (wheels, 6) mean wrenches
     report: np.ndarray
 
 
 class ShownLinks(NamedTuple):
-    """What a track shows its links of."""
+    """Data behind the link outputs of a track."""
 
-    frame: np.ndarray
+    frame: np.ndarray  # (5)
     link: Any
     environment: Environment
     s: Any
     work: Any
     links: int
     nodes: int
-    shows: np.ndarray  # of each group of ``link_outputs``, 1: it is asked for
-    beyond: int | None  # None: no group that needs kernels of its own is
+    shows: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
+    beyond: int | None  # None: no group with kernels of its own is shown
 
 
 @allocating
 def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the track's lateral place. The chain begins as laid out."""
+    """See ``fmus.model.Component``; p: the start pose, then the track's lateral place, m.
+
+    Sets the frame only: the state is already that of the laid-out chain.
+    """
     lay_frame(p, 0.0, p[6], 0.0, c.stand.frame)
     return 0
 
 
 @allocating
 def implicit(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: wheels (13 each), those that are left out stay as they are."""
+    """Implicit step, see ``fmus.model.Component``; u: motions of the wheels (13 each); empty: unchanged."""
     stand = c.stand
     wrong = _ready(stand, told, t, h, u)
     if wrong:
@@ -116,7 +120,7 @@ def implicit(c, told, t, h, u):
 
 @kernel
 def tell_halved(given, told, t, halved):
-    """Warn, once, of a step that was halved so often."""
+    """Warn once of a communication step at ``t`` in which the internal step was halved too often."""
     if halved > MANY and given[HALVED] == 0.0:
         given[HALVED] = told[1 + HALVED, 0] = 1.0
         told[1 + HALVED, 1], told[1 + HALVED, 2] = halved, t
@@ -124,7 +128,7 @@ def tell_halved(given, told, t, halved):
 
 @allocating
 def explicit(c, told, t, h, u):
-    """The same explicitly."""
+    """Explicit Runge-Kutta step; arguments and result as of ``implicit``."""
     stand = c.stand
     wrong = _ready(stand, told, t, h, u)
     if wrong:
@@ -137,7 +141,7 @@ def explicit(c, told, t, h, u):
 
 @allocating
 def adams(c, told, t, h, u):
-    """The same by Adams' methods."""
+    """Step by Adams' methods; arguments and result as of ``implicit``."""
     stand = c.stand
     wrong = _ready(stand, told, t, h, u)
     if wrong:
@@ -150,7 +154,7 @@ def adams(c, told, t, h, u):
 
 @kernel
 def _how(c, told, t, h, outcome):
-    """What became of an explicit integration: 0, or which failure it is."""
+    """Failure of an explicit integration from its outcome; 0 for none."""
     on_links.count(c.s, h)
     failure, done, link, _ = outcome
     if failure:
@@ -161,7 +165,7 @@ def _how(c, told, t, h, outcome):
 
 @kernel
 def _ready(c, told, t, h, u):
-    """Whether the step can be begun: 0, or which failure it is."""
+    """Read the wheels from the inputs and check them; 0, or the failure."""
     if too_many(told[0], t, h, c.longest):
         return TOO_LONG
     wrong = read_states(u, c.frame, c.rows)
@@ -196,7 +200,7 @@ def _ready(c, told, t, h, u):
 
 @allocating
 def show(c, y):
-    """See ``fmus.model.Component``: wrenches on the wheels and the report, world axes; c: ``Shown``."""
+    """See ``fmus.model.Component``: mean wrenches on the wheels and the report, world axes; c: ``Shown``."""
     n = c.mean.shape[0]
     for k in range(n):
         to_world(c.mean[k].reshape(2, 3), c.frame, y[6 * k : 6 * k + 6])
@@ -208,7 +212,7 @@ def show(c, y):
 
 @allocating
 def show_links(c, y):
-    """See ``fmus.model.Component``: the groups of ``link_outputs`` that are asked for, in order; c: ``ShownLinks``."""
+    """See ``fmus.model.Component``: the chosen groups of ``link_outputs``, in order; c: ``ShownLinks``."""
     n, m, shows, felt = c.links, c.nodes, c.shows, np.empty(c.s.on_links_sum.shape)
     tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
     links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)
@@ -232,7 +236,7 @@ def show_links(c, y):
 
 @allocating
 def _beyond(beyond, c, y, at):
-    """The groups that need kernels of their own, which are not even compiled where nobody asks."""
+    """Write the groups with kernels of their own, which are not compiled where no such group is shown."""
     if beyond is not None:
         axis, found, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
         pin_axes(c.link, c.s, c.work, axis)
@@ -247,7 +251,7 @@ def _beyond(beyond, c, y, at):
 
 @kernel
 def _numbers(shown, a, y, at):
-    """Where it is shown, the array ``a`` into ``y`` from ``at`` on; returns where the next one begins."""
+    """Copy the array ``a``, if ``shown``, to ``y[at:]``; return the index after it."""
     if shown:
         for i in range(a.shape[0]):
             y[at + i] = a[i]
@@ -257,7 +261,7 @@ def _numbers(shown, a, y, at):
 
 @kernel
 def _vectors(shown, a, frame, y, at):
-    """The same of vectors (k, 3) in the track's frame, turned into world axes."""
+    """Copy vectors (k, 3) in the track's frame to ``y[at:]`` in world axes, as ``_numbers`` does."""
     if shown:
         to_world(a, frame, y[at : at + 3 * a.shape[0]])
         at += 3 * a.shape[0]

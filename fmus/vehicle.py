@@ -1,4 +1,4 @@
-"""A vehicle file (TOML) becomes a frozen table in SI units; what is wrong is named in one sentence."""
+"""Vehicle file (TOML) -> validated frozen table in SI units; errors name file, key and value."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from fmus.ranges import VEHICLE, outside
 
 
 class BadInput(ValueError):
-    """The user gave something unusable; the message names file, key, value and what is allowed."""
+    """Invalid input of the user; the message names file, key, value and what is allowed."""
 
 
-# a number, then a unit of words and one-digit powers: pint would evaluate any formula, 9**9**9 too
+# A number, then a unit of words and one-digit powers: pint would evaluate any formula, also 9**9**9.
 _QUANTITY = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
     r"(\D*(?:(?:\^|\*\*)\s*-?\d(?!\d|\s*(?:\^|\*\*))\D*)*)",
@@ -29,7 +29,7 @@ _QUANTITY = re.compile(
 )
 
 
-# of the units that scenes and vehicles are written in; pint, which knows all others, takes 0.3 s to load
+# Factors of the units that scenes and vehicles use; pint, for all other units, takes 0.3 s to load.
 COMMON = {("ms", "s"): 1e-3, ("kN", "N"): 1e3, ("GPa", "Pa"): 1e9, ("deg", "rad"): math.pi / 180.0}
 
 
@@ -41,7 +41,7 @@ def _registry() -> Any:
 
 
 def to_si(unit: str) -> Callable[[object], float]:
-    """A converter of ``12.3`` (SI already) or ``"12.3 kN"`` to a float in ``unit``."""
+    """Return a converter of ``12.3`` (SI) or ``"12.3 kN"`` to a float in ``unit``; it raises ValueError."""
 
     def convert(value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
@@ -72,7 +72,7 @@ def to_si(unit: str) -> Callable[[object], float]:
 
 
 class In(GroupedMetadata):
-    """Annotates a float that is read, in SI, from a number or a string with a unit, and bounded."""
+    """Annotation of a bounded float that is read from a number (SI) or from a string with a unit."""
 
     def __init__(self, unit: str, **bounds: float) -> None:
         self.unit, self.bounds = unit, bounds
@@ -92,7 +92,7 @@ Damping = Annotated[float, In("N s/m", ge=0)]
 
 
 class Table(BaseModel):
-    """Frozen, and refuses keys it does not know."""
+    """Frozen table that refuses unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -184,7 +184,7 @@ class Material(Table):  # noqa: D101
 
 
 class Law(Table):
-    """One contact: its normal law with spring and damper, regularised Coulomb friction."""
+    """Contact law: normal force with spring and damper, regularised Coulomb friction."""
 
     law: Literal["linear", "hunt_crossley"] = "linear"
     stiffness: Stiffness
@@ -223,7 +223,7 @@ def _fits(vehicle: Vehicle) -> Vehicle:
 
 
 class VehicleTable(Table):
-    """Everything that is known of a vehicle, SI, in its start position."""
+    """All data of a vehicle, SI, in its drawn (start) position."""
 
     name: str
     gravity: Annotated[float, In("m/s^2", ge=0)]
@@ -242,7 +242,7 @@ class VehicleTable(Table):
 
     @property
     def pitch_radius(self) -> float:
-        """Radius of the circle on which pins sit that wrap the sprocket as a polygon, m."""
+        """Radius of the circle through the pins of a chain that wraps the sprocket as a polygon, m."""
         from math import pi, sin
 
         return self.track.pitch / (2.0 * sin(pi / self.sprocket.teeth))
@@ -256,7 +256,7 @@ def _short(text: str) -> str:
 
 
 def shown(value: object) -> str:
-    """A value in a message, of any size or depth."""
+    """Text of a value for a message, at most 80 characters for values of any size or depth."""
     try:
         return _short(repr(value))
     except (ValueError, RecursionError):  # an integer of more digits than Python writes, a list in a list in ...
@@ -264,7 +264,7 @@ def shown(value: object) -> str:
 
 
 def sentence(error: ValidationError, where: str) -> str:
-    """The first complaint of a validation as one sentence."""
+    """First error of a validation as one sentence."""
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
@@ -288,7 +288,7 @@ def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
 
 
 def read_table(name: str) -> tuple[dict[str, Any], str]:
-    """The raw table of a packaged vehicle or of a TOML file, and the file's name for messages."""
+    """Raw table of a packaged vehicle or of a TOML file, and its file name for messages; raises BadInput."""
     path = Path(name)
     if path.suffix == ".toml":
         source: Any = path

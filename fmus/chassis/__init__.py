@@ -1,1 +1,1 @@
-"""Chassis, road arms, springs, road wheels, idlers and sprocket masses of a tracked vehicle."""
+"""Component Chassis: chassis, road arms, springs, road wheels, idlers and sprocket masses."""

@@ -1,4 +1,4 @@
-"""A chassis at its start, at rest: as drawn, or in equilibrium with its tracks."""
+"""Start of a chassis at rest: in the drawn position, or in equilibrium with its tracks."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from fmus.jit import allocating, kernel
 from fmus.stance import at_rest
 from fmus.start import HEADING, lay_frame, place
 
-PRELOADS = 6  # where those stand behind the start pose: of suspension springs, of tensioners
+PRELOADS = 6  # index of the preloads in ``p``, after the start pose: of suspension springs, of tensioners
 
 
 @allocating
 def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the preloads."""
+    """See ``fmus.model.Component``; p: the start pose, then the preloads, N."""
     tree, x, start = unpacked(c.packed), c.state, c.start
     n = tree.turns.size
     x[:] = 0.0

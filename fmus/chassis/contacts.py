@@ -1,7 +1,7 @@
-"""What of the chassis touches the ground: points of the hull, and wheels that have no track.
+"""Contact of the chassis with the ground: points of the hull, and wheels that have no track.
 
-The laws are those of the links (``fmus.physics.contact``): every hull point has the stiffness of one link, every wheel
-too, half of it on either edge of its rim. Imported only where a scene declares such contact.
+The laws are those of the links (``fmus.physics.contact``): each hull point has the stiffness of one link; so has each
+wheel, half of it at either edge of its rim. Imported only where a scene declares such contact.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from fmus.physics.contact.ground import Ground, ground_face, level
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
-STORED, POWER, FORCE = 0, 1, 2  # of the sums; the force is the first of three
+STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbers
 
 
 class Contacts(NamedTuple):
-    """Partners, constant through a run, and scratch; n leaves."""
+    """Contact partners, constant through a run, and scratch arrays; n leaves."""
 
     ground: Ground  # in the frame of the start
     law: Any  # a law of ``physics.contact.laws``
-    frame: np.ndarray  # (5) origin of that frame in the world, cosine and sine of its heading
-    points: np.ndarray  # (m, 3) of the hull, frame B, m
-    radius: np.ndarray  # (n) of wheels without a track, 0 for others, m
-    half_width: np.ndarray  # (n) of their rims, m
+    frame: np.ndarray  # (5) origin of that frame in the world, m; cosine and sine of its heading
+    points: np.ndarray  # (m, 3) points of the hull, frame B, m
+    radius: np.ndarray  # (n) radius of wheels without a track, 0 for others, m
+    half_width: np.ndarray  # (n) half the width of their rims, m
     f: np.ndarray  # (6 n + 6) force and torque, in B: on wheels about their centres, then on the hull about O
-    sums: np.ndarray  # (5) stored energy J, dissipated power W, force of the ground N, world
+    sums: np.ndarray  # (5) stored energy, J; dissipated power, W; force of the ground, N, world
     memory: Memory
 
 
 def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> Contacts:
-    """From the vehicle table and what the config declares: {"hull": bool, "bare": sides without a track, "bump"}.
+    """Contacts from the vehicle table, the config's ``ground`` and the checked parameters.
 
-    Raises InvalidParameter.
+    ``ground``: {"hull": bool, "bare": sides without a track, "bump"}. Raises InvalidParameter.
     """
     wheel, idler, origin = vehicle["road_wheel"], vehicle["idler"], np.array(vehicle["chassis"]["centre"])
     hull = vehicle["chassis"]["hull"] if ground["hull"] else []
@@ -61,7 +61,10 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
 
 @kernel
 def _touch(contacts, A, share, at, p, velocity, centre):
-    """Contact of a point ``p`` (world, its ``velocity``); its force and torque about ``centre`` go to f[at:at + 6]."""
+    """Add the contact of a point to ``f[at : at + 6]``, its torque about ``centre``, and to the sums.
+
+    p, velocity, centre: of the point, world; ``share`` scales the stiffness; A: rotation of B (3, 3).
+    """
     frame, sums, f = contacts.frame, contacts.sums, contacts.f
     c, s = frame[3], frame[4]
     d0, d1 = p[0] - frame[0], p[1] - frame[1]
@@ -83,7 +86,10 @@ def _touch(contacts, A, share, at, p, velocity, centre):
 
 @kernel
 def touch(contacts, tree, x, A, v, w):
-    """All contacts of the state x; A, v, w: its rotation, velocity and angular velocity in B. Fills f and sums."""
+    """Compute all contacts in the state x into ``contacts.f`` and ``contacts.sums``.
+
+    A, v, w: rotation of B (3, 3), velocity of O and angular velocity in B.
+    """
     n, O, frame = len(tree.turns), vector(x, 0), contacts.frame
     contacts.f[:] = 0.0
     contacts.sums[:] = 0.0
@@ -99,13 +105,13 @@ def touch(contacts, tree, x, A, v, w):
         centre = add(O, to_world(A, r))
         velocity = to_world(A, add(add(v, cross(w, r)), scale(x[ROOT + 2 * n + k], dr)))
         turning = to_world(A, (w[0], x[ROOT + 3 * n + k], w[2]))
-        # the rim is deepest along the ground's normal under the centre
+        # the deepest point of the rim lies along the ground's normal under the centre
         ahead = frame[3] * (centre[0] - frame[0]) + frame[4] * (centre[1] - frame[1])
         _, n0, n2, _ = level(contacts.ground, ahead, centre[2] - frame[2])
         down = (-n0 * frame[3], -n0 * frame[4], -n2)
         down = add(down, scale(-dot(down, axle), axle))
         length = np.sqrt(dot(down, down))
-        if length < 1e-3:  # it lies flat
+        if length < 1e-3:  # the wheel lies flat
             continue
         for side in (-1.0, 1.0):
             arm = add(scale(contacts.radius[k] / length, down), scale(side * contacts.half_width[k], axle))

@@ -1,10 +1,10 @@
-"""Equations of motion of the tree: exact, O(n), and their integration by one communication step.
+"""Equations of motion of the tree, exact and O(n), and their integration over one communication step.
 
 State x, flat: position of O (3, world), quaternion of B (4), velocity of O (3, world), angular velocity (3,
-in B), then for n leaves: coordinates (arm angle about +y, or slide along +x; 0 when drawn), spin angles
-(against B), coordinate rates, spin rates (absolute, about B's y axis); then dissipated energy, work of the
+in B), then for n leaves: coordinates (arm angle about +y, or slide along +x; 0 in the drawn position), spin angles
+(relative to B), coordinate rates, spin rates (absolute, about B's y axis); then dissipated energy, work of the
 wrenches (J).
-Derivation and symbols: README.md of this folder, whose equation numbers stand at the lines.
+Derivation and symbols: README.md of this folder; its equation numbers stand at the lines.
 """
 
 from __future__ import annotations
@@ -22,33 +22,33 @@ from fmus.physics.rotation import put_quat, quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.stance import Stance
 
-ROOT = 13  # width of the free body's part of the state
-LEAF = 4  # and of a leaf's
-BOOKS = 2  # dissipated energy, work of the wrenches
+ROOT = 13  # numbers of the free body in the state
+LEAF = 4  # numbers of a leaf in the state
+BOOKS = 2  # energies in the state: dissipated energy, work of the wrenches
 
-FINE, NOT_FINITE, BROKEN_QUATERNION, OUT_OF_REACH = 0, 1, 2, 3  # faults; a leaf's number is added to the last
-TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # failures of a step beside the first faults
+FINE, NOT_FINITE, BROKEN_QUATERNION, OUT_OF_REACH = 0, 1, 2, 3  # faults; the number of the leaf is added to the last
+TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # further failures of a step, after the first faults
 
 
 class Parts(NamedTuple):
-    """A chassis that runs."""
+    """Data of a running chassis: parameters, state and counters of its kernels."""
 
     packed: Any  # the tree, see ``tree``
-    contacts: Any  # with the ground, None where there are none
-    longest: float  # internal step, s
-    start: np.ndarray  # (5) centre of mass, its height as drawn; heading and gravity energy at the start
-    centre: tuple[float, float, float]  # of mass of the hull, as drawn, in the vehicle frame, m
-    hull: Stance  # at the start
-    leaves: np.ndarray  # (n) coordinates of the leaves then
-    missing: tuple[float, float]  # what the tensioners left and right lack of the preload that is set, N
-    sides: int
+    contacts: Any  # with the ground; None where there are none
+    longest: float  # longest internal step, s
+    start: np.ndarray  # (5) x, y of the centre of mass, its drawn height, m; start heading, rad; gravity energy, J
+    centre: tuple[float, float, float]  # centre of mass of the hull in the drawn position, vehicle frame, m
+    hull: Stance  # of the hull at the start
+    leaves: np.ndarray  # (n) coordinates of the leaves at the start
+    missing: tuple[float, float]  # preload that the left and the right tensioner lack, N
+    sides: int  # sides that have ports
     state: np.ndarray
     counters: np.ndarray  # (2) int
 
 
 @kernel
 def wheel_offset(tree, k, d):
-    """Wheel centre of leaf k from its hinge, and the derivative by the coordinate d, in B. (1)"""
+    """Wheel centre of leaf k from its hinge, m, and the derivative by its coordinate d, in B. (1)"""
     if tree.turns[k] == 0:
         return (d, 0.0, 0.0), (1.0, 0.0, 0.0)
     x, z, c, s = tree.arm[k, 0], tree.arm[k, 1], np.cos(d), np.sin(d)
@@ -58,7 +58,7 @@ def wheel_offset(tree, k, d):
 
 @kernel
 def compression(tree, k, d):
-    """How much shorter than drawn the spring of leaf k is, m, and the derivative by the coordinate d. (2)"""
+    """Compression of the spring of leaf k since the drawn position, m, and its derivative by d. (2)"""
     if tree.turns[k] == 0:
         return d, 1.0
     x, z, c, s = tree.on_arm[k, 0], tree.on_arm[k, 1], np.cos(d), np.sin(d)
@@ -70,14 +70,14 @@ def compression(tree, k, d):
 
 @kernel
 def leaf_inertia(tree, k, r, w):
-    """J w of leaf k about its centre of mass, in B; r from the hinge to the wheel centre. (3)"""
+    """Product J w of leaf k about its centre of mass, in B; r: from the hinge to the wheel centre. (3)"""
     a, b, t = tree.across[k], tree.along[k] * dot(r, w), tree.transverse[k]
     return (a + t) * w[0] - b * r[0], a * w[1] - b * r[1], (a + t) * w[2] - b * r[2]
 
 
 @kernel
 def unit_wrench(tree, k, A, u):
-    """Force and torque on unit k in B from the world wrenches u (six an input)."""
+    """Force and torque on unit k in B, from the world wrenches u (6 for each input)."""
     i, m = 6 * tree.source[k], tree.mirror[k]
     f, g = to_body(A, vector(u, i)), to_body(A, vector(u, i + 3))
     return (f[0], m * f[1], f[2]), (m * g[0], g[1], m * g[2])
@@ -99,7 +99,7 @@ def add_body(M, mass, c, J):
 
 @kernel
 def solve_symmetric(M, b):
-    """Solve M x = b in place in b; M positive definite, its lower triangle becomes its Cholesky factor."""
+    """Solve M x = b in place of b; M: positive definite, its lower triangle becomes the Cholesky factor."""
     n = len(b)
     for j in range(n):
         for i in range(j, n):
@@ -118,12 +118,15 @@ def solve_symmetric(M, b):
 
 @allocating
 def rates(tree, contacts, x, u, out):
-    """Write dx/dt at the state x under the world wrenches u on the units, and the ground's where there are contacts."""
+    """Write dx/dt at the state x to ``out``.
+
+    u: wrenches on the units, world (6 for each input); the wrenches of the ground are added where there are contacts.
+    """
     n = len(tree.turns)
     A = quat_to_matrix(x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
     M, b, J = np.zeros((6, 6)), np.zeros(6), np.zeros((3, 3))
-    Q, g = np.empty((n, 6)), np.empty(n)  # columns that couple leaves to the root, over the leaves' masses
+    Q, g = np.empty((n, 6)), np.empty(n)  # columns that couple leaves to the root, divided by the leaves' masses
     d, spin, rate, spin_rate = ROOT, ROOT + n, ROOT + 2 * n, ROOT + 3 * n
     dissipated, power, momentum = 0.0, 0.0, 0.0
     if contacts is not None:
@@ -156,7 +159,7 @@ def rates(tree, contacts, x, u, out):
         if contacts is not None:
             f, torque = add(f, vector(contacts.f, 6 * k)), add(torque, vector(contacts.f, 6 * k + 3))
 
-        # acceleration and torque that motion alone makes (7), the wheel's wrench without its spin part (8)
+        # acceleration and torque of the motion without the unknowns (7), the wheel's wrench without its spin part (8)
         bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), bend)
         gyro = add(leaf_inertia(tree, k, r, cross(w, (0.0, y * qd, 0.0))), cross(wl, leaf_inertia(tree, k, r, wl)))
         f_c, t_c = scale(-m, bias), scale(-1.0, gyro)
@@ -191,7 +194,7 @@ def rates(tree, contacts, x, u, out):
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
 
-    T = add(T, cross((0.0, momentum, 0.0), w))  # the wheels' spin resists turning (8)
+    T = add(T, cross((0.0, momentum, 0.0), w))  # gyroscopic moment of the wheels' spin (8)
     for i in range(3):
         b[i] += F[i]
         b[3 + i] += T[i]
@@ -204,14 +207,14 @@ def rates(tree, contacts, x, u, out):
     out[3] = -0.5 * dot(p, w)
     put(out, 4, scale(0.5, add(scale(x[3], w), cross(p, w))))
     put(out, 7, to_world(A, vector(b, 0)))
-    out[9] -= tree.gravity  # uniform gravity moves the whole tree alike (12)
+    out[9] -= tree.gravity  # uniform gravity accelerates the whole tree alike (12)
     put(out, 10, vector(b, 3))
     out[-2], out[-1] = dissipated, power
 
 
 @allocating
 def fault(tree, x):
-    """What makes the state x absurd, a code of this module; FINE else."""
+    """Fault of the state x, a code of this module; FINE if it has none."""
     for i in range(x.size):
         if not np.isfinite(x[i]):
             return NOT_FINITE
@@ -230,7 +233,7 @@ def fault(tree, x):
 
 @allocating
 def advance(packed, contacts, x, u, h, steps):
-    """Integrate x in place over ``steps`` steps of h under constant u; steps done, fault of the last."""
+    """Integrate x in place over ``steps`` steps of h s under constant u; return steps done and fault."""
     tree = unpacked(packed)
     k, y = np.empty((len(RK4.b), len(x))), np.empty(len(x))
     for done in range(steps):
@@ -247,7 +250,7 @@ def advance(packed, contacts, x, u, h, steps):
 
 @allocating
 def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; under the mean wrenches ``u``."""
+    """See ``fmus.model.Component``; u: mean wrenches on the places, world."""
     if too_many(told[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
@@ -261,7 +264,10 @@ def step(c, told, t, h, u):
 
 @kernel
 def blame(tree, code, x, told):
-    """The failure of a step to the state ``x`` that has a ``fault``; tells which part it is, and where that is."""
+    """Failure of a step that led to the state ``x`` with the fault ``code``.
+
+    Writes the part (an index in the state) and its coordinate to ``told``.
+    """
     if code == NOT_FINITE:
         for i in range(x.size):
             if not np.isfinite(x[i]):
@@ -276,7 +282,7 @@ def blame(tree, code, x, told):
 
 @allocating
 def energies(tree, x):
-    """Kinetic energy, gravity (0 where the centre of mass of all is at z = 0), spring energy, J. (13)"""
+    """Kinetic, gravity (0 where the common centre of mass is at z = 0) and spring energy, J. (13)"""
     n = len(tree.turns)
     A = quat_to_matrix(x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)

@@ -1,4 +1,4 @@
-"""The chassis as a component: ports, start, steps of the tree's equations of motion, outputs."""
+"""Chassis component: ports, start, steps of the tree's equations of motion, outputs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fmus.start import KEYS
 
 
 def stations(wheels: int) -> list[str]:
-    """The names of the places of a side where a track acts: road wheels, idler, sprocket."""
+    """Names of the places of a side on which a track acts: road wheels, idler, sprocket."""
     return [*(f"road_wheel[{i + 1}]" for i in range(wheels)), "idler", "sprocket"]
 
 
@@ -67,10 +67,10 @@ class Model(Component):
     """Chassis, road arms, springs, wheels, idlers, sprocket masses, on the sides that have ports.
 
     ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
-    the left side alone the right side exists all the same, and receives the left side's wrenches mirrored.
-    ``ground``, where the chassis itself touches it: see ``contacts.contacts``. ``start``: where it begins, a
-    ``fmus.equilibrium.Equilibrium`` as a mapping, as drawn by default. ``push``, N: the part of tensioner.preload that
-    balances a track; an idler without one goes without it.
+    the left side alone the right side is computed too, with the left side's wrenches mirrored. ``ground``, where hull
+    or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.Equilibrium`` as a mapping, by
+    default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the tensioner of a
+    side without a track lacks it.
     """
 
     starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
@@ -130,7 +130,7 @@ class Model(Component):
         )
 
     def begun(self, at: Mapping[str, Any] | None = None) -> Floats:
-        """The state at the origin, by default where a config's ``start`` puts it, from now on where ``at`` does."""
+        """State with the start pose 0; ``at``, a mapping like the config's ``start``, replaces that."""
         if at is not None:
             x, y, z = self._centre
             self._hull = stance((x, y, z + at["height"], *leaning(at["roll"], at["pitch"])))
@@ -140,7 +140,7 @@ class Model(Component):
         return state
 
     def _begins(self, config: Mapping[str, Any]) -> None:
-        """Hull, leaves and tensioners at the start."""
+        """Set hull, leaves and tensioners of the start."""
         self._hull, self._leaves = stance(self._centre), np.zeros(2 * (self._wheels + 1))
         self.begun(config.get("start"))
         bare = (self._ground or {}).get("bare", ())
@@ -148,7 +148,7 @@ class Model(Component):
         self._missing = left, right
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
-        """At rest at the start pose."""
+        """Start at rest at the start pose; raises InvalidParameter."""
         values = given(self.ports, parameters)
         if self._ground:
             from fmus.chassis.contacts import contacts
@@ -162,18 +162,18 @@ class Model(Component):
         self.begin(values, parts)
 
     def free(self, p: Mapping[str, Any]) -> Free:
-        """All; but over the ground it has its height."""
+        """All parameters; with contacts of the ground all but the height."""
         besides = tuple(name for name in self.placing if not (self._ground and name == "start.height"))
         return Free({"longest": "{step}"}, besides)
 
     def complaint(self, t: float, code: int, state: Floats) -> str:
-        """What is wrong at ``t`` with ``state`` by its ``fault``."""
+        """Sentence of a fault ``code`` of ``state`` at ``t``."""
         told = np.zeros(TOLD)
         told[0] = t
         return say(self.failures[blame(self.tree, code, state, told)], told)
 
     def _part(self, index: int) -> str:
-        """The part of the vehicle that the state's entry ``index`` belongs to."""
+        """Name of the part of the vehicle to which the state's entry ``index`` belongs."""
         leaves = len(self.tree.turns)
         if not ROOT <= index < ROOT + LEAF * leaves:
             return "chassis"

@@ -1,6 +1,6 @@
-"""What the outside sees of the tree's state: wheel motions, chassis pose, springs, energies.
+"""Outputs from the tree's state: wheel motions, chassis pose, springs, energies.
 
-Each kernel writes its part of the output vector from index ``i`` and returns the index after it; the order is
+Each kernel writes its part of the output vector from index ``i`` on and returns the index after it; the order is
 that of the ports in ``model.py``. There is no physics here.
 """
 
@@ -18,7 +18,7 @@ from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, 
 
 @allocating
 def put_motion(y, i, x, A, r, dr, q, w):
-    """The 13 of a point at r in B that moves at dr in B, with quaternion q and angular velocity w in B."""
+    """Write the motion (13) of a wheel at r that moves at dr, with quaternion q and rate w; r, dr, w in B."""
     put(y, i, add(vector(x, 0), to_world(A, r)))
     put_quat(y, i + 3, q)
     put(y, i + 7, add(vector(x, 7), to_world(A, add(cross(vector(x, 10), r), dr))))
@@ -28,7 +28,7 @@ def put_motion(y, i, x, A, r, dr, q, w):
 
 @allocating
 def put_sides(tree, x, sides, y, i):
-    """Wheels, idler and sprocket mount of each side."""
+    """Write the motions (13 each) of wheels, idler and sprocket mount of each side."""
     n, still = len(tree.turns), (0.0, 0.0, 0.0)
     A, w = quat_to_matrix(x[3:7]), vector(x, 10)
     for side in range(sides):
@@ -44,7 +44,7 @@ def put_sides(tree, x, sides, y, i):
 
 @allocating
 def put_chassis(x, start, y, i):
-    """The 13 of the chassis, pitch, roll, yaw, speed, distance, settlement; start: of O (3), and heading."""
+    """Write motion (13), pitch, roll, yaw, speed, distance, settlement; start: O (3, m) and heading (rad)."""
     A, zero = quat_to_matrix(x[3:7]), (0.0, 0.0, 0.0)
     i = put_motion(y, i, x, A, zero, zero, x[3:7], vector(x, 10))
     y[i] = np.arcsin(min(1.0, max(-1.0, -A[2, 0])))
@@ -58,7 +58,7 @@ def put_chassis(x, start, y, i):
 
 @kernel
 def put_springs(tree, x, sides, y, i):
-    """Arm angle, force and length of each suspension, then the tensioner's force, side by side."""
+    """Write arm angle, force and length of each suspension, then the tensioner's force, side by side."""
     n = len(tree.turns)
     for k in range(sides * n // 2):
         d, rate = x[ROOT + k], x[ROOT + 2 * n + k]
@@ -88,7 +88,7 @@ def observe(c, y):
 
 @allocating
 def put_touch(contacts, tree, x, y, i):
-    """What a chassis that touches the ground shows of it."""
+    """Write stored energy and force of the ground, where there are contacts."""
     if contacts is not None:
         A = quat_to_matrix(x[3:7])
         touch(contacts, tree, x, A, to_body(A, vector(x, 7)), vector(x, 10))

@@ -1,6 +1,6 @@
-"""The door from the chassis to its contacts: opened when a chassis that touches something is compiled.
+"""Door from the chassis to its contacts: resolved when a chassis with contacts is compiled.
 
-Where ``contacts`` is None numba drops the call, and the contact modules are not even imported.
+Where ``contacts`` is None numba removes the call, and the contact modules are not imported.
 """
 
 from __future__ import annotations

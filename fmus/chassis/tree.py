@@ -1,7 +1,7 @@
-"""The chassis as a star-shaped tree: one free body, and leaves with one degree of freedom each.
+"""Vehicle without tracks as a star-shaped tree: a free body, and leaves with one coordinate each.
 
-A leaf is a road arm with its wheel (turns about a pin) or an idler (slides along the chassis); the wheel on
-it spins besides. Leaves are ordered side by side, left first: road arms from the front, then the idler.
+A leaf is a road arm with its wheel (turns about a pin) or an idler (slides along the chassis); its wheel has a
+separate spin. Leaves are ordered side by side, left first: road arms from the front, then the idler.
 Frame B is the chassis' own, axes x forward, y left, z up in the drawn position, origin O in the chassis'
 centre of mass. Pins and slides lie along B's y and x axes, so a leaf moves in a plane y = const of B.
 """
@@ -21,20 +21,20 @@ Integers = NDArray[np.int64]
 
 
 class Tree(NamedTuple):
-    """All numbers of a vehicle without its tracks, SI, frame B; n leaves, n + 2 units that carry wrenches."""
+    """Numbers of a vehicle without its tracks, SI, frame B; n leaves, n + 2 units on which wrenches act."""
 
     gravity: float  # m/s2, downward
     mass: float  # chassis with both sprockets, kg
     total_mass: float  # with all leaves, kg
     centre: Floats  # (3,) centre of mass of chassis with sprockets, m
-    inertia: Floats  # (3, 3) of chassis with sprockets about that, without the sprockets' spin, kg m2
+    inertia: Floats  # (3, 3) of chassis with sprockets about that centre, without the sprockets' spin, kg m2
     turns: Integers  # (n,) 1 for a road arm, 0 for an idler
     hinge: Floats  # (n, 3) pin of the arm, or drawn wheel centre of the idler, m
     arm: Floats  # (n, 2) x and z of the wheel centre from the pin in the drawn position, m; 0 for an idler
     fraction: Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for an idler
     leaf_mass: Floats  # (n,) arm and wheel, kg
     # Inertia of a leaf about its centre of mass: J w = across w - along (r.w) r + transverse (w_x, 0, w_z), r
-    # from the pin to the wheel centre; the wheel's spin is apart.
+    # from the pin to the wheel centre; without the wheel's spin.
     across: Floats  # (n,) kg m2
     along: Floats  # (n,) kg
     transverse: Floats  # (n,) wheel's transverse inertia, kg m2
@@ -47,12 +47,12 @@ class Tree(NamedTuple):
     preload: Floats  # (n,) push of the spring in the drawn position, N
     reach: Floats  # (n,) largest motion of an idler on its slide, m
     sprocket: Floats  # (2, 3) centres of the sprocket mounts, left and right, m
-    source: Integers  # (n + 2,) which wrench input acts on a unit: leaves, left mount, right mount
-    mirror: Floats  # (n + 2,) 1, or -1 where the input is the other side's, mirrored in the plane y = 0 of B
+    source: Integers  # (n + 2,) index of the wrench input that acts on a unit: leaves, left mount, right mount
+    mirror: Floats  # (n + 2,) 1, or -1 where the input is that of the other side, mirrored in the plane y = 0 of B
 
 
 def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
-    """Lay the tree out from a vehicle table; with ``sides`` 1 the right mirrors the left side's wrenches."""
+    """Tree of a vehicle table; with ``sides`` = 1 the right side gets the left side's wrenches, mirrored."""
     body, sprocket, idler = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"]
     wheel, arm, spring = vehicle["road_wheel"], vehicle["road_arm"], vehicle["suspension"]
     tensioner, lateral = vehicle["tensioner"], vehicle["track"]["lateral"]
@@ -61,11 +61,11 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
     last = np.arange(count) == count - 1  # the idler
 
     def leaves(road: Any, idling: Any) -> Floats:
-        """One value for arms and one for idlers as an array over all leaves."""
+        """Array over all leaves with one value for arms and one for idlers."""
         side = np.where(last.reshape(-1, *[1] * np.ndim(road)), np.asarray(idling, float), np.asarray(road, float))
         return np.concatenate([side, side])
 
-    pivot = np.array(arm["pivot"])  # of the arm from the wheel centre, as all points of the table
+    pivot = np.array(arm["pivot"])  # from the wheel centre, like all points of the table
     hinge = np.array(
         [[x + pivot[0], lateral, wheel["z"] + pivot[1]] for x in wheel["x"]] + [[idler["x"], lateral, idler["z"]]]
     )
@@ -80,7 +80,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
         inertia += m * (r @ r * np.eye(3) - np.outer(r, r))
     inertia += np.diag([2.0, 0.0, 2.0]) * sprocket["transverse_inertia"]
     leaf_mass = wheel["mass"] + arm["mass"]
-    # arm and wheel: point masses a half arm apart, on the arm's line
+    # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
     square = float(pivot @ pivot)
     per_unit = np.arange(2 * count)
@@ -115,15 +115,15 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
 
 
 class Packed(NamedTuple):
-    """A tree as three arrays, which a kernel is handed in a third of the time of a tree's own fields."""
+    """Tree as three arrays: passing these to a kernel takes a third of the time of passing a ``Tree``."""
 
-    body: Floats  # (n + 23,) what is of no leaf; mirror
+    body: Floats  # (n + 23,) numbers that belong to no leaf; mirror
     leaves: Floats  # (n, 20)
     whole: Integers  # (2, n + 2) turns, filled up with 0; source
 
 
 def packed(tree: Tree) -> Packed:
-    """Of a tree, for ``unpacked``."""
+    """Three arrays with the numbers of a tree, see ``unpacked``."""
     t = tree
     body = [t.gravity, t.mass, t.total_mass, *t.centre, *t.inertia.ravel(), *t.sprocket.ravel(), *t.mirror]
     pairs = t.hinge, t.arm, t.on_arm, t.on_chassis
@@ -135,7 +135,7 @@ def packed(tree: Tree) -> Packed:
 
 @allocating
 def unpacked(packed):
-    """The tree again, its arrays on the same memory."""
+    """Tree whose arrays are views of the packed ones."""
     b, x, whole = packed.body, packed.leaves, packed.whole
     return Tree(
         gravity=b[0],

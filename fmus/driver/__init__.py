@@ -1,1 +1,1 @@
-"""Who drives: follows a path or holds a heading, at a speed, by the speeds of both sprockets."""
+"""Component Driver: follows a path or holds a heading, at a speed, by demands of both sprocket speeds."""

@@ -1,4 +1,4 @@
-"""The driver as a component: ports, parameters, demands."""
+"""Driver component: ports, parameters, start."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from fmus.sentences import Sentence
 from fmus.start import KEYS, start
 
 SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")
-SLIPPERY = 1.4  # width that turns alike without slip over the tracks' distance: 0.449 over 0.3142 rad/s of `turn`
+SLIPPERY = 1.4  # width that turns alike without slip, over the tracks' distance: 0.449 / 0.3142 rad/s in `turn`
 
 
 def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
-    """What can be set before initialisation."""
+    """Parameters of a driver of this vehicle."""
     width = 2.0 * SLIPPERY * float(vehicle["track"]["lateral"])
     friction = float(vehicle["contact"]["ground"]["friction"])
     frame = "from where the middle of the road wheels stands at the start, in the frame of the start"
@@ -64,10 +64,10 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
 
 
 class Model(Component):
-    """A driver who sees the hull's motion and demands a speed of each sprocket.
+    """Driver that reads the motion of the hull and demands a speed of each sprocket.
 
-    ``config``: {"vehicle": a vehicle's table}; what else it holds is not read. A hull whose inputs still have their
-    start values stands still at the start pose.
+    ``config``: {"vehicle": a vehicle's table}; other keys are not read. A hull whose inputs still have their start
+    values stands still at the start pose.
     """
 
     starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(show)
@@ -111,7 +111,7 @@ class Model(Component):
         self.counters = np.zeros(1, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
-        """At the start of the path."""
+        """Start at the beginning of the path; raises InvalidParameter."""
         values = given(self.ports, parameters)
         self._law, self._path = self._checked(values), self._drawn(values)
         self.counters[:] = 0
@@ -134,7 +134,7 @@ class Model(Component):
         )
 
     def free(self, p: Mapping[str, Any]) -> Free:
-        """All but the path and tables of points."""
+        """All parameters but the path and tables of points."""
         own = dict(
             width="width", heading_gain="heading.gain", reach="reach", preview="preview", gain="yaw.gain",
             integral="yaw.integral", sharpest="curvature.largest", lateral="acceleration.lateral",
@@ -146,11 +146,11 @@ class Model(Component):
         return Free({**numbers, "law.heading": "{heading} + {start.heading}"}, self.placing)
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
-        """The hull's 13 when nothing moves it."""
+        """Motion (13) of the hull when nothing moves it."""
         return start(values).standing(*self._centre)
 
     def _drawn(self, values: Mapping[str, Any]) -> Path:
-        """The path in the frame of the start; raises InvalidParameter."""
+        """Path in the frame of the start; raises InvalidParameter."""
         arcs, points = values["path.arcs"].strip(), values["path.points"].strip()
         if arcs and points:
             raise InvalidParameter("path.arcs and path.points exclude each other")
@@ -159,7 +159,7 @@ class Model(Component):
         return through("path.points", points) if points else NONE
 
     def _checked(self, values: Mapping[str, Any]) -> Law:
-        """The parameters as a Law; raises InvalidParameter."""
+        """Law from the checked parameters; raises InvalidParameter."""
         speeds = course("speed.points", str(values["speed.points"]))
         if speeds.value.min(initial=0.0) < 0.0:
             raise InvalidParameter(f"speed.points = '{str(values['speed.points'])[:80]}' must not be negative")

@@ -1,7 +1,7 @@
-"""A path on the ground: arcs of constant curvature, each from where the one before it ends, straight on at the end.
+"""Path on the ground: consecutive arcs of constant curvature, extended by straight lines at its ends.
 
-A vehicle drives along pieces of it, each in one direction, ahead or backwards, or turns on the spot between two of
-them. The way s along the path grows in both directions; headings are those of the vehicle.
+A path has pieces: each is driven in one direction, ahead or backwards, or is a turn on the spot. The way s along the
+path grows in both directions; headings are headings of the vehicle.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from fmus.jit import kernel
 from fmus.model import InvalidParameter
 from fmus.physics.arrays import Floats
 
-FINE = 0.05  # m: arcs along a curve through points
-LONGEST = 1e5  # m of such a curve
-CLOSE = 1e-9  # m: along the path, where the nearest point is found
-MOST = 20  # iterations towards it
+FINE = 0.05  # length of the arcs of a curve through points, m
+LONGEST = 1e5  # largest length of such a curve, m
+CLOSE = 1e-9  # distance along the path at which the nearest point counts as found, m
+MOST = 20  # iterations towards the nearest point
 
 
 class Path(NamedTuple):
-    """Without arcs there is no path."""
+    """Arcs of a path; no arcs stand for no path."""
 
     s: Floats  # (n) way along the path at which each arc begins, m
-    x: Floats  # (n) where that is, m
+    x: Floats  # (n) position of that point, m
     y: Floats  # (n)
-    heading: Floats  # (n) of the vehicle, rad
-    curvature: Floats  # (n) to the left, 1/m; on the spot the angle to turn by, rad
+    heading: Floats  # (n) heading of the vehicle there, rad
+    curvature: Floats  # (n) to the left, 1/m; on the spot the angle of the turn, rad
     direction: Floats  # (n) 1 ahead, -1 backwards, 0 on the spot
-    first: NDArray[np.int64]  # (m + 1) first arc of each piece; of arcs in one direction
-    length: float  # of the whole, m
+    first: NDArray[np.int64]  # (m + 1) first arc of each piece, then the number of arcs
+    length: float  # of the whole path, m
 
 
 NOTHING = np.zeros(0)
@@ -41,9 +41,10 @@ NONE = Path(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, np.zeros(1, dt
 
 
 def of_arcs(name: str, text: str) -> Path:
-    """Of a parameter ``name``, "length curvature; ...", from the origin along x; raises InvalidParameter.
+    """Path from the text of the parameter ``name``, "length curvature; ...", from the origin along x.
 
-    A negative length goes backwards, the length 0 turns on the spot, by the second number as an angle.
+    A negative length goes backwards; the length 0 turns on the spot by the second number, an angle in rad. Raises
+    InvalidParameter.
     """
     arcs = _pairs(name, text, "'length curvature; length curvature; ...'")
     direction = np.sign(arcs[:, 0])
@@ -60,13 +61,16 @@ def of_arcs(name: str, text: str) -> Path:
 
 
 def _pieces(direction: Floats) -> NDArray[np.int64]:
-    """First arc of each piece, and how many arcs there are; each turn on the spot is a piece."""
+    """First arc of each piece, then the number of arcs; each turn on the spot is a piece."""
     changes = (np.diff(direction) != 0.0) | (direction[1:] == 0.0)
     return np.concatenate([[0], 1 + np.flatnonzero(changes), [len(direction)]]).astype(np.int64)
 
 
 def through(name: str, text: str) -> Path:
-    """Of a parameter ``name``, "x y; x y; ...": a natural cubic spline through the points; raises InvalidParameter."""
+    """Path from the text of the parameter ``name``, "x y; x y; ...": natural cubic spline through points.
+
+    Raises InvalidParameter.
+    """
     points = _pairs(name, text, "'x y; x y; ...'")
     steps = np.hypot(*np.diff(points, axis=0).T)
     if len(points) < 2 or not (steps > 0.0).all():
@@ -101,7 +105,7 @@ def _pairs(name: str, text: str, form: str) -> Floats:
 
 @kernel
 def _along(path, k, way):
-    """Place and heading at ``way`` m along the arc k."""
+    """Position, m, and heading, rad, at ``way`` m along the arc k."""
     c, h, way = path.curvature[k], path.heading[k], path.direction[k] * way
     if path.direction[k] == 0.0:
         return path.x[k], path.y[k], h + c
@@ -112,14 +116,14 @@ def _along(path, k, way):
 
 @kernel
 def ends(path, piece):
-    """The way at which a piece begins, and at which it ends."""
+    """Ways s at which a piece begins and ends, m."""
     last = path.first[piece + 1]
     return path.s[path.first[piece]], path.s[last] if last < path.s.size else path.length
 
 
 @kernel
 def _arc(path, piece, s):
-    """The arc of a piece at the way ``s``, the first or the last beyond its ends."""
+    """Index of the arc of a piece at the way ``s``; beyond its ends the first or the last arc."""
     low, high = path.first[piece], path.first[piece + 1]
     while high - low > 1:
         middle = (low + high) // 2
@@ -132,7 +136,7 @@ def _arc(path, piece, s):
 
 @kernel
 def at(path, piece, s):
-    """Place, heading and curvature of a piece at the way ``s``; beyond both ends it is straight."""
+    """Position, heading and curvature of a piece at the way ``s``; beyond its ends it is straight."""
     begin, end = ends(path, piece)
     within = min(max(s, begin), end)
     low = _arc(path, piece, within)
@@ -144,9 +148,10 @@ def at(path, piece, s):
 
 @kernel
 def nearest(path, piece, x, y, s):
-    """The way at which a piece is nearest to a point, from the guess ``s``, and how far left of it the point is.
+    """Way s of the point of a piece that is nearest to (x, y), and the distance left of it, m.
 
-    A piece begins with a straight line that leads to it: who stands behind its beginning is not beside it.
+    ``s``: initial guess. The distance of a point behind the beginning of a piece counts from the straight line that
+    leads to it.
     """
     left, begin, direction = 0.0, ends(path, piece)[0], path.direction[path.first[piece]]
     for _ in range(MOST):

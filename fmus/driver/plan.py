@@ -1,13 +1,13 @@
-"""A plan of the path's pieces: the speed that curves and friction allow, and the way that a vehicle with inertia takes.
+"""Plan of a path: speed that curves and friction allow, and line that a vehicle with inertia takes.
 
-Where the curvature of a path jumps, no vehicle can follow. Of all ways beside the path the plan takes the one with the
-least sum of squares of its distance e from the path, over ``tolerance``, and of the yaw acceleration v^2 k', over what
-friction gives (a linear spline smoother of the third order, as in C. Reinsch, Smoothing by spline functions,
-Numerische Mathematik 10 (1967), doi 10.1007/BF02162161, who takes the second):
+No vehicle can follow a jump of the path's curvature c. Of all lines with curvature k at a distance e beside the path
+the plan takes the one with the least sum of squares of e over ``tolerance`` and of the yaw acceleration v^2 k' over
+what friction gives (a linear spline smoother of third order; C. Reinsch, Smoothing by spline functions, Numerische
+Mathematik 10 (1967), doi 10.1007/BF02162161, has the second order):
 
     e'' = k - c,  sum (e / tolerance)^2 + (v^2 (e''' + c') / most)^2 -> least                         (2)
 
-Where it still turns more sharply than friction allows, the plan is slower.
+Where that line still turns more sharply than friction allows, the plan reduces the speed.
 """
 
 from __future__ import annotations
@@ -21,42 +21,42 @@ from fmus.driver import path as route
 from fmus.jit import kernel
 from fmus.physics.arrays import Floats
 
-STEP = 0.1  # m: distance of two places, on paths that are not longer than
-PLACES = 100_000  # times that
-ALONG, LEAST = 0.8, 0.3  # of the grip, for a change of speed: at most; at least, as part of what a turn leaves
-FAINT = 0.03  # rad/s: a yaw rate that counts as a turn
-FEWEST = 8  # on a piece
-ROUNDS = 8  # of planning slower where the vehicle cannot turn fast enough
+STEP = 0.1  # distance of two places, m, on paths of at most PLACES of them
+PLACES = 100_000
+ALONG, LEAST = 0.8, 0.3  # shares of the grip for a change of speed: at most; at least, of what a turn leaves
+FAINT = 0.03  # yaw rate that counts as a turn, rad/s
+FEWEST = 8  # intervals of a piece, at least
+ROUNDS = 8  # reductions of the speed where the vehicle cannot turn fast enough
 
 
 class Plan(NamedTuple):
-    """At places along the pieces of a path; the second of two neighbours' pieces repeats the place between them."""
+    """Plan at n places along the pieces of a path; neighbouring pieces both have the place between them."""
 
     first: NDArray[np.int64]  # (m + 1) first place of each piece
-    square: Floats  # (n) of the largest speed, m2/s2
-    curvature: Floats  # (n) of the way that is taken, 1/m
-    off: Floats  # (n) how far left of the path that is, m
-    askew: Floats  # (n) and how far to the left it points, rad
-    drawn: Floats  # (n) scratch: curvature of the path
-    taken: Floats  # (n) scratch: square of the speed with acceleration too
-    band: Floats  # (n, 4) scratch
-    most: Floats  # (n) scratch: bound of the square
+    square: Floats  # (n) square of the largest speed, m2/s2
+    curvature: Floats  # (n) curvature of the planned line, 1/m
+    off: Floats  # (n) distance of the planned line left of the path, m
+    askew: Floats  # (n) angle of the planned line to the left of the path, rad
+    drawn: Floats  # (n) scratch: curvature of the path, 1/m
+    taken: Floats  # (n) scratch: square of the speed with bounded acceleration too, m2/s2
+    band: Floats  # (n, 4) scratch: band matrix
+    most: Floats  # (n) scratch: upper bound of the square, m2/s2
 
 
 class Bounds(NamedTuple):
-    """What the vehicle can, or is to do, SI."""
+    """Bounds of the motion of the vehicle, SI."""
 
-    top: float  # speed, m/s
-    lateral: float  # acceleration, m/s2
-    grip: float  # along and across together, m/s2
+    top: float  # largest speed, m/s
+    lateral: float  # largest lateral acceleration, m/s2
+    grip: float  # largest acceleration, along and across together, m/s2
     deceleration: float  # m/s2
-    turning: float  # yaw acceleration, rad/s2
-    tolerance: float  # m
+    turning: float  # largest yaw acceleration, rad/s2
+    tolerance: float  # distance of the line from the path where it bends, m
     resists: float  # share of the grip that resists turning on the spot
 
 
 def plan(path: route.Path) -> Plan:
-    """An empty plan of the path."""
+    """Empty plan of a path, with allocated arrays."""
     way = np.abs(np.diff([*path.s[path.first[:-1]], path.length]))
     places = np.maximum(np.ceil(way / max(STEP, path.length / PLACES)), FEWEST).astype(np.int64) + 1
     first = np.concatenate([[0], np.cumsum(places)])
@@ -67,7 +67,7 @@ def plan(path: route.Path) -> Plan:
 
 @kernel
 def make(plan, path, bounds):
-    """Fill the plan of a path."""
+    """Compute the plan of a path."""
     for piece in range(plan.first.size - 1):
         if path.direction[path.first[piece]] != 0.0:
             _piece(plan, path, bounds, piece)
@@ -107,7 +107,7 @@ def _piece(plan, path, p, piece):
 
 @kernel
 def _brake(plan, p, a, b, ds):
-    """Squares of the speed, with 0 at the end; and those that a vehicle reaches that begins with 0."""
+    """Set ``square``, with speed 0 at the end of a piece, and ``taken``, with speed 0 at both ends."""
     plan.square[b - 1] = 0.0
     for i in range(b - 2, a - 1, -1):
         room = min(p.deceleration, _along(plan, p, plan.square[i + 1], i + 1, b, ds))
@@ -120,7 +120,7 @@ def _brake(plan, p, a, b, ds):
 
 @kernel
 def _along(plan, p, square, i, b, ds):
-    """Change of speed that is left at a place, m/s2, with the square of the speed there."""
+    """Acceleration along that is left at the place i with the ``square`` of the speed there, m/s2."""
     slope = (plan.curvature[min(i + 1, b - 1)] - plan.curvature[i - 1]) / (2.0 * ds)
     rate = np.sqrt(square) * plan.curvature[i]
     turning = square * slope / p.turning if p.turning < np.inf else 0.0
@@ -129,10 +129,11 @@ def _along(plan, p, square, i, b, ds):
 
 @kernel
 def left(grip, resists, rate, across, turning):
-    """Acceleration along, m/s2, that the grip leaves at a yaw rate, beside that across and a share of the turning.
+    """Acceleration along that the grip leaves, m/s2.
 
-    One track pulls with all that friction gives; the other one with less by what resists the turn and by what makes it
-    faster. Across, friction is shared as in Coulomb's circle.
+    ``rate``: yaw rate, rad/s; ``across``: acceleration, m/s2; ``turning``: share of the largest yaw acceleration. One
+    track pulls with all of the friction; the other one with less by what resists the turn and by what accelerates it.
+    Along and across share the friction as in Coulomb's circle.
     """
     if not grip < np.inf:
         return grip
@@ -142,7 +143,7 @@ def left(grip, resists, rate, across, turning):
 
 @kernel
 def _smooth(plan, p, a, b, ds):
-    """Distance and curvature of the way that is taken: the equations of (2), by Cholesky's method in the band."""
+    """Set distance and curvature of the planned line from the normal equations of (2), a band matrix."""
     off, band = plan.off, plan.band
     for i in range(a, b):
         off[i], band[i, 0], band[i, 1], band[i, 2], band[i, 3] = 0.0, 1.0, 0.0, 0.0, 0.0
@@ -162,13 +163,13 @@ def _smooth(plan, p, a, b, ds):
 
 @kernel
 def _third(j):
-    """Weights of the third difference."""
+    """Weight j of the third difference."""
     return (-1.0, 3.0, -3.0, 1.0)[j]
 
 
 @kernel
 def _cholesky(band, y, a, b):
-    """Solve A x = y in the place of y (a ... b - 1); band[i, k] = A[i, i - k], positive definite."""
+    """Solve A x = y in place of y[a:b]; band[i, k] = A[i, i - k], A positive definite."""
     for i in range(a, b):
         for k in range(3, -1, -1):
             j = i - k
@@ -190,7 +191,7 @@ def _cholesky(band, y, a, b):
 
 @kernel
 def at(plan, path, piece, s):
-    """Largest speed, curvature, its slope along the way, distance and angle at the way ``s`` of a piece."""
+    """Plan at the way ``s`` of a piece: largest speed, curvature, slope of the curvature, distance, angle."""
     a, b = plan.first[piece], plan.first[piece + 1]
     begin, end = route.ends(path, piece)
     ds = (end - begin) / (b - a - 1)

@@ -1,11 +1,11 @@
-"""The driver's law: feed forward of what the path asks of the tracks, and errors that fade over a distance ahead.
+"""Control law of the driver: feed-forward of the planned motion, and feedback of the errors.
 
-The plan of the path (``plan``) says how the vehicle is to turn, the general theory of skid steering (``skid``) how fast
-its tracks must run for that, with their slip and the yaw acceleration. Errors of place and direction fade as those of a
-pure pursuit (R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01, 1992) of a
-point at the distance L, but with critical damping instead of 1/sqrt(2). What is steered is where the vehicle goes, not
-where it points: a tracked vehicle turns about a point ahead of its middle. What the theory misses, the yaw rate's error
-and its integral add.
+The plan of the path (``plan``) gives the yaw rate of the vehicle; the general theory of skid steering (``skid``) gives
+the track speeds for it, with slip and yaw acceleration. Errors of place and direction decay as those of a pure pursuit
+(R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01, 1992) of a point at the
+distance L, but with critical damping instead of 1/sqrt(2). The direction of motion is controlled, not the heading,
+because a tracked vehicle turns about a point ahead of its middle. Feedback of the yaw rate, with an integral, corrects
+errors of the theory.
 """
 
 from __future__ import annotations
@@ -26,61 +26,61 @@ from fmus.physics.rotation import quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, scale, to_world, vector
 from fmus.start import HEADING, place, stay
 
-# where things stand in the flat state; from LEFT to CURVATURE they are shown
+# indices in the flat state; LEFT to CURVATURE are outputs
 LEARNT, LEFT, RIGHT, OFF, ASKEW, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)
-PIECE, HEADED, SLIPS = 10, 11, 12  # of the path; heading, however often turned; slip left, right, lateral velocity
+PIECE, HEADED, SLIPS = 10, 11, 12  # piece of the path; heading over revolutions; slip left, right, lateral velocity
 WIDTH = 15
-SLOW = 0.1  # m/s: a slower vehicle is not steered
-FAR = 1.0  # m beside the path: worth a warning
+SLOW = 0.1  # speed below which the vehicle is not steered, m/s
+FAR = 1.0  # distance from the path that is a warning, m
 TURNED_NOT, ASTRAY = 1, 2  # failures
-REST = 0.25  # s in which what is left of a way to a stop fades
-STANDS, THERE = 0.02, 0.02  # m before its end a piece is driven, rad before its angle a turn on the spot is done
-HARD = 1.5  # yaw acceleration that is asked for, over what friction gives beside the resistance to turning
-BLUNT = 4.0  # of the distance over which a large error fades: v^2 e / L^3 is a yaw acceleration
+REST = 0.25  # time constant with which the remaining way to a stop decays, s
+STANDS, THERE = 0.02, 0.02  # remaining way, m, and angle, rad, at which a piece and a turn on the spot are done
+HARD = 1.5  # largest demanded yaw acceleration over what friction gives beside the resistance to turning
+BLUNT = 4.0  # factor of the distance L over which a large error decays: v^2 e / L^3 is a yaw acceleration
 PLANNED = 0.6  # share of the yaw acceleration that friction gives, for the plan
-FULL = 0.95  # share of the friction beyond which none is asked for
+FULL = 0.95  # largest share of the friction that is demanded
 
 
 class Law(NamedTuple):
     """Parameters of a driver, SI."""
 
-    radius: float  # way of the vehicle a radian of its sprockets, m
+    radius: float  # way of the vehicle for a radian of its sprockets, m
     width: float  # distance of two tracks without slip that would turn the vehicle alike, m: for errors
     ahead: float  # place that follows the path, ahead of the hull's centre of mass, m
-    heading: float  # to be held where there is no path, rad
-    heading_gain: float  # yaw rate per error of it, 1/s
-    reach: float  # least distance over which errors fade, m
-    preview: float  # and in time, s
-    gain: float  # of the yaw rate's error
-    integral: float  # the same summed up, 1/s
-    sharpest: float  # curvature, 1/m
-    lateral: float  # acceleration, m/s2, that bounds speed on a curve and curvature at a speed
+    heading: float  # heading to hold where there is no path, rad
+    heading_gain: float  # yaw rate for an error of the heading, 1/s
+    reach: float  # least distance over which errors decay, m
+    preview: float  # the same as a time, s
+    gain: float  # gain of the yaw rate's error
+    integral: float  # gain of its integral, 1/s
+    sharpest: float  # largest curvature, 1/m
+    lateral: float  # lateral acceleration that bounds speed on a curve and curvature at a speed, m/s2
     deceleration: float  # towards curves and the end of the path, m/s2
-    start_speed: float  # of the ramp, m/s
-    end_speed: float
+    start_speed: float  # speed before the ramp, m/s
+    end_speed: float  # after the ramp
     ramp_start: float  # s
     ramp_end: float
-    speeds: Course  # instead of the ramp
-    friction: float  # of tracks on the ground; 0: not known, slip is what ``width`` says
-    creep: float  # m/s, of the friction law
+    speeds: Course  # replaces the ramp
+    friction: float  # friction of tracks on the ground; 0: unknown, slip follows from ``width``
+    creep: float  # regularisation velocity of the friction law, m/s
     grip: float  # share of the friction that the plan uses
-    lag: float  # s, with which drives follow their demands
-    yaw_lag: float  # s, by which the vehicle turns later than that
-    tolerance: float  # m, how far the way that is taken may lie beside the path where it bends
+    lag: float  # time constant with which the drives follow their demands, s
+    yaw_lag: float  # further delay of the vehicle's yaw rate, s
+    tolerance: float  # distance of the planned line from the path where that bends, m
 
 
 class Parts(NamedTuple):
-    """A driver that drives."""
+    """Data of a running driver: parameters, state and counters of its kernels."""
 
     law: Law
     footing: skid.Footing
-    drawn: route.Path  # from where the vehicle stands at the start, in its frame
+    drawn: route.Path  # in the frame of the start
     path: route.Path  # in the world
     plan: planning.Plan
-    centre: tuple[float, float, float]  # of mass of the hull, in the vehicle frame, m
-    unconnected: np.ndarray  # (13) start values of the inputs: they say that nothing moves the hull
-    standing: np.ndarray  # (13) it then stands still here
-    seen: np.ndarray  # (13) what is taken of the inputs
+    centre: tuple[float, float, float]  # centre of mass of the hull in the vehicle frame, m
+    unconnected: np.ndarray  # (13) start values of the inputs: a hull that has them is moved by nothing
+    standing: np.ndarray  # (13) motion at rest of a hull that nothing moves
+    seen: np.ndarray  # (13) inputs as the step uses them
     state: np.ndarray
     counters: np.ndarray  # (1) int
 
@@ -107,7 +107,7 @@ def begin(c, told, p):
 
 @kernel
 def bounds(p, footing):
-    """What the plan may ask of the vehicle."""
+    """Bounds of the plan."""
     top = max(p.start_speed, p.end_speed)
     for i in range(p.speeds.value.size):
         top = max(top, p.speeds.value[i])
@@ -119,13 +119,13 @@ def bounds(p, footing):
 
 @kernel
 def limit(p, footing):
-    """Acceleration that friction gives, m/s2."""
+    """Acceleration that friction gives, m/s2; inf where it is unknown."""
     return p.friction * footing.gravity if p.friction > 0.0 else np.inf
 
 
 @kernel
 def turning(p, footing):
-    """Yaw acceleration that friction gives beside the resistance to turning on the spot, rad/s2; at least a tenth."""
+    """Yaw acceleration that friction gives beside the resistance to turning, rad/s2; at least a tenth."""
     return limit(p, footing) * footing.mass * (1.0 - resists(footing)) * footing.half / footing.inertia
 
 
@@ -137,7 +137,7 @@ def resists(footing):
 
 @allocating
 def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: motion of the hull at t (13)."""
+    """See ``fmus.model.Component``; u: motion (13) of the hull at t."""
     x, seen, lost = c.state, c.seen, c.state[LOST] != 0.0
     for i in range(u.size):
         seen[i] = u[i]
@@ -165,7 +165,7 @@ def show(c, y):
 
 
 class Seen(NamedTuple):
-    """Motion of the place that follows the path."""
+    """Motion of the place that follows the path, world."""
 
     x: float  # m
     y: float
@@ -176,16 +176,16 @@ class Seen(NamedTuple):
 
 
 class Wish(NamedTuple):
-    """How the vehicle is to move."""
+    """Wanted motion of the vehicle."""
 
     speed: float  # m/s, negative backwards
     rate: float  # of the heading, rad/s
-    turning: float  # its derivative, rad/s2
+    turning: float  # derivative of the rate, rad/s2
 
 
 @allocating
 def advance(c, t, h, u):
-    """The demands of the step from t on, those of its middle, into the state; u: motion of the hull at t (13)."""
+    """Set the demands of a step, computed for its middle; u: motion (13) of the hull at t."""
     p, x, half = c.law, c.state, 0.5 * h
     A, v, w = quat_to_matrix(quat_normalise(u[3:7])), vector(u, 7), vector(u, 10)
     arm = to_world(A, (p.ahead, 0.0, 0.0))
@@ -204,7 +204,7 @@ def advance(c, t, h, u):
 
 @kernel
 def hold(c, seen, speed, h):
-    """Wish of who holds a heading."""
+    """Wish that holds the heading."""
     p, x = c.law, c.state
     x[ASKEW] = turned(seen.heading - p.heading)
     most = bound(p, c.footing, seen.ahead)
@@ -215,7 +215,7 @@ def hold(c, seen, speed, h):
 
 @kernel
 def follow(c, seen, speed, h):
-    """Wish of who follows a path, on the piece of it that is being driven."""
+    """Wish on the present piece of the path."""
     x, path, piece = c.state, c.path, int(c.state[PIECE])
     x[PROGRESS], x[OFF] = route.nearest(path, piece, seen.x, seen.y, x[PROGRESS])
     if done(path, piece, x[PROGRESS], seen) and piece + 2 < path.first.size:
@@ -228,7 +228,7 @@ def follow(c, seen, speed, h):
 
 @kernel
 def done(path, piece, s, seen):
-    """Whether a piece is driven, and the vehicle stands."""
+    """Whether the vehicle has come to the end of a piece and stands."""
     if on_the_spot(path, piece):
         return abs(remaining(path, piece, seen)) < THERE and abs(seen.rate) < THERE
     return route.ends(path, piece)[1] - s < STANDS and abs(seen.ahead) < SLOW
@@ -242,14 +242,14 @@ def on_the_spot(path, piece):
 
 @kernel
 def remaining(path, piece, seen):
-    """Angle by which the vehicle has still to turn on the spot, to the left, rad."""
+    """Remaining angle of a turn on the spot, to the left, rad."""
     arc = path.first[piece]
     return path.heading[arc] + path.curvature[arc] - seen.heading
 
 
 @kernel
 def spin(c, piece, seen, speed, h):
-    """Wish on a turn on the spot: as fast as half of the friction can stop it, tracks no faster than the speed."""
+    """Wish on a turn on the spot; half of the friction could stop it, and no track exceeds ``speed``."""
     p, x, left = c.law, c.state, remaining(c.path, piece, seen)
     x[ASKEW], x[CURVATURE], most = -left, 0.0, min(0.5 * turning(p, c.footing), 1.0)
     wanted = min(min(np.sqrt(2.0 * most * abs(left)), abs(left) / REST), 2.0 * speed / p.width)
@@ -259,7 +259,7 @@ def spin(c, piece, seen, speed, h):
 
 @kernel
 def drive(c, piece, seen, speed, h):
-    """Wish along a piece: what the plan says, and what makes errors fade. (4)"""
+    """Wish along a piece: the plan, and the correction of errors. (4)"""
     p, x, s, direction = c.law, c.state, c.state[PROGRESS], c.path.direction[c.path.first[piece]]
     most, k, slope, off, askew = planning.at(c.plan, c.path, piece, s)
     most = min(most, max(route.ends(c.path, piece)[1] - s, 0.0) / REST)
@@ -283,7 +283,7 @@ def drive(c, piece, seen, speed, h):
 
 @kernel
 def paced(c, seen, speed, bend, h):
-    """The speed, m/s, changed no faster than the friction allows that turning leaves; ``bend``: yaw acceleration."""
+    """Speed, m/s, limited to the change that friction allows beside turning; ``bend``: yaw acceleration."""
     if h == 0.0 or c.law.friction == 0.0:
         return speed
     grip = c.law.grip * limit(c.law, c.footing)
@@ -294,14 +294,14 @@ def paced(c, seen, speed, bend, h):
 
 @kernel
 def bound(p, footing, speed):
-    """Largest curvature at this speed, 1/m: errors get half of what friction has beyond the plan."""
+    """Largest curvature at a speed, 1/m; corrections may use half of the friction that the plan leaves."""
     across = min(1.1 * p.lateral, 0.5 * (1.0 + p.grip) * limit(p, footing))
     return min(p.sharpest, across / max(speed * speed, SLOW * SLOW))
 
 
 @kernel
 def command(c, seen, wish, pace, h):
-    """Speeds of both sprockets. (5), (6)"""
+    """Set the demanded speeds of both sprockets. (5), (6)"""
     p, x, f = c.law, c.state, c.footing
     lacks = wish.rate - seen.rate
     if abs(seen.ahead) > SLOW:
@@ -329,5 +329,5 @@ def command(c, seen, wish, pace, h):
 
 @kernel
 def turned(angle):
-    """The angle between -pi and pi."""
+    """Equivalent angle between -pi and pi."""
     return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))

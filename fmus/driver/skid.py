@@ -1,4 +1,4 @@
-"""Slip that a wanted motion needs: the general theory of skid steering on firm ground, solved for the tracks.
+"""Slip of the tracks for a wanted motion: the general theory of skid steering on firm ground.
 
 W. Steeds, Tracked vehicles, Automobile Engineer 40 (1950); J. Y. Wong and C. F. Chiang, A general theory for skid
 steering of tracked vehicles on firm ground, Proc. IMechE D 215 (2001) 343-355, doi 10.1243/0954407011525683. Tracks
@@ -7,10 +7,10 @@ press on the ground under their road wheels, where Coulomb friction opposes the 
     w = (u - r y - V, v + r x),  f = -mu N w / sqrt(|w|^2 + creep^2)                                  (4)
     sum f_x = M a_x,  sum f_y = M u r,  sum (x f_y - y f_x) = I r'                                    (5)
 
-The theory gives the motion of given track speeds V. A driver wants a motion, and solves the same three equations for
-the slip V - (u - r y) of both tracks and the lateral velocity v, by Newton's method. The yaw acceleration r' in the
-balance is ours: it is what makes a vehicle turn without delay. The ground carries the wheels' loads less what the
-strands to sprocket and idler lift; loads are those of equal springs, moved by the accelerations.
+The theory gives the motion for given track speeds V. The driver has a wanted motion, and solves the same three
+equations for the slip V - (u - r y) of both tracks and the lateral velocity v, by Newton's method. The yaw acceleration
+r' in the balance is an addition: with it the vehicle turns without delay. The ground carries the wheels' loads less
+what the strands to sprocket and idler lift; loads are those of equal springs, shifted by the accelerations.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ from fmus.jit import kernel, plain
 from fmus.physics.arrays import Floats
 
 ITERATIONS = 20  # of Newton's method
-ENOUGH = 1e-8  # of the residual over the weight
-HALVINGS = 8  # of one of its steps
-LESS = 4  # times that accelerations beyond the friction are halved
-FASTEST = 0.5  # m/s: of slip, beside what the turn of the vehicle makes
+ENOUGH = 1e-8  # residual over the weight at which the iteration ends
+HALVINGS = 8  # of a Newton correction
+LESS = 4  # halvings of accelerations that friction cannot give
+FASTEST = 0.5  # largest slip beside that of the vehicle's turn, m/s
 
 
 class Footing(NamedTuple):
-    """How a vehicle stands, SI; x ahead and y left of its centre of mass."""
+    """Mass, geometry and loads of a vehicle, SI; x ahead and y left of its centre of mass."""
 
     mass: float  # kg
     inertia: float  # about the vertical through the centre of mass, kg m2
     gravity: float  # m/s2
     height: float  # of the centre of mass over the ground, m
     half: float  # distance of a track's middle from that of the vehicle, m
-    edge: float  # a quarter of a track's width: two points of the ground lie so far beside its middle, m
-    wheels: Floats  # (n) places of the road wheels, m
-    shares: Floats  # (n) of the load of a track
+    edge: float  # distance of the two contact points from the track's middle, a quarter of its width, m
+    wheels: Floats  # (n) x of the road wheels, m
+    shares: Floats  # (n) shares of the load of a track
     middle: float  # centroid of the shares, m
-    spread: float  # variance of the places, weighted by the shares, m2
-    arm: float  # mean distance of the loads from the middle: they resist turning on the spot, m
-    leans: float  # how far ahead a vehicle turns about, m, over the share of the friction that it uses across
+    spread: float  # variance of x, weighted by the shares, m2
+    arm: float  # mean distance of the loads from the middle, the lever that resists turning on the spot, m
+    leans: float  # distance ahead of the point about which it turns, m, over the share of friction used across
 
 
 def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
-    """Of a vehicle's table; and where its centre of mass lies in the vehicle frame, m ahead of its origin."""
+    """Footing from a vehicle's table, and x of its centre of mass in the vehicle frame, m."""
     masses, x, y, z, own = np.array(list(_bodies(vehicle))).T
     mass = masses.sum()
     ahead, up = masses @ x / mass, masses @ z / mass
@@ -77,7 +77,7 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
 
 
 def _bodies(v: Mapping[str, Any]) -> Any:
-    """Mass, place (3), inertia about its own vertical, of each body as drawn; a track is a rod between its ends."""
+    """Yield mass, position (3) and inertia about its own vertical of each body; a track counts as a rod."""
     hull, sprocket, idler, wheel, arm, track = (
         v[name] for name in ("chassis", "sprocket", "idler", "road_wheel", "road_arm", "track")
     )
@@ -93,7 +93,7 @@ def _bodies(v: Mapping[str, Any]) -> Any:
 
 
 def _shares(v: Mapping[str, Any], wheels: Floats, load: float) -> Floats:
-    """Of the ground's load of a track under each wheel (n): springs of equal stiffness, less what strands lift."""
+    """Shares (n) of a track's ground load under each wheel: equal springs, less what the strands lift."""
     track, wheel, idler = v["track"], v["road_wheel"], v["idler"]
     under = wheel["radius"] + track["face"]
     pins = v["sprocket"]["teeth"] * track["pitch"] / (2.0 * np.pi)
@@ -111,7 +111,7 @@ def _shares(v: Mapping[str, Any], wheels: Floats, load: float) -> Floats:
 
 @kernel
 def _loads(p, ahead, left, k):
-    """Load of each of two points under wheel k of the left and the right track, N, under these accelerations."""
+    """Load, N, of each of the two points under wheel k, left and right, with accelerations ahead and left."""
     tilt = (-ahead * p.height / p.gravity - p.middle) / p.spread
     share = 0.25 * p.mass * p.shares[k] * max(1.0 + tilt * (p.wheels[k] - p.middle), 0.0)
     moved = left * p.height / p.half
@@ -120,9 +120,10 @@ def _loads(p, ahead, left, k):
 
 @kernel
 def balance(p, law, rate, ahead, left, turning, z):
-    """Residuals of (5) over the weight, and their derivatives row by row, at z = slip left, right, lateral velocity.
+    """Residuals of (5) over the weight, and their Jacobian by rows, at z.
 
-    ``rate`` rad/s, accelerations ``ahead``, ``left`` m/s2 and ``turning`` rad/s2; ``law``: friction, creep velocity.
+    z: slip left, slip right, lateral velocity, m/s; ``rate``, rad/s; accelerations ``ahead``, ``left``, m/s2, and
+    ``turning``, rad/s2; ``law``: friction, creep velocity, m/s.
     """
     mu, creep = law
     fx, fy, m = -p.mass * ahead, -p.mass * left, -p.inertia * turning
@@ -148,7 +149,7 @@ def balance(p, law, rate, ahead, left, turning, z):
 
 @kernel
 def _solved(A, b):
-    """Solution of a system of three equations, by Cramer's rule; zero where there is none."""
+    """Solution of three linear equations by Cramer's rule; zeros where A is singular."""
     (a, d, g), (e, h, i), (c, f, k) = A
     first, second, third = h * k - i * f, i * c - e * k, e * f - h * c
     det = a * first + d * second + g * third
@@ -167,9 +168,9 @@ def _size(r):
 
 @kernel
 def slips(p, law, rate, ahead, left, turning, z):
-    """Slip of the left and the right track and lateral velocity, m/s, from the guess z; and whether (5) holds.
+    """Slip left and right and lateral velocity, m/s, from the guess z; and whether (5) is solved.
 
-    Arguments as of ``balance``. Where friction cannot give both accelerations, half of them is asked for, and so on.
+    Arguments as of ``balance``. Accelerations that friction cannot give are halved, up to ``LESS`` times.
     """
     share = 1.0
     for _ in range(LESS):

@@ -1,1 +1,1 @@
-"""What drives are made of: a motor, the shaft that it turns, the mount on which a sprocket turns, their parameters."""
+"""Parts of the drive components: motor, shaft, mount of a sprocket, and their parameters."""

@@ -1,4 +1,4 @@
-"""A motor with its brake on a shaft: a prescribed speed, a torque, or a controller of the speed.
+"""Motor and brake of a shaft: a prescribed speed, a torque, or a controller of the speed.
 
 Equation numbers as in the README of ``sprocket_drive``.
 """
@@ -13,16 +13,16 @@ from fmus.course import NONE, Course, at, given, ramp
 from fmus.jit import kernel
 
 SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
-CONTRADICTIONS = 4  # that ``unreasonable`` knows
+CONTRADICTIONS = 4  # number of contradictions that ``unreasonable`` finds
 
 
 class Drive(NamedTuple):
     """Parameters of a drive, SI."""
 
-    inertia: float  # of the spin, J, kg m2
+    inertia: float  # spin inertia J, kg m2
     mode: int  # SPEED, TORQUE or CONTROLLER
-    start_speed: float  # of the profile, relative to the mount, rad/s
-    end_speed: float
+    start_speed: float  # speed of the profile before the ramp, relative to the mount, rad/s
+    end_speed: float  # after the ramp
     ramp_start: float  # s
     ramp_end: float
     torque: float  # of the motor in mode TORQUE, N m
@@ -32,20 +32,23 @@ class Drive(NamedTuple):
     integral: float  # gain of the controller, N m/rad
     limit: float  # largest torque of the controller, N m
     accelerated: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
-    stop_start: float = -1.0  # s, after the ramp; below 0: it never stops
-    stop_time: float = 1e-3  # s
-    speeds: Course = NONE  # instead of the ramp and the stop
-    torques: Course = NONE  # instead of the constant torque
-    brakes: Course = NONE  # instead of the constant brake; ``brake`` is then the largest
-    lag: float = 0.0  # s, with which the speed follows a demand; 0: there is none
+    stop_start: float = -1.0  # time at which the stop begins, after the ramp, s; below 0: no stop
+    stop_time: float = 1e-3  # duration of the stop, s
+    speeds: Course = NONE  # replaces the ramp and the stop
+    torques: Course = NONE  # replaces the constant torque
+    brakes: Course = NONE  # replaces the constant brake torque; ``brake`` is then the largest
+    lag: float = 0.0  # time constant with which the speed follows a demand, s; 0: no demand
     engine: Course = NONE  # largest torque over the speed of the engine's shaft, N m and rad/s
-    gear: float = 1.0  # turns of the engine to one of the sprocket
-    steepest: float = 0.0  # slope of the engine's map as the sprocket feels it, N m s/rad
+    gear: float = 1.0  # turns of the engine for one of the sprocket
+    steepest: float = 0.0  # steepest slope of the engine's curve at the sprocket, N m s/rad
 
 
 @kernel
 def unreasonable(p, told):
-    """Whether the parameters of a motor contradict each other: 0, or which of ``parameters.contradictions`` it is."""
+    """Index of the contradiction between parameters (``parameters.contradictions``, from 1); 0 for none.
+
+    Writes the numbers of its sentence to ``told``.
+    """
     told[0], told[1] = p.ramp_end, p.stop_start
     if p.ramp_end < p.ramp_start:
         return 1
@@ -61,7 +64,7 @@ def unreasonable(p, told):
 
 @kernel
 def profile(p, t):
-    """Speed of the profile at t, rad/s, and angle since ramp_start, rad: a half-cosine ramp, and one to a stop. (1)"""
+    """Speed of the profile at t, rad/s, and angle since ramp_start, rad: half-cosine ramp, and stop. (1)"""
     if given(p.speeds):
         speed, angle, _ = at(p.speeds, t)
         return speed, angle
@@ -91,7 +94,7 @@ def profile_slope(p, t):
 
 @kernel
 def motor(p, t, speed, integral):
-    """Torque of the motor on the sprocket, N m, and the rate of the controller's integral. (2)"""
+    """Torque of the motor on the sprocket, N m, and rate of the controller's integral, rad/s. (2)"""
     most = p.gear * at(p.engine, p.gear * abs(speed))[0] if given(p.engine) else np.inf
     if p.mode == TORQUE:
         wanted = at(p.torques, t)[0] if given(p.torques) else p.torque

@@ -1,7 +1,8 @@
-"""The mount of a sprocket: how it moves on inside a step, and what it is handed; equations as in ``sprocket_drive``.
+"""Mount of a sprocket: extrapolated motion inside a step, and the wrench on it.
 
-The sprocket is axisymmetric: its mass and transverse inertia belong to the mount, what is left is a rotor with the
-angular momentum J Omega a, Omega absolute about the mount's lateral axis a.
+Equation numbers as in the README of ``sprocket_drive``. The sprocket is axisymmetric: its mass and transverse inertia
+belong to the mount; what remains is a rotor with the angular momentum J Omega a, with the absolute rate Omega about the
+mount's lateral axis a.
 """
 
 from __future__ import annotations
@@ -15,36 +16,37 @@ from fmus.jit import allocating, kernel
 from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
 
-# where things stand in the flat state of a sprocket on its mount, after those of its shaft
+# indices in the flat state of a sprocket on its mount, after those of its shaft
 SPEED_NOW = SHAFT
 MOMENTUM = 11  # J Omega a at the end of the last step, world (3)
 SPROCKET = 14  # position, orientation, velocity, angular velocity (13)
 MOUNT = 27  # mean wrench of the last step (6)
 STEP = 33  # length of the last step, s; 0 before the first
-VELOCITY = 34  # the mount's velocities at its start (6)
+VELOCITY = 34  # velocity and angular velocity of the mount at the start of the last step (6)
 WIDTH = 40
 
 
 class Carried(NamedTuple):
-    """A mount over a step, and what the chain does about its axis."""
+    """Extrapolated motion of a mount over a step, world, SI, and the torque of the chain about its axis."""
 
     position: tuple[float, float, float]  # at the end
     q: np.ndarray  # (4) at the end
-    velocity: tuple[float, float, float]
+    velocity: tuple[float, float, float]  # at the end
     spin: tuple[float, float, float]  # angular velocity at the end
-    middle: tuple[float, float, float]  # and its mean
-    begin: tuple[float, float, float]  # lateral axis at the start and at the end
-    end: tuple[float, float, float]
-    before: float  # rate about it at the start and at the end, rad/s
-    after: float
-    chain: float  # torque of the chain about it, mean, N m
+    middle: tuple[float, float, float]  # mean angular velocity
+    begin: tuple[float, float, float]  # lateral axis at the start
+    end: tuple[float, float, float]  # lateral axis at the end
+    before: float  # rate about the axis at the start, rad/s
+    after: float  # rate about the axis at the end, rad/s
+    chain: float  # mean torque of the chain about the axis, N m
 
 
 @kernel
 def stand(seen, at, unconnected, standing, i):
-    """A mount (13) whose inputs, from ``at`` on in ``seen``, still are start values ``unconnected`` stands still.
+    """Set a mount that nothing moves to its motion at rest.
 
-    It does so at ``standing``; both from ``i`` on.
+    A mount ``seen[at : at + 13]`` whose inputs equal their start values, ``unconnected[i : i + 13]``, is replaced by
+    ``standing[i : i + 13]``.
     """
     for k in range(13):
         if seen[at + k] != unconnected[i + k]:
@@ -55,9 +57,10 @@ def stand(seen, at, unconnected, standing, i):
 
 @allocating
 def carried(accelerated, x, h, u, i):
-    """The mount at ``u[i]``, its mean rates over the step, where they take it, what the chain does. (7)
+    """Extrapolate the mount over a step of ``h`` s. (7)
 
-    ``u``: from ``i`` on the mount (13) at the start of the step and the chain's mean wrench (6).
+    ``u[i:]``: motion of the mount (13) at the start of the step, then mean wrench of the chain (6); ``accelerated``: 1
+    with the acceleration of the mount's last two velocities (``x``), 0 without.
     """
     q = quat_normalise(u[i + 3 : i + 7])
     v, w = vector(u, i + 7), vector(u, i + 10)
@@ -81,13 +84,16 @@ def carried(accelerated, x, h, u, i):
 
 @allocating
 def hold(inertia, x, m):
-    """Before the first step: the momentum is what the sprocket has on this mount, nothing was handed over yet."""
+    """Set, before the first step, the momentum J Omega a of the sprocket on its mount ``m``."""
     put(x, MOMENTUM, scale(inertia * x[RATE], vector(m.begin, 0)))
 
 
 @allocating
 def hand_over(inertia, x, h, u, i, m):
-    """What the chain gave and the spin did not keep goes to the mount, in the mean over the step. (8)"""
+    """Set the mean wrench on the mount: the chain's wrench less the change of the spin's momentum. (8)
+
+    Also sets the motion of the sprocket and what the next step needs of this one.
+    """
     momentum = scale(inertia * x[RATE], vector(m.end, 0))
     kept = add(momentum, scale(-1.0, vector(x, MOMENTUM)))
     put(x, MOUNT, vector(u, i + 13))
@@ -102,7 +108,10 @@ def hand_over(inertia, x, h, u, i, m):
 
 @allocating
 def place(x, position, q, velocity, omega):
-    """Write the sprocket's 13: the mount's pose turned by the angle, its rates with the absolute spin. (6)"""
+    """Write the sprocket's motion (13): the mount's pose turned by the angle, its rates with the spin. (6)
+
+    ``omega``: angular velocity of the mount, world, rad/s.
+    """
     half, a = 0.5 * x[ANGLE], quat_rotate(q, (0.0, 1.0, 0.0))
     put(x, SPROCKET, position)
     put_quat(x, SPROCKET + 3, quat_multiply(q, (np.cos(half), 0.0, np.sin(half), 0.0)))

@@ -1,4 +1,4 @@
-"""What can be set of a motor on a shaft: ports, and a ``Drive`` of their values."""
+"""Parameters of a motor on a shaft: ports, and the ``Drive`` of their values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ POINTS = "'time value; time value; ...', straight lines between: the"
 
 
 def mount_ports() -> list[Port]:
-    """Of how mounts move and how sprockets stand on them."""
+    """Parameters of the mounts' extrapolation and of the sprockets' start angle."""
     return [
         Port("start.angle", "parameter", "rad", "angle of the sprocket against the mount at the start"),
         Port("extrapolation", "parameter", "1", "how the mount moves inside a step: with its velocity, or "
@@ -29,13 +29,13 @@ def mount_ports() -> list[Port]:
 
 
 def lag_port() -> Port:
-    """Of a drive that follows demands."""
+    """Parameter of a drive that follows a demand."""
     text = "time constant with which the speed follows the demand"
     return Port("demand.lag", "parameter", "s", text, 0.1, allowed=POSITIVE)
 
 
 def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "speed against the mount") -> list[Port]:
-    """Of the motor that turns ``what``, names after ``prefix``; ``speed``: what its speed is."""
+    """Parameters of the motor that turns ``what``; ``prefix`` of their names; ``speed``: text of its speed."""
     ports = [
         Port("mode", "parameter", "1", f"what turns {what}: a prescribed speed, a constant torque, or a "
              "controller that follows the speed profile", "speed", MODES),
@@ -67,7 +67,7 @@ def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "spee
 
 
 def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
-    """What ``motor.unreasonable`` finds, in its order."""
+    """Sentences of what ``motor.unreasonable`` finds, in its order."""
     return (
         Sentence(f"{prefix}ramp.end = {{0:.6g}} s must not be before {prefix}ramp.start"),
         Sentence(f"{prefix}stop.start = {{1:.6g}} s must not be before {prefix}ramp.end"),
@@ -77,7 +77,10 @@ def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
 
 
 def free(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
-    """Of the ``Drive`` at ``path`` in a component's parts: which numbers follow from which parameters."""
+    """Numbers of the ``Drive`` at ``path`` in a component's parts that follow from free parameters.
+
+    Place -> expression, see ``fmus.model.Free``; ``values``: checked parameters; ``demanded``: it follows an input.
+    """
     own = dict(
         start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",
         brake_speed="brake.speed", proportional="controller.proportional", integral="controller.integral",
@@ -107,9 +110,9 @@ def _steepest(engine: Course) -> float:
 
 
 def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "") -> Drive:
-    """The motor of ``motor_ports(prefix)`` on a shaft of ``inertia`` kg m2, of checked values; raises InvalidParameter.
+    """Drive with the checked parameters of ``motor_ports(prefix)`` on a shaft of ``inertia`` kg m2.
 
-    ``demand``: the input that its speed follows, where there is one.
+    ``demand``: name of the input that its speed follows, where there is one. Raises InvalidParameter.
     """
     names = [port.name.removeprefix(prefix) for port in motor_ports(prefix)]
     own = {name: values[prefix + name] for name in names}

@@ -1,7 +1,7 @@
-"""One step of a shaft's spin; equation numbers as in the README of ``sprocket_drive``.
+"""Step of a shaft's spin; equation numbers as in the README of ``sprocket_drive``.
 
-The state of a shaft begins with what is integrated together: angle, absolute rate, the controller's integral, work of
-the motor and of the brake, impulse of the motor.
+The state of a shaft begins with the quantities that are integrated together: angle, absolute rate, integral of the
+controller, work of the motor and of the brake, impulse of the motor.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from fmus.drives.motor import CONTROLLER, SPEED, motor, profile
 from fmus.jit import allocating, kernel
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 
-# where things stand in the flat state
-ANGLE, RATE, INTEGRAL, WORK, BRAKED, IMPULSE = 0, 1, 2, 3, 4, 5  # integrated together; rate is absolute
+# indices in the flat state
+ANGLE, RATE, INTEGRAL, WORK, BRAKED, IMPULSE = 0, 1, 2, 3, 4, 5  # integrated together; the rate is absolute
 SPUN = 6  # number of these
-PORT_WORK = 6  # of what turns the shaft from outside, and of the motion of its mount
-TARGET = 7  # the speed that follows the demand, where there is one
+PORT_WORK = 6  # work of the chain and of the mount's motion
+TARGET = 7  # speed that follows the demand, where there is one
 TORQUE_NOW, POWER_NOW = 8, 9  # of the motor, means over the last step
 SHAFT = 10  # numbers of a shaft
 
 
 @kernel
 def start_shaft(p, x, angle):
-    """A shaft (SHAFT) at its start, on a mount that stands still."""
+    """Set a shaft's state x (SHAFT) to its start on a mount at rest; ``angle``, rad."""
     if p.lag > 0.0:
         lay(p.speeds, 0.0, 0.0, p.start_speed, p.start_speed)
     x[ANGLE], x[TARGET], x[RATE] = angle, p.start_speed, profile(p, 0.0)[0]
@@ -32,7 +32,7 @@ def start_shaft(p, x, angle):
 
 @kernel
 def rates(p, t, y, chain, mount_rate, out):
-    """Write the derivatives of the SPUN quantities y under the chain's torque about the axis. (3)"""
+    """Write the derivatives of the SPUN quantities y; ``chain``: its torque about the axis, N m. (3)"""
     speed = y[RATE] - mount_rate
     torque, growth = motor(p, t, speed, y[INTEGRAL])
     largest = at(p.brakes, t)[0] if given(p.brakes) else p.brake
@@ -43,7 +43,7 @@ def rates(p, t, y, chain, mount_rate, out):
 
 @kernel
 def substeps(p, h):
-    """How many internal steps resolve brake, controller and engine: half a time constant each. (4)"""
+    """Internal steps in ``h`` s, each half the time constant of brake, controller and engine. (4)"""
     if p.mode == SPEED:
         return 1
     gains = (p.proportional / p.inertia, np.sqrt(p.integral / p.inertia)) if p.mode == CONTROLLER else (0.0, 0.0)
@@ -53,7 +53,7 @@ def substeps(p, h):
 
 @allocating
 def spin(p, x, t, h, steps, chain, before, after):
-    """Advance the SPUN quantities of x; ``before``, ``after``: the mount's rate about it at t, t + h."""
+    """Integrate the SPUN quantities of x; ``before``, ``after``: rate of the mount at t, t + h, rad/s."""
     y, k, d = np.empty(SPUN), np.empty((len(RK4.b), SPUN)), h / steps
     x[IMPULSE] = 0.0
     for n in range(steps):
@@ -66,7 +66,7 @@ def spin(p, x, t, h, steps, chain, before, after):
 
 @kernel
 def prescribe(p, x, t, h, chain, after):
-    """The same for a prescribed speed: the motor's torque follows. (5)"""
+    """Advance a shaft with a prescribed speed; the impulse of the motor follows. (5)"""
     (now, angle), (then, end) = profile(p, t), profile(p, t + h)
     turned, rate = end - angle, then + after
     momentum = p.inertia * (rate - x[RATE])
@@ -77,7 +77,7 @@ def prescribe(p, x, t, h, chain, after):
 
 @allocating
 def turn(p, x, t, h, steps, chain, before, after):
-    """Advance a shaft's ``x`` by ``h`` s in ``steps``, or as prescribed, and what is shown of its motor."""
+    """Advance a shaft's x by ``h`` s, and set its motor's mean torque and power and the work of its port."""
     angle, work = x[ANGLE], x[WORK]
     if p.mode == SPEED:
         prescribe(p, x, t, h, chain, after)
@@ -89,7 +89,7 @@ def turn(p, x, t, h, steps, chain, before, after):
 
 @kernel
 def follow(p, x, t, h, demand):
-    """A demand that is held over the step makes the profile of the step."""
+    """Set the profile of a step from a demand, rad/s, held over the step and followed with the lag."""
     target = demand + (x[TARGET] - demand) * np.exp(-h / p.lag)
     lay(p.speeds, t, h, x[TARGET], target)
     x[TARGET] = target

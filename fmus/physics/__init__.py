@@ -1,1 +1,1 @@
-"""Pure kernels: mechanics without FMI, files or vehicles."""
+"""Mechanics as pure kernels, without FMI, files or vehicles."""

@@ -1,4 +1,4 @@
-"""The type of arrays that Python functions of the physics take and return."""
+"""Array type of the arguments and results of Python functions in ``fmus.physics``."""
 
 from __future__ import annotations
 

@@ -4,15 +4,15 @@ n rows of m x m blocks:
 
     L[i] x[i-1] + A[i] x[i] + U[i] x[i+1] = b[i],   indices modulo n when closed,
 
-for an open chain L[0] and U[n-1] are not read and the cost of the corners is not paid. Block LU without
-exchanges between blocks (pivots are exchanged inside the diagonal blocks), the last block row and column
-being the border of a closed chain. With D the pivots:
+In an open chain L[0] and U[n-1] are not read, and the corners cost nothing. The method is block LU without exchanges
+between blocks (rows are exchanged inside the diagonal blocks); the last block row and column form the border of a
+closed chain. With D the pivots:
 
     E[i] = L[i+1] D[i]^-1,   A[i+1] -= E[i] U[i]                                  down the diagonal
     G[0] = L[0], F[0] = U[n-1]                                                    the border
     G[i+1] = -E[i] G[i],     H[i] = F[i] D[i]^-1,   F[i+1] = -H[i] U[i],          A[n-1] -= H[i] G[i]
 
-The size of a block travels as the length of a tuple, which the compiler knows: it unrolls, which halves the time.
+The block size is passed as the length of a tuple, a compile-time constant: loops are unrolled, which halves the time.
 Closed loop of 64: about 17, 24 and 51 us to factor with blocks of 4, 5 and 8; 2.5, 3 and 6 us to solve.
 """
 
@@ -27,17 +27,17 @@ from fmus.physics.inverse import invert
 
 
 class Factors(NamedTuple):
-    """What ``factor`` leaves for ``solve`` beside the inverted pivots; each array is (n, m, m)."""
+    """Factors of the system besides the inverted pivots, from ``factor`` to ``solve``; arrays (n, m, m)."""
 
     E: np.ndarray  # L D^-1, down the diagonal
     G: np.ndarray  # last block column
     H: np.ndarray  # last block row times D^-1
-    F: np.ndarray  # last block row; F[n - 1] is no part of it: its first row is scratch
-    size: tuple[int, ...]  # of length m
+    F: np.ndarray  # last block row; F[n - 1] is not part of it: its first row is scratch
+    size: tuple[int, ...]  # length m
 
 
 def workspace(n: int, m: int) -> Factors:
-    """Room for the factors of ``n`` blocks of size ``m``; a closed chain has n >= 2."""
+    """Return zeroed factors of ``n`` blocks of size ``m``; a closed chain needs n >= 2."""
     E, G, H, F = np.zeros((4, n, m, m))
     return Factors(E, G, H, F, (0,) * m)
 
@@ -45,7 +45,7 @@ def workspace(n: int, m: int) -> Factors:
 @kernel
 @apart
 def _product(C, A, B, sign, size):
-    """C = sign A B."""
+    """Compute C = sign A B, all (m, m)."""
     m = len(size)
     for r in range(m):
         for c in range(m):
@@ -59,7 +59,7 @@ def _product(C, A, B, sign, size):
 @kernel
 @apart
 def _subtract(C, A, B, size):
-    """C -= A B."""
+    """Compute C -= A B, all (m, m)."""
     m = len(size)
     for r in range(m):
         for k in range(m):
@@ -71,7 +71,7 @@ def _subtract(C, A, B, size):
 @kernel
 @apart
 def factor(A, U, L, work, closed):
-    """Factor in place; ``A`` becomes the inverted pivots, ``U`` and ``L`` are left as they are.
+    """Factor in place: ``A`` becomes the inverted pivots, ``U`` and ``L`` are unchanged.
 
     A, U, L (n, m, m); work from ``workspace``. Returns -1, or the index of the first singular pivot block.
     """
@@ -88,7 +88,7 @@ def factor(A, U, L, work, closed):
             return i
         border = i == n - 2
         if closed:
-            if border:  # the last but one touches the border directly too
+            if border:  # the last block but one is also coupled to the border directly
                 for r in range(m):
                     for c in range(m):
                         G[i, r, c] += U[i, r, c]
@@ -110,7 +110,10 @@ def factor(A, U, L, work, closed):
 @kernel
 @apart
 def solve(A, U, work, closed, *sides):
-    """Solve in place with what ``factor`` left: each of ``sides`` (n, m) becomes its x, all in one pass."""
+    """Solve in place for each right-hand side of ``sides`` (n, m), all in one pass.
+
+    A (inverted pivots), U (n, m, m) and ``work`` as ``factor`` leaves them.
+    """
     E, G, H, F, size = work
     n, m = A.shape[0], len(size)
     y = F[n - 1, 0]

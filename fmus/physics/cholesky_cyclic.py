@@ -1,13 +1,13 @@
-"""Cholesky factors of symmetric cyclic block-tridiagonal matrices in O(n); sibling of ``block_cyclic``.
+"""Cholesky factors of symmetric cyclic block-tridiagonal matrices in O(n).
 
-M = T T^T of n rows of m x m blocks, as in ``block_cyclic``: A on the diagonal, L before it, in the corner U[n-1]; what
-follows the diagonal is their transpose and not read. An open chain has no corner. T is lower triangular: D on the
-diagonal, E below it, and of a closed chain a last block row H:
+Sibling of ``block_cyclic``: M = T T^T has n rows of m x m blocks, A on the diagonal, L before it and U[n-1] in the
+corner; the blocks after the diagonal are their transposes and are not read. An open chain has no corner. T is lower
+triangular: D on the diagonal, E below it, and in a closed chain a last block row H:
 
     A[i] = D[i] D[i]^T,   E[i+1] = L[i+1] D[i]^-T,   A[i+1] -= E[i+1] E[i+1]^T            down the diagonal
     F[0] = U[n-1],   H[i] = F[i] D[i]^-T,   F[i+1] = -H[i] E[i+1]^T,   A[n-1] -= H[i] H[i]^T       the border
 
-Golub, Van Loan, Matrix Computations, 4.2 and 4.5. Beside the inverses of D, both are as large as the factors there.
+Golub, Van Loan, Matrix Computations, 4.2 and 4.5. With the inverses of D it takes the memory of ``block_cyclic``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fmus.jit import apart, kernel
 @kernel
 @apart
 def root(A, D, size):
-    """Lower ``D`` with D D^T = ``A`` (m, m), whose lower half is read; ``A`` becomes D^-1. False: none there is."""
+    """Lower ``D`` with D D^T = ``A`` (m, m), lower half read; ``A`` becomes D^-1. False if not definite."""
     m = len(size)
     for c in range(m):
         for r in range(c):
@@ -48,7 +48,7 @@ def root(A, D, size):
 @kernel
 @apart
 def _times_transposed(C, B, y, size):
-    """C = C B^T of a lower triangular ``B``; ``y`` (m) is scratch."""
+    """Compute C = C B^T for a lower triangular ``B``, both (m, m); ``y`` (m) is scratch."""
     m = len(size)
     for r in range(m):
         for c in range(m):
@@ -63,7 +63,7 @@ def _times_transposed(C, B, y, size):
 @kernel
 @apart
 def _subtract(C, A, B, size):
-    """C -= A B^T."""
+    """Compute C -= A B^T, all (m, m)."""
     m = len(size)
     for r in range(m):
         for c in range(m):
@@ -76,9 +76,9 @@ def _subtract(C, A, B, size):
 @kernel
 @apart
 def factor(A, U, L, work, closed):
-    """Factor in place: ``A`` becomes D^-1, ``U`` D and ``L`` E; H goes into ``work``, of ``block_cyclic.workspace``.
+    """Factor in place: ``A`` becomes D^-1, ``U`` becomes D, ``L`` becomes E; H is stored in ``work``.
 
-    A, U, L (n, m, m). Returns -1, or the index of the first block that is not positive definite.
+    A, U, L (n, m, m); work from ``block_cyclic.workspace``. Returns -1, or the first block that is not definite.
     """
     H, F, size = work.H, work.F, work.size
     n, m = A.shape[0], len(size)
@@ -111,7 +111,7 @@ def factor(A, U, L, work, closed):
 @kernel
 @apart
 def forward(A, L, work, closed, b):
-    """Solve T y = b in place, b (n, m), with what ``factor`` left."""
+    """Solve T y = b in place, b (n, m), with the results of ``factor``: A, L (n, m, m) and ``work``."""
     H, size = work.H, work.size
     n, m = A.shape[0], len(size)
     y = work.F[work.F.shape[0] - 1, 0]
@@ -140,7 +140,7 @@ def forward(A, L, work, closed, b):
 @kernel
 @apart
 def back(A, L, work, closed, *sides):
-    """Solve T^T x = b in place with what ``factor`` left, for each of ``sides`` (n, m), all in one pass."""
+    """Solve T^T x = b in place, for each of ``sides`` (n, m) in one pass; A, L, ``work`` from ``factor``."""
     H, size = work.H, work.size
     n, m = A.shape[0], len(size)
     y = work.F[work.F.shape[0] - 1, 0]
@@ -166,7 +166,7 @@ def back(A, L, work, closed, *sides):
 @kernel
 @apart
 def transposed(U, L, work, closed, b):
-    """The product T^T b in place, b (n, m), with what ``factor`` left."""
+    """Compute T^T b in place, b (n, m), with the results of ``factor``: U, L (n, m, m) and ``work``."""
     H, size = work.H, work.size
     n, m = U.shape[0], len(size)
     y = work.F[work.F.shape[0] - 1, 0]

@@ -1,12 +1,12 @@
 """Inverses of small matrices, in place.
 
-Gauss-Jordan waits for a division at each column. A matrix of four rows is done by its quarters instead, with two
-divisions: with P = A^-1 and S = D - C P B,
+Gauss-Jordan elimination waits for a division at each column. A 4 x 4 matrix is inverted by its 2 x 2 blocks instead,
+with two divisions: with P = A^-1 and S = D - C P B,
 
     (A B)-1   (P + P B S^-1 C P   -P B S^-1)
     (C D)   = (-S^-1 C P              S^-1 )
 
-where A and S are far from singular, as they are in iteration matrices. At worst it costs four digits.
+provided that A and S are far from singular, as they are in iteration matrices. It loses at most four digits.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 
 from fmus.jit import apart, kernel
 
-SMALL = 1e-3  # determinant of a quarter over its products, or P over B, below which rows are exchanged instead
+SMALL = 1e-3  # least ratio of a block's determinant to its products, and of 1 to P B: else rows are exchanged
 
 
 @kernel
 def _quarter(a, b, c, d):
-    """Inverse of ((a, b), (c, d)) row by row, and whether its determinant keeps its digits."""
+    """Inverse of ((a, b), (c, d)) by rows, (4), and whether its determinant keeps enough digits."""
     det = a * d - b * c
     if not (abs(det) > SMALL * (abs(a * d) + abs(b * c)) and abs(det) < np.inf):
         return (a, b, c, d), False
@@ -30,7 +30,7 @@ def _quarter(a, b, c, d):
 
 @kernel
 def _times(x, y):
-    """Product of two quarters."""
+    """Product of two 2 x 2 blocks, by rows (4)."""
     return (
         x[0] * y[0] + x[1] * y[2],
         x[0] * y[1] + x[1] * y[3],
@@ -41,19 +41,19 @@ def _times(x, y):
 
 @kernel
 def _sum(x, y):
-    """Of two quarters."""
+    """Sum of two 2 x 2 blocks, by rows (4)."""
     return x[0] + y[0], x[1] + y[1], x[2] + y[2], x[3] + y[3]
 
 
 @kernel
 def _put(A, r, c, x, sign):
-    """``sign`` times the quarter ``x`` into ``A`` from row ``r``, column ``c`` on."""
+    """Write ``sign`` times the 2 x 2 block ``x`` (4) into ``A`` from row ``r``, column ``c``."""
     A[r, c], A[r, c + 1], A[r + 1, c], A[r + 1, c + 1] = sign * x[0], sign * x[1], sign * x[2], sign * x[3]
 
 
 @kernel
 def _by_quarters(A):
-    """Invert ``A`` (4, 4) in place; False, and ``A`` as it was, when that would cost digits."""
+    """Invert ``A`` (4, 4) in place by blocks; False, with ``A`` unchanged, if that would lose digits."""
     B, C = (A[0, 2], A[0, 3], A[1, 2], A[1, 3]), (A[2, 0], A[2, 1], A[3, 0], A[3, 1])
     P, done = _quarter(A[0, 0], A[0, 1], A[1, 0], A[1, 1])
     if not done:
@@ -76,9 +76,9 @@ def _by_quarters(A):
 @kernel
 @apart
 def invert(A, swap, size=()):
-    """Invert ``A`` (m, m) in place, Gauss-Jordan with row exchanges; False when it is singular.
+    """Invert ``A`` (m, m) in place, Gauss-Jordan with row exchanges; return False if it is singular.
 
-    ``swap`` (m) is scratch; a tuple ``size`` of length m makes it twice as fast, of length 4 five times.
+    ``swap`` (m) is scratch. A tuple ``size`` of length m makes it twice as fast, of length 4 five times.
     """
     m = len(size) if len(size) > 0 else A.shape[0]
     if len(size) == 4 and _by_quarters(A):

@@ -1,4 +1,4 @@
-"""The contact points of a chain, and what is remembered of each through Newton's iteration."""
+"""Numbering of the contact points of a chain, and their memory during Newton's iteration."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ import numpy as np
 
 from fmus.jit import kernel
 
-POINTS = 8  # of a link or pin on one partner, at most: 4 of a face, 2 of its guides, 2 of a pin
-GUIDES, PINS = 4, 6  # where those begin
+POINTS = 8  # most contact points of a link on one partner: 4 on a face, 2 on guides, 2 on a pin
+GUIDES, PINS = 4, 6  # index of the first guide point and of the first pin point
 
 
 class Memory(NamedTuple):
-    """Sharp friction (``contact.dual``)."""
+    """Memory of sharp friction (``contact.dual``) over the iterations of a step."""
 
-    sharp: np.ndarray  # (1) int: 1 where the tangent of friction follows the corrections
-    dual: np.ndarray  # (points, 7) slip (3) and direction (3) of the last iteration and g, 0 before the first
+    sharp: np.ndarray  # (1) int: 1 if the tangent of friction follows the corrections, else 0
+    dual: np.ndarray  # (points, 7) of the last iteration: slip (3), m/s; direction (3); g, m/s, 0 before the first
 
 
 def memory(points: int = 1) -> Memory:
-    """Fresh, for a body with so many contact points."""
+    """Return the zeroed Memory of ``points`` contact points."""
     return Memory(np.zeros(1, dtype=np.int64), np.zeros((points, 7)))
 
 
 def points(wheels: int, nodes: int) -> int:
-    """How many contact points a chain of ``nodes`` pins may have on its wheels and the ground."""
+    """Number of contact points of a chain of ``nodes`` pins with ``wheels`` wheels and the ground."""
     return POINTS * (wheels + 1) * nodes
 
 
 @kernel
 def sharpen(s):
-    """From here on the tangent of friction follows the corrections; what came before is forgotten."""
+    """Let the friction tangent follow the corrections from now on, and clear the stored directions."""
     s.sharp[0] = 1
     s.dual[:, 6] = 0.0

@@ -1,10 +1,9 @@
-"""Quaternions (w, x, y, z), unit, body to world: the few operations that mechanics needs, as kernels.
+"""Unit quaternions (w, x, y, z), body to world, as kernels.
 
-Conventions: ``quat_rotate(q, v)`` takes components in body axes to components in world axes; the product p q
-rotates by q first, then by p; a rotation vector is axis times angle in rad. Arguments are read by index, so
-arrays and tuples both do; results are new float64 arrays. Nothing here normalises except ``quat_advance`` and
-``quat_normalise``. Source: Shuster, A Survey of Attitude Representations, J. Astronaut. Sci. 41(4), 1993,
-with the Hamilton product.
+Conventions: ``quat_rotate(q, v)`` maps body components to world components; the product p q rotates by q first, then
+by p; a rotation vector is axis times angle, rad. Arguments are read by index: arrays and tuples are both accepted.
+Results are new float64 arrays. Only ``quat_advance`` and ``quat_normalise`` normalise.
+Source: Shuster, A Survey of Attitude Representations, J. Astronaut. Sci. 41(4), 1993, with the Hamilton product.
 """
 
 from __future__ import annotations
@@ -27,20 +26,20 @@ def quat_multiply(p, q):
 
 @allocating
 def quat_conjugate(q):
-    """The inverse rotation of a unit quaternion, (4,)."""
+    """Inverse rotation of a unit quaternion, (4,)."""
     return np.array([q[0], -q[1], -q[2], -q[3]])
 
 
 @allocating
 def quat_normalise(q):
-    """The unit quaternion along q, (4,)."""
+    """Unit quaternion along q, (4,)."""
     s = 1.0 / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return np.array([s * q[0], s * q[1], s * q[2], s * q[3]])
 
 
 @kernel
 def put_quat(out, i, q):
-    """Write q into the array ``out`` from index ``i``."""
+    """Write q (4) into the array ``out`` from index ``i``."""
     out[i], out[i + 1], out[i + 2], out[i + 3] = q[0], q[1], q[2], q[3]
 
 
@@ -57,7 +56,7 @@ def quat_to_matrix(q):
 
 @allocating
 def quat_from_matrix(A):
-    """The unit quaternion of a rotation matrix, (4,), of the two the one whose largest part is positive.
+    """Unit quaternion of a rotation matrix A (3, 3), (4,); the sign makes its largest part positive.
 
     Divides by the largest of the four parts, so it is exact at every angle (Shepperd, 1978).
     """
@@ -82,7 +81,7 @@ def quat_from_matrix(A):
 
 @allocating
 def quat_rotate(q, v):
-    """World components of a vector that has components v in body axes, (3,)."""
+    """World components (3,) of a vector with body components v (3)."""
     # t = 2 (q x v); v + w t + q x t
     a = 2 * (q[2] * v[2] - q[3] * v[1])
     b = 2 * (q[3] * v[0] - q[1] * v[2])
@@ -96,7 +95,7 @@ def quat_rotate(q, v):
 
 @allocating
 def quat_from_rotation_vector(r):
-    """Unit quaternion of the rotation vector r, rad, (4,); smooth through r = 0."""
+    """Unit quaternion (4,) of the rotation vector r (3), rad; smooth through r = 0."""
     square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
     half = 0.5 * np.sqrt(square)
     # sin(half) / (2 half); below 1e-4 rad the next term of the series is under 1e-18
@@ -106,7 +105,7 @@ def quat_from_rotation_vector(r):
 
 @allocating
 def rotation_vector(q):
-    """Rotation vector of a unit quaternion, rad, (3,), at most pi long; exact near 0."""
+    """Rotation vector (3,) of a unit quaternion, rad, at most pi long; exact near 0."""
     sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     sign = 1.0 if q[0] >= 0 else -1.0
     s = 2 * sign * (np.arctan2(sine, sign * q[0]) / sine if sine > 1e-9 else 1.0)
@@ -115,5 +114,5 @@ def rotation_vector(q):
 
 @allocating
 def quat_advance(q, r):
-    """Turn q further by the rotation vector r in WORLD axes (w h for a constant rate), normalised, (4,)."""
+    """Rotate q by the rotation vector r (3), rad, in WORLD axes (w h at constant rate); normalised (4,)."""
     return quat_normalise(quat_multiply(quat_from_rotation_vector(r), q))

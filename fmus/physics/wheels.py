@@ -1,7 +1,7 @@
-"""Wheels as rows of numbers in the frame of a track, moved through a communication step by their rates.
+"""Motion of wheels in the frame of the track, one row of 15 numbers a wheel.
 
-A row holds centre (0:3), velocity (3:6), angular velocity (6:9), lateral axis (9:12) and the radial direction that
-turns with the wheel (12:15).
+A row holds the centre (0:3), m; its velocity (3:6), m/s; the angular velocity (6:9), rad/s; the unit lateral axis
+(9:12); and a unit radial direction that turns with the wheel (12:15).
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import numpy as np
 from fmus.jit import kernel
 
 WIDTH = 15
-UNIT = 0.1  # by which the length of a quaternion may differ from 1
+UNIT = 0.1  # largest deviation of a quaternion's length from 1
 
 
 @kernel
 def turn(omega, tau, a, out):
-    """Rotate the vector ``a`` (3) by the constant angular velocity ``omega`` (3) over ``tau`` seconds (Rodrigues)."""
+    """Rotate ``a`` (3) at ``omega`` (3), rad/s, for ``tau`` s into ``out`` (3); Rodrigues' formula."""
     rate = np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
     angle = rate * tau
     if angle == 0.0:
@@ -36,7 +36,7 @@ def turn(omega, tau, a, out):
 
 @kernel
 def move(rows, tau, out):
-    """Extrapolate all wheels (m, 15) by ``tau`` seconds at their constant rates into ``out`` (m, 15)."""
+    """Extrapolate the wheels ``rows`` (m, 15) by ``tau`` s at constant rates into ``out`` (m, 15)."""
     for k in range(rows.shape[0]):
         for i in range(3):
             out[k, i] = rows[k, i] + tau * rows[k, 3 + i]
@@ -48,11 +48,11 @@ def move(rows, tau, out):
 
 @kernel
 def read_states(u, frame, rows):
-    """Wheel states ``u`` (13 m; world: position, quaternion, velocity, angular velocity) as ``rows`` (m, 15).
+    """Convert wheel states ``u`` (13 m) to ``rows`` (m, 15) in the track's frame.
 
-    ``frame`` (5): origin of the track's frame in the world, cosine and sine of its heading about z. Rows whose states
-    are left out stay. Returns the first
-    wheel that has a number that is not finite or a quaternion whose length is not nearly 1, or -1.
+    ``u``: position m, quaternion, velocity m/s, angular velocity rad/s, in the world. ``frame`` (5): origin of the
+    track's frame in the world, cosine and sine of its heading about z. Rows without a state stay unchanged. Returns -1,
+    or the first wheel with a number that is not finite or a quaternion whose length differs from 1 by ``UNIT`` or more.
     """
     c, s, wrong = frame[3], frame[4], -1
     for k in range(u.size // 13):
@@ -62,7 +62,7 @@ def read_states(u, frame, rows):
         rows[k, 3], rows[k, 4], rows[k, 5] = c * a[7] + s * a[8], c * a[8] - s * a[7], a[9]
         rows[k, 6], rows[k, 7], rows[k, 8] = c * a[10] + s * a[11], c * a[11] - s * a[10], a[12]
         n = np.sqrt(a[3] ** 2 + a[4] ** 2 + a[5] ** 2 + a[6] ** 2)
-        unknown = 0.0  # times a number that is not finite is not a number
+        unknown = 0.0  # 0 times a number that is not finite is NaN
         for m in range(13):
             unknown += 0.0 * a[m]
         if wrong < 0 and not abs(n - 1.0 + unknown) < UNIT:
@@ -77,7 +77,7 @@ def read_states(u, frame, rows):
 
 @kernel
 def to_world(vectors, frame, y):
-    """Turn the vectors (k, 3) of the track's frame into world axes, flat into ``y`` (3 k)."""
+    """Convert ``vectors`` (k, 3) from the track's frame to world axes, flat into ``y`` (3 k)."""
     c, s = frame[3], frame[4]
     for k in range(vectors.shape[0]):
         y[3 * k] = c * vectors[k, 0] - s * vectors[k, 1]

@@ -1,1 +1,1 @@
-"""The spin of a sprocket: prescribed speed, constant torque, or a speed controller, and a brake."""
+"""Component SprocketDrive: spin of a sprocket by prescribed speed, torque or controller, and a brake."""

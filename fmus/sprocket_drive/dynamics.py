@@ -1,4 +1,4 @@
-"""One step of a sprocket's spin on a mount whose motion is extrapolated; equation numbers as in README.md."""
+"""Step of a sprocket's spin on a mount whose motion is extrapolated; equation numbers as in README.md."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ TURNED_NOT, STIFF, WILD = 1, 2, 3  # failures
 
 
 class Parts(NamedTuple):
-    """A drive that runs."""
+    """Data of a running drive: parameters, state and counters of its kernels."""
 
     drive: Drive
     mount: Stance  # of the mount as built
-    unconnected: np.ndarray  # (13) start values of the mount's inputs: they say that nothing moves it
-    standing: np.ndarray  # (13) it then stands still here
-    seen: np.ndarray  # (inputs) what is taken of the inputs
+    unconnected: np.ndarray  # (13) start values of the mount's inputs: a mount that has them is moved by nothing
+    standing: np.ndarray  # (13) motion at rest of a mount that nothing moves
+    seen: np.ndarray  # (inputs) inputs as the step uses them
     state: np.ndarray
     counters: np.ndarray  # (2) int
 
 
 @allocating
 def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the mount's lateral place and the sprocket's angle."""
+    """See ``fmus.model.Component``; p: start pose, lateral place of the mount, m, sprocket's angle, rad."""
     x = c.state
     wrong = unreasonable(c.drive, told[0])
     if wrong:
@@ -59,7 +59,7 @@ def begin(c, told, p):
 
 @allocating
 def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: mount (13) at t, chain's mean wrench (6), demanded speed if one is followed."""
+    """See ``fmus.model.Component``; u: mount (13) at t, mean wrench (6), demanded speed where one exists."""
     p, x, seen = c.drive, c.state, c.seen
     for i in range(u.size):
         seen[i] = u[i]
@@ -82,7 +82,7 @@ def step(c, told, t, h, u):
 
 @allocating
 def advance(p, x, t, h, steps, u):
-    """One step of x in place, in ``steps`` internal ones."""
+    """Advance x in place by ``h`` s in ``steps`` internal steps."""
     if p.lag > 0.0:
         follow(p, x, t, h, u[19])
     m = carried(p.accelerated, x, h, u, 0)

@@ -1,4 +1,4 @@
-"""The sprocket drive as a component: ports, parameters, start, steps of the spin, outputs."""
+"""Sprocket drive component: ports, parameters, start, steps of the spin, outputs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DEMAND = "speed.demand"
 
 
 def parameter_ports(demanded: bool) -> list[Port]:
-    """What can be set before initialisation."""
+    """Parameters of a drive; ``demanded``: its speed follows an input."""
     return [
         *([lag_port()] if demanded else []),
         *start_pose(),
@@ -35,12 +35,11 @@ def parameter_ports(demanded: bool) -> list[Port]:
 
 
 class Model(Component):
-    """Spin of one sprocket, relative to nothing but its mount.
+    """Spin of one sprocket on its mount.
 
-    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": the mount's stance at the start (``fmus.stance``),
-    "demanded": whether the speed follows an input, false by default}}; what else it holds is
-    not read. A mount whose inputs still have their start values
-    stands still at the start pose, so an unconnected drive is a fixed axle.
+    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``fmus.stance``),
+    "demanded": whether the speed follows an input, false by default}}; other keys are not read. A mount whose inputs
+    still have their start values stands still at the start pose: an unconnected drive is a fixed axle.
     """
 
     starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
@@ -88,7 +87,7 @@ class Model(Component):
         self.counters = np.zeros(2, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
-        """The sprocket at its start angle and speed on a mount that stands still at the start pose."""
+        """Start at the start angle and speed on a mount at rest at the start pose; raises InvalidParameter."""
         values = given(self._parameters, parameters)
         self.drive = drive(values, self.inertia, DEMAND if self._demanded else "")
         self.counters[:] = 0
@@ -97,16 +96,16 @@ class Model(Component):
         self.begin(values, parts)
 
     def free(self, p: Mapping[str, Any]) -> Free:
-        """All but tables of points."""
+        """All parameters but tables of points."""
         return Free(free(p, self._demanded, "drive"), self.placing)
 
     @property
     def shafts(self) -> tuple[Drive, ...]:
-        """What the motor turns: the sprocket."""
+        """The one shaft: that of the sprocket."""
         return (self.drive,)
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
-        """The mount's 13 when nothing moves it."""
+        """Motion (13) of a mount that nothing moves."""
         x, y, *rest = self._mount
         found: tuple[float, ...] = plain(at_rest)(start(values), stance((x, y + float(values["start.lateral"]), *rest)))
         return found

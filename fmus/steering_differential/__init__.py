@@ -1,1 +1,1 @@
-"""A gearbox that joins both sprockets: one motor turns them on, the other one turns right less left."""
+"""Component SteeringDifferential: one motor turns the mean of both sprockets, one their difference."""

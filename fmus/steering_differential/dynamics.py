@@ -1,4 +1,4 @@
-"""One step of two sprockets that a steering differential joins; equation numbers as in README.md."""
+"""Step of two sprockets that a steering differential joins; equation numbers as in README.md."""
 
 from __future__ import annotations
 
@@ -29,36 +29,39 @@ from fmus.physics.vector import vector
 from fmus.stance import Stance, stay_at
 
 TURNED_NOT, STIFF, STIFF_STEERING, WILD = 1, 2, 3, 4  # failures
-# where things stand in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
+# indices in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
 RIGHT, PROPULSION, STEERING = WIDTH, 2 * WIDTH, 2 * WIDTH + SHAFT
 SIZE = STEERING + SHAFT
-SIDE = 13 + 6  # of inputs and of outputs: a motion and a wrench
+SIDE = 13 + 6  # inputs, and outputs, of a side: a motion and a wrench
 
 
 class Gearbox(NamedTuple):
     """Parameters of a steering differential, SI."""
 
-    inertia: float  # of each sprocket's spin, J, kg m2
-    propulsion: Drive  # of the mean p of both speeds, inertia 2 J  (1)
-    steering: Drive  # of the difference d, right less left, inertia J / 2
+    inertia: float  # spin inertia J of each sprocket, kg m2
+    propulsion: Drive  # shaft of the mean p of both speeds, inertia 2 J  (1)
+    steering: Drive  # shaft of the difference d, right less left, inertia J / 2
 
 
 @kernel
 def join(x, sign, propulsion, steering):
-    """Angle and rate of a side's sprocket from the two shafts; ``sign``: -1 left, 1 right. (3)"""
+    """Set angle and rate of a side's sprocket from the two shafts; ``sign``: -1 left, 1 right. (3)"""
     x[ANGLE] = propulsion[ANGLE] + 0.5 * sign * steering[ANGLE]
     x[RATE] = propulsion[RATE] + 0.5 * sign * steering[RATE]
 
 
 @kernel
 def speed(p, x, t, mount_rate):
-    """Of a shaft at t, as its step begins, rad/s."""
+    """Speed of a shaft at t, relative to its mounts, rad/s."""
     return profile(p, t)[0] if p.mode == SPEED else x[RATE] - mount_rate
 
 
 @allocating
 def finish(g, x, sign, propulsion, steering, h, u, i, m, now):
-    """A side after the step: its sprocket, what its half shaft did, what its mount is given; ``now``: speed before."""
+    """Set a side after the step: its sprocket, torque and work of its half shaft, wrench on its mount.
+
+    ``now``: speed of the side before the step, rad/s.
+    """
     angle, rate = x[ANGLE], x[RATE]
     join(x, sign, propulsion, steering)
     momentum, turned = g.inertia * (x[RATE] - rate), x[ANGLE] - angle
@@ -70,20 +73,20 @@ def finish(g, x, sign, propulsion, steering, h, u, i, m, now):
 
 
 class Parts(NamedTuple):
-    """A differential that runs."""
+    """Data of a running differential: parameters, state and counters of its kernels."""
 
     gearbox: Gearbox
-    mounts: tuple[Stance, Stance]  # left and right one as built
+    mounts: tuple[Stance, Stance]  # left and right mount as built
     unconnected: np.ndarray  # (inputs) start values: a mount that has them is moved by nothing
-    standing: np.ndarray  # (inputs) and then stands still here
-    seen: np.ndarray  # (inputs) what is taken of the inputs
+    standing: np.ndarray  # (inputs) motions at rest of mounts that nothing moves
+    seen: np.ndarray  # (inputs) inputs as the step uses them
     state: np.ndarray
     counters: np.ndarray  # (2) int
 
 
 @allocating
 def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the sprockets' angle."""
+    """See ``fmus.model.Component``; p: the start pose, then the angle of the sprockets, rad."""
     g, x = c.gearbox, c.state
     wrong = unreasonable(g.propulsion, told[0])
     if wrong:
@@ -105,7 +108,7 @@ def begin(c, told, p):
 
 @allocating
 def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: of each side mount (13) at t and mean wrench of the chain (6), then demands."""
+    """See ``fmus.model.Component``; u: for each side mount (13) at t and mean wrench (6), then demands."""
     g, x, seen = c.gearbox, c.state, c.seen
     for i in range(u.size):
         seen[i] = u[i]
@@ -131,14 +134,14 @@ def step(c, told, t, h, u):
 
 @allocating
 def advance(g, x, t, h, one, two, u):
-    """One step of x in place, the shafts in ``one`` and ``two`` internal ones."""
+    """Advance x in place by ``h`` s; ``one``, ``two``: internal steps of the two shafts."""
     left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]
     if g.propulsion.lag > 0.0:
         follow(g.propulsion, propulsion, t, h, 0.5 * (u[2 * SIDE] + u[2 * SIDE + 1]))
         follow(g.steering, steering, t, h, u[2 * SIDE + 1] - u[2 * SIDE])
     a = carried(g.propulsion.accelerated, left, h, u, 0)
     b = carried(g.propulsion.accelerated, right, h, u, SIDE)
-    rate, twist = 0.5 * (a.before + b.before), b.before - a.before  # of the mounts, as the shafts see them
+    rate, twist = 0.5 * (a.before + b.before), b.before - a.before  # mean and difference of the mounts' rates
     p, d = speed(g.propulsion, propulsion, t, rate), speed(g.steering, steering, t, twist)
     if left[STEP] == 0.0:
         propulsion[RATE], steering[RATE] = p + rate, d + twist

@@ -1,4 +1,4 @@
-"""The steering differential as a component: ports, parameters, start, steps, outputs."""
+"""Steering differential component: ports, parameters, start, steps, outputs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ STIFF = (
 
 
 def parameter_ports(demanded: bool) -> list[Port]:
-    """What can be set before initialisation."""
+    """Parameters of a differential; ``demanded``: its speeds follow inputs."""
     return [
         *([lag_port()] if demanded else []),
         *start_pose(),
@@ -50,9 +50,9 @@ class Model(Component):
     """Spins of both sprockets of a vehicle on their mounts, joined by two shafts: mean and difference.
 
     ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": stance of the left mount at the start
-    (``fmus.stance``), "right": of the right one, the left one's mirror image by default, "demanded": whether the speeds
-    follow inputs, false by default}}; what else it holds is not
-    read. Mounts whose inputs still have their start values stand still at the start pose.
+    (``fmus.stance``), "right": stance of the right mount, by default the left one mirrored, "demanded": whether the
+    speeds follow inputs, false by default}}; other keys are not read. Mounts whose inputs still have their start values
+    stand still at the start pose.
     """
 
     starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
@@ -136,7 +136,7 @@ class Model(Component):
         self.counters = np.zeros(2, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
-        """Both sprockets at their start angle and speeds on mounts that stand still at the start pose."""
+        """Start both sprockets at angle and speeds of the start, on mounts at rest; raises InvalidParameter."""
         values = given(self._parameters, parameters)
         self.gearbox = Gearbox(
             self.inertia,
@@ -149,21 +149,21 @@ class Model(Component):
         self.begin(values, parts)
 
     def free(self, p: Mapping[str, Any]) -> Free:
-        """All but tables of points."""
+        """All parameters but tables of points."""
         shafts = (free(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering"))
         return Free({place: how for shaft in shafts for place, how in shaft.items()}, self.placing)
 
     @property
     def shafts(self) -> tuple[Drive, ...]:
-        """Propulsion and steering."""
+        """The two shafts: propulsion and steering."""
         return self.gearbox.propulsion, self.gearbox.steering
 
     @property
     def standing(self) -> Floats:
-        """Motions (2, 13) of the mounts that nothing moves."""
+        """Motions (2, 13) of mounts that nothing moves."""
         return np.stack([self._stands[at : at + STATE] for at in (0, SIDE)])
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The 13 of the left and of the right mount when nothing moves them."""
+        """Motions (13 each) of the left and the right mount when nothing moves them."""
         left, right = (plain(at_rest)(start(values), mount) for mount in self._mounts)
         return left, right

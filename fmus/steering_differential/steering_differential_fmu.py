@@ -1,4 +1,4 @@
-"""FMI shell of the sprocket drive."""
+"""FMI shell of the steering differential."""
 
 from fmus.slave import Slave
 from fmus.steering_differential.model import Model
@@ -7,6 +7,6 @@ _keep = globals()  # the host's second instance would otherwise find this module
 
 
 class SteeringDifferential(Slave):
-    """Spin of one sprocket: prescribed speed, constant torque or speed controller, and brake."""
+    """Spins of both sprockets, joined by a steering differential: one motor drives, the other one steers."""
 
     model = Model

@@ -1,6 +1,7 @@
 """The command ``cotrack``. Results go to stdout, messages and progress to stderr.
 
-Exit status: 0 done and every check made is ok, 1 failed, a check not ok or an energy ledger left open, 2 bad input.
+Exit status: 0 if the command is done and every check is met; 1 if it failed, a check is not met or the energy balance
+stays open; 2 on bad input.
 """
 
 from __future__ import annotations
@@ -76,10 +77,10 @@ def _common(
 
 
 def main(command: Callable[[], object] = app) -> None:
-    """Run a command line; an error ends as one sentence, with exit status 2 where the user gave something wrong."""
+    """Run a command line; an error ends as one sentence, with exit status 2 for bad input."""
     logging.basicConfig(format="cotrack: %(message)s", level=logging.WARNING, stream=sys.stderr)
-    for stream in (sys.stdout, sys.stderr):  # names of files may hold bytes that are no text
-        with suppress(AttributeError):  # closed, or not the system's
+    for stream in (sys.stdout, sys.stderr):  # file names may hold bytes that are not text
+        with suppress(AttributeError):  # a closed stream, or one that is not the system's
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     status: Any = 0
     try:
@@ -89,7 +90,7 @@ def main(command: Callable[[], object] = app) -> None:
     except KeyboardInterrupt:
         status = tell("interrupted", 1)
     except SystemExit as ended:
-        status = tell("interrupted", 1) if ended.code == 130 else ended.code  # typer's word for Ctrl-C
+        status = tell("interrupted", 1) if ended.code == 130 else ended.code  # 130: typer's status for Ctrl-C
     except Exception as error:
         status = tell(*ended_by(error))
     for stream in (sys.stdout, sys.stderr):
@@ -98,6 +99,6 @@ def main(command: Callable[[], object] = app) -> None:
                 stream.flush()
         except OSError as error:
             status = tell(*ended_by(error)) if stream is sys.stdout else status
-            with suppress(OSError, ValueError):  # what is still to be written must not complain again
+            with suppress(OSError, ValueError):  # the data that are still in the buffer must not raise again
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(status)

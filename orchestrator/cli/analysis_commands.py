@@ -1,4 +1,4 @@
-"""Commands that look into what happened in a run: analyses as tables, signals as pictures."""
+"""Commands that evaluate a recorded run: analyses as tables, signals as pictures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
 
 
 def options() -> dict[str, Parameter]:
-    """The options of all analyses, by the names of the arguments of ``analyse``."""
+    """Options of all analyses, by the names of the arguments of ``analyse``."""
     found = {option.flag: option for one in ANALYSES.values() for option in (*one.options, *one.of_picture)}
     return {
         _argument(flag): Parameter(
@@ -72,7 +72,7 @@ def analyse(
         refuse(output, (".csv", *drawn))
     with Log(log) as opened:
         in_full = output and analysis.in_full
-        of = module.of if in_full else getattr(module, "summary", module.of)  # a table needs no more
+        of = module.of if in_full else getattr(module, "summary", module.of)  # a table needs the summary only
         found = of(RunData(opened), window=Window(start, end), **_asked(analysis.options, given))
     table = found.table()
     if output and output.suffix.lower() in drawn:
@@ -105,7 +105,7 @@ analyse.__doc__ = "\n".join(
 
 
 def _belong(what: str, given: Mapping[str, Any]) -> None:
-    """Raises BadInput for an option that the analysis does not have."""
+    """Raise BadInput for an option that the analysis does not have."""
     for flag in (option for one in ANALYSES.values() for option in one.flags):
         if given[_argument(flag)] and flag not in ANALYSES[what].flags:
             owners = and_list([name for name, one in ANALYSES.items() if flag in one.flags])
@@ -113,7 +113,7 @@ def _belong(what: str, given: Mapping[str, Any]) -> None:
 
 
 def _asked(options: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that were given, by the names of the arguments."""
+    """Options that were given, by argument name."""
     return {one.name: given[_argument(one.flag)] for one in options if given[_argument(one.flag)]}
 
 
@@ -124,7 +124,7 @@ def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:
 
 
 def _check(start: float, end: float) -> None:
-    """Raises BadInput for a window that holds nothing."""
+    """Raise BadInput for an empty window."""
     if not start <= end:
         raise BadInput(f"--from {start:g} --to {end:g}: the first instant must not be after the last")
 
@@ -144,7 +144,7 @@ def plot(
     waterfall: Annotated[bool, typer.Option("--waterfall", help="a map of a family as link[*].tension")] = False,
     place: Annotated[bool, typer.Option("--place", help="a map by place on the circuit of the chain")] = False,
 ) -> None:
-    """Signals as a picture: over time, frequency or tooth order, or as a map.
+    """Draw signals over time, frequency or tooth order, or as a map.
 
     Several logs share the axes, for example: cotrack plot a.mcap b.mcap 'left_track.link[*].tension' -o tension.png
     """

@@ -1,4 +1,4 @@
-"""What the commands share: their arguments, what they say while they work, how they end."""
+"""Arguments, messages and exit status that all commands share."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.log.notices import LogNotice
 
 FMI_WARNING = 1
-LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # of a stream that takes no more
+LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # errors of a stream that accepts no more data
 
 
 class TrackModel(StrEnum):
@@ -42,8 +42,8 @@ Settings = Annotated[
 
 
 def narrate(line: str) -> None:
-    """A line of the narration, on stderr."""
-    with suppress(OSError, ValueError):  # nobody listens
+    """Print one line of progress on stderr."""
+    with suppress(OSError, ValueError):  # stderr is closed
         print(f"... {printed.plain(line)}", file=sys.stderr, flush=True)
 
 
@@ -51,12 +51,12 @@ narration = Narration(narrate)
 
 
 def ended_by(error: Exception) -> tuple[str, int]:
-    """What is said of an error, and the exit status."""
+    """Message and exit status for an error."""
     if logging.getLogger("cotrack").isEnabledFor(logging.DEBUG):
         traceback.print_exception(error)
     if isinstance(error, refusals()):
         return str(error), 2
-    if isinstance(error, BrokenPipeError):  # who reads has read enough
+    if isinstance(error, BrokenPipeError):  # the reader of the pipe has closed it
         return "", 1
     if isinstance(error, OSError) and error.filename is None and error.errno in LOST:
         return f"the output cannot be written: {os.strerror(error.errno).lower()}", 1
@@ -64,7 +64,7 @@ def ended_by(error: Exception) -> tuple[str, int]:
 
 
 def refusals() -> tuple[type[Exception], ...]:
-    """What is raised about input before anything ran."""
+    """Exceptions that report bad input, before anything ran."""
     from fmus.build import BuildFailed
     from orchestrator.cosim.checkpoint import Unusable
     from orchestrator.cosim.component import ComponentFailed
@@ -93,7 +93,7 @@ def refusals() -> tuple[type[Exception], ...]:
 
 
 def noticing() -> None:
-    """From now on say what logs are, each sentence once, on stderr; other warnings are shown as before."""
+    """Show every LogNotice once, on stderr, from now on; other warnings are shown as before."""
     before: Callable[..., None] = warnings.showwarning
     said: set[str] = set()
 
@@ -109,19 +109,19 @@ def noticing() -> None:
 
 
 def tell(message: str, status: int) -> int:
-    """Say why a command ends, on stderr; the exit status."""
+    """Print a message on stderr and return the exit status."""
     if message and sys.stderr is not None:
-        with suppress(OSError):  # nobody can be told
+        with suppress(OSError):  # stderr is closed
             print(f"cotrack: {printed.plain(message)}", file=sys.stderr)
     return status
 
 
 def leave(message: str, status: int) -> NoReturn:
-    """End the command with a message."""
+    """End the command with a message and an exit status."""
     sys.exit(tell(message, status))
 
 
 def warn(instance: str, status: int, message: str) -> None:
-    """Warnings of components, each when it first comes; what is worse ends the run and is its message."""
+    """Log a component's FMI warning; anything worse ends the run with its own message."""
     if status == FMI_WARNING:
         logging.getLogger("cotrack").warning("%s: %s", instance, message)

@@ -1,4 +1,4 @@
-"""What ``cotrack compare`` says: as one object, and as lines for people."""
+"""Output of ``cotrack compare``: one JSON object, and lines of text."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from orchestrator.results.difference import Difference
 from orchestrator.results.divergence import Divergence
 from orchestrator.results.run_data import RunData, Window
 
-SHOWN = 12  # lines of what only one of two logs has
+SHOWN = 12  # most lines for signals that only one log has
 
 
 def limits(allowed: Sequence[str], apart: Mapping[str, Difference]) -> dict[str, float]:
-    """By observable the most that is allowed, from "NAME=RELATIVE" or "RELATIVE"; raises BadInput."""
+    """Parse allowed differences, "NAME=RELATIVE" or "RELATIVE", by observable; raises BadInput."""
     found: dict[str, float] = {}
     for text in allowed:
         name, _, number = text.rpartition("=")
@@ -39,7 +39,7 @@ def table(
     most: Mapping[str, float],
     parted: Divergence | None,
 ) -> dict[str, Any]:
-    """All of it, as JSON has it."""
+    """Result of a comparison as one JSON object."""
     observables = {
         name: {"unit": one.unit, "rms": one.absolute, "relative": one.relative, "decisive": one.decisive}
         | ({"allowed": most[name], "ok": one.relative <= most[name]} if name in most else {})
@@ -80,7 +80,7 @@ def _place(found: Bits) -> dict[str, Any]:
 
 
 def lines(result: Mapping[str, Any]) -> Iterator[str]:
-    """The object for people."""
+    """Lines of text for the result of a comparison."""
     for role, key in (("run", "run"), ("reference", "reference")):
         about = result[key]
         what = ", ".join(str(about[name]) for name in ("scene", "track", "coupling") if about[name])

@@ -1,4 +1,4 @@
-"""``cotrack show``: what is in a scene and what is left out, down to contact pairs, outputs and modules."""
+"""Inventory of a scene for ``cotrack show``: parts, contact pairs, outputs, modules, omissions."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ CONTACTS = ("contact with wheels and teeth", "contact with the ground")
 
 
 def lines(scene: Scene) -> Iterator[str]:
-    """Lines of text; raises BuildFailed where a component cannot start."""
+    """Lines of the inventory; raises BuildFailed if a component cannot start."""
     yield from describe(scene)
     yield from _evaluated(scene, assemble(scene))
 
 
 def describe(scene: Scene) -> Iterator[str]:
-    """What is in with its size, and what is left out."""
+    """Parts of a scene with their sizes, and parts that are left out."""
     run = scene.run
     yield f"{scene.name}: {scene.title}"
     if run.variable is None:
@@ -51,7 +51,7 @@ def _expected(name: str, check: Check) -> str:
 
 
 def _parts(scene: Scene) -> tuple[list[str], list[str]]:
-    """Lines of what is in, and of what is not."""
+    """Lines for present parts and lines for absent ones."""
     assembly, present = assemble(scene), []
     wide = max(len(part.kind) for part in assembly.parts)
     for part in assembly.parts:
@@ -132,7 +132,7 @@ def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
 
 
 def pairs(scene: Scene, part: Part) -> list[str]:
-    """The contacts that a component looks for in every evaluation."""
+    """Contact pairs that a component evaluates."""
     if part.stage != TRACK:
         own: dict[str, Any] = part.config.get("chassis", {}).get("ground", {})
         points = len(part.config["vehicle"]["chassis"].get("hull", ())) if own.get("hull") else 0
@@ -142,7 +142,7 @@ def pairs(scene: Scene, part: Part) -> list[str]:
     links, kinds = track["links"], [wheel["kind"] for wheel in track["wheels"]]
     pins, rims = links + (0 if track["closed"] else 1), kinds.count("rim")
     wide = scene.track.model == "rigid" or scene.track.element == "beam" or scene.track.axes == "free"
-    points = 4 if wide else 2  # two by two across a link
+    points = 4 if wide else 2  # two pairs of points across a link
     found = {
         f"teeth: {kinds.count('teeth')} sprocket x {pins} pins": "teeth" in kinds,
         f"rims: {rims} wheels x {links} links, {points} points where they touch": rims,
@@ -153,7 +153,7 @@ def pairs(scene: Scene, part: Part) -> list[str]:
 
 
 def _folded(modules: Iterable[str]) -> Iterator[str]:
-    """Modules by their folder."""
+    """Modules grouped by folder, one line each."""
     folders: dict[str, list[str]] = {}
     for module in modules:
         folder, _, name = module.rpartition(".")

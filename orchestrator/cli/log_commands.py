@@ -25,7 +25,7 @@ def info(
     signals: Annotated[bool, typer.Option("--signals", help="the name and unit of every signal, by topic")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """What a log holds and how its run ended."""
+    """Print what a log holds and how its run ended."""
     from orchestrator.log import tools
     from orchestrator.log.log_format import checkpoint_step
 
@@ -69,7 +69,7 @@ def info(
 
 
 def _as_table(about: Any) -> dict[str, Any]:
-    """An ``Info`` as JSON has it."""
+    """JSON object of an ``Info``."""
     held = about.log
     return {
         "log": str(held.path),
@@ -97,7 +97,7 @@ def _as_table(about: Any) -> dict[str, Any]:
 
 @app.command("verify")
 def verify(log: LogPath, as_json: JsonOption = False) -> None:
-    """Whether a log is whole: exit 0, or 1 when it is broken."""
+    """Check that a log is whole: exit 0, or 1 when it is broken."""
     from orchestrator.log import tools
 
     _report(tools.verify(log), as_json)
@@ -111,14 +111,14 @@ def recover(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Save what is whole in a broken log: exit 0 without loss, 3 with loss, 1 when nothing is left."""
+    """Write the whole part of a broken log: exit 0 without loss, 3 with loss, 1 when nothing is left."""
     from orchestrator.log import tools
 
     _report(tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")), as_json)
 
 
 class Kind(StrEnum):
-    """Of an exported file."""
+    """File format of an export."""
 
     csv = "csv"
     parquet = "parquet"
@@ -142,7 +142,7 @@ def export(
     start: Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")] = float("-inf"),
     end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = float("inf"),
 ) -> None:
-    """Recorded values as CSV, Parquet or MATLAB files."""
+    """Export recorded values as CSV, Parquet or MATLAB files."""
     from orchestrator.log.export import export as write
 
     for file in write(log, output, signals or (), topics or (), (start, end), kind):

@@ -1,4 +1,4 @@
-"""A command that older versions had; it answers with its place in a clone."""
+"""Command of older versions that has moved into a clone; it answers with the new place."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fmus.vehicle import BadInput
 
 
 def bench(arguments: Annotated[list[str] | None, typer.Argument()] = None) -> NoReturn:
-    """Moved: raises BadInput."""
+    """Raise BadInput with the new place of the command."""
     raise BadInput(
         f"bench is run in a clone of cotrack: python -m tests.benchmarks {' '.join(arguments or ())}".rstrip()
     )

@@ -1,4 +1,4 @@
-"""What people and programs read of a run: its summary as lines, and values that JSON knows."""
+"""Summary of a run as lines of text, and values that JSON can hold."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import Any
 
 from orchestrator.results.validity.entry import Entry
 
-MOST = 1000  # characters of a sentence
-OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # of the last second they may say nothing of the run
+MOST = 1000  # longest sentence that is shown, in characters
+OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # phases show these better than the last second
 
 
 def finite(value: Any) -> Any:
-    """JSON knows no NaN."""
+    """Replace non-finite numbers, which JSON lacks, by None, at any depth."""
     if isinstance(value, dict):
         return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, list):
@@ -22,12 +22,12 @@ def finite(value: Any) -> Any:
 
 
 def plain(text: str) -> str:
-    """Text of any origin as one line that a terminal only shows, and that somebody reads to its end."""
+    """Text of any origin as one line of printable characters, shortened to MOST."""
     shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:MOST])
     return shown if len(text) <= MOST else f"{shown} ..."
 
 
-# observables in words: name, unit, power of ten of the unit in an SI one, digits
+# Label of each observable: name, unit, power of ten from the SI unit, digits.
 WORDS = {
     "distance": ("distance", "m", 1.0, 5),
     "speed": ("speed", "m/s", 1.0, 4),
@@ -54,7 +54,7 @@ WORDS = {
 
 
 def _error(found: dict[str, Any]) -> str:
-    """What a run says of its own error."""
+    """Sentence about the error estimate of a run."""
     if found["total"] is None:
         return f"estimated error: not known, {found['message']}"
     most = max(
@@ -69,7 +69,7 @@ def _error(found: dict[str, Any]) -> str:
 
 
 def _headline(r: dict[str, Any]) -> str:
-    """What ran, how it ended, and whether it is as expected."""
+    """First line: scene, links, status, number of met checks."""
     links = f", {r['track']} links" if r["track"] else ""
     met = sum(check["ok"] for check in r["checks"].values())
     checks = f"; {met} of {len(r['checks'])} checks are met" if r["checks"] else ""
@@ -77,7 +77,7 @@ def _headline(r: dict[str, Any]) -> str:
 
 
 def _pace(r: dict[str, Any]) -> str:
-    """How fast it ran."""
+    """Line about run time and real-time factor."""
     factor = r["real_time_factor"]
     pace = f"{factor:.3g} times as fast as" if factor >= 1.0 or not factor else f"{1.0 / factor:.3g} times slower than"
     return (
@@ -87,7 +87,7 @@ def _pace(r: dict[str, Any]) -> str:
 
 
 def _observables(r: dict[str, Any]) -> list[str]:
-    """Those that are numbers, with their units: a line for each window. What phases tell better is left to them."""
+    """One line per averaging window with its finite observables, without those that phases show better."""
     lines: dict[str, list[str]] = {}
     for key, value in r["observables"].items():
         name, unit, size, digits = WORDS[key]
@@ -99,7 +99,7 @@ def _observables(r: dict[str, Any]) -> list[str]:
 
 
 def _window(of: dict[str, float]) -> str:
-    """Of observables, in words."""
+    """Averaging window in words."""
     return f"mean of {of['from']:.6g} to {of['to']:.6g} s" if of["from"] else f"whole run, 0 to {of['to']:.6g} s"
 
 
@@ -110,19 +110,19 @@ def _phases(found: list[dict[str, Any]]) -> list[str]:
 
 
 def _bearer(phases: list[dict[str, Any]]) -> str:
-    """Which track bore the largest tension, and when; nothing where there are no phases."""
+    """Track and time of the largest tension; empty without phases."""
     most = max((one for one in phases if one["tension_track"]), key=lambda one: one["tension"], default=None)
     return f" in {most['tension_track'].replace('_', ' ')} at {most['tension_t']:.4g} s" if most else ""
 
 
 def warning(told: dict[str, Any]) -> str:
-    """A component's warning as a line."""
+    """Line about a component's warning."""
     times = f", {told['count']} times" if told["count"] > 1 else ""
     return f"warning: {told['component']} at {told['time']:.6g} s{times}: {told['text']}"
 
 
 def validity(told: dict[str, Any]) -> str:
-    """An entry of the validity ledger as a line."""
+    """Line about an entry of the validity ledger."""
     entry = Entry(**told)
     return f"validity, {entry.severity}: {entry.component} from {entry.time:.6g} s on: {entry.sentence}"
 
@@ -144,7 +144,7 @@ def _ledger(energy: dict[str, Any]) -> str:
 
 
 def _causes(causes: dict[str, float]) -> str:
-    """What was dissipated by what, the most first."""
+    """Dissipated energy by cause, largest first."""
     parts = sorted(causes.items(), key=lambda each: -abs(each[1]))
     return "dissipated: " + ", ".join(f"{cause.replace('_', ' ')} {lost:.4g} J" for cause, lost in parts)
 
@@ -161,7 +161,7 @@ def _cost(name: str, cost: dict[str, Any]) -> str:
 
 
 def summary(result: dict[str, Any]) -> None:
-    """A run's summary, on stdout: in words, then check by check, the energy ledger, the cost of each component."""
+    """Print the summary of a run: text, checks, energy balance, cost of each component."""
     r = result
     lines = [
         _pace(r),

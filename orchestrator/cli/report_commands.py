@@ -1,4 +1,4 @@
-"""The command that makes a page of a run."""
+"""The command ``report``."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def report(
     ] = None,
     different: Annotated[bool, typer.Option("--different", help="even if they are runs of different scenes")] = False,
 ) -> None:
-    """One page about a run, with a player, that needs nothing but a browser.
+    """Write one HTML page about a run, with a player; it needs nothing but a browser.
 
-    How it ended, checks, motion, drives, energy, tension, loads, events. With a reference, both runs in one chart and
-    how far they are apart.
+    The page shows how the run ended, checks, motion, drives, energy, tension, loads and events. With a reference,
+    each chart shows both runs and a table lists their differences.
     """
     from orchestrator.execution.reported import report as write
 

@@ -1,4 +1,4 @@
-"""Commands about recorded runs: replayed, compared."""
+"""Commands about recorded runs: ``replay`` and ``compare``."""
 
 from __future__ import annotations
 
@@ -36,12 +36,13 @@ def replay(
     end: Annotated[float, typer.Option("--to", metavar="T", help="last one; the component is stepped that far")] = inf,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout, of a comparison")] = False,
 ) -> None:
-    """Feed components their recorded inputs: are they equal?
+    """Step components with their recorded inputs and compare the outputs with the log.
 
-    Bit by bit; or, with another model or other numbers in the place of one, how does that one answer: both, and apart.
-    What is stepped is built from the scene in the log, or is the FMU that --with names: no file that the log names.
-    An FMU that is the one that ran, by its hash, is compared bit by bit unless -o asks for its log.
-    Whatever is compared, components are stepped from the beginning of the log.
+    The comparison is bit by bit. With another model (--with) or other numbers (--set) in place of one component, the
+    command prints how the two answers differ. The component is built from the scene in the log, or is the FMU that
+    --with names; a file that the log names is never run. An FMU with the recorded hash is compared bit by bit unless
+    -o asks for a log of its answer. Components are always stepped from the beginning of the log, whatever the window
+    of the comparison.
     """
     from orchestrator.execution import replay_model
 
@@ -67,20 +68,20 @@ def replay(
 
 
 def _told(verdict: Any) -> dict[str, Any]:
-    """A ``replays.Verdict`` as JSON has it."""
+    """JSON object of a ``replays.Verdict``."""
     told = None if verdict.difference is None else verdict.difference._asdict()
     return {**verdict._asdict(), "difference": told, "equal": verdict.equal}
 
 
 def _answer_name(log: Path, component: str, other: str) -> str:
-    """Of the log of the answer of another model, or of "set", if nobody names it."""
+    """Default file name of the log of an answer; ``other`` is a model, an FMU or "set"."""
     from orchestrator.log.export import file_name
 
     return f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap"
 
 
 def _answer(log: Path, again: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:
-    """Log how another model answers; a table and a picture of both."""
+    """Log the answer of another model; print a table and draw a picture of both."""
     from orchestrator.log.reader import Log
     from orchestrator.results import answered
 
@@ -120,12 +121,12 @@ def compare(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
 ) -> None:
-    """How far two runs of a scene are apart, by observable; with --bits, where they part.
+    """Print how much two runs of a scene differ, by observable; with --bits, where they first differ.
 
-    They may differ in the track model, in what its links are, in steps, coupling, duration, checks and records; where
-    anything else of their scenes differs, vehicle included, they are refused (--different compares them all the same).
-    Along travel, or time since an event, --from and --to count in that; what is averaged over seconds is left out.
-    Exit status 1 where something that was allowed is exceeded, or, with --bits, where a bit differs.
+    The runs may differ in track model, kind of links, steps, coupling, duration, checks and recording. Any other
+    difference between their scenes, vehicle included, is refused, unless --different is given. With --align, --from
+    and --to count along travel or from the event, and observables averaged over seconds are left out. Exit status 1
+    if an allowed difference is exceeded or, with --bits, if any bit differs.
     """
     from orchestrator.cli.compared import limits, lines, table
     from orchestrator.log.reader import Log

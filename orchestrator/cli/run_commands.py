@@ -1,4 +1,4 @@
-"""Commands that run a scene: coupled, or as its converged monolith."""
+"""Commands that run a scene: co-simulated (``run``, ``resume``) or monolithic (``truth``)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def run(
     native: Annotated[bool, typer.Option("--native", help="by FMUs of machine code alone, to the same bits")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """Run a scene, log it, check what it expects, say how wrong it is."""
+    """Run a scene, log it, make its checks and estimate its error."""
     narration(f"{scene}: the scene is read")
     from orchestrator.execution import summary
     from orchestrator.scene.scene import load
@@ -81,11 +81,11 @@ def resume(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """Go on from a checkpoint of a log.
+    """Continue a run from a checkpoint in its log.
 
-    The new log is, bit by bit, that of a run that was not interrupted: with all that came before.
-    A run that was stopped or killed goes on where its last checkpoint is. With --set it branches off there: another
-    number of the scene, from then on. What moves goes on as it was; nothing is brought to rest or laid out anew.
+    The new log equals, bit by bit, that of an uninterrupted run; it includes all that came before. A run that was
+    stopped or killed continues from its last checkpoint. With --set the run branches off there with other numbers of
+    the scene. The states continue unchanged: nothing is laid out or brought to equilibrium again.
     """
     from orchestrator.execution import summary
     from orchestrator.execution.resume import resume as go_on
@@ -110,9 +110,9 @@ def truth(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """The scene without co-simulation, converged.
+    """Run the scene without co-simulation, converged in its step.
 
-    With its own error; built once, then found.
+    The monolithic reference has an error estimate of its own and is kept: a second call finds it.
     """
     from orchestrator.execution import truth as module
     from orchestrator.log.reader import Log

@@ -1,4 +1,4 @@
-"""Commands about scenes: the gallery, what is in one, its FMUs."""
+"""Commands about scenes: list the gallery, show one, build its FMUs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from orchestrator.cli.common import SceneName, Settings, TrackOption
 
 
 def scenes() -> None:
-    """The gallery, one line each."""
+    """List the scenes of the gallery."""
     from orchestrator.scene import gallery
 
     for name in gallery.names():
@@ -21,7 +21,7 @@ def scenes() -> None:
 
 
 def show(scene: SceneName, track: TrackOption = None, settings: Settings = None) -> None:
-    """What is in, what is left out, sizes."""
+    """Show the parts of a scene, their sizes, and what is left out."""
     from orchestrator.cli.inventory import lines
     from orchestrator.scene.scene import load
 
@@ -45,9 +45,9 @@ def build(
         bool, typer.Option("--windows", help="with --native: with libraries for Windows beside those for Linux")
     ] = False,
 ) -> None:
-    """FMUs to be kept, the scene's parameters their defaults.
+    """Build FMUs whose default parameters are those of the scene.
 
-    The four standard ones, a scene's, or all.
+    Without a scene: the four standard FMUs; with --all: those of the whole gallery.
     """
     from orchestrator.scene import products
     from orchestrator.scene.parts import TRACKS
@@ -72,7 +72,7 @@ def build(
 def warm(
     scenes: Annotated[list[str] | None, typer.Argument(help="scenes; all of the gallery")] = None,
 ) -> None:
-    """Compile what scenes need ahead of their first run, in as many processes as there are cores."""
+    """Compile the kernels of scenes before their first run, in as many processes as there are cores."""
     from orchestrator.execution.warm import variants
     from orchestrator.execution.warm import warm as begun
 

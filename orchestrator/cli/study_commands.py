@@ -1,4 +1,4 @@
-"""Studies: many cases side by side, as tables and figures."""
+"""The command ``study``: many cases, results as tables and figures."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def study(
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Many cases side by side, as tables and figures.
+    """Run many cases of a scene; write tables and figures.
 
-    Exit 1 when a row is not as it should be.
-    Started again with the same folder, it goes on where it was interrupted.
+    Exit 1 if a row misses its tolerance. Started again with the same folder, the study continues where it was
+    interrupted.
     """
     from orchestrator import studies
 
@@ -49,7 +49,7 @@ def study(
         return
     chosen = studies.find(name)
     folder = folder_of(name, output)
-    timed = hasattr(chosen, "WORKERS")  # a study of one scene, whose runs have the machine to themselves
+    timed = hasattr(chosen, "WORKERS")  # a study of one scene that measures run times: one run at a time
     if scene is not None and not timed:
         raise BadInput(f"study {name} takes no scene")
     cases = chosen.cases(quick, scene) if scene is not None else chosen.cases(quick)
@@ -57,7 +57,7 @@ def study(
 
 
 def folder_of(name: str, output: Path | None) -> Path:
-    """The folder of a study's results, made; raises BadInput."""
+    """Create the folder of a study's results; raises BadInput."""
     from orchestrator.scene.products import made
 
     if output is None:
@@ -69,7 +69,7 @@ def folder_of(name: str, output: Path | None) -> Path:
 def conduct(
     name: str, chosen: ModuleType, cases: Sequence[Case], output: Path, workers: int, scheduler: str | None
 ) -> NoReturn:
-    """Run the cases of a study, write its files, print its table and leave; raises BadInput."""
+    """Run the cases of a study, write its files, print its table and exit; raises BadInput."""
     from orchestrator.studies import pool, tables
     from orchestrator.studies.progress import watched
     from orchestrator.studies.store import Store

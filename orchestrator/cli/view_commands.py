@@ -1,4 +1,4 @@
-"""The command ``view``: recorded runs as pictures, films and scenes in space."""
+"""The command ``view``: a recorded run as a picture, a film or a 3D scene."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def view(
         ),
     ] = None,
 ) -> None:
-    """A run to look at: a picture, a film, or a scene in space (--rerun, --foxglove).
+    """Draw a run: a picture, a film, or a 3D scene (--rerun, --foxglove).
 
-    A picture shows the links of a track from the side, coloured by their tension, at a few instants or those given, or
-    the way from above; with --seen-from one instant as a film shows it. What the log does not hold is left out.
+    A picture shows the links of a track from the side, coloured by tension, at several instants; with --above the
+    path of the vehicle; with --seen-from one instant in the style of a film. Whatever the log lacks is left out.
     """
     suffix = output.suffix.lower() if output else ""
     film = suffix in (".gif", ".mp4") and not in_rerun and not in_foxglove

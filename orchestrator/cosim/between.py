@@ -1,7 +1,7 @@
-"""What happens between two records: mean, least and largest value of the steps since the one before.
+"""Statistics between two records: mean, least and most over the steps since the last record.
 
-Forces, sliding and depth of links are means over the steps since that record as they are read: of each step alone is
-what two readings differ by.
+Outputs of forces, sliding and depth of links are means since the last record. The mean over one step follows from the
+difference of two readings.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-PARTS = ("mean", "least", "most")  # a topic of these holds all means first
-MEANS = re.compile(r"(link|joint)\[\d+\]\.(force\.|ground\.|wheels\.force\.).*")  # outputs of links that are means
+PARTS = ("mean", "least", "most")  # order of the parts in a topic
+MEANS = re.compile(r"(link|joint)\[\d+\]\.(force\.|ground\.|wheels\.force\.).*")  # link outputs that are means
 
 
 class Between:
-    """Of outputs with these ``names``; what is a mean is one since the last record."""
+    """Accumulator of mean, least and most for outputs ``names``."""
 
     def __init__(self, names: Sequence[str]) -> None:
         size = len(names)
@@ -28,7 +28,7 @@ class Between:
         self._length = 0.0
 
     def add(self, values: Floats, h: float) -> None:
-        """Those at the end of a step of ``h`` s; the mean weighs them by it."""
+        """Add ``values`` (size,) at the end of a step of ``h`` s; the mean is weighted with h."""
         before, means = self._length, values[self._means]
         self._length += h
         if before > 0.0:
@@ -40,7 +40,7 @@ class Between:
         np.maximum(self._most, values, out=self._most)
 
     def take(self) -> Floats:
-        """(3 size,) means, least and largest values since the last time; there must have been a step."""
+        """Return means, least and most, (3 size,), and reset; needs at least one step."""
         found = np.concatenate([self._sum / self._length, self._least, self._most])
         self._sum[:], self._least[:], self._most[:], self._length = 0.0, np.inf, -np.inf, 0.0
         self._before = np.zeros_like(self._before)
@@ -48,5 +48,5 @@ class Between:
 
 
 def names(of: tuple[str, ...]) -> list[str]:
-    """Of what ``take`` gives."""
+    """Names of the values that ``take`` returns."""
     return [f"{name}.{part}" for part in PARTS for name in of]

@@ -1,8 +1,8 @@
-"""Checkpoints: all that a run needs to go on from a communication point, as bytes.
+"""Checkpoint: all that a run needs to continue from a communication point, as bytes.
 
-Of every component its serialised FMU state, inputs and outputs and what it has warned of; of the coupling what it
-remembers of the past; of variable steps what chooses their length. A number is kept bit by bit, so that a run that goes
-on is the run that was not interrupted.
+It holds for each component the serialised FMU state, inputs, outputs and warnings; for the coupling its past; for
+variable steps the state of the step control. Numbers are stored bit by bit, so a resumed run equals the uninterrupted
+one.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ NOTHING: Mapping[str, Floats] = MappingProxyType({})
 
 
 class Unusable(ValueError):
-    """These bytes are no checkpoint of these components; the message is one sentence."""
+    """The bytes are no checkpoint of these components; the message is one sentence."""
 
 
 class Point(NamedTuple):
-    """Where a run was."""
+    """Communication point of a run."""
 
-    k: int  # steps done
+    k: int  # number of steps done
     t: float  # s
-    h: float  # s, length of the last one
+    h: float  # s, length of the last step
 
 
 def possible(scheme: Scheme) -> bool:
-    """Whether every component can write its state."""
+    """True if every component can serialise its state."""
     return all(
         isinstance(member.component, Component) and member.component.description.coSimulation.canSerializeFMUstate
         for member in scheme.members
@@ -50,7 +50,7 @@ def possible(scheme: Scheme) -> bool:
 
 
 def save(scheme: Scheme, at: Point, pace: Mapping[str, Floats] = NOTHING) -> bytes:
-    """The run as it is, with what its ``pace`` remembers; raises ComponentFailed."""
+    """Serialise the run with the memory of its ``pace``; raises ComponentFailed."""
     arrays = {"at": np.array(at, dtype=np.float64)} | {f"pace:{name}": values for name, values in pace.items()}
     warned = {}
     for component in _components(scheme):
@@ -67,13 +67,13 @@ def save(scheme: Scheme, at: Point, pace: Mapping[str, Floats] = NOTHING) -> byt
 
 
 def time_of(content: bytes) -> float:
-    """When a checkpoint was made, s; raises Unusable."""
+    """Time of a checkpoint, s; raises Unusable."""
     with _readable(content) as arrays:
         return float(arrays["at"][1])
 
 
 def states(content: bytes) -> tuple[float, dict[str, bytes]]:
-    """When a checkpoint was made, s, and by component the state that it serialised; raises Unusable."""
+    """Time of a checkpoint, s, and the serialised state of each component; raises Unusable."""
     with _readable(content) as arrays:
         found = {name: array.tobytes() for name, array in _named(arrays, "state:").items()}
         return float(arrays["at"][1]), found
@@ -86,9 +86,9 @@ def restore(
     pace: Callable[[Scheme, Mapping[str, Floats]], None] | None = None,
     made: Callable[[Component, bytes], bytes] = lambda _, state: state,
 ) -> Point:
-    """Bring initialised components and their coupling to the point after so many steps; raises Unusable.
+    """Restore initialised components and their coupling from a checkpoint at ``step``; raises Unusable.
 
-    ``pace`` is told what the pace of the run remembered; ``made``: what a component is given of its saved state.
+    ``pace`` restores the memory of the step control; ``made`` maps a saved state to that which its component gets.
     """
     with _readable(content) as arrays:
         warned = json.loads(arrays["warned"].tobytes())
@@ -108,7 +108,7 @@ def restore(
 
 @contextmanager
 def _readable(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
-    """The arrays of a checkpoint; whatever is wrong with them becomes Unusable."""
+    """Arrays of a checkpoint; every error about them becomes Unusable."""
     try:
         yield _arrays(content)
     except (LookupError, ValueError, TypeError, AttributeError, OverflowError, ComponentFailed) as flaw:
@@ -116,13 +116,13 @@ def _readable(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
 
 
 def _bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """A length, as JSON what arrays there are, then these. A zip archive takes 1.5 ms, which every checkpoint costs."""
+    """Encode arrays: length of the header, JSON header, data (a zip archive would take 1.5 ms)."""
     head = json.dumps([(name, array.dtype.str, array.shape) for name, array in arrays.items()]).encode()
     return b"".join((_LENGTH.pack(len(head)), head, *(array.tobytes() for array in arrays.values())))
 
 
 def _arrays(content: bytes) -> dict[str, NDArray[Any]]:
-    """The reverse; raises ValueError, TypeError, OverflowError."""
+    """Decode arrays; raises ValueError, TypeError, OverflowError."""
     if len(content) < _LENGTH.size:
         raise ValueError("it is cut off")
     at = _LENGTH.size + _LENGTH.unpack_from(content)[0]

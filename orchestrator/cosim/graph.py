@@ -1,4 +1,4 @@
-"""The system as the master sees it: instances of FMUs, connections by variable name, an order of stages."""
+"""System graph of the master: FMU instances, connections by variable name, stages."""
 
 from __future__ import annotations
 
@@ -13,44 +13,43 @@ from orchestrator.cosim.warned import Warned
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
-# What a connection carries decides what a receiver that holds it over a step should be given:
-# "value"  of the communication point; "mean" over the step just done; "state" of the communication point, which the
-# receiver moves on itself with the "rate" that comes beside it.
+# Quantity that a connection carries, which decides the input hold: "value" at the communication point; "mean" over the
+# last step; "state" at the communication point, which the receiver extrapolates with its "rate", sent beside it.
 Kind = Literal["value", "mean", "state", "rate"]
 
 
 class Instance(NamedTuple):
-    """One FMU with a name of its own."""
+    """Named instance of an FMU."""
 
     name: str
-    fmu: Path | None  # None: stepped in this process, without an FMU
+    fmu: Path | None  # None: a component of this process, without an FMU
     parameters: Mapping[str, float | int | str]
-    stage: int  # instances of a lower stage step first; those of one stage step at once
+    stage: int  # lower stages step first; instances of one stage step at once
 
 
 class Connection(NamedTuple):
-    """Outputs of one instance that are inputs of another, variable by variable."""
+    """Connection of outputs of one instance to inputs of another, variable by variable."""
 
     source: str
     outputs: tuple[str, ...]
     target: str
     inputs: tuple[str, ...]
     carries: Kind = "value"
-    rates: tuple[str, ...] = ()  # of values: the outputs that are their time derivatives, where the source has them
-    bond: str = ""  # shared by two connections, there and back: value times value, in their order, is a power, W
+    rates: tuple[str, ...] = ()  # of values: outputs that are their time derivatives, if the source has them
+    bond: str = ""  # name shared by two opposite connections whose products, in order, are a power, W
 
 
 class System(NamedTuple):
-    """A graph of instances, independent of what they contain."""
+    """Graph of instances, independent of their contents."""
 
     instances: tuple[Instance, ...]
     connections: tuple[Connection, ...]
 
 
 class Steppable(Protocol):
-    """What the master needs of a loaded component (``component.Component`` is one).
+    """Interface of a component for the master (``component.Component`` implements it).
 
-    Only couplings and step controls that go back in time save and restore.
+    Only couplings and step controls that repeat steps save and restore.
     """
 
     name: str
@@ -60,26 +59,26 @@ class Steppable(Protocol):
     y: Floats
 
     def write(self) -> None:
-        """Hand ``u`` to the component."""
+        """Set the component's inputs from ``u``."""
 
     def step(self, t: float, h: float) -> None:
         """Advance from t to t + h; raises ComponentFailed."""
 
     def read(self) -> None:
-        """Fetch ``y`` from the component."""
+        """Read the component's outputs into ``y``."""
 
     def save(self) -> Any:
-        """Its state with its arrays; raises ComponentFailed where it cannot."""
+        """Save the state and the arrays; raises ComponentFailed if it cannot."""
 
     def restore(self, state: Any) -> None:
-        """Back to a saved state, which stays good."""
+        """Restore a saved state, which stays valid."""
 
     def free(self, state: Any) -> None:
-        """Forget a saved state."""
+        """Release a saved state."""
 
 
 class Recorded(Steppable, Protocol):
-    """What log and summary need of it besides."""
+    """Further interface of a component for log and summary."""
 
     links: tuple[str, ...]  # outputs of every link or point
     integers: tuple[str, ...]
@@ -89,31 +88,31 @@ class Recorded(Steppable, Protocol):
 
     @property
     def warnings(self) -> Sequence[Warned]:
-        """What it has warned of so far."""
+        """Warnings so far."""
 
     def unit(self, name: str) -> str:
-        """Of a variable, '1' if it has none."""
+        """Unit of a variable, '1' if it has none."""
 
     def read_links(self) -> None:
-        """Fetch ``y_links``."""
+        """Read per-link outputs into ``y_links``."""
 
     def read_counters(self) -> None:
-        """Fetch ``counters``."""
+        """Read ``counters``."""
 
 
 class Feed(NamedTuple):
-    """``u[inputs] = source.y[outputs]``."""
+    """Transfer ``u[inputs] = source.y[outputs]``."""
 
     source: Steppable
     outputs: Indices
     inputs: Indices
     carries: Kind = "value"
-    rates: Indices | None = None  # where the source shows d/dt of the outputs
+    rates: Indices | None = None  # where the source has d/dt of the outputs
     bond: str = ""
 
 
 class Member(NamedTuple):
-    """A component with what feeds it."""
+    """Component with the feeds of its inputs."""
 
     component: Steppable
     feeds: tuple[Feed, ...]
@@ -123,7 +122,7 @@ Stages = tuple[tuple[Member, ...], ...]
 
 
 class Miswired(ValueError):
-    """A connection names an instance or a variable that does not exist."""
+    """A connection names an unknown instance or variable."""
 
 
 def _indices(names: tuple[str, ...], wanted: tuple[str, ...], instance: str, what: str) -> Indices:
@@ -135,7 +134,7 @@ def _indices(names: tuple[str, ...], wanted: tuple[str, ...], instance: str, wha
 
 
 def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
-    """The members of every stage, connections resolved to index arrays; raises Miswired."""
+    """Members of every stage, with connections as index arrays; raises Miswired."""
     feeds: dict[str, list[Feed]] = {instance.name: [] for instance in system.instances}
     for connection in system.connections:
         for end in (connection.source, connection.target):

@@ -1,4 +1,4 @@
-"""The master: a coupling that steps, a clock that says how far, and observers that look on after every step."""
+"""Master: a coupling that steps, a clock that sets the step length, observers called after the steps."""
 
 from __future__ import annotations
 
@@ -9,40 +9,40 @@ from typing import NamedTuple, Protocol
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
 
-# (k, t, h): k steps are done, time is t, the last step took h. One that need not look after every step has a method
-# patience(k): after the first k steps it looks again after so many, at the latest.
+# Called as (k, t, h): k steps are done, the time is t, the last step took h. An observer that need not see every step
+# has a method patience(k): the number of steps after the first k until it must be called.
 Observer = Callable[[int, float, float], None]
-UNHURRIED = 1 << 30  # steps: it may look whenever someone else does
+UNHURRIED = 1 << 30  # steps: larger than any run
 
 
 def patience(observers: Sequence[Observer], k: int) -> int:
-    """Steps after the first k that all of them let pass unseen, and the one that they look at."""
+    """Number of steps after the first k until an observer must be called, 1 at least."""
     return min((one.patience(k) if hasattr(one, "patience") else 1 for one in observers), default=UNHURRIED)
 
 
 class Pace(Protocol):
-    """How far the steps go: fixed (``Clock``) or controlled by an error (``coupling.variable_step``)."""
+    """Step length control: fixed (``Clock``) or by an error estimate (``coupling.variable_step``)."""
 
     @property
     def step(self) -> float:
-        """Length of the first one, s."""
+        """Length of the first step, s."""
 
     def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
-        """Step to the end; yields how many more steps are done for good, t, and the length of the last one.
+        """Step to the end; yields the number of further accepted steps, t, and the length of the last one.
 
-        ``most``: the steps that can be done together after so many.
+        ``most``: maps the number of steps done to the number that may be done in one batch.
         """
 
 
 class Clock(NamedTuple):
-    """Communication points t_k = k H."""
+    """Fixed communication points t_k = k H."""
 
     step: float  # H, s
     steps: int
-    done: int = 0  # steps that an earlier run has done
+    done: int = 0  # steps of an earlier run
 
     def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
-        """Step after step, or some at once."""
+        """Step to the end, one step or one batch at a time."""
         k = self.done
         while k < self.steps:
             done = scheme.march(k, min(most(k), self.steps - k), self.step)
@@ -51,12 +51,12 @@ class Clock(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """How a run ended."""
+    """Outcome of a run."""
 
     status: str  # "ok", "failed" or "interrupted"
-    message: str  # one sentence, empty when all is well
+    message: str  # one sentence, empty if ok
     steps: int  # communication steps done by all components
-    time: float  # reached by them, s
+    time: float  # s, reached by all components
 
 
 def run(
@@ -66,9 +66,9 @@ def run(
     interrupted: Callable[[], bool] = lambda: False,
     begun: tuple[int, float] | None = None,
 ) -> Outcome:
-    """Step initialised components to the end, a failure or an interruption; observers see k = 0 as well.
+    """Step initialised components to the end, a failure or an interruption; observers see k = 0 too.
 
-    ``begun``: steps that an earlier run has done, which observers have seen, and the time that it reached, s.
+    ``begun``: number of steps and time, s, that an earlier run has reached and its observers have seen.
     """
     k, t = begun or (0, 0.0)
     h, seen = pace.step, begun is not None

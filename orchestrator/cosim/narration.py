@@ -1,4 +1,4 @@
-"""What a command says while it works: what it turns to, and again every few seconds while that lasts."""
+"""Progress messages of a command: the current task, repeated every few seconds while it lasts."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-PATIENCE = 4.0  # s without a word
-KERNELS = "cotrack.kernels"  # the logger that is told of each kernel that has to be compiled
+PATIENCE = 4.0  # s between two messages
+KERNELS = "cotrack.kernels"  # logger that receives each kernel compilation
 FIRST = "kernels are compiled for this machine, which happens once and takes about half a minute"
 
 
 class Narration(logging.Handler):
-    """Writes lines from the moment it is entered; thread-safe.
+    """Progress messages from the moment the context is entered; thread-safe.
 
-    ``write`` takes a line. While kernels are compiled its reminders count them.
+    ``write`` receives each line. While kernels are compiled the reminders count them.
     """
 
     def __init__(self, write: Callable[[str], None], patience: float = PATIENCE) -> None:
@@ -44,23 +44,23 @@ class Narration(logging.Handler):
             self._thread.join()
 
     def __call__(self, what: str) -> None:
-        """Say what is done from now on."""
+        """Announce a task at once."""
         with self._speaking:
             self.begin(what)
             self._say(what)
 
     def begin(self, what: str) -> None:
-        """What is done from now on; said only when it takes long."""
+        """Set the task; it is announced only if it takes long."""
         self._what, self._detail, self._since = what, "", time.monotonic()
         self._said = self._since
 
     def note(self, detail: str) -> None:
-        """How far it is: for the next reminder."""
+        """Set the detail of the next reminder."""
         self._detail = detail
 
     @contextmanager
     def elsewhere(self) -> Iterator[None]:
-        """No reminders while something else, a progress bar, shows that the command is at work."""
+        """Suppress reminders while a progress bar shows the activity."""
         self._quiet = True
         try:
             yield
@@ -68,7 +68,7 @@ class Narration(logging.Handler):
             self._quiet, self._said = False, time.monotonic()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """A kernel is about to be compiled."""
+        """Count a kernel that is about to be compiled."""
         self._kernels += 1
         if self._kernels == 1 and not self._quiet:
             self._say(FIRST)

@@ -1,4 +1,4 @@
-"""What looks on while a run steps: the log and the progress of the run."""
+"""Observers of a run: log, checkpoints, progress."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.log.wire import Rule, Wire
 
 REFRESH = 0.2  # s of wall time between updates of the bar
-STATS = ("wall_time",)  # of /stats/<instance>, after the counters
+STATS = ("wall_time",)  # last signals of /stats/<instance>, after the counters
 
 
 def wires(scheme: Scheme) -> dict[str, list[Wire]]:
-    """By topic, the inputs that a coupling makes of outputs before and after a step and of nothing else."""
+    """Wires by topic: inputs that the coupling takes from outputs before and after a step alone."""
     found = {}
     for member in scheme.members:
-        wired: dict[tuple[str, Rule], Wire] = {}  # by source and rule, as few as can be
+        wired: dict[tuple[str, Rule], Wire] = {}  # by source and rule, as few as possible
         for feed in member.feeds:
             rule = scheme.rule(feed, feed.source.name in scheme.stepped(member))
             if rule is not None:
@@ -47,10 +47,10 @@ def wires(scheme: Scheme) -> dict[str, list[Wire]]:
 
 
 class Logging:
-    """Hands what happened to the recorder: inputs at the step's beginning, outputs and links at its end.
+    """Observer that records inputs at the beginning of a step, outputs and links at its end.
 
-    ``between``: links are read at every step; what they did between two records goes to "/<instance>/links/between".
-    It records what is on its ``tape``, where steps are done together, else what the components show.
+    ``between``: links are read at every step, and their statistics go to "/<instance>/links/between". Batches of
+    steps are recorded from the ``tape``, single steps from the components.
     """
 
     def __init__(
@@ -81,15 +81,15 @@ class Logging:
         return Tape(loaded, every, self.recorder.pages(*self._written), self.recorder.lend)
 
     def patience(self, k: int) -> int:
-        """Counters have a time."""
+        """Steps until solver counters are recorded."""
         return self.stats_every - k % self.stats_every
 
     def begin(self, k: int, t: float, h: float) -> None:
-        """Go on after step k, whose record is there."""
+        """Continue after step k, which is recorded already."""
         self.recorder.begin(self._step, k, t, h, *self._values)
 
     def __call__(self, k: int, t: float, h: float) -> None:
-        """Record step k - 1's inputs and the outputs that belong to time t."""
+        """Record the inputs of step k - 1 and the outputs at time t."""
         taken = self.tape.take() if self.tape else None
         if taken is None or self.tape is None:
             self._record(k, t, h)
@@ -105,7 +105,7 @@ class Logging:
             self.recorder.write(self._stats, k, t, h, *costs)
 
     def _record(self, k: int, t: float, h: float) -> None:
-        """What the components show now."""
+        """Record the present values of the components."""
         self.recorder.write(self._step, k, t, h, *self._values)
         if self._linked and (self._between or self.recorder.due(self._links, k)):
             for component in self._linked:
@@ -116,7 +116,7 @@ class Logging:
                 self._follow([k], [t], np.concatenate(shown)[None], h)
 
     def _follow(self, numbers: Sequence[int], times: Sequence[float], links: Floats, h: float) -> None:
-        """What links do between two records: their outputs (m, n) after each step."""
+        """Add link outputs (m, n), one row a step, to the statistics; record these where due."""
         parts = np.split(links, self._last[:-1], axis=1)
         for component, between, part in zip(self._linked, self._between, parts, strict=True):
             for row, number, t in zip(part, numbers, times, strict=True):
@@ -126,40 +126,40 @@ class Logging:
 
 
 class Reached:
-    """How far the run is: ``k`` steps are done, the time is ``t``, s."""
+    """Observer that keeps the state of the run: ``k`` steps done, time ``t``, s."""
 
     k, t = 0, 0.0
 
     def patience(self, k: int) -> int:
-        """It has time."""
+        """Never urgent."""
         return UNHURRIED
 
     def __call__(self, k: int, t: float, h: float) -> None:
-        """So far."""
+        """Store k and t."""
         self.k, self.t = k, t
 
 
 class Checkpoints:
-    """Puts into the log, every so many steps, what a run needs to go on from there."""
+    """Observer that writes a checkpoint every ``every`` steps."""
 
     def __init__(self, recorder: Recorder, scheme: Scheme, every: int) -> None:
         self.recorder, self.scheme, self.every = recorder, scheme, every
 
     def patience(self, k: int) -> int:
-        """They have a time."""
+        """Steps until the next checkpoint."""
         return self.every - k % self.every
 
     def __call__(self, k: int, t: float, h: float) -> None:
-        """A checkpoint, where one is due."""
+        """Write a checkpoint if it is due."""
         if k and k % self.every == 0:
             content = checkpoint.save(self.scheme, checkpoint.Point(k, t, h))
             self.recorder.attach(f"{CHECKPOINT}{k}", content)
 
 
 class TimedCheckpoints:
-    """The same in variable steps: every ``period`` s, at the next point with which the pace can go on.
+    """Observer that writes checkpoints of variable steps, every ``period`` s, where the pace allows one.
 
-    Only at multiples of ``every`` steps. ``since``: when the run goes on, s.
+    Checkpoints are at multiples of ``every`` steps. ``since``: time at which the run continues, s.
     """
 
     def __init__(
@@ -179,7 +179,7 @@ class TimedCheckpoints:
         return self.period * (math.floor(t / self.period + 1e-9) + 1)
 
     def __call__(self, k: int, t: float, h: float) -> None:
-        """A checkpoint, where one is due."""
+        """Write a checkpoint if it is due."""
         if t < self._due - 1e-9 or k % self.every or (memory := self.pace.memory(self.scheme)) is None:
             return
         self._due = self._after(t)
@@ -187,7 +187,7 @@ class TimedCheckpoints:
 
 
 class ProgressBar:
-    """Simulated time and real-time factor on stderr: a bar where someone watches, else a note for the narration."""
+    """Simulated time and real-time factor: a bar if stderr is a terminal, else a detail of the narration."""
 
     def __init__(self, title: str, stop: float, narration: Narration) -> None:
         self._stop, self._narration, self._shown = stop, narration, ExitStack()
@@ -213,7 +213,7 @@ class ProgressBar:
         self._shown.close()
 
     def patience(self, k: int) -> int:
-        """It looks at the clock."""
+        """Never urgent: the wall clock decides."""
         return UNHURRIED
 
     def __call__(self, k: int, t: float, h: float) -> None:

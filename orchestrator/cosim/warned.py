@@ -1,4 +1,4 @@
-"""What a component warns of: every text once, when it first came and how often."""
+"""Warnings of a component: every text once, with its first time and its count."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 @dataclass(frozen=True)
 class Warned:
-    """A warning that came at least once."""
+    """Warning with its count."""
 
     component: str
-    text: str  # as it first came, on one line; texts that differ from it in numbers only are counted with it
-    time: float  # s, the beginning of the communication step in which it first came
+    text: str  # first text, on one line; texts that differ in numbers only are counted with it
+    time: float  # s, beginning of the communication step of the first one
     count: int
 
 
 class Warnings:
-    """The warnings of one component.
+    """Warnings of one component.
 
-    Those of a step that was taken back are forgotten with it, but one that came in such steps alone is kept: an FMU
-    may say it once and never again.
+    Restoring a state removes the warnings of the steps taken back. A warning that came in such steps only is kept
+    with count 0, because an FMU may give it once and never again.
     """
 
     def __init__(self, component: str, earlier: Mapping[str, Warned] | None = None) -> None:
         self._component = component
-        self._known = dict(earlier or {})  # by text without numbers; count 0: in steps taken back alone
+        self._known = dict(earlier or {})  # by text without numbers; count 0: in steps taken back only
 
     def add(self, text: str, time: float) -> bool:
-        """Count a warning that came in the step from ``time`` s on; whether it is the first of its kind."""
+        """Count a warning of the step from ``time``, s; return True for the first of its kind."""
         text = " ".join(text.split())
         key = NUMBER.sub("#", text)
         known = self._known.get(key)
@@ -42,13 +42,13 @@ class Warnings:
         return known is None
 
     def told(self) -> list[Warned]:
-        """All of them, in the order in which they came."""
+        """All warnings in the order of their first occurrence."""
         return [replace(one, count=max(one.count, 1)) for one in self._known.values()]
 
     def save(self) -> Mapping[str, Warned]:
-        """What there is now, for ``restore``."""
+        """Copy of the warnings for ``restore``."""
         return dict(self._known)
 
     def restore(self, saved: Mapping[str, Warned]) -> None:
-        """Back to what there was."""
+        """Restore saved warnings; later ones get count 0."""
         self._known = {key: saved.get(key, replace(one, count=0)) for key, one in self._known.items()}

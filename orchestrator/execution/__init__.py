@@ -1,1 +1,1 @@
-"""Runs of scenes: coupled or as a monolith, with their errors and their summary; replays of recorded components."""
+"""Runs of scenes, coupled or monolithic, with error estimate and summary; replays of components."""

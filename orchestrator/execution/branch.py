@@ -1,8 +1,8 @@
-"""A run goes on from a checkpoint with other numbers: of the state of each FMU what moves is taken over, no parameter.
+"""Branch of a run: it continues from a checkpoint with other parameters.
 
-The new FMUs are initialised with the new numbers; their saved states keep those, and take variables, counters and the
-state of their models from the checkpoint. So a start, or what was laid out by it, is not made anew: a link that is
-stiffer from here on has the stretch that it had.
+The new FMUs are initialised with the new parameters. Their saved states keep these parameters and take variables,
+counters and model states from the checkpoint. The start is not computed again: a link that is stiffer from here on
+keeps its stretch.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fmus.vehicle import BadInput
 from orchestrator.cosim.component import Component
 from orchestrator.scene.scene import Scene, changed
 
-MAY_CHANGE = ("run.stop", "run.checkpoints", "run.allow")  # of how the run is stepped and recorded
+MAY_CHANGE = ("run.stop", "run.checkpoints", "run.allow")  # keys of ``run`` that a branch may change
 
 
 def branched(scene: Scene, settings: Sequence[str], where: str) -> Scene:
@@ -32,7 +32,7 @@ def branched(scene: Scene, settings: Sequence[str], where: str) -> Scene:
 
 
 def _more_than_numbers(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> Iterator[str]:
-    """Dotted keys of what differs in more than a number, and of all that differs in how the run is stepped."""
+    """Dotted keys that differ in more than a number, and keys about stepping that differ at all."""
     for name in sorted({*one, *other}):
         key, a, b = f"{above}{name}", one.get(name), other.get(name)
         if isinstance(a, Mapping) and isinstance(b, Mapping):
@@ -48,9 +48,9 @@ def _numbers(value: object) -> bool:
 
 
 def taken_over(component: Component, content: bytes, settings: Sequence[str]) -> bytes:
-    """The state of a component that is initialised, with what moves in a saved one of other parameters.
+    """State of an initialised component with the moving quantities of a saved state of other parameters.
 
-    Raises ValueError where that has no place in it.
+    Raises ValueError if the saved state does not fit.
     """
     own = component.save()
     try:
@@ -69,7 +69,7 @@ def taken_over(component: Component, content: bytes, settings: Sequence[str]) ->
     ]
     values, integers = before.values.copy(), now.integers.copy()
     values[parameters] = now.values[parameters]
-    integers[0] = before.integers[0]  # the status; what follows are parameters
+    integers[0] = before.integers[0]  # the status; the integers after it are parameters
     return to_bytes(before._replace(guid=now.guid, strings=now.strings, values=values, integers=integers))
 
 

@@ -1,10 +1,10 @@
-"""How wrong a run is, by its own estimate: two coarser runs beside it, in the norm of ``difference``.
+"""Error estimate of a run from two coarser runs, in the norm of ``difference``.
 
-``coupling``: the run against one with the communication step doubled, internal steps as they were.
-``integration``: that one against a third whose internal steps are doubled as well. ``total``: the run against the
-third. With a method of order p the difference is 2^p - 1 times the error of the finer run (Richardson 1911, doi
-10.1098/rsta.1911.0009); smooth motion is of order 2 here, motion full of impacts of order 1. ``SHARE`` lies between,
-off by a factor of 1.8 at either end.
+``coupling`` compares the run with one of twice the communication step and equal internal steps. ``integration``
+compares that one with a third whose internal steps are doubled as well. ``total`` compares the run with the third.
+For a method of order p the difference is 2^p - 1 times the error of the finer run (Richardson 1911, doi
+10.1098/rsta.1911.0009). Smooth motion is of order 2 here, motion with many impacts of order 1; ``SHARE`` lies between
+the two and is off by a factor of 1.8 at either end.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from orchestrator.scene.parts import TRACK
 from orchestrator.scene.run_tables import Variable
 from orchestrator.scene.scene import Scene
 
-SHARE = 1.0 / math.sqrt(3.0)  # of a difference: between 1 (order 1) and 1/3 (order 2)
+SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
 
-Run = Callable[[Scene, Path], dict[str, Any]]  # records a scene, there or elsewhere, and gives its summary
+Run = Callable[[Scene, Path], dict[str, Any]]  # records a scene, in this process or another, and returns its summary
 
 
 class Companions(NamedTuple):
-    """The coarser scenes beside a scene."""
+    """The two coarser scenes of an estimate."""
 
-    coupling: Scene | None  # None: a single component has no coupling
+    coupling: Scene | None  # None for a single component, which has no coupling
     both: Scene
 
 
 def companions(scene: Scene, internal: float, simulated: float, components: int) -> Companions:
-    """Twice the communication step, twice the internal step too; ``internal`` s is what the tracks set out to take.
+    """Scenes with twice the communication step, and with twice the internal step too.
 
-    A variable step is doubled through its tolerance; internal steps that follow it are no part of their own. An
-    explicit integrator at its stable step has no longer one: its own error is not known, and small beside the other.
-    Adams' methods get ten times their tolerances.
+    ``internal``: internal step of the tracks, s. A variable step is doubled through its tolerance; internal steps
+    that follow it get no scene of their own. An explicit integrator at its stable step cannot be doubled: its own
+    error is unknown, but small beside the coupling error. Adams' methods get ten times their tolerances.
     """
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
@@ -72,12 +72,12 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
 
 
 def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> dict[str, Any]:
-    """Relative errors of a recorded run as a whole and by observable; without companions, why not."""
+    """Relative errors of a recorded run, in total and by observable; without companions, the reason."""
     steps, simulated = _steps(scene, summary), summary["simulated_time"]
     if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
         return unknown("the run is too short, or nothing in it has an internal step to double")
     count = summary["communication_steps"]
-    pieces = max(1, round(max(steps) / count))  # of a communication step; the few that were halved are not counted
+    pieces = max(1, round(max(steps) / count))  # internal steps per communication step; halved ones are few
     wanted = companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         logs: dict[str, Path] = {}
@@ -93,7 +93,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
             if told["status"] != "ok" or energy_warning(told["energy"]):
                 return unknown(f"the run at twice the step cannot be right: {told['message']}")
             if wanted.coupling is None and scene.run.variable is None:
-                coarser = max(_steps(companion, told)) / told["simulated_time"]  # steps a second
+                coarser = max(_steps(companion, told)) / told["simulated_time"]  # internal steps a second
                 if coarser > 0.75 * max(steps) / simulated:
                     return unknown("there is no coarser run: internal steps are as long as stability allows")
             logs[name] = Path(told["log"])
@@ -132,18 +132,18 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
 
 
 def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
-    """Internal steps of the tracks."""
+    """Number of internal steps of each track."""
     tracks = {part.name for part in assemble(scene).parts if part.stage == TRACK}
     return [cost["steps"] for name, cost in summary["components"].items() if name in tracks]
 
 
 def unknown(reason: str) -> dict[str, Any]:
-    """What stands where no estimate could be made."""
+    """Entry of a summary without an estimate."""
     return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": 0.0, "message": reason}
 
 
 def _looser(variable: Variable) -> Variable:
-    """Steps of twice the length: a power residual is of order 2 in the step, the error of a step of order 3."""
+    """Tolerances for twice the step: a power residual is of order 2, the error of a step of order 3."""
     factor = 4.0 if variable.estimate == "power" else 8.0
     return variable.model_copy(
         update={

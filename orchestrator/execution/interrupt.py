@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while a run steps."""
+"""Handling of Ctrl-C and SIGTERM during a run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 
 class Interrupt:
-    """What Ctrl-C and SIGTERM do: end at once, or, while ``gentle``, ask for it; the second time at once."""
+    """Signal handler: raises at once; while ``gentle`` it only records the first signal."""
 
     def __init__(self) -> None:
         self.asked = self.gentle = False
@@ -23,7 +23,7 @@ class Interrupt:
 
 @contextmanager
 def interruptible() -> Iterator[Interrupt]:
-    """Signals only ask while a run steps: a step in progress ends, and the log is closed properly."""
+    """Context in which the first signal only requests the end: the step ends and the log is closed."""
     interrupt = Interrupt()
     main = threading.current_thread() is threading.main_thread()
     signals = [signal.SIGINT, signal.SIGTERM] if main else []

@@ -1,4 +1,4 @@
-"""What a log holds before step 0: topics, the scene and the system with the hash of every FMU, metadata."""
+"""Contents of a log before step 0: topics, scene, system with the hash of every FMU, metadata."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import Scene
 
 PACKAGES = ("numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
-NATIVE = "native"  # kind of FMUs, in a log's metadata
-STATS_PERIOD = 0.1  # s of simulated time between records of cost
+NATIVE = "native"  # kind of FMUs, in the metadata of a log
+STATS_PERIOD = 0.1  # s of simulated time between records of solver cost
 
 
 def open_log(
@@ -42,7 +42,10 @@ def open_log(
     about: Mapping[str, str] | None = None,
     more: Mapping[str, Mapping[str, str]] | None = None,
 ) -> Recorder:
-    """The log of a run, begun; ``about``: what else there is to say of the run, ``more`` metadata. Raises LogFailed."""
+    """Open the log of a run; raises LogFailed.
+
+    ``about`` adds entries to the metadata ``run``; ``more``: further metadata.
+    """
     topics, attachments, metadata = manifest(scene, graph, components)
     metadata["run"] |= about or {}
     metadata |= {name: dict(entries) for name, entries in (more or {}).items()}
@@ -61,7 +64,7 @@ def open_log(
 def manifest(
     scene: Scene, graph: System, components: Mapping[str, Recorded]
 ) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
-    """What a log holds before step 0: topics, attachments, metadata."""
+    """Topics, attachments and metadata of a log before step 0."""
     topics: dict[str, list[tuple[str, str]]] = {}
     attachments = {
         "scene.json": as_json(scene.resolved()),
@@ -98,7 +101,7 @@ def manifest(
 
 
 def describe(graph: System) -> dict[str, Any]:
-    """A system as plain data, with the hash of every FMU."""
+    """System as plain data, with the hash of every FMU."""
     return {
         "instances": [
             {
@@ -114,7 +117,7 @@ def describe(graph: System) -> dict[str, Any]:
 
 
 def provenance() -> dict[str, str]:
-    """Where and when a run was made; what is not known is left out."""
+    """Time, system, processor and versions of a run; unknown entries are left out."""
     found = {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "system": platform.platform(),
@@ -127,7 +130,7 @@ def provenance() -> dict[str, str]:
 
 @cache
 def _processor() -> str:
-    """Its model's name, and how many of them there are."""
+    """Number and name of the processors."""
     name = platform.processor()
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -137,7 +140,7 @@ def _processor() -> str:
 
 @cache
 def _commit() -> str:
-    """Of the checkout that these sources are, "+" where they are changed; empty where they are installed."""
+    """Git commit of the sources, with "+" if they are changed; empty for an installed package."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return ""
@@ -153,7 +156,7 @@ def _commit() -> str:
 
 
 def _types(components: Mapping[str, Recorded]) -> dict[str, str]:
-    """Message types by topic: those of one kind of FMU are shared."""
+    """Message types by topic; instances of one kind of FMU share theirs."""
     return {
         f"/{name}/{topic}": schema.type_name(f"/{component.description.modelName}/{topic}")
         for name, component in components.items()
@@ -163,29 +166,29 @@ def _types(components: Mapping[str, Recorded]) -> dict[str, str]:
 
 
 def _strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
-    """Every how many steps a topic is recorded."""
+    """Recording interval by topic, in communication steps."""
     every = {"out": scene.run.outputs, "links": scene.links_every}
     return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}
 
 
 def description(fmu: Path) -> bytes:
-    """The modelDescription.xml of an FMU."""
+    """Content of modelDescription.xml in an FMU."""
     with zipfile.ZipFile(fmu) as archive:
         return archive.read("modelDescription.xml")
 
 
 def sha256(file: Path) -> str:
-    """Hash of a file's content."""
+    """SHA-256 of a file's content."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def as_json(data: Any) -> bytes:
-    """Data as the content of an attachment."""
+    """JSON bytes of an attachment."""
     return json.dumps(data, indent=1, sort_keys=True).encode()
 
 
 def _file(fmu: Path) -> dict[str, str]:
-    name = fmu.name.encode(errors="backslashreplace").decode()  # it may hold bytes that are no text
+    name = fmu.name.encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
     return {"fmu": name, "sha256": sha256(fmu)}
 
 

@@ -1,4 +1,4 @@
-"""A scene in one process, without co-simulation, behind the master and into the log of an ordinary run."""
+"""Monolithic run of a scene, without co-simulation, by the same master and into the same log topics."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from orchestrator.scene.scene import Scene
 
 
 class Shown:
-    """One part of the monolith as a loaded component shows itself to wiring, log and statistics."""
+    """Part of the monolith, with the interface of a loaded component for wiring, log and statistics."""
 
     def __init__(self, name: str, model: Any) -> None:
         self.name, self._model = name, model
@@ -53,23 +53,23 @@ class Shown:
         return self._units.get(name, "1")
 
     def read(self) -> None:
-        """The model's outputs into ``y``; raises ComponentFailed where one is not finite."""
+        """Read the model's outputs into ``y``; raises ComponentFailed if one is not finite."""
         self._model.outputs(self.y)
         if not np.isfinite(self.y).all():
             name = self.outputs[int(np.flatnonzero(~np.isfinite(self.y))[0])]
             raise ComponentFailed(f"{self.name}: output '{name}' is not a finite number")
 
     def read_links(self) -> None:
-        """Those of links into ``y_links``."""
+        """Read the per-link outputs into ``y_links``."""
         self._model.link_outputs(self.y_links)
 
     def read_counters(self) -> None:
-        """The counters of the one integration, which all parts share."""
+        """Read the counters of the one integration, which all parts share."""
         self.counters[:-1] = np.minimum(self._model.counters, np.iinfo(np.int32).max)
 
 
 class Whole(Scheme):
-    """The monolith as the coupling of its parts: all of them advance at once."""
+    """Coupling scheme of the monolith: all parts advance at once."""
 
     NAME = "monolithic"
 
@@ -79,7 +79,7 @@ class Whole(Scheme):
         self._feed(early=True)
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
-        """The step, with the mean wrenches of it as inputs of the parts that take them."""
+        """Advance one step; parts that take wrenches get the means over it as inputs."""
         self._feed(early=True)
         began = time.perf_counter()
         try:
@@ -94,11 +94,11 @@ class Whole(Scheme):
         self._feed(early=False)
 
     def rule(self, feed: Feed, stepped: bool) -> Rule | None:
-        """The inputs that a log holds for a step: motions at its beginning, means over it."""
+        """Rule of a connection in the log: motion at the beginning of the step, means at its end."""
         return "end" if stepped else "start"
 
     def _feed(self, early: bool) -> None:
-        """The inputs at the beginning of a step (``early``), or those that it made."""
+        """Copy inputs whose values belong to the beginning of the step (``early``), or to its end."""
         for member in self.members:
             for feed in member.feeds:
                 if (feed.source.name in self.stepped(member)) != early:
@@ -106,12 +106,12 @@ class Whole(Scheme):
 
 
 def parts_of(assembly: Assembly) -> list[Part]:
-    """The parts of an assembly as the monolith takes them."""
+    """Parts of an assembly in the form that the monolith takes."""
     return [Part(part.name, part.kind, part.config, part.parameters) for part in assembly.parts]
 
 
 def _sampled(assembly: Assembly) -> Assembly:
-    """With means of links over one step between outputs: a truth is held against runs whose intervals are short."""
+    """The assembly with link means over one step: a truth is compared with runs of short intervals."""
     once = {INTERVAL: 1.0}
     parts = (
         part._replace(parameters={**part.parameters, **once}) if INTERVAL in part.parameters else part
@@ -131,13 +131,14 @@ def run(
     atol: float = TOLERANCE,
     begun: States | None = None,
 ) -> tuple[master.Outcome, dict[str, float]]:
-    """Integrate a scene as a monolith into the log ``path``; how it ended, and what it cost.
+    """Integrate a scene as a monolith into the log ``path``; return the outcome and the cost.
 
-    The communication step of the scene is that of the outputs. ``refine`` divides the internal step; "adams" as
-    ``integrator`` chooses its own by the tolerances (``Monolith``). ``begun``: states of a co-simulation of the scene
-    (``states_at``), from which it goes on to the scene's stop. A ``narration`` is told how far it is. The cost:
-    internal step (the longest that is allowed), wall time, s; steps, evaluations, rejected steps, restarts, mean order.
-    Raises BadInput, BuildFailed or ComponentFailed before the first step.
+    The communication step of the scene is the interval of the outputs. ``refine`` divides the internal step; the
+    ``integrator`` "adams" chooses its steps by ``rtol`` and ``atol`` (``Monolith``). ``begun``: states of a
+    co-simulation of the scene (``states_at``), from which the run continues to the scene's stop. ``narration``
+    receives the progress. The cost holds internal step (the longest allowed) and wall time, s, and the numbers of
+    steps, evaluations, rejected steps and restarts, and the mean order. Raises BadInput, BuildFailed or
+    ComponentFailed before the first step.
     """
     scene = placed(scene)
     assembly = _sampled(assemble(scene))

@@ -1,7 +1,7 @@
-"""What precision costs: settings of scenes with the error and the run time that a study found for them.
+"""Tables of precision: settings of scenes with the error and the run time that a study measured.
 
-The gallery's own are shipped beside the scenes and name the commit that they were measured at; what ``cotrack study
-error-runtime`` finds here replaces them. A table has a checksum.
+The gallery's table is shipped beside the scenes and names the commit of its measurements. Results of ``cotrack study
+error-runtime`` on this machine replace its entries. A table has a checksum.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ SHIPPED = Path(__file__).parents[1] / "gallery" / "precision.json"
 
 
 class Setting(NamedTuple):
-    """A way to run a scene."""
+    """Settings of a run with their measured error and run time."""
 
     scene: str
     track: str
     settings: tuple[str, ...]  # KEY=VALUE, as after ``--set``
-    error: float  # the largest relative error of the decisive observables against the truth
+    error: float  # largest relative error of the decisive observables against the truth
     wall_time: float  # s
 
 
 def own() -> Path:
-    """The table that studies on this machine write."""
+    """File that studies on this machine write."""
     return cache_folder() / "precision.json"
 
 
 def read(*files: Path) -> list[Setting]:
-    """All settings; of a scene and track those of the last file that knows them."""
+    """All settings; for a scene and track the last file that has them counts."""
     found: list[Setting] = []
     for file in files or (SHIPPED, own()):
         rows = _rows(file)
@@ -46,13 +46,13 @@ def read(*files: Path) -> list[Setting]:
 
 
 def _of_others(settings: list[Setting], new: Iterable[Setting]) -> list[Setting]:
-    """Those of the scenes and tracks of which the new ones say nothing."""
+    """Settings whose scene and track do not occur among the new ones."""
     known = {(one.scene, one.track) for one in new}
     return [one for one in settings if (one.scene, one.track) not in known]
 
 
 def _rows(file: Path) -> list[Setting]:
-    """The settings of a table; one that is damaged is left out, and that is told."""
+    """Settings in a table; a damaged table gives a warning and an empty list."""
     try:
         if file == own():
             check(file.parent)
@@ -80,7 +80,7 @@ def front(
     cost: Callable[[Any], float] = attrgetter("wall_time"),
     error: Callable[[Any], float] = attrgetter("error"),
 ) -> list[Any]:
-    """Those that no other beats in both error and run time, the cheapest first."""
+    """Pareto front in error and run time, cheapest first."""
     best: list[Any] = []
     for one in sorted(ways, key=lambda way: (cost(way), error(way))):
         if not best or error(one) < error(best[-1]):
@@ -89,7 +89,7 @@ def front(
 
 
 def write(settings: Iterable[Setting], file: Path) -> None:
-    """The fronts of scenes and tracks, beside what the file says of others. Raises OSError."""
+    """Write the fronts of scenes and tracks, and keep the file's entries of others. Raises OSError."""
     new: dict[tuple[str, str], list[Setting]] = {}
     for one in settings:
         new.setdefault((one.scene, one.track), []).append(one)
@@ -100,7 +100,7 @@ def write(settings: Iterable[Setting], file: Path) -> None:
 
 
 def fraction(text: str) -> float:
-    """``1%`` or ``0.01``; raises BadInput."""
+    """Parse ``1%`` or ``0.01``; raises BadInput."""
     try:
         value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
     except ValueError:
@@ -111,7 +111,7 @@ def fraction(text: str) -> float:
 
 
 def cheapest(scene: str, track: str, error: float) -> Setting:
-    """The setting with the least run time within the error; raises BadInput when none is known."""
+    """Setting with the least run time within the error; raises BadInput when none is known."""
     known = [row for row in read() if (row.scene, row.track) == (scene, track)]
     if not known:
         raise BadInput(

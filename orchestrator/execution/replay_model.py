@@ -1,7 +1,7 @@
-"""What replays a component of a log: the FMU that ran, another track model or other numbers, or an FMU that was given.
+"""Component of a replay: the FMU that ran, another track model, other numbers, or a given FMU.
 
-Nothing that only the log vouches for is run: its scene is built again from our own sources, and what is built must
-have the hash that the log names.
+A file that only the log vouches for is never run: the component is built from our own sources with the scene in the
+log, and must have the recorded hash.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from orchestrator.scene.scene import Scene, changed, from_table
 
 
 class Model(NamedTuple):
-    """What is stepped in a component's place."""
+    """Component that is stepped in a replay."""
 
     fmu: Path
     parameters: replays.Parameters
     stage: int
-    scene: Scene | None  # that it belongs to, None for another's FMU
-    ran: bool  # whether it is what the log's component was
+    scene: Scene | None  # its scene, None for a given FMU
+    ran: bool  # whether it is the FMU that ran
     native: bool = False
-    settings: Sequence[str] = ()  # that tell its scene from the log's
+    settings: Sequence[str] = ()  # changes from the scene in the log
 
 
 class Again(NamedTuple):
-    """A component opened to be replayed."""
+    """Component opened for a replay, with its log."""
 
     log: Log
     component: Component
@@ -48,14 +48,14 @@ class Again(NamedTuple):
     model: Model
 
     def verify(self, window: tuple[float, float] = EVER) -> replays.Verdict:
-        """Bit by bit against the log, in a window, s."""
+        """Compare bit by bit with the log, in a window, s."""
         return replays.verify(self.log, self.component, self.parameters, window)
 
     def answer(self, path: Path, end: float = EVER[1]) -> int:
-        """Log the component's own answer until ``end``, s; returns its steps, and makes no log of a log without one.
+        """Log the component's own answer until ``end``, s; return the number of steps (0: no log is written).
 
-        That log names this one with its digest, and holds the FMU's hash and its parameters, and the scene that it
-        belongs to where that is known: it can be replayed in turn. Raises BadInput, Unfit.
+        The new log names the replayed one with its digest, the FMU's hash and parameters, and the scene where that is
+        known, so it can be replayed in turn. Raises BadInput, Unfit.
         """
         log, name, model = self.log, self.component.name, self.model
         if path.exists() and path.samefile(log.path):
@@ -67,7 +67,7 @@ class Again(NamedTuple):
         }
         if model.scene is not None:
             attachments["scene.json"] = as_json(model.scene.resolved())
-        of = str(log.path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are no text
+        of = str(log.path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are not text
         metadata = {"replay": {"of": of, "digest": log.digest(), "component": name}}
         if model.settings:
             metadata["replay"]["set"] = "; ".join(model.settings)
@@ -83,10 +83,10 @@ class Again(NamedTuple):
 def opened(
     path: Path, name: str, other: str | None, logger: Logger | None = None, settings: Sequence[str] = ()
 ) -> Iterator[Again]:
-    """The component ``name`` of a log, or ``other`` ("rigid", "flexible" or an FMU file) in its place.
+    """Open the component ``name`` of a log, or ``other`` ("rigid", "flexible", an FMU file) in its place.
 
-    ``settings``, KEY=VALUE, change the scene in the log; what it recorded, and where its idler stands, stay.
-    Raises BadInput, Unfit, BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
+    ``settings``, KEY=VALUE, change the scene in the log; recording and idler position stay. Raises BadInput, Unfit,
+    BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
     """
     with Log(path) as log:
         notices.notice(notices.other_version(path, log.metadata.get("versions", {})))
@@ -107,13 +107,13 @@ def opened(
 
 
 def components(path: Path) -> list[str]:
-    """Names of the components of a log that ran as FMUs; raises LogUnreadable, NoSuchSignal."""
+    """Names of the components that ran as FMUs; raises LogUnreadable, NoSuchSignal."""
     with Log(path) as log:
         return [entry["name"] for entry in system_of(log)["instances"] if entry.get("sha256")]
 
 
 def _entry(log: Log, name: str) -> dict[str, Any]:
-    """What the log says of a component; raises Unfit, BadInput."""
+    """Entry of a component in ``system.json``; raises Unfit, BadInput."""
     instances = {entry["name"]: entry for entry in system_of(log)["instances"]}
     if name not in instances:
         raise replays.Unfit(f"the log has no component '{name}': one of {', '.join(instances)}")
@@ -123,7 +123,7 @@ def _entry(log: Log, name: str) -> dict[str, Any]:
 
 
 def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> Model:
-    """An FMU that the user trusts, told what the component of the log was told."""
+    """Model from a given FMU, with the parameters of the recorded component."""
     if not fmu.is_file():
         raise BadInput(f"no FMU '{fmu}': give rigid, flexible or an .fmu file")
     ran = sha256(fmu) == entry["sha256"]
@@ -132,7 +132,7 @@ def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> Model:
 
 
 def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> Model:
-    """Built from the scene of the log, with its own track model or with ``track``, and with other ``settings``."""
+    """Model built from the scene in the log, with its own track model or ``track``, and ``settings``."""
     name = entry["name"]
     if "scene.json" not in log.attachments:
         raise BadInput(f"{log.path} does not say of which scene '{name}' is: name its FMU with --with")

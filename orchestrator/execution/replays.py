@@ -1,4 +1,4 @@
-"""Replay: one component fed with the inputs that a log holds, bit by bit, at the recorded (t, h)."""
+"""Replay of one component: step it with recorded inputs, bit by bit, at the recorded (t, h)."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ Parameters = Mapping[str, float | int | str]
 
 
 class Unfit(ValueError):
-    """The component cannot be driven by this log; the message is one sentence."""
+    """The log cannot drive this component; the message is one sentence."""
 
 
 class Verdict(NamedTuple):
-    """What a bitwise replay found."""
+    """Result of a bitwise replay."""
 
     steps: int
-    compared: int  # numbers compared
+    compared: int  # number of values compared
     difference: Difference | None  # None: all are equal
-    altered: tuple[str, ...] = ()  # topics of its inputs that are not what the closing record says
+    altered: tuple[str, ...] = ()  # input topics that differ from the closing record
 
     @property
     def equal(self) -> bool:
-        """Whether something was compared, nothing differed, and the inputs are those that were recorded."""
+        """True if values were compared, none differs, and the inputs are as recorded."""
         return self.difference is None and not self.altered and self.steps > 0 and self.compared > 0
 
     @property
     def sentence(self) -> str:
-        """The verdict in words."""
+        """Verdict as a sentence."""
         if not self.steps or not self.compared:
             return f"nothing was compared: the log holds {self.steps} steps and {self.compared} numbers of it"
         inputs = f"; its inputs were altered: {' and '.join(self.altered)} has another sha256 than was recorded"
@@ -49,7 +49,7 @@ class Verdict(NamedTuple):
 
 
 def check(component: Component, inputs: Series) -> None:
-    """Whether a component can be driven by recorded inputs; raises Unfit."""
+    """Check that recorded inputs can drive a component; raises Unfit."""
     if tuple(component.inputs) != tuple(inputs.names):
         missing = sorted(set(component.inputs) ^ set(inputs.names))
         raise Unfit(f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})")
@@ -58,7 +58,10 @@ def check(component: Component, inputs: Series) -> None:
 
 
 def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
-    """Step a component through recorded inputs; yields (k, t) at the start and after every step. Raises Unfit."""
+    """Step a component through recorded inputs; yields (k, t) at the start and after each step.
+
+    Raises Unfit.
+    """
     check(component, inputs)
     component.initialise(parameters, 0.0)
     yield 0, 0.0
@@ -72,9 +75,10 @@ def drive(component: Component, inputs: Series, parameters: Parameters) -> Itera
 
 
 def verify(log: Log, component: Component, parameters: Parameters, window: tuple[float, float] = EVER) -> Verdict:
-    """Step the component again and compare every recorded output and link output, bit by bit; raises Unfit.
+    """Step the component again and compare all recorded outputs, bit by bit; raises Unfit.
 
-    With a window, a closed interval of time, s, it is stepped to its end, and compared inside.
+    Outputs of links are included. With a window, a closed interval of time, s, the component is stepped to its end
+    and compared inside.
     """
     inputs = log.read(f"/{component.name}/in")
     check(component, inputs)
@@ -118,7 +122,7 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
 
 
 def _altered(log: Log, topic: str) -> tuple[str, ...]:
-    """Of the topics that inputs come from, those that are not as the closing record says, where there is one."""
+    """Input topics that differ from the closing record; empty without one."""
     if log.closing is None:
         return ()
     sources = dict.fromkeys([topic, *(wire.source for wire in log.topics[topic].wires)])
@@ -127,19 +131,19 @@ def _altered(log: Log, topic: str) -> tuple[str, ...]:
 
 
 class Described(NamedTuple):
-    """What the log of an answer says before step 0."""
+    """Metadata and attachments of the log of an answer."""
 
     attachments: Mapping[str, bytes]
     metadata: Mapping[str, Mapping[str, str]]
-    links_every: int  # steps from one record of links to the next
+    links_every: int  # communication steps between two records of links
 
 
 def answer(
     log: Log, component: Component, parameters: Parameters, path: Path, described: Described, end: float = EVER[1]
 ) -> int:
-    """Another model under the inputs recorded until ``end``, s: its answer goes to the log ``path``.
+    """Step another model with the inputs recorded until ``end``, s, and log its answer to ``path``.
 
-    Returns how many steps it did; makes no log of none. Raises Unfit.
+    Returns the number of steps; without a step no log is written. Raises Unfit.
     """
     name = component.name
     inputs, recorded = log.read(f"/{name}/in"), log.read(f"/{name}/out")
@@ -154,7 +158,7 @@ def answer(
     every = {topic: described.links_every for topic in topics if topic.endswith("/links")}
     ends = dict(zip(log.sequence(f"/{name}/out").tolist(), recorded.t.tolist(), strict=True))
     steps = drive(component, inputs, parameters)
-    start = next(steps)  # what cannot be driven leaves no log
+    start = next(steps)  # raises before a log is opened
     with Recorder(path, topics, described.attachments, described.metadata, every=every) as recorder:
         for k, t in chain([start], steps):
             t = ends.get(k, t)

@@ -1,4 +1,4 @@
-"""A log as one page: its checks made again by its own scene, then all that ``results/page`` says of it."""
+"""Report of a log: its checks are repeated with its own scene, then ``results/page`` writes the page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def report(
     reference: str | os.PathLike[str] | None = None,
     different: bool = False,
 ) -> None:
-    """Write the page of a log, held against a ``reference`` where there is one, of any scene if ``different``.
+    """Write the page of a log; with a ``reference`` also its comparison (``different``: of any scene).
 
     Raises BadInput, LogUnreadable, NotInstalled.
     """
@@ -46,7 +46,7 @@ def report(
 
 
 def _judged(run: RunData) -> Judged:
-    """Checks and observables of a log, made again by its own scene; a note where that cannot be."""
+    """Checks and observables of a log by its own scene, or a note why there are none."""
     if not run.scene:
         return Judged({}, {}, "the log does not say of which scene it is")
     try:

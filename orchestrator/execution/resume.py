@@ -1,4 +1,4 @@
-"""A run goes on from a checkpoint in its log, into a log that is that of the run that was not interrupted."""
+"""Resumption of a run from a checkpoint in its log; the new log equals that of an uninterrupted run."""
 
 from __future__ import annotations
 
@@ -36,11 +36,12 @@ def resume(
     narration: Narration | None = None,
     settings: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Go on from the last checkpoint by ``at``, s, or the last one, to ``stop``, s, or the end of the scene.
+    """Resume a run from the last checkpoint by ``at``, s, until ``stop``, s.
 
-    The log of an interrupted or killed run will do. The FMUs are built from the scene in the log and must have the
-    hashes that it names. With ``settings``, KEY=VALUE, a run of other numbers branches off there (``branch``).
-    The summary is that of ``simulate``; raises what that raises, LogUnreadable and BadInput.
+    None stands for the last checkpoint and the scene's stop. The log may be that of an interrupted or killed run. The
+    FMUs are built from the scene in the log and must have the recorded hashes. ``settings``, KEY=VALUE, branch off
+    with other numbers (``branch``). Returns the summary of ``simulate``; raises its errors, LogUnreadable and
+    BadInput.
     """
     with Log(source) as log:
         notices.notice(notices.other_version(source, log.metadata.get("versions", {})))
@@ -67,7 +68,7 @@ def resume(
 
 
 def _text(path: Path) -> str:
-    return str(path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are no text
+    return str(path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are not text
 
 
 def _scene(log: Log, stop: float | None) -> Scene:
@@ -78,7 +79,7 @@ def _scene(log: Log, stop: float | None) -> Scene:
 
 
 def _chosen(log: Log, at: float | None, run: Run) -> tuple[int, float]:
-    """The number of the step of the last checkpoint by a time, and when that was, s; raises BadInput, Unusable."""
+    """Step number and time, s, of the last checkpoint by ``at``; raises BadInput, Unusable."""
     numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     if not numbers:
         raise BadInput(f"{log.path} has no checkpoint to go on from")
@@ -91,7 +92,7 @@ def _chosen(log: Log, at: float | None, run: Run) -> tuple[int, float]:
 
 
 def _native(log: Log, scene: Scene) -> bool:
-    """Whether native FMUs ran; raises BadInput where those that ran cannot be built here."""
+    """True if native FMUs ran; raises BadInput if they cannot be built here."""
     ran = {entry["name"]: entry for entry in system_of(log)["instances"]}
     native = log.metadata.get("run", {}).get("fmus") == NATIVE
     for instance in system(assemble(scene), native).instances:
@@ -103,7 +104,7 @@ def _native(log: Log, scene: Scene) -> bool:
 
 
 def _copy(log: Log, recorder: Recorder, number: int) -> None:
-    """What was recorded up to a step; inputs belong to the step that they lead to."""
+    """Copy the records up to a step; the inputs of a step belong to its end."""
     for piece in log.chunks():
         for messages in piece:
             kept = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number

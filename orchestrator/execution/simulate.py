@@ -39,18 +39,18 @@ from orchestrator.scene.ranges import implausible
 from orchestrator.scene.run_tables import Run
 from orchestrator.scene.scene import Scene
 
-QUIET = 1.0  # J: what bonds carry below it is rest, unless a scene says otherwise
-LATER = 10  # niceness of a process beside that is not the longest
+QUIET = 1.0  # J: a smaller strain energy of bonds counts as rest, unless the scene sets another limit
+LATER = 10  # niceness of the compiling processes beside the longest one
 
 
 class Begun(NamedTuple):
-    """What an earlier run has done: where it was, its record, and what is to be said of that."""
+    """Checkpoint of an earlier run, and how its record is carried over."""
 
-    step: int  # number of the last one
+    step: int  # number of the last step done
     checkpoint: bytes
     copy: Callable[[Recorder], None]
     metadata: Mapping[str, Mapping[str, str]]
-    made: Callable[[Component, bytes], bytes] = lambda _, state: state  # what a component is given of its saved state
+    made: Callable[[Component, bytes], bytes] = lambda _, state: state  # maps a saved state to what the component gets
 
 
 def simulate(
@@ -62,21 +62,21 @@ def simulate(
     native: bool = False,
     begun: Begun | None = None,
 ) -> dict[str, Any]:
-    """Build, run, record and evaluate a scene; the summary of ``summary.empty``. A ``narration`` is told what is done.
+    """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
-    ``estimated``: coarser runs beside it say how wrong it is (``estimate``); they take 1.2 to 1.8 times its time more.
-    ``native``: by native FMUs, which give the same numbers; coarser runs beside it are not.
-    ``begun``: what an earlier run has done of it (``resume``).
+    ``narration`` receives the progress. ``estimated``: two coarser runs beside it estimate the error; they take 1.2
+    to 1.8 times the run's own time more. ``native``: use native FMUs, which give the same numbers; the coarser runs
+    use Python FMUs. ``begun``: checkpoint of an earlier run (``resume``).
 
     Raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt before the first
-    step (then no log is written); afterwards every failure is in the summary's status and message.
+    step, and then writes no log. Later failures stand in the summary's status and message.
     """
     check_writable(path)
     with interruptible() as interrupt:
         try:
             return _simulate(scene, path, logger, narration, estimated, interrupt, native, begun)
         except (BuildFailed, ComponentFailed):
-            if interrupt.asked:  # a component makes a failure of an interruption
+            if interrupt.asked:  # an interruption makes a component report a failure
                 raise KeyboardInterrupt from None
             raise
 
@@ -139,18 +139,18 @@ def _simulate(
 
 
 class _Prepared(NamedTuple):
-    """A scene whose components stand at its start, or where an earlier run was."""
+    """Scene whose components are at its start or at a checkpoint."""
 
     scene: Scene
     graph: System
     components: dict[str, Component]
     scheme: Scheme
     pace: master.Clock | VariableStep | PowerResidual
-    at: Any  # number, time and state of the step from which it goes on; None at the start
+    at: Any  # number, time and state of the checkpoint; None at the start
 
     @classmethod
     def of(cls, scene: Scene, graph: System, components: dict[str, Component], begun: Begun | None) -> _Prepared:
-        """Wire, warm up and, where an earlier run has ``begun``, restore; raises CouplingFailed, Unusable."""
+        """Wire, warm up and, if ``begun`` is given, restore; raises CouplingFailed, Unusable."""
         stages = wire(graph, components)
         scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
         pace, at = paced(scene.run), None
@@ -166,19 +166,19 @@ class _Prepared(NamedTuple):
 
 
 def _warned_before(run: _Prepared, logger: Logger | None) -> list[dict[str, Any]]:
-    """Warnings of the record and of the scene, which the logger gets as well."""
+    """Warnings about recording and scene; the logger gets them too."""
     aliases = run.scene.folded if any_links(run.components) else ""
     sentences = [("log", aliases)] * bool(aliases) + _beforehand(run.scene)
     if logger:
         for component, text in sentences:
             logger(component, 1, text)
-        for entry in contact_step.of_scene(run.scene.resolved()):  # the ledger has them in the end
+        for entry in contact_step.of_scene(run.scene.resolved()):  # the validity ledger lists them as well
             logger(entry.component, 1, entry.sentence)
     return [{"component": component, "text": text, "time": 0.0, "count": 1} for component, text in sentences]
 
 
 def _observers(run: _Prepared, recorder: Recorder, reached: Reached) -> list[master.Observer]:
-    """What records each step, and checkpoints where a run can go on from them; they know where it goes on."""
+    """Observers of the run: log, checkpoints, progress; they start at the step of the checkpoint."""
     scene, scheme, pace, at = run.scene, run.scheme, run.pace, run.at
     every = max(1, round(STATS_PERIOD / pace.step))
     logging = Logging(recorder, list(run.components.values()), every, scene.between)
@@ -188,7 +188,7 @@ def _observers(run: _Prepared, recorder: Recorder, reached: Reached) -> list[mas
         reached(*at)
     observers: list[master.Observer] = [logging]
     if (period := scene.run.checkpoints) and checkpoint.possible(scheme):
-        stride = scene.links_every if scene.between else 1  # between two records no checkpoint holds all
+        stride = scene.links_every if scene.between else 1  # statistics between two records are not in a checkpoint
         if isinstance(pace, master.Clock):
             steps = stride * ceil(max(1, round(period / pace.step)) / stride)
             observers.append(Checkpoints(recorder, scheme, steps))
@@ -200,7 +200,7 @@ def _observers(run: _Prepared, recorder: Recorder, reached: Reached) -> list[mas
 def _marched(
     run: _Prepared, observers: list[master.Observer], interrupt: Interrupt, result: dict[str, Any]
 ) -> master.Outcome:
-    """Step to the end; how that went and what it cost goes into the result, the time also where it raises."""
+    """Step to the end; the outcome and the cost go into the result, the time also if it raises."""
     since, spent = time.perf_counter(), time.process_time()
     try:
         outcome = master.run(run.scheme, run.pace, observers, lambda: interrupt.asked, run.at and run.at[:2])
@@ -216,7 +216,7 @@ def _marched(
 
 
 def _beforehand(scene: Scene) -> list[tuple[str, str]]:
-    """What a scene says before it runs: numbers outside the plausible."""
+    """Warnings before the run: numbers outside the plausible range."""
     return [("scene", sentence) for sentence in implausible(scene.resolved(), f"{scene.name}.toml")]
 
 
@@ -234,13 +234,13 @@ def _how_it_ended(outcome: master.Outcome, wall: float, since: float = 0.0) -> d
 def _evaluated(
     scene: Scene, path: Path, outcome: master.Outcome, warned: Sequence[Mapping[str, Any]]
 ) -> tuple[dict[str, Any], list[Told]]:
-    """Energy, checks, observables, an energy warning where there is one; and what happened."""
+    """Evaluate energy, checks, observables, the energy warning, and events."""
     try:
         with Log(path, unfinished=True) as log:
             run = RunData(log)
             found = summary.evaluate(run, scene, outcome.time)
             happened = events.of(run, teeth=True, warned=warned).events
-    except LogUnreadable as error:  # someone else has changed the file
+    except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
     said = (outcome.message, summary.energy_warning(found["energy"]), summary.invalid(found["validity"]))
     message = "; ".join(filter(None, said))
@@ -252,7 +252,7 @@ def _evaluated(
 
 
 def _companion(interrupt: Interrupt) -> estimate.Run:
-    """How a coarser run beside this one is made; Ctrl-C ends it and with it the estimate."""
+    """Recorder of a coarser run; Ctrl-C ends that run and the estimate."""
 
     def record(scene: Scene, path: Path) -> dict[str, Any]:
         try:
@@ -262,14 +262,14 @@ def _companion(interrupt: Interrupt) -> estimate.Run:
         except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
             reason = str(failure)
         finally:
-            interrupt.gentle = True  # the run that asks has yet to close its log
+            interrupt.gentle = True  # the main run still has to close its log
         return {"status": "failed", "message": reason, "wall_time": 0.0}
 
     return record
 
 
 def _results(result: Mapping[str, Any]) -> dict[str, str]:
-    """What the closing record says of a run's errors and cost."""
+    """Entries of the closing record about errors and cost."""
     energy = result["energy"] or {}
     chosen = {
         "wall_time": result["wall_time"],
@@ -282,7 +282,7 @@ def _results(result: Mapping[str, Any]) -> dict[str, str]:
 
 
 def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
-    """The clock of a run."""
+    """Clock with fixed or variable communication steps."""
     variable = run.variable
     if variable is None:
         return master.Clock(run.step, run.steps)
@@ -295,7 +295,7 @@ def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
 def opened(
     scene: Scene, stack: ExitStack, logger: Logger | None, native: bool = False
 ) -> tuple[Scene, System, dict[str, Component]]:
-    """The scene with its wheels in place, its graph, and what is stepped."""
+    """The placed scene, its graph, and its loaded components."""
     beside = _compiled_beside(scene)
     try:
         scene = placed(scene)
@@ -307,19 +307,19 @@ def opened(
 
 
 def _compiled_beside(scene: Scene) -> list[subprocess.Popen[str]]:
-    """Processes that compile kernels of the scene while the search for the idler's place compiles those of cables."""
+    """Start processes that compile kernels while the search for the idler position compiles cables."""
     if scene.placed:
         return []
-    parts = reversed(assemble(scene).parts)  # of a kind the first one, which stands where its inputs start
+    parts = reversed(assemble(scene).parts)  # of each kind the first part, whose start does not depend on inputs
     kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
     kinds.pop("TrackFlexible", None)
-    # the longest first: on two cores the others begin in earnest when the search is done
+    # Longest compilation first: on two cores the others get their share when the search is done.
     begun_now = [begun(part, 0 if kind == "TrackRigid" else LATER) for kind, part in kinds.items()]
     return [process for process in begun_now if process is not None]
 
 
 def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
-    """Load and initialise every instance; they live as long as the stack."""
+    """Load and initialise every instance; they are unloaded with the stack."""
     components = {
         instance.name: stack.enter_context(Component(instance.fmu, instance.name, logger))
         for instance in graph.instances
@@ -333,14 +333,14 @@ def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger
 
 
 def warm_up(stages: Stages, h: float) -> None:
-    """One step and back, bit for bit: what a first step compiles or loads belongs to the start-up."""
+    """Do one step and restore the state bit by bit, so that compiling and loading count as start-up."""
     for member in (member for stage in stages for member in stage):
         component = member.component
         if not isinstance(component, Component) or not component.description.coSimulation.canGetAndSetFMUstate:
             continue
         gather(member)
         state = component.save()
-        with suppress(ComponentFailed):  # a step that really fails does so again, and is heard of then
+        with suppress(ComponentFailed):  # a step that fails here fails again in the run and is reported there
             component.write()
             component.step(0.0, h)
         component.restore(state)
@@ -361,11 +361,11 @@ def cost(component: Recorded) -> dict[str, float | int]:
 
 
 def warnings(components: Mapping[str, Recorded]) -> list[dict[str, Any]]:
-    """What the components have warned of, the first one first."""
+    """Warnings of the components in order of time."""
     told = [one for component in components.values() for one in component.warnings]
     return [asdict(one) for one in sorted(told, key=lambda one: one.time)]
 
 
 def any_links(components: Mapping[str, Recorded]) -> bool:
-    """Whether something is recorded of every link."""
+    """True if any component has per-link outputs."""
     return any(component.links for component in components.values())

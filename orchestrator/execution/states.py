@@ -1,7 +1,7 @@
-"""The states of all parts of a scene at one time of its co-simulation, kept by content: where other runs begin.
+"""States of all parts of a scene at one time of its co-simulation, cached: start of other runs.
 
-An explicit method takes half a million evaluations for a second of steel links: it is asked for a short piece of a
-drive, and the seconds that lead there are the implicit co-simulation's.
+An explicit method takes half a million evaluations for a second of steel links. It therefore integrates a short
+interval of a drive only, and implicit co-simulation computes the seconds before.
 """
 
 from __future__ import annotations
@@ -32,16 +32,17 @@ from orchestrator.scene.scene import Scene
 
 
 class States(NamedTuple):
-    """What the parts of a scene remember, by name: the flat state of each model."""
+    """Flat state of each model, by part."""
 
     time: float  # s
     parts: dict[str, NDArray[np.float64]]
 
 
 def states_at(scene: Scene, time: float, narration: Narration | None = None) -> States:
-    """Find, or make by a co-simulation to ``time``, s, the states of a scene there; its own stop plays no part.
+    """Find the states of a scene at ``time``, s, or compute them by co-simulation.
 
-    Raises BadInput where ``time`` is no multiple of the communication step, and what ``simulate`` raises.
+    The scene's stop is ignored. Raises BadInput if ``time`` is no multiple of the communication step, and the errors
+    of ``simulate``.
     """
     run = scene.run.model_copy(update={"stop": time, "checkpoints": time})
     steps = run.steps
@@ -58,13 +59,13 @@ def states_at(scene: Scene, time: float, narration: Narration | None = None) -> 
 
 
 def _key(scene: Scene) -> str:
-    """Hash of a scene and of the FMUs that are asked."""
+    """Hash of the scene and of its FMUs."""
     fmus = [sha256(instance.fmu) for instance in system(assemble(placed(scene))).instances if instance.fmu]
     return hashlib.sha256(json.dumps([scene.resolved(), fmus], sort_keys=True).encode()).hexdigest()[:24]
 
 
 def _made(scene: Scene, steps: int, narration: Narration | None) -> bytes:
-    """Run there, and take the states out of the checkpoint."""
+    """Run to the step and extract the states from its checkpoint."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         told = simulate(scene, Path(folder) / "run.mcap", narration=narration)
         if told["status"] != "ok":

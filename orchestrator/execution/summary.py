@@ -1,4 +1,4 @@
-"""A run in one JSON object: how it ended, what it cost, its energy, its checks, its observables."""
+"""Summary of a run as one JSON object: outcome, cost, energy, checks, observables."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
 from orchestrator.scene.tables import Check
 from orchestrator.scene.values import SIDES
 
-LAST = 1.0  # s: observables are means over the end of a run, but these:
-OF_THE_RUN = ("tension_max", "distance", "path_error")  # largest of the run, or from its start to its end
+LAST = 1.0  # s: observables are means over the end of a run, with these exceptions:
+OF_THE_RUN = ("tension_max", "distance", "path_error")  # largest value of the run, or from its start to its end
 TIMELESS = ("weight",)
-OPEN = 0.05  # of the work: an energy ledger that leaves more is worth a word
+OPEN = 0.05  # share of the work; a larger energy residual gives a warning
 
 
 def empty(scene: str, track: str | None) -> dict[str, Any]:
-    """The object with all its keys, as it stands before anything ran."""
+    """Summary with all its keys, before the run."""
     return {
         "scene": scene,
         "track": track,
@@ -71,7 +71,7 @@ def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
 
 
 def happened(run: RunData) -> list[dict[str, Any]]:
-    """Phases of a vehicle's run with their figures (``analyses/phases``); none of what has no hull."""
+    """Phases of a vehicle's run with their figures (``analyses/phases``); empty without a hull."""
     try:
         return [one._asdict() for one in phases.of(run).phases]
     except (Missing, NoSuchSignal):
@@ -79,7 +79,7 @@ def happened(run: RunData) -> list[dict[str, Any]]:
 
 
 def windows(names: Iterable[str], simulated: float) -> dict[str, dict[str, float]]:
-    """By observable the time that it is of, s."""
+    """Averaging window of each observable, s."""
     last = max(0.0, simulated - LAST)
     return {
         name: {"from": 0.0 if name in OF_THE_RUN else last, "to": simulated} for name in names if name not in TIMELESS
@@ -87,7 +87,7 @@ def windows(names: Iterable[str], simulated: float) -> dict[str, dict[str, float
 
 
 def energy_warning(energy: dict[str, Any] | None) -> str:
-    """Energy warning: a sentence when the ledger says that the run cannot be right, else nothing."""
+    """Sentence if the energy balance is open by more than OPEN, else empty."""
     if energy is None:
         return ""
     parts = {"the energy ledger": energy["residual_relative"]}
@@ -102,7 +102,7 @@ def energy_warning(energy: dict[str, Any] | None) -> str:
 
 
 def invalid(entries: Sequence[Mapping[str, Any]]) -> str:
-    """Sentence when the validity ledger has a failure, else nothing."""
+    """Sentence if the validity ledger has a failure, else empty."""
     failures = [Entry(**entry) for entry in entries if entry["severity"] == FAILURE]
     if not failures:
         return ""
@@ -114,13 +114,16 @@ def invalid(entries: Sequence[Mapping[str, Any]]) -> str:
 
 
 def passed(result: Mapping[str, Any]) -> bool:
-    """Whether a run ended well, met its checks and closed its energy balance."""
+    """True if a run ended well, met its checks and closed its energy balance."""
     checked = all(check["ok"] for check in result["checks"].values())
     return result["status"] == "ok" and checked and not energy_warning(result["energy"])
 
 
 def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, dict[str, Any]]:
-    """Results of the checks whose window the run covers; tolerances are absolute, a note says why there is no value."""
+    """Results of the checks whose window the run covers.
+
+    Tolerances are absolute; a note gives the reason for a missing value.
+    """
     results = {}
     for name, check in scene.expect.items():
         end = scene.run.stop if check.end is None else check.end
@@ -140,7 +143,7 @@ def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, dict[str, 
 
 
 def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
-    """Value of a check, or a NaN (which is not ok) and why."""
+    """Value of a check, or NaN (never ok) and the reason."""
     return _evaluated(
         lambda: (
             measures.reduce(*run.signal(str(check.signal), window), check.reduce)
@@ -152,20 +155,20 @@ def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
 
 
 def _evaluated(evaluate: Callable[[], float], measure: str | None = None) -> tuple[float, str]:
-    """A number of a log, or a NaN and why there is none."""
+    """Number computed from a log, or NaN and the reason."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing: a NaN says it
+            warnings.simplefilter("ignore", RuntimeWarning)  # the mean of an empty set is NaN, which is reported
             value = float(evaluate())
     except (Missing, NoSuchSignal) as error:
         return float("nan"), str(error)
-    except (LookupError, ValueError, ZeroDivisionError):  # asked of a scene that has nothing to measure
+    except (LookupError, ValueError, ZeroDivisionError):  # the scene has nothing to measure
         return float("nan"), f"'{measure}' finds nothing to measure in this scene and window"
     return value, "" if np.isfinite(value) else "no finite number comes out of what was recorded"
 
 
 def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float]:
-    """What is worth knowing of a run of this kind, whatever it expects; of which time: ``windows``."""
+    """Observables of a run of this kind of scene; for their averaging windows see ``windows``."""
     last = Window(max(0.0, simulated - LAST), simulated)
     if not run.tracks:
         return {}
@@ -201,7 +204,7 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
 
 
 def _turning(run: RunData, last: Window, joined: bool) -> dict[str, Callable[[], float]]:
-    """Observables of a vehicle that is steered."""
+    """Observables of a steered vehicle."""
     wanted: dict[str, Callable[[], float]] = {
         "yaw_rate": lambda: turning.yaw_rate(run, "", last),
         "turn_radius": lambda: turning.turn_radius(run, "", last),
@@ -217,7 +220,7 @@ def _turning(run: RunData, last: Window, joined: bool) -> dict[str, Callable[[],
 
 
 def weight(scene: VehicleScene) -> float:
-    """Weight of everything a vehicle scene carries, N."""
+    """Weight of all bodies of a vehicle scene, N."""
     v = scene.vehicle
     wheels = len(v.road_wheel.x) * (v.road_wheel.mass + v.road_arm.mass)
     side = v.sprocket.mass + v.idler.mass + wheels

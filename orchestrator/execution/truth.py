@@ -1,8 +1,8 @@
-"""The truth about a scene: a monolithic run, converged in its internal step, with its own error, kept by content.
+"""Truth of a scene: a converged monolithic run with an error estimate, cached by content.
 
-Two runs make it, one at the largest stable internal step and one at half of it; the second is the truth. Where forces
-are smooth its error falls with the fourth power of the step, but contact forces have a kink where they begin, which
-costs a fixed number of errors of h^2: by Richardson with ORDER, error = difference / (2^ORDER - 1).
+Two runs use the largest stable internal step and half of it; the second is the truth. With smooth forces its error
+falls with the fourth power of the step. Contact forces have a kink at the onset of contact, which adds a fixed number
+of errors of h^2. Richardson with ORDER gives error = difference / (2^ORDER - 1).
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from orchestrator.scene.run_tables import Run
 from orchestrator.scene.scene import Scene
 
 ORDER = 2
-SAMPLING, LINKS = 1e-3, 10  # s between outputs; links at one in so many
+SAMPLING, LINKS = 1e-3, 10  # s between outputs; number of outputs between records of links
 LOGS = ("truth.mcap", "coarse.mcap")
-FIGURES = "truth.json"  # with a hash of each log
+FIGURES = "truth.json"  # also holds a hash of each log
 
 
 class TruthFailed(RuntimeError):
@@ -41,14 +41,14 @@ class TruthFailed(RuntimeError):
 
 
 class Truth(NamedTuple):
-    """A log that can be believed, and how far."""
+    """Converged log with its error estimate."""
 
     log: Path
-    coarse_log: Path  # of the same with the internal step doubled
+    coarse_log: Path  # log with twice the internal step
     internal_step: float  # s
-    wall_time: float  # s that the two runs took
+    wall_time: float  # s, both runs
     difference: dict[str, Difference]  # between the two runs, by observable
-    built: bool  # now, not found
+    built: bool  # True if built now, False if found
 
     def error(self, observable: str) -> float:
         """Estimated error of the log in an observable, RMS in its unit."""
@@ -56,11 +56,11 @@ class Truth(NamedTuple):
 
 
 def truth(scene: Scene, narration: Narration | None = None) -> Truth:
-    """Find or build the truth about a scene; a ``narration`` is told what is done.
+    """Find or build the truth of a scene; ``narration`` receives the progress.
 
-    Depends on the physics of the scene and on the sources, not on its communication step, nor on how its components
-    integrate. Two processes that want the same build it once; one that is damaged is built again. Raises TruthFailed,
-    BadInput (also where it cannot be kept), LogFailed or ComponentFailed.
+    The truth depends on the physics of the scene and on the sources, not on the communication step nor on the
+    components' integrators. Two processes that want the same truth build it once; a damaged one is built again.
+    Raises TruthFailed, BadInput (also if it cannot be stored), LogFailed or ComponentFailed.
     """
     if scene.track.element == "beam":
         raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
@@ -84,7 +84,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
 
 
 def _found(folder: Path) -> dict[str, Any] | None:
-    """The figures of a truth whose files are as they were built."""
+    """Figures of a stored truth if its files are intact, else None."""
     figures = kept(folder / FIGURES)
     if figures is None:
         return None
@@ -101,18 +101,18 @@ def _hashes(folder: Path) -> dict[str, str]:
 
 
 def bare(scene: Scene) -> Scene:
-    """The placed scene without what a truth does not depend on; sampled at SAMPLING where its stop allows that."""
+    """The placed scene without settings that do not affect the truth; sampled at SAMPLING if possible."""
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
     sampled = Run(stop=run.stop, step=step, outputs=1, links=LINKS)
     how = {key: None for key, one in scene.track.sets().items() if one.method}
     track = scene.track.model_copy(update={**how, "link_outputs": STANDARD})
-    same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # the motion of a planar chain is no other
+    same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # planar chains move as chains in space
     return placed(scene).model_copy(update=same)
 
 
 def key(scene: Scene) -> str:
-    """Hash of a bare scene and of the sources that make its truth."""
+    """Hash of a bare scene and of the sources that compute its truth."""
     physics = {name: value for name, value in scene.resolved().items() if name not in ("name", "title")}
     hashed = [json.dumps(physics, sort_keys=True), content()]
     hashed += [
@@ -122,7 +122,7 @@ def key(scene: Scene) -> str:
 
 
 def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str, Any]:
-    """Both runs side by side and what they differ in; each file is put in its place at once, the figures last."""
+    """Run both side by side and store their difference; files are moved into place whole, figures last."""
     stop = threading.Event()
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="fresh-", ignore_cleanup_errors=True) as fresh:
         logs = [Path(fresh) / name for name in LOGS]
@@ -152,7 +152,7 @@ def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str,
 
 @contextmanager
 def _alone(lock: Path) -> Iterator[None]:
-    """One process at a time, where the system can lock files; elsewhere both build and the first one's stays."""
+    """Lock against other processes; without file locks both build, and the first result stays."""
     try:
         import fcntl
     except ImportError:

@@ -1,1 +1,1 @@
-"""What a log says of a run: its arrays, energy ledger, measures, difference from another run, side view."""
+"""Evaluation of a log: arrays, energy ledger, measures, comparison with another run, side view."""

@@ -1,4 +1,4 @@
-"""What two runs are laid side by side by: time, the way that their chains have travelled, or time since an event."""
+"""Common axis of two compared runs: time, travel of the chains, or time since an event."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ FORMS = "time, travel or SIGNAL=VALUE"
 
 
 class Alignment(NamedTuple):
-    """How the times of a run become what runs are compared along."""
+    """Map from the time of a run to the axis of the comparison."""
 
     unit: str
-    clock: Callable[[RunData], Callable[[Floats], Floats]]  # of a run: times (m,), s -> places (m,); raises Missing
+    clock: Callable[[RunData], Callable[[Floats], Floats]]  # run -> (times (m,), s -> places (m,)); raises Missing
 
 
 def alignment(text: str) -> Alignment:
-    """By name: "time", "travel" (m, mean of the tracks), or "SIGNAL=VALUE", the instant when it first passes that.
+    """Alignment by name: "time", "travel" or "SIGNAL=VALUE".
 
-    Raises BadInput.
+    Travel is the mean of the tracks, m. "SIGNAL=VALUE" counts time from the first instant at which the signal passes
+    the value. Raises BadInput.
     """
     if text == "time":
         return TIME

@@ -1,4 +1,4 @@
-"""How another model answers the inputs that a log holds: both over time, how far they are apart, and from when on."""
+"""Comparison of another model's answer with the recorded outputs, for equal inputs."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.picture import saved
 from orchestrator.results.run_data import mean
 
-PARTED = 0.01  # of the largest value: from there on two answers have parted
-ROUNDING = 1e-9  # of the largest value of its unit
-DRAWN = ("tension.max", "sprocket.force.x", "ground.force.z", "speed")  # where there are such
+PARTED = 0.01  # of the largest value: two answers that differ by more have parted
+ROUNDING = 1e-9  # of the largest value of the same unit
+DRAWN = ("tension.max", "sprocket.force.x", "ground.force.z", "speed")  # if present
 
 
 class Answer(NamedTuple):
-    """An output of both models, at the steps that the log holds of it."""
+    """Output of both models at the recorded steps."""
 
     signal: str
     unit: str
@@ -28,29 +28,29 @@ class Answer(NamedTuple):
 
     @property
     def apart(self) -> Floats:
-        """The answer now less the recorded one (m,)."""
+        """Answer less recorded value, (m,)."""
         return self.now - self.recorded
 
     @property
     def largest(self) -> float:
-        """Absolute value that either reaches."""
+        """Largest absolute value of both."""
         return float(max(abs(self.recorded).max(), abs(self.now).max()))
 
     @property
     def peak(self) -> tuple[float, float]:
-        """The largest difference, with its sign, and when, s."""
+        """Largest difference, with its sign, and its time, s."""
         k = int(abs(self.apart).argmax())
         return float(self.apart[k]), float(self.t[k])
 
     @property
     def parted(self) -> float:
-        """When they were first PARTED of the largest value apart, s; NaN where they never were."""
+        """First time at which the difference exceeds PARTED of the largest value, s; NaN if it never does."""
         beyond = np.flatnonzero(abs(self.apart) > PARTED * self.largest)
         return float(self.t[beyond[0]]) if len(beyond) else np.nan
 
 
 def answers(log: Log, answer: Log, component: str, window: tuple[float, float] = EVER) -> list[Answer]:
-    """Of all outputs that both logs hold of a component, but those that are zero, or rounding, in both.
+    """Outputs of a component that both logs hold, without those that are zero or rounding in both.
 
     ``window``: closed interval of time, s. Raises NoSuchSignal, LogUnreadable.
     """
@@ -74,7 +74,7 @@ def answers(log: Log, answer: Log, component: str, window: tuple[float, float] =
 
 
 def lines(found: list[Answer]) -> list[str]:
-    """A table of them."""
+    """Lines of a table of the outputs."""
     rows = [
         f"{'signal':28} {'unit':5} {'rms, log':>12} {'rms, now':>12} {'rms apart':>12} {'most apart':>12}"
         f" {'at, s':>8} {'parted, s':>10}"
@@ -88,7 +88,7 @@ def lines(found: list[Answer]) -> list[str]:
 
 
 def draw(found: list[Answer], output: Path, title: str) -> None:
-    """Both over time and their difference, of a few outputs; raises BadInput where the file cannot be written."""
+    """Draw a few outputs of both models over time, and their difference; raises BadInput."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

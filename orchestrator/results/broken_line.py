@@ -1,10 +1,10 @@
-"""A signal over time as a line with few breaks: where it changes its slope.
+"""Approximation of a signal by straight pieces: the times at which its slope changes.
 
-Pieces of 0.1 s are joined, the most alike first, as long as one line fits both about as well as two (bottom-up
-segmentation: Keogh, Chu, Hart and Pazzani 2001, doi 10.1109/ICDM.2001.989531; all pairs that are the most alike of
-their neighbours at once). Then each break moves to where the two lines beside it fit best (two-phase regression: Quandt
-1958, doi 10.1080/01621459.1958.10501484), so that the breaks of a line that is broken itself are found to a record.
-Oscillations that are faster than a piece is long leave the least-squares line as it is.
+Pieces of 0.1 s are merged, most similar first, as long as one line fits both about as well as two (bottom-up
+segmentation: Keogh, Chu, Hart and Pazzani 2001, doi 10.1109/ICDM.2001.989531; here all pairs that are more similar
+than their neighbours merge at once). Then each break moves to the best fit of the two lines beside it (two-phase
+regression: Quandt 1958, doi 10.1080/01621459.1958.10501484), so breaks of a signal of straight pieces are found to
+one record. Oscillations with periods below the length of a piece do not change the least-squares line.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import since
 
-GRAIN = 0.1  # s: of the pieces at first
-PASSES = 4  # in which breaks move
+GRAIN = 0.1  # s, initial length of the pieces
+PASSES = 4  # number of passes in which breaks move
 
 Places = NDArray[np.intp]
 
@@ -33,7 +33,7 @@ class Line(NamedTuple):
 
 
 class Lines:
-    """Fits lines to parts of a record (m,) from sums that are made once."""
+    """Line fits to parts of a record (m,), from sums that are computed once."""
 
     def __init__(self, t: Floats, y: Floats) -> None:
         w, x, self._level = since(t), t - 0.5 * (t[0] + t[-1]), float(y.mean())
@@ -42,7 +42,7 @@ class Lines:
         self._sums = np.concatenate([np.zeros((1, 6)), np.cumsum(parts, axis=0)])
 
     def fit(self, a: Places | int, b: Places | int) -> Line:
-        """Lines through records a to b - 1."""
+        """Fit lines through records a to b - 1."""
         w, x, xx, y, xy, yy = np.moveaxis(self._sums[b] - self._sums[a], -1, 0)
         spread, joint, own = xx - x * x / w, xy - x * y / w, yy - y * y / w
         slope = np.where(spread > 0.0, joint / np.where(spread > 0.0, spread, 1.0), 0.0)
@@ -50,9 +50,10 @@ class Lines:
 
 
 def breaks(t: Floats, y: Floats, tolerance: float) -> tuple[Places, Lines]:
-    """Where pieces begin, and the number of records (pieces + 1,), of a signal at times (m,), s, m > 2; and its lines.
+    """Breaks of a signal at times (m,), s, m > 2, and its lines.
 
-    Two pieces are one where a common line adds less than ``tolerance`` (unit of the signal), RMS over the shorter one.
+    The breaks (pieces + 1,) are the first record of each piece and the number of records. Two pieces merge if a
+    common line adds less than ``tolerance`` (unit of the signal), RMS over the shorter one.
     """
     lines = Lines(t, y)
     count = max(1, round((t[-1] - t[0]) / GRAIN))
@@ -75,12 +76,12 @@ def breaks(t: Floats, y: Floats, tolerance: float) -> tuple[Places, Lines]:
 
 
 def _least(cost: Floats) -> NDArray[np.bool_]:
-    """Which are no larger than their neighbours."""
+    """True for local minima."""
     around = np.concatenate([[np.inf], cost, [np.inf]])
     return (cost <= around[:-2]) & (cost <= around[2:])
 
 
 def _apart(places: Places) -> Places:
-    """Of places in a row, without a gap, every second one."""
+    """Every second one of adjacent places."""
     first = np.maximum.accumulate(np.where(np.diff(places, prepend=-2) > 1, places, 0))
     return places[(places - first) % 2 == 0]

@@ -1,9 +1,9 @@
-"""How far two runs of a scene are apart, observable by observable, in one norm.
+"""Difference of two runs of a scene by observable, in one norm.
 
-The norm is relative: RMS over time of the difference, over RMS over time of the reference (or a floor where the
-reference hardly moves); a sample counts for the time since the one before it, so that steps may vary. Positions count
-from where they start. Link tensions and joint forces are sensitive (an error grows some 15-fold a second at speed):
-they count by mean and RMS over windows of a second, and link by link only up to ``POINTWISE`` s.
+The norm is relative: RMS over time of the difference, divided by the RMS over time of the reference, or by a floor if
+that is larger. A sample counts for the time since the one before it, so steps may vary. Positions count from their
+start. Link tensions and joint forces are sensitive (errors grow some 15-fold per second at speed): they are compared
+by mean and RMS over windows of a second, and link by link only up to ``POINTWISE`` s.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from orchestrator.results.alignment import TIME, Alignment
 from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, since, within
 
 WINDOW = 1.0  # s
-POINTWISE = 4.0  # s: no longer do sensitive observables compare instant by instant
+POINTWISE = 4.0  # s: sensitive observables are compared instant by instant up to here
 EARLY = Window(-np.inf, POINTWISE)
 
 
@@ -29,22 +29,22 @@ class Signal(NamedTuple):
 
     t: Floats  # (m,) s
     values: Floats  # (m, k)
-    mean: bool = False  # values are means over the time since the sample before
-    moved: bool = False  # values count from where they are at the first instant that is compared
+    mean: bool = False  # the values are means since the last sample
+    moved: bool = False  # the values count from those of the first compared instant
 
 
 class Observable(NamedTuple):
-    """What runs are compared by."""
+    """Quantity by which runs are compared."""
 
     unit: str
-    floor: float  # the least that an error is relative to, in ``unit``
+    floor: float  # lower bound of the reference size, in ``unit``
     read: Callable[[RunData], Signal]
     decisive: bool = True  # counts towards the error of the run as a whole
-    windowed: bool = False  # of windows of time: says nothing along anything else
+    windowed: bool = False  # averages over windows of time, which cannot be aligned otherwise
 
 
 class Difference(NamedTuple):
-    """One observable of a run against a reference."""
+    """Difference of one observable between a run and a reference."""
 
     absolute: float  # RMS, in the observable's unit
     relative: float
@@ -55,7 +55,7 @@ class Difference(NamedTuple):
 def differences(
     run: RunData, reference: RunData, window: Window = EVER, along: Alignment = TIME
 ) -> dict[str, Difference]:
-    """Every observable that both hold, over a window of what they are compared along; raises Missing for none."""
+    """Differences of all common observables over a window of the axis; raises Missing for none."""
     found = {}
     clocks = along.clock(run), along.clock(reference)
     for name, observable in observables(reference):
@@ -65,8 +65,8 @@ def differences(
             pair = observable.read(run), observable.read(reference)
             if along is not TIME:
                 pair = _laid(pair[0], clocks[0]), _laid(pair[1], clocks[1])
-            if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # not the links of half a vehicle and of a whole
-                with np.errstate(all="ignore"):  # of runs that blew up: what comes out says so
+            if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # half a vehicle has fewer links
+                with np.errstate(all="ignore"):  # runs that blew up overflow; their result shows it
                     found[name] = difference(_within(pair[0], window), _within(pair[1], window), observable)
         except (Missing, LookupError):
             continue
@@ -76,18 +76,18 @@ def differences(
 
 
 def differences_of_logs(run: Path, reference: Path) -> dict[str, Difference]:
-    """How far the run of a log lies from that of another one, by observable; raises Missing, LogUnreadable."""
+    """Differences of two logs by observable; raises Missing, LogUnreadable."""
     with Log(run) as one, Log(reference) as two:
         return differences(RunData(one), RunData(two))
 
 
 def worst(found: dict[str, Difference]) -> float:
-    """The largest relative error of the decisive observables."""
+    """Largest relative error of the decisive observables."""
     return max(one.relative for one in found.values() if one.decisive)
 
 
 def difference(run: Signal, reference: Signal, observable: Observable) -> Difference:
-    """RMS over the common time, absolute and relative; raises Missing where there is none."""
+    """RMS difference over the common time, absolute and relative; raises Missing without common time."""
     t = _instants(run, reference)
     if len(t) <= run.mean:
         raise Missing("the two logs have no time in common")
@@ -99,14 +99,14 @@ def difference(run: Signal, reference: Signal, observable: Observable) -> Differ
 
 
 def _laid(signal: Signal, clock: Callable[[Floats], Floats]) -> Signal:
-    """A signal over its run's clock, as far as that goes on."""
+    """A signal over the clock of the alignment, as far as that increases."""
     at = clock(signal.t)
     on = np.diff(np.maximum.accumulate(at), prepend=-np.inf) > 0.0
     return signal._replace(t=at[on], values=signal.values[on], mean=False)
 
 
 def _within(signal: Signal, window: Window) -> Signal:
-    """The samples of a window."""
+    """Samples within a window."""
     if window == EVER:
         return signal
     inside = within(signal.t, window)
@@ -114,7 +114,7 @@ def _within(signal: Signal, window: Window) -> Signal:
 
 
 def aligned(run: Signal, reference: Signal) -> tuple[Floats, Floats]:
-    """Both at the instants of the sparser one: interpolated, or as means between these instants."""
+    """Values of both signals at the instants of the sparser one: interpolated, or means between instants."""
     t = _instants(run, reference)
     a, b = _at(run, t), _at(reference, t)
     return (a - a[:1], b - b[:1]) if reference.moved else (a, b)
@@ -138,7 +138,7 @@ def _at(signal: Signal, t: Floats) -> Floats:
 
 
 def _rms(values: Floats, lengths: Floats) -> float:
-    """Over time, of the length of the rows."""
+    """RMS over time of the norms of rows."""
     return float(np.sqrt(np.average(np.sum(values**2, axis=1), weights=lengths)))
 
 
@@ -146,7 +146,7 @@ def _rms(values: Floats, lengths: Floats) -> float:
 
 
 def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
-    """Those that a run of this kind has."""
+    """Observables of this kind of run."""
     if "chassis" in run.instances:
         yield "position", Observable("m", 0.1, _position)
         yield "velocity", Observable("m/s", 0.1, _velocity)
@@ -157,7 +157,7 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
         yield "torque", Observable("N m", 100.0, lambda run: _signals(run, torques, mean=True))
     if not run.tracks:
         return
-    if not drives:  # a chain on its own: its pins, one by one
+    if not drives:  # a chain without drives: each pin
         yield "pins", Observable("m", 0.01, _pins)
         yield "tension", Observable("N", 100.0, _tension)
         return
@@ -183,7 +183,7 @@ def _signals(run: RunData, names: list[str], mean: bool = False) -> Signal:
 
 
 def _together(parts: list[tuple[Floats, Floats]], mean: bool = False) -> Signal:
-    """Columns of several topics side by side; in a log that was cut off one may end before the others."""
+    """Columns of several topics side by side; after a cut-off one topic may be shorter."""
     if not parts or not all(values.shape[1] for _, values in parts):
         raise Missing("nothing of the kind was recorded")
     m = min(len(t) for t, _ in parts)
@@ -204,7 +204,7 @@ def _velocity(run: RunData) -> Signal:
 
 
 def _links(run: RunData, window: Window, start: str, *ends: str) -> list[Signal]:
-    """Outputs per link of all tracks whose names start and end so, by ending."""
+    """Outputs of links of all tracks by the beginning and ending of their names, one signal per ending."""
     wanted = {}
     for track in run.tracks:
         topic = f"/{track}/links"
@@ -221,7 +221,7 @@ def _links(run: RunData, window: Window, start: str, *ends: str) -> list[Signal]
 
 
 def _axes(run: RunData, what: str, window: Window) -> list[Signal]:
-    """``joint[i].what`` along x, y and z."""
+    """Signals ``joint[i].what`` along x, y and z."""
     parts = _links(run, window, "joint[", *(f"].{what}.{axis}" for axis in "xyz"))
     if len({part.values.shape for part in parts}) > 1:
         raise Missing(f"the log does not have three of 'joint[i].{what}' each")
@@ -251,9 +251,10 @@ def _joint_forces(run: RunData) -> tuple[Signal, Signal]:
 
 
 def _windowed(run: RunData, read: Callable[[RunData, Window], Signal]) -> tuple[Signal, Signal]:
-    """Mean and RMS over all links and the samples of a window, from the start on; less than half a one is left out.
+    """Mean and RMS over all links and the samples of each window of time.
 
-    One window is in memory at a time.
+    Windows begin at the start; a last one of less than half the length is left out. One window is in memory at a
+    time.
     """
     t = run.once("times of links", _times)
     if len(t) < 2:
@@ -272,7 +273,7 @@ def _windowed(run: RunData, read: Callable[[RunData, Window], Signal]) -> tuple[
 
 
 def _times(run: RunData) -> Floats:
-    """When all tracks have outputs per link (m,)."""
+    """Times at which all tracks have link outputs (m,)."""
     found = run.log.select({f"/{track}/links": [] for track in run.tracks})
     return min((series.t for series in found.values()), key=len)
 

@@ -1,7 +1,7 @@
-"""Where two runs part, bit by bit: the first difference, what it spreads to, and how it grows.
+"""Bitwise comparison of two runs: the first difference, its spread, and its growth.
 
-Records are compared as they are, step by step: nothing is interpolated, so runs must share their steps. Both logs are
-gone through once, side by side, and not kept.
+Records are compared without interpolation, so both runs must have the same steps. Both logs are read once, side by
+side, and are not kept in memory.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ from orchestrator.log.bitwise import Difference, bits, difference
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats, Series, joined
 
-POINTS = 40  # of a growth curve, about
-BIN = 32  # messages of which the most is kept
+POINTS = 40  # approximate number of points of a growth curve
+BIN = 32  # messages whose maximum is kept
 
 
 class Growth(NamedTuple):
-    """How far the signals of a topic are apart: by interval the most of any, over the largest value of its unit."""
+    """Growth of the difference in a topic: largest per interval, over the largest value of its unit."""
 
     t: Floats  # (k,) s, ends of the intervals
     apart: Floats  # (k,)
 
 
 class Divergence(NamedTuple):
-    """What two logs have in common, and where that ends."""
+    """Result of a bitwise comparison."""
 
-    compared: int  # numbers
-    until: float  # s, as far as both go
-    first: Difference | None  # of all; None: every bit is equal
-    spread: tuple[Difference, ...]  # the first one of every instance, in the order of time
-    growth: Mapping[str, Growth]  # by topic, of those that part
-    only: tuple[str, ...]  # topics and variables that one of them has alone
+    compared: int  # number of values
+    until: float  # s, common end
+    first: Difference | None  # None: every bit is equal
+    spread: tuple[Difference, ...]  # first difference of every instance, in order of time
+    growth: Mapping[str, Growth]  # by topic, if it differs
+    only: tuple[str, ...]  # topics and variables of one log only
 
 
 def divergence(one: Log, reference: Log, window: tuple[float, float] = EVER) -> Divergence:
-    """Compare all that both logs hold in a closed interval of time, s; raises LogUnreadable."""
+    """Compare all common values in a closed interval of time, s; raises LogUnreadable."""
     shared, only = _shared(one, reference)
     before = {topic: _number(reference, topic, window[0]) for topic in shared}
     firsts: list[Difference] = []
@@ -52,7 +52,7 @@ def divergence(one: Log, reference: Log, window: tuple[float, float] = EVER) -> 
         before[topic] += len(a.t)
         until = float(np.fmax(until, b.t[-1]))
         moments = bits(a.t) != bits(b.t)
-        if moments.any():  # other steps: nothing that follows belongs together
+        if moments.any():  # different steps: later rows do not correspond
             row = int(moments.argmax())
             uneven.add(topic)
             firsts.append(difference(topic, "t", (already + row) * every, a.t[row], b.t[row], float(b.t[row])))
@@ -75,19 +75,19 @@ def divergence(one: Log, reference: Log, window: tuple[float, float] = EVER) -> 
 
 
 class _Parted:
-    """The largest differences of a topic's signals, by unit, as time goes on."""
+    """Largest differences of a topic over time, by unit."""
 
     def __init__(self, units: Sequence[str]) -> None:
-        self._unit = np.unique(np.array(units, dtype=str), return_inverse=True)[1]  # a number for each column
-        self._size = np.zeros(len(set(units)))  # a force along y, which is rounding, is judged by all forces
+        self._unit = np.unique(np.array(units, dtype=str), return_inverse=True)[1]  # index of the unit of each column
+        self._size = np.zeros(len(set(units)))  # one scale per unit: a lateral force may be rounding only
         self.t: list[float] = []  # ends of bins, from the first difference on
         self._apart: list[Floats] = []  # of each bin, by unit
 
     def add(self, a: Series, b: Series, different: bool) -> None:
-        """More messages."""
+        """Add messages of both logs."""
         if not b.values.size:
             return
-        with np.errstate(all="ignore"):  # what blew up is apart
+        with np.errstate(all="ignore"):  # values of an unstable run may overflow
             np.fmax.at(self._size, self._unit, np.abs(b.values).max(axis=0))
             if not (different or self.t):
                 return
@@ -100,7 +100,7 @@ class _Parted:
             self._apart.append(most)
 
     def curve(self) -> Growth:
-        """Of some intervals."""
+        """Growth over some intervals."""
         apart = (np.array(self._apart) / np.where(self._size > 0.0, self._size, 1.0)).max(axis=1)
         first = int((apart > 0.0).argmax())
         starts = np.arange(first, len(apart), max(1, -(-(len(apart) - first) // POINTS)))
@@ -108,7 +108,7 @@ class _Parted:
         return Growth(np.array(self.t)[ends], np.maximum.reduceat(apart, starts))
 
 
-Shared = dict[str, tuple[list[int], list[int]]]  # by topic columns of the same variables in both logs
+Shared = dict[str, tuple[list[int], list[int]]]  # by topic: columns of the common variables in both logs
 
 
 def _shared(one: Log, reference: Log) -> tuple[Shared, tuple[str, ...]]:
@@ -131,14 +131,14 @@ def _shared(one: Log, reference: Log) -> tuple[Shared, tuple[str, ...]]:
 
 
 def _number(log: Log, topic: str, start: float) -> int:
-    """How many messages of a topic there are before a time, s."""
+    """Number of messages of a topic before a time, s."""
     return 0 if start == EVER[0] else int((log.select({topic: []}, (EVER[0], start))[topic].t < start - 1e-9).sum())
 
 
 def _side_by_side(
     one: Log, reference: Log, shared: Shared, window: tuple[float, float]
 ) -> Iterator[tuple[str, Series, Series]]:
-    """Messages of a topic in pairs, some at a time, until one of the logs ends."""
+    """Messages of each topic in pairs, in blocks, until one of the logs ends."""
     wanted: Sequence[dict[str, list[int]]] = [{topic: both[k] for topic, both in shared.items()} for k in (0, 1)]
     logs = [log.stream(columns, window) for log, columns in zip((one, reference), wanted, strict=True)]
     waiting: list[dict[str, list[Series]]] = [{topic: [] for topic in shared} for _ in logs]

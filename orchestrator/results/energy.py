@@ -1,13 +1,12 @@
-"""The energy ledger: what the drives put in, where it is, what was lost, and what the coupling made of it.
+"""Energy ledger: work, stored energy, dissipation, and the errors of coupling and integration.
 
-For each component, with the powers of its ports as it felt them itself,
-    integration part = work put in + received through ports - change of stored energy - dissipated - covered.
-A port between a giver of wrenches and their taker makes the difference of the wrench's work on the motion of either.
-Who extrapolates a motion finds it elsewhere when the next step begins; that jump is motion too, on which the mean of
-the wrenches before and after it works.
-The residual is the sum of all of these: work - change - dissipated - covered.
-What is covered is what contacts spread along a link lose (or gain) as they come to cover another part of it:
-``fmus/physics/README.md``.
+For each component, with the powers of its ports by its own inputs and outputs,
+    integration part = work of drives + received through ports - change of stored energy - dissipated - covered.
+The ports' part of a port is the work of its wrench on the taker's motion less that on the motion at the giver's input.
+The giver extrapolates this motion, which jumps at the next communication point; the mean of the wrenches before and
+after the jump works on it.
+The residual is the sum of all parts: work - change - dissipated - covered.
+Covered is the energy defect of the moving contact patch (loss or gain): ``fmus/physics/README.md``.
 """
 
 from __future__ import annotations
@@ -20,18 +19,18 @@ import numpy as np
 from orchestrator.log.time_series import Series
 from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Window, vectors
 
-Block = Mapping[str, Series]  # of each topic the messages of the same steps
-LEAST = 1.0  # J: below it all is rest
-LEAST_OWN = 100.0  # J, of a component beside others: a link that is lifted by half a metre
-CAUSE = "dissipated."  # begins the names of the energies that a track dissipates by one cause
+Block = Mapping[str, Series]  # messages of the same steps, by topic
+LEAST = 1.0  # J: less counts as rest
+LEAST_OWN = 100.0  # J, scale of a component beside others: a link lifted by half a metre
+CAUSE = "dissipated."  # prefix of a track's dissipated energies by cause
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
 
 
 class Port(NamedTuple):
-    """A wheel or mount between the component that gives its wrench and the one that takes it."""
+    """Wheel or mount between the component that outputs its wrench and the one that receives it."""
 
     giver: str
-    connector: str  # at the giver, of motion in and wrench out
+    connector: str  # at the giver: motion as input, wrench as output
     taker: str
     taken: str  # at the taker
 
@@ -44,21 +43,21 @@ class Ledger(NamedTuple):
     dissipated: float
     covered: float
     residual: float
-    residual_relative: float  # of the largest of work, change, dissipated and what a component held, or LEAST
-    port: float  # the part of the residual that the ports make
-    integration: dict[str, float]  # the part of each component, of one where the vehicle has two
-    integration_relative: dict[str, float]  # of the largest of its own energies, or LEAST_OWN
-    causes: dict[str, float]  # of what was dissipated: that of all tracks by cause, that of others by component
-    stored: dict[str, float]  # change by kind, as in STORED: what is below zero was released
+    residual_relative: float  # to the largest of work, change, dissipated and the energies held, or LEAST
+    port: float  # ports' part of the residual
+    integration: dict[str, float]  # integration part of each component; a mirrored one counts for its original
+    integration_relative: dict[str, float]  # to the largest of the component's own energies, or LEAST_OWN
+    causes: dict[str, float]  # dissipated energy: of all tracks by cause, of others by component
+    stored: dict[str, float]  # change by kind, as in STORED; negative: released
 
     @property
     def supplied(self) -> float:
-        """What was put in and released from store, J: it is dissipated, stored elsewhere or unaccounted for."""
+        """Energy put in and released from store, J: it is dissipated, stored elsewhere or unaccounted for."""
         return max(self.work, 0.0) - sum(min(change, 0.0) for change in self.stored.values())
 
 
 def ledger(run: RunData) -> Ledger:
-    """The ledger of a log; raises Missing where the log holds no energies, or not every step of them."""
+    """Ledger of a log; raises Missing if it lacks energies or steps."""
     return run.once("ledger", _ledger)
 
 
@@ -100,7 +99,7 @@ def _ledger(run: RunData) -> Ledger:
 
 
 def _causes(copies: Mapping[str, int], books: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Parts of what was dissipated, J."""
+    """Dissipated energy by cause, J."""
     found: dict[str, float] = {}
     for name, book in books.items():
         parts = {part.removeprefix(CAUSE): lost for part, lost in book.items() if part.startswith(CAUSE)}
@@ -110,9 +109,9 @@ def _causes(copies: Mapping[str, int], books: Mapping[str, Mapping[str, float]])
 
 
 def drift(run: RunData, window: Window) -> float:
-    """Largest change of what all components hold and have lost, less the work, over the largest kinetic energy.
+    """Largest change of stored and lost energy less work, over the largest kinetic energy.
 
-    Of what goes through no ports; in a window, against its first instant.
+    Ports are left out. The change counts from the first instant of the window.
     """
     names = [
         (f"{name}.energy.{part}", -1.0 if part == "work" else 1.0)
@@ -128,15 +127,15 @@ def drift(run: RunData, window: Window) -> float:
 
 
 def _liveliest(run: RunData) -> float:
-    """Largest kinetic energy of a component, J: of what falls or spins freely it says how much went back and forth."""
+    """Largest kinetic energy of a component, J: scale for free fall and free spin."""
     names = [f"{name}.energy.kinetic" for name in run.instances if run.has(f"{name}.energy.kinetic")]
     return run.largest(names) if names else 0.0
 
 
 def _held(run: RunData) -> dict[str, float]:
-    """The most that each component held of a kind of energy, J: kinetic, or potential since the start.
+    """Largest kinetic, or change of potential, energy that each component held, J.
 
-    A hull that sinks into its springs and comes back changes nothing in the end, but that much went through the steps.
+    A hull that sinks into its springs and rises again ends without change, but the steps had to transfer this energy.
     """
     wanted: dict[str, list[int]] = {}
     for name in run.instances:
@@ -157,7 +156,7 @@ def _held(run: RunData) -> dict[str, float]:
 
 
 def ports(run: RunData) -> list[Port]:
-    """The ports of a system: where a wrench goes one way."""
+    """Ports of a system: connections of a wrench."""
     return [
         Port(
             connection["source"],
@@ -172,7 +171,7 @@ def ports(run: RunData) -> list[Port]:
 
 
 def _book(run: RunData, instance: str) -> dict[str, float]:
-    """Change of each ``energy.*`` output of an instance over the run; raises Missing."""
+    """Change of each ``energy.*`` output of an instance over the run, J; raises Missing."""
     topic = f"/{instance}/out"
     if topic not in run.log.topics or not len((series := run.log.ends(topic)).t):
         raise Missing(f"the log holds no outputs of '{instance}'")
@@ -184,16 +183,16 @@ def _book(run: RunData, instance: str) -> dict[str, float]:
 
 
 def _works(run: RunData) -> dict[Port, tuple[float, float]]:
-    """Work of every port's wrench, J: the giver's on the motion that it saw, the taker's on what it made.
+    """Work of every port's wrench, J: on the motion at the giver's input, and on the taker's motion.
 
-    Block after block of steps, so that a sum of more than BLOCK steps is one of sums; raises Missing.
+    Summed in blocks of BLOCK steps, so the rounding of long runs depends on the blocks; raises Missing.
     """
     inputs = {name: f"/{name}/in" for name in run.instances}
     outputs = {name: f"/{name}/out" for name in run.instances}
     end = min(float(run.log.ends(topic).t[-1]) for topic in outputs.values())
     found = ports(run)
     lengths = run.log.lengths()
-    # as taken where not every step is recorded
+    # If not every step is recorded, the wrench is that at the taker's input.
     whole = {port for port in found if lengths[outputs[port.giver]] == lengths[inputs[port.taker]] + 1}
     works = dict.fromkeys(found, (0.0, 0.0))
     gaps: dict[str, tuple[float, float]] = {}
@@ -217,12 +216,12 @@ def _works(run: RunData) -> dict[Port, tuple[float, float]]:
 
 
 def _work_in(block: Block, port: Port, others: list[Port], whole: bool, end: float) -> tuple[float, float]:
-    """Of a port in a block; ``whole``: what is given is recorded at every step."""
+    """Works of a port in a block; ``whole``: every output of the giver is recorded."""
     t = block[f"/{port.taker}/in"].t
     taken = _wrench(block, port.taker, "in", port.taken)
     given = _wrench(block, port.giver, "out", port.connector)[1:] if whole else taken
     seen, made = _motions(block, port)
-    own = np.zeros_like(made)  # how far the taker jumps itself: it moves with a mount that it extrapolates
+    own = np.zeros_like(made)  # jump of the taker itself, which moves with an extrapolated mount
     for upstream in others:
         if upstream.giver == port.taker:
             carried = _motions(block, upstream)
@@ -236,7 +235,7 @@ def _work_in(block: Block, port: Port, others: list[Port], whole: bool, end: flo
 
 
 def _work(wrench: Floats, motion: Floats, jump: Floats) -> float:
-    """Of mean wrenches (m, 6) on the motion in each step and on the jump after it, m or fewer steps."""
+    """Work of mean wrenches (m, 6) on the motion in each step and on the jump after it; m steps or fewer."""
     steps = len(motion)
     between = 0.5 * (wrench + np.vstack([wrench[1:], wrench[-1:]]))[:steps]
     return float(np.sum(wrench[:steps] * motion) + np.sum(between * jump))
@@ -249,9 +248,9 @@ def _wrench(block: Block, instance: str, topic: str, connector: str) -> Floats:
 
 
 def _motions(block: Block, port: Port) -> tuple[Floats, Floats]:
-    """Of a giver's connector in every step (m, 6): shift and turn as extrapolated, and as made.
+    """Shift and rotation of a connector in every step, (m, 6) each: extrapolated by the giver, and actual.
 
-    The last step has no successor in the inputs: its motion is taken as extrapolated.
+    The inputs have no value after the last step: its motion is taken as extrapolated.
     """
     giver, connector = port.giver, port.connector
     series = block[f"/{giver}/in"]

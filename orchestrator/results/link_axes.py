@@ -1,4 +1,4 @@
-"""The axes of links: along a link from pin to pin, across along its pins, and outwards, away from the wheels."""
+"""Axes of links: along from pin to pin, across along the pins, outwards away from the wheels."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from orchestrator.log.time_series import Floats
 
 
 def link_axes(pins: Floats, across: Floats, links: int) -> Floats:
-    """Rotation matrices (..., links, 3, 3), columns along, across, outwards, link to world.
+    """Rotation matrices (..., links, 3, 3), link to world, with columns along, across, outwards.
 
-    ``pins`` (..., nodes, 3): their places; ``across`` (..., nodes, 3): unit vectors along them, or any that broadcast,
-    to the left of the vehicle. With as many nodes as links the chain is closed.
+    ``pins`` (..., nodes, 3): positions, m; ``across`` (..., nodes, 3): unit vectors along the pins, to the left of
+    the vehicle, or an array that broadcasts. With as many nodes as links the chain is closed.
     """
     after = np.roll(pins, -1, axis=-2)[..., :links, :]
     along = after - pins[..., :links, :]

@@ -1,6 +1,6 @@
-"""Measures that need more than one signal; a scene's checks name them, nothing else defines them.
+"""Measures of a run that combine several signals; the checks of scenes refer to them by name.
 
-Every measure is ``measure(run, of, window) -> float``; ``of`` is a side ("left", "right"), a span, or empty.
+A measure is a function ``measure(run, of, window) -> float``; ``of`` is a side ("left", "right"), a span, or empty.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from orchestrator.results.run_data import BLOCK, EVER, Floats, Links, RunData, W
 
 Measure = Callable[[RunData, str, Window], float]
 
-SPAN_MARGIN = 0.25  # a span's links lie this fraction of the axle distance away from both axles
+SPAN_MARGIN = 0.25  # of the axle distance: links of a span keep this distance from both axles
 AT_REST = 0.01  # m/s of chain speed
-RUN_REACH = 0.2  # m: a run between two wheels is sampled this far about its middle
+RUN_REACH = 0.2  # m: half length of the sample in the middle between two wheels
 
 
 REDUCTIONS: dict[str, Callable[[Floats, Floats], float]] = {
@@ -32,7 +32,7 @@ REDUCTIONS: dict[str, Callable[[Floats, Floats], float]] = {
 
 
 def reduce(t: Floats, values: Floats, how: str) -> float:
-    """One number from the samples of a window; a mean weighs each by the time since the one before it."""
+    """Reduce the samples of a window to one number; a mean weights each by the time since the last one."""
     return float(REDUCTIONS[how](t, values))
 
 
@@ -66,14 +66,14 @@ def joint_force_spread(run: RunData, of: str, window: Window) -> float:
 
 
 def hoop_strain(run: RunData, of: str, window: Window) -> float:
-    """Mean stretch of the chords between the pins of a loop."""
+    """Mean strain of the chords between the pins of a loop."""
     links = run.links(of or run.tracks[0], window)
     chords = np.hypot(*(np.roll(x, -1, axis=1) - x for x in (links.forward, links.up)))
     return mean(links.t, chords / run.scene["vehicle"]["track"]["pitch"] - 1.0)
 
 
 def fall_time(run: RunData, of: str, window: Window) -> float:
-    """When the free end of a chain of length L has dropped most, over sqrt(2 L/g); NaN when it falls on."""
+    """Time of the largest drop of a free end over sqrt(2 L/g), L chain length; NaN if it falls on."""
     t, drop, length, gravity = _fall(run, of, window)
     k = int(drop.argmax())
     if not 0 < k < len(t) - 1:
@@ -83,7 +83,7 @@ def fall_time(run: RunData, of: str, window: Window) -> float:
 
 
 def half_fall_time(run: RunData, of: str, window: Window) -> float:
-    """When the free end of a chain of length L has dropped L/2, over sqrt(L/g)."""
+    """Time at which a free end has dropped by L/2, over sqrt(L/g), L chain length."""
     t, drop, length, gravity = _fall(run, of, window)
     k = int(drop.argmax()) + 1
     half = np.interp(0.5 * length, drop[:k], t[:k], right=np.nan)
@@ -91,7 +91,7 @@ def half_fall_time(run: RunData, of: str, window: Window) -> float:
 
 
 def behind_free_fall(run: RunData, of: str, window: Window) -> float:
-    """How far the free end stands above a free fall, at most, until its largest drop, m; 0 when always below."""
+    """Largest height of the free end above a free fall, until its largest drop, m; 0 if always below."""
     t, drop, _, gravity = _fall(run, of, window)
     k = int(drop.argmax()) + 1
     return float(max(0.0, (0.5 * gravity * t[1:k] ** 2 - drop[1:k]).max()))
@@ -106,19 +106,19 @@ def pins_passed(run: RunData, of: str, window: Window) -> float:
     angle = np.arctan2(links.up, links.forward)
     radius = np.hypot(links.up, links.forward)
     near = (links.forward > 0) & (radius < 1.5 * pitch_radius(run.scene["vehicle"]))
-    above = np.where(near & (angle >= 0), angle, np.inf).argmin(axis=1)  # the next pin to pass
-    below = np.where(near & (angle < 0), angle, -np.inf).argmax(axis=1)  # the last that passed
+    above = np.where(near & (angle >= 0), angle, np.inf).argmin(axis=1)  # next pin
+    below = np.where(near & (angle < 0), angle, -np.inf).argmax(axis=1)  # last pin
     rows = np.arange(len(above))
     a, b = angle[rows, above], angle[rows, below]
     pins = angle.shape[1]
-    towards = np.where((below - above) % pins == 1, 1.0, -1.0)  # numbering along or against forward motion
+    towards = np.where((below - above) % pins == 1, 1.0, -1.0)  # links numbered along or against forward motion
     place = above + towards * a / (a - b)
     path = np.unwrap(place, period=pins)
     return float(-towards[0] * (path[-1] - path[0]))
 
 
 def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
-    """Pins passed over revolutions of the sprocket against its mount."""
+    """Pins passed per revolution of the sprocket relative to its mount."""
     t = run.links(_track(run, of), window).t
     times, angle = run.signal(f"{_drive(run, of)}.angle", EVER)
     turned = np.interp(t[[0, -1]], times, angle)
@@ -134,10 +134,11 @@ def chain_speed_ratio(run: RunData, of: str, window: Window) -> float:
 
 
 def polygon_ripple(run: RunData, of: str, window: Window) -> float:
-    """First tooth harmonic of the speed of a chain end over its mean: least squares over whole tooth periods.
+    """First tooth harmonic of the speed of a chain end over its mean, by least squares.
 
-    ``of`` is the end: "upper" (default) or "lower". Fitted to the position of the end pin, x(t) = a + v t +
-    sum of c_k cos(k w t) + s_k sin(k w t), k = 1..3; the amplitude of the speed is w |(c_1, s_1)|.
+    The fit covers whole tooth periods. ``of`` is the end: "upper" (default) or "lower". Fitted to the position of the
+    end pin, x(t) = a + v t + sum of c_k cos(k w t) + s_k sin(k w t), k = 1..3; the amplitude of the speed is w |(c_1,
+    s_1)|.
     """
     track = run.tracks[0]
     w = run.scene["vehicle"]["sprocket"]["teeth"] * run.mean(f"{_drive(run, '')}.speed", window)
@@ -172,16 +173,16 @@ def span_moment_ratio(run: RunData, of: str, window: Window) -> float:
 
 
 def tight_span_enters(run: RunData, of: str, window: Window) -> float:
-    """1 when the tighter span runs into the sprocket, -1 when it leaves it."""
+    """1 if the tighter span runs into the sprocket, -1 if it leaves it."""
     difference = span_tension(run, "upper", window) - span_tension(run, "lower", window)
-    return float(np.sign(difference * run.mean(f"{_drive(run, of)}.speed", window)))  # the upper one enters forward
+    return float(np.sign(difference * run.mean(f"{_drive(run, of)}.speed", window)))  # the upper span enters if forward
 
 
 # --- vehicle ---------------------------------------------------------------------------------------
 
 
 def ground_force(run: RunData, of: str, window: Window) -> float:
-    """Vertical ground reaction of all tracks, and of the chassis where it touches the ground, mean, N."""
+    """Mean vertical ground reaction of all tracks, and of the chassis where it has ground contact, N."""
     touching = [name for name in (*run.tracks, "chassis") if run.has(f"{name}.ground.force.z")]
     return sum(run.copies(name) * run.mean(f"{name}.ground.force.z", window) for name in touching)
 
@@ -210,7 +211,10 @@ def speed_excess(run: RunData, of: str, window: Window) -> float:
 
 
 def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
-    """Mean rise of the road wheels against the hull from the drawn position, m: the settlement's share of springs."""
+    """Share of the springs in the settlement: mean rise of the road wheels in the hull, m.
+
+    The rise counts from the drawn position.
+    """
     wheels = [
         f"chassis.{side}.road_wheel[{i}].position.z"
         for side in run.sides
@@ -224,7 +228,7 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
 
 
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
-    """What remains of the settlement: wheels into the chain and the chain into the ground, m."""
+    """Share of the contacts in the settlement: wheels into the chain, chain into the ground, m."""
     return run.mean("chassis.settlement", window) - settlement_of_springs(run, of, window)
 
 
@@ -244,9 +248,9 @@ def tension_front(run: RunData, of: str, window: Window) -> float:
 
 
 def third_law(run: RunData, of: str, window: Window) -> float:
-    """Impulse the tracks gave to their wheels less what the chassis received, over the sum of magnitudes.
+    """Impulse of the tracks on their wheels less that received by the chassis, over the sum of magnitudes.
 
-    The sprockets' share goes through the drives, which pass the whole force on.
+    The sprockets' share passes through the drives, which transmit the whole force.
     """
     given, received, size = np.zeros(3), np.zeros(3), 0.0
     sent = [(port.giver, f"{port.connector}.force") for port in ports(run) if port.giver in run.tracks]
@@ -275,13 +279,13 @@ def energy_residual(run: RunData, of: str, window: Window) -> float:
 
 
 def port_residual(run: RunData, of: str, window: Window) -> float:
-    """The part of the ports in the energy residual, over the work of the drives."""
+    """Ports' part of the energy residual, over the work of the drives."""
     books = ledger(run)
     return books.port / books.work
 
 
 def energy_drift(run: RunData, of: str, window: Window) -> float:
-    """Largest change of energy held and lost less the work, at any instant, over the largest kinetic energy."""
+    """Largest change of stored and lost energy less work, at any instant, over the largest kinetic energy."""
     return drift(run, window)
 
 
@@ -328,7 +332,7 @@ def _joint_forces(run: RunData, of: str, window: Window) -> tuple[Floats, Floats
 
 
 def _fall(run: RunData, of: str, window: Window) -> tuple[Floats, Floats, float, float]:
-    """Times, drop of the last pin, length of the chain, m, and gravity."""
+    """Times, s, drop of the last pin, m, length of the chain, m, and gravity, m/s2."""
     links = run.links(of or run.tracks[0], window)
     vehicle = run.scene["vehicle"]
     length = links.tension.shape[1] * vehicle["track"]["pitch"]
@@ -340,7 +344,7 @@ def _track(run: RunData, of: str) -> str:
 
 
 def _drive(run: RunData, of: str) -> str:
-    """The drive of a side; a mirrored side has that of the other, a rig its own."""
+    """Prefix of the drive of a side; a mirrored side has that of the other, a rig its own."""
     return run.drive(of) or (run.drive(run.sides[0]) if run.sides else "drive")
 
 

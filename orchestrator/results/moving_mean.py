@@ -1,4 +1,4 @@
-"""Moving means of signals, from one pass over a log: each sample counts as long as the step that it ends."""
+"""Moving means of signals, from one pass over a log; a sample counts for the step that it ends."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.thinned import BINS, Curve
 
-GRID = 8 * BINS  # equal parts of a run, between which integrals are straight lines
+GRID = 8 * BINS  # equal parts of a run, in which integrals are taken as linear
 
 
 class Moving(NamedTuple):
-    """The integral of a signal over time, from the start on."""
+    """Integral of a signal over time from the start."""
 
     at: Floats  # (GRID + 1,) s
     integral: Floats  # (GRID + 1,) unit of the signal times s
-    length: Floats  # (GRID + 1,) s in which it was a number
+    length: Floats  # (GRID + 1,) s with finite values
 
     def over(self, window: float) -> Curve:
-        """Means over the time, s, round each of BINS + 1 instants; at the ends over what the run has of it."""
+        """Means over a centred interval of ``window`` s at BINS + 1 instants; shorter at the ends of the run."""
         t = self.at[:: GRID // BINS]
         begin, end = (np.clip(t + half, self.at[0], self.at[-1]) for half in (-0.5 * window, 0.5 * window))
-        # integral(t + w/2) - integral(t - w/2), and the same of the length
+        # integral(t + w/2) - integral(t - w/2), and the same for the length
         total, length = (
             np.interp(end, self.at, kept) - np.interp(begin, self.at, kept) for kept in (self.integral, self.length)
         )
@@ -32,10 +32,10 @@ class Moving(NamedTuple):
 
 
 class Integrals:
-    """Integrals of some signals at equal instants of a run.
+    """Integrals of signals at equal instants of a run.
 
-    Samples are added in the order of time, some at a time; what is kept does not grow. NaN and infinities are left out,
-    and the time that they stand for.
+    Samples are added in the order of time, in blocks; the memory is constant. NaN and infinite values are left out
+    together with their time.
     """
 
     def __init__(self, start: float, end: float, columns: int) -> None:
@@ -44,14 +44,14 @@ class Integrals:
         self._now, self._t, self._done = np.zeros((2, columns)), start, 0
 
     def add(self, t: Floats, values: Floats) -> None:
-        """Samples (m, columns) at times (m,), s, each the mean since the one before it."""
-        known = np.isfinite(t)  # others are damage
+        """Add samples (m, columns) at times (m,), s; each is the mean since the last one."""
+        known = np.isfinite(t)  # others are damaged
         t, values = np.maximum.accumulate(t[known]), values[known]
         if not len(t):
             return
         steps = np.maximum(np.diff(t, prepend=self._t), 0.0)[:, None]
         finite = np.isfinite(values)
-        with np.errstate(over="ignore", invalid="ignore"):  # of a run that blew up
+        with np.errstate(over="ignore", invalid="ignore"):  # an unstable run may overflow
             parts = np.stack([np.where(finite, values, 0.0) * steps, finite * steps])
             ends = self._now[:, None] + np.cumsum(parts, axis=1)
         x = np.maximum(np.concatenate([[self._t], t]), self._t)
@@ -65,5 +65,5 @@ class Integrals:
         self._now, self._t, self._done = ends[:, -1], float(x[-1]), until
 
     def moving(self, column: int) -> Moving:
-        """Of a signal."""
+        """Integral of one signal."""
         return Moving(self._at, *self._kept[:, :, column])

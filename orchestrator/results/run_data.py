@@ -1,4 +1,4 @@
-"""What a log says about a run, in the shapes that measures, energy ledger and pictures need."""
+"""Log of a run in the form that measures, energy ledger and pictures need."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from orchestrator.log.time_series import Floats, Series
 
 Made = TypeVar("Made")
 Kept = NDArray[np.bool_] | bool
-BLOCK = 1000  # steps that are in memory at once
-KEPT = 4  # records of links that are kept: measures of a scene ask for the same ones
-BEFORE = 1.0  # s: a step that ends in a window seldom began earlier
+BLOCK = 1000  # steps in memory at once
+KEPT = 4  # cached link records: measures of a scene share windows
+BEFORE = 1.0  # s: longest step that may end in a window
 
 
 class Missing(LookupError):
-    """The log does not hold what was asked for; the message is one sentence."""
+    """The log lacks a requested signal; the message is one sentence."""
 
 
 class Window(NamedTuple):
@@ -35,20 +35,21 @@ EVER = Window(-np.inf, np.inf)
 
 
 class Links(NamedTuple):
-    """Per-link records in the plane of a track: times, pins from the sprocket axle, tensions."""
+    """Link records in the plane of a track: times, pins from the sprocket axle, tensions."""
 
     t: Floats  # (m,)
-    forward: Floats  # (m, pins) m, ahead of the sprocket axle in the direction of the vehicle
-    up: Floats  # (m, pins) m
+    forward: Floats  # (m, pins) m, from the sprocket axle towards the front of the vehicle
+    up: Floats  # (m, pins) m, upwards from the sprocket axle
     tension: Floats  # (m, links) N
 
 
 class RunData:
-    """A log with its scene. Raises LogUnreadable and NoSuchSignal.
+    """Log with its scene. Raises LogUnreadable and NoSuchSignal.
 
-    With a window, be it EVER, only what is asked for is read, and nothing is kept; without one topics are read once.
+    With a window, EVER included, each call reads what it needs and nothing is cached; without one, a topic is read
+    once.
 
-    ``scene`` is as the log has it, unchecked (``scene.from_table``), and empty where an FMU of unknown scene answered.
+    ``scene`` is the logged table, unchecked (``scene.from_table``); empty for an FMU of unknown scene.
     """
 
     def __init__(self, log: Log) -> None:
@@ -66,38 +67,38 @@ class RunData:
 
     @cached_property
     def sides(self) -> tuple[str, ...]:
-        """Sides of a vehicle that ran; one of them is the whole of a symmetric vehicle."""
+        """Sides of a vehicle that ran; a symmetric vehicle has one."""
         return tuple(side for side in ("left", "right") if self.drive(side))
 
     def drive(self, side: str) -> str:
-        """What the variables of a side's sprocket begin with, "instance" or "instance.side"; empty without a drive."""
+        """Prefix of a side's sprocket variables, "instance" or "instance.side"; empty without a drive."""
         if "differential" in self.instances and side in ("left", "right"):
             return f"differential.{side}"
         return f"{side}_drive" if f"{side}_drive" in self.instances else ""
 
     def once(self, name: str, make: Callable[[RunData], Made]) -> Made:
-        """What ``make`` makes of this run; asked again by that name, the same."""
+        """Result of ``make`` for this run, cached by name."""
         if name not in self._made:
             self._made[name] = make(self)
         return self._made[name]
 
     def copies(self, instance: str) -> int:
-        """How many of an instance the vehicle has: 2 where the other side mirrors this one."""
+        """Number of copies of an instance in the vehicle: 2 if the other side mirrors it."""
         return 2 if self.scene.get("symmetric") and instance != "chassis" else 1
 
     @cached_property
     def tracks(self) -> tuple[str, ...]:
-        """Names of the tracks: what has a travel."""
+        """Names of the tracks, which are the instances with a travel."""
         return tuple(name for name in self.instances if self.has(f"{name}.travel"))
 
     def has(self, signal: str) -> bool:
-        """Whether the log holds this output."""
+        """True if the log holds this output."""
         instance, _, variable = signal.partition(".")
         topic = f"/{instance}/out"
         return topic in self.log.topics and variable in self.log.topics[topic].names
 
     def signal(self, name: str, window: Window | None = None) -> tuple[Floats, Floats]:
-        """Times and values of ``instance.variable``, within the window; raises Missing."""
+        """Times and values of ``instance.variable`` within the window, (m,) each; raises Missing."""
         if (name, window) in self._held:
             return self._held[name, window]
         topic, column = self._place(name)
@@ -107,7 +108,7 @@ class RunData:
         return series.t, series.values[:, 0]
 
     def hold(self, names: Iterable[str], window: Window) -> None:
-        """Read some signals in one pass through the log; asked for in this window, they are there. Raises Missing."""
+        """Read signals in one pass and cache them for this window; raises Missing."""
         wanted: dict[str, dict[int, str]] = {}
         for name in names:
             topic, column = self._place(name)
@@ -128,7 +129,7 @@ class RunData:
         return self.log.select({topic: columns}, window)[topic]
 
     def largest(self, names: Sequence[str]) -> float:
-        """The largest value of some outputs over the run; raises Missing, and ValueError where there is none."""
+        """Largest value of outputs over the run; raises Missing, and ValueError without values."""
         wanted: dict[str, list[int]] = {}
         for name in names:
             topic, column = self._place(name)
@@ -148,7 +149,7 @@ class RunData:
         return float(values[0]), float(values[-1])
 
     def mean(self, name: str, window: Window) -> float:
-        """Mean over the window's samples, as ``mean`` makes it."""
+        """Mean over the samples of a window (see ``mean``)."""
         return mean(*self.signal(name, window))
 
     def vectors(
@@ -161,7 +162,7 @@ class RunData:
         return series.t, series.values
 
     def links(self, track: str, window: Window | None = None) -> Links:
-        """Per-link records of a track, seen from its sprocket axle (or the start position without one)."""
+        """Link records of a track, relative to its sprocket axle or, without one, its start position."""
         if (track, window) not in self._links:
             if len(self._links) == KEPT:
                 self._links.clear()
@@ -192,7 +193,7 @@ class RunData:
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
 
     def near(self, instance: str, topic: str, prefix: str, t: float, parts: str = "xyz") -> Floats:
-        """``prefix.{parts}`` of a topic in the last message that begins by t, or in its first one; raises Missing."""
+        """Values of ``prefix.{parts}`` in the last message by time t, or in the first one; raises Missing."""
         for window in (Window(t - BEFORE, t), Window(t - BEFORE, t + BEFORE), EVER):
             times, values = self.vectors(instance, topic, prefix, parts, window)
             if len(times):
@@ -206,7 +207,7 @@ class RunData:
         return float(offset @ ahead[0]), float(offset[2])
 
     def axle(self, track: str, t: Floats, window: Window | None = None) -> tuple[Floats, Floats]:
-        """Position of the sprocket axle and the horizontal unit vector ahead of it, (m, 3) each."""
+        """Position of the sprocket axle and horizontal unit vector ahead, (m, 3) each."""
         before = window and window._replace(start=window.start - BEFORE)
         try:
             times, position = self.vectors(track, "in", "sprocket.position", window=before)
@@ -219,23 +220,23 @@ class RunData:
             return np.tile(start["position"], (len(t), 1)).astype(float), np.tile(ahead, (len(t), 1))
         if not len(times):
             raise Missing(f"the log holds no step of '{track}'")
-        at = np.searchsorted(times, t + 1e-9) - 1  # the input at t; at the end of the run, the last one
+        at = np.searchsorted(times, t + 1e-9) - 1  # input at t; at the end of the run, the last one
         at = np.clip(at, 0, len(times) - 1)
         w, x, y, z = q[at].T
-        axis_x, axis_y = 2 * (x * y - w * z), 1 - 2 * (x * x + z * z)  # of the spin axis, body y in world
+        axis_x, axis_y = 2 * (x * y - w * z), 1 - 2 * (x * x + z * z)  # spin axis, body y in world
         ahead = np.stack([axis_y, -axis_x, np.zeros_like(axis_x)], axis=-1)  # spin axis x vertical
         return position[at], ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
 
 def within(t: Floats, window: Window) -> NDArray[np.bool_]:
-    """Which times lie in the window, to rounding."""
+    """True for times in the window, within rounding."""
     return (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
 
 
 def since(t: Floats, before: float | None = None) -> Floats:
-    """Time since the record before (m,), s; of the first one since ``before``, or as of the second; 1 for a single one.
+    """Time since the last record (m,), s; for the first, since ``before`` or equal to the second, or 1.
 
-    Ask it of all records, also of those that are left out afterwards: a record stands for its own interval alone.
+    Compute it from all records, also from those that a mean leaves out: a record counts for its own interval only.
     """
     if before is None:
         return np.diff(t, prepend=2.0 * t[0] - t[1]) if len(t) > 1 else np.ones(len(t))
@@ -243,15 +244,15 @@ def since(t: Floats, before: float | None = None) -> Floats:
 
 
 def mean(t: Floats, values: Floats, kept: Kept = True) -> float:
-    """Mean over time and columns of records (m, ...), each weighed by the time since the record before: steps may vary.
+    """Mean over time and columns of records (m, ...), weighted by the time since the last record.
 
-    ``kept`` (m, ...): of these alone; what is left out takes its time with it. Raises ZeroDivisionError where none is.
+    ``kept`` (m, ...): records to include; others are left out with their time. Raises ZeroDivisionError for none.
     """
     return float(_average(t, values, kept, None))
 
 
 def means(t: Floats, values: Floats, kept: Kept = True) -> Floats:
-    """The same of each column (...,)."""
+    """Mean of each column (...,); see ``mean``."""
     return np.asarray(_average(t, values, kept, 0))
 
 
@@ -261,7 +262,7 @@ def _average(t: Floats, values: Floats, kept: Kept, axis: int | None) -> Any:
 
 
 def pitch_radius(vehicle: dict[str, Any]) -> float:
-    """Of the pins on the sprocket of a vehicle table, m."""
+    """Pitch radius of the pins on the sprocket of a vehicle table, m."""
     return float(vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
 
 

@@ -1,4 +1,4 @@
-"""Curves thinned for a screen: of every column of pixels smallest and largest value, so that no peak is lost."""
+"""Curves thinned for a screen: smallest and largest value per column of pixels, so peaks remain."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 
-BINS = 500  # columns of pixels of a curve
-# a curve is a band where it goes up and down within a hundredth of the picture, by so much of its range, in so many
+BINS = 500  # columns of pixels
+# A curve is drawn as a band where it oscillates within one of PARTS, by WIDE of its range, in a share OFTEN of them.
 PARTS, WIDE, OFTEN = 100, 0.05, 0.2
 
 
 class Curve(NamedTuple):
-    """What is drawn."""
+    """Points of a curve."""
 
     t: Floats  # (m,) s, in order
     y: Floats  # (m,)
 
     def times(self, factor: float) -> Curve:
-        """The same in another unit."""
+        """Curve in another unit."""
         return Curve(self.t, factor * self.y)
 
     def banded(self, start: float, end: float) -> bool:
-        """Whether it goes up and down so fast that what is drawn from start to end, s, is a band, not a line."""
+        """True if the curve from start to end, s, oscillates so fast that it is drawn as a band."""
         if len(self.t) < 3 or not end > start:
             return False
         place = np.clip((self.t - start) * (PARTS / (end - start)), 0, PARTS - 1).astype(int)
@@ -38,16 +38,16 @@ class Curve(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """An extreme value and when it was recorded."""
+    """Extreme value and its time."""
 
     value: float
     t: float
 
 
 class Envelope:
-    """Of some signals the smallest and largest value, and their times, in equal intervals of time.
+    """Envelope of signals: smallest and largest value, with their times, in equal intervals of time.
 
-    Samples are added in the order of time, some at a time; what is kept does not grow. NaN and infinities are left out.
+    Samples are added in the order of time, in blocks; the memory is constant. NaN and infinite values are left out.
     """
 
     def __init__(self, start: float, end: float, columns: int, bins: int = BINS) -> None:
@@ -57,13 +57,13 @@ class Envelope:
         self._low_t, self._high_t = np.full(shape, np.nan), np.full(shape, np.nan)
 
     def add(self, t: Floats, values: Floats) -> None:
-        """Samples (m, columns) at times (m,), s."""
-        known = np.isfinite(t)  # others are damage
+        """Add samples (m, columns) at times (m,), s."""
+        known = np.isfinite(t)  # others are damaged
         if not known.all():
             t, values = t[known], values[known]
         if not len(t):
             return
-        place = np.clip((t - self._start) * self._rate, 0, self._bins - 1).astype(int)  # damage may be huge
+        place = np.clip((t - self._start) * self._rate, 0, self._bins - 1).astype(int)  # damaged times may be huge
         edges = np.flatnonzero(np.diff(place)) + 1
         for first, last in zip([0, *edges], [*edges, len(t)], strict=True):
             row, piece, when = place[first], values[first:last], t[first:last]
@@ -79,7 +79,7 @@ class Envelope:
         best_t[row, better] = when[at[better]]
 
     def curve(self, column: int) -> Curve:
-        """Smallest and largest value of each interval, as they followed on each other; one where they are the same."""
+        """Smallest and largest value of each interval in their order of time; one point if they are equal."""
         t = np.stack([self._low_t[:, column], self._high_t[:, column]], axis=1)
         y = np.stack([self._low[:, column], self._high[:, column]], axis=1)
         order = np.argsort(t, axis=1)
@@ -89,18 +89,18 @@ class Envelope:
         return Curve(t[kept], y[kept])
 
     def largest(self, column: int) -> Peak | None:
-        """The largest value of all and its first time; None where no number was added."""
+        """Largest value and its first time; None without values."""
         row = int(self._high[:, column].argmax())
         return self._peak(self._high[row, column], self._high_t[row, column])
 
     def smallest(self, column: int) -> Peak | None:
-        """The smallest value of all and its first time; None where no number was added."""
+        """Smallest value and its first time; None without values."""
         row = int(self._low[:, column].argmin())
         return self._peak(self._low[row, column], self._low_t[row, column])
 
     @property
     def upper(self) -> Floats:
-        """Largest values (bins, columns), NaN where there is none."""
+        """Largest values (bins, columns), NaN for empty bins."""
         return np.where(np.isfinite(self._high), self._high, np.nan)
 
     @staticmethod

@@ -1,7 +1,7 @@
-"""How a vehicle turns: rates, path, forces and power by side, means over a window.
+"""Measures of turns: rates, path, forces and power by side, means over a window.
 
-Turns to the left and what points left are positive. The vehicle's place is the centre of mass of its hull, its own
-axes are ahead and left on the level. ``of`` is a side ("left", "right"), or empty.
+Left turns and vectors to the left are positive. The vehicle's position is the centre of mass of its hull; its axes
+are ahead and left in the horizontal plane. ``of`` is a side ("left", "right"), or empty.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import numpy as np
 
 from orchestrator.results.run_data import Floats, Missing, RunData, Window, mean
 
-SIGN = {"left": -1.0, "right": 1.0}  # of the yaw moment of a force ahead
-SLOWEST = 1e-4  # rad/s: what turns more slowly has no radius
+SIGN = {"left": -1.0, "right": 1.0}  # of the yaw moment of a forward force
+SLOWEST = 1e-4  # rad/s: a slower turn has no radius
 
 
 def yaw_rate(run: RunData, of: str, window: Window) -> float:
@@ -26,18 +26,18 @@ def turn_radius(run: RunData, of: str, window: Window) -> float:
 
 
 def lateral_speed(run: RunData, of: str, window: Window) -> float:
-    """Velocity to the left, m/s: a vehicle that turns slides outwards at its front."""
+    """Velocity to the left, m/s; in a turn the front slides outwards."""
     t, _, left = _velocity(run, window)
     return mean(t, left)
 
 
 def rotation_centre(run: RunData, of: str, window: Window) -> float:
-    """How far ahead of the centre of mass the vehicle's long axis meets no sideways velocity, m."""
+    """Longitudinal position of the point without lateral velocity, m ahead of the centre of mass."""
     return -lateral_speed(run, of, window) / _turning(run, window)
 
 
 def track_slip(run: RunData, of: str, window: Window) -> float:
-    """Load-weighted slip velocity of a side's links on the ground, along the vehicle, m/s; positive where it drives."""
+    """Load-weighted slip velocity of a side's links on the ground, m/s; positive where the track drives."""
     return run.mean(f"{_track(run, of)}.slip", window)
 
 
@@ -49,15 +49,15 @@ def propulsion(run: RunData, of: str, window: Window) -> float:
 
 
 def steering_moment(run: RunData, of: str, window: Window) -> float:
-    """Half the width between the tracks times the difference of their propulsions, N m: sideways forces resist it."""
+    """Half the track distance times the difference of propulsion, N m; lateral ground forces resist it."""
     arm = run.scene["vehicle"]["track"]["lateral"]
     return float(arm * sum(sign * propulsion(run, side, window) for side, sign in SIGN.items()))
 
 
 def drive_power(run: RunData, of: str, window: Window) -> float:
-    """Power of a side's motor or half shaft, W; negative where the ground turns the sprocket.
+    """Power of a side's motor or half shaft, W; negative where the ground drives the sprocket.
 
-    Of a steering differential also that of its motors, ``of`` being "propulsion" or "steering".
+    With a steering differential ``of`` may also be "propulsion" or "steering", for the power of its motors.
     """
     joined = "differential" in run.instances
     allowed = (*SIGN, "propulsion", "steering") if joined else tuple(SIGN)
@@ -68,15 +68,15 @@ def drive_power(run: RunData, of: str, window: Window) -> float:
 
 
 def regenerated_power(run: RunData, of: str, window: Window) -> float:
-    """Power that a steering differential takes from one side and gives to the other, W; raises Missing without one."""
+    """Power that a steering differential transfers between the sides, W; raises Missing without one."""
     if "differential" not in run.instances:
         raise Missing("there is no steering differential")
     left, right = (drive_power(run, side, window) for side in SIGN)
-    return 0.0 if left * right >= 0.0 else float(np.minimum(abs(left), abs(right)))  # a NaN stays one
+    return 0.0 if left * right >= 0.0 else float(np.minimum(abs(left), abs(right)))  # np.minimum keeps a NaN
 
 
 def path_error(run: RunData, of: str, window: Window) -> float:
-    """Largest distance of the vehicle from the path that its driver follows, m; raises Missing where there is none."""
+    """Largest distance of the vehicle from the driver's path, m; raises Missing without a path."""
     driver = run.scene.get("driver") or {}
     if not driver.get("arcs") and not driver.get("points"):
         raise Missing("there is no driver who follows a path")
@@ -84,7 +84,7 @@ def path_error(run: RunData, of: str, window: Window) -> float:
 
 
 def _turning(run: RunData, window: Window) -> float:
-    """``yaw_rate``; raises Missing where there is none to divide by."""
+    """Yaw rate; raises Missing if it is too small to divide by."""
     rate = yaw_rate(run, "", window)
     if abs(rate) < SLOWEST:
         raise Missing("the vehicle does not turn")
@@ -92,12 +92,12 @@ def _turning(run: RunData, window: Window) -> float:
 
 
 def _velocity(run: RunData, window: Window) -> tuple[Floats, Floats, Floats]:
-    """Times, and the velocity ahead and to the left."""
+    """Times, and velocity ahead and to the left."""
     return _ahead(run, ("chassis.chassis.velocity.x", "chassis.chassis.velocity.y"), window)
 
 
 def _ahead(run: RunData, names: tuple[str, str], window: Window) -> tuple[Floats, Floats, Floats]:
-    """Times, and components ahead and to the left of a vector that the log holds along x and y."""
+    """Times, and components ahead and to the left of a horizontal vector in world axes."""
     (t, x), (_, y), (_, yaw) = (run.signal(name, window) for name in (*names, "chassis.yaw"))
     return t, x * np.cos(yaw) + y * np.sin(yaw), y * np.cos(yaw) - x * np.sin(yaw)
 

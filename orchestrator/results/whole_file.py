@@ -1,4 +1,4 @@
-"""A file that is there whole or not at all, and is refused before work starts where it cannot be."""
+"""Files written whole or not at all; unwritable paths are refused before work starts."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from fmus.vehicle import BadInput
 
 
 def refuse(path: Path, suffixes: Sequence[str], besides: str = "") -> None:
-    """Raise BadInput for a file that cannot be written, as far as can be said before, or whose name says another kind.
+    """Raise BadInput for a path that cannot be written or has another suffix, as far as known in advance.
 
-    ``besides``: what a name with another ending may ask for instead.
+    ``besides``: sentence about other suffixes.
     """
     folder = path.absolute().parent
     if path.is_dir():
@@ -32,7 +32,7 @@ def refuse(path: Path, suffixes: Sequence[str], besides: str = "") -> None:
 
 @contextmanager
 def fresh(path: Path) -> Iterator[Path]:
-    """A file beside the other, which it replaces in the end; raises BadInput where that cannot be."""
+    """Temporary file that replaces ``path`` at the end; raises BadInput if that fails."""
     beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         yield beside

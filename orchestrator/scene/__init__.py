@@ -1,1 +1,1 @@
-"""What runs: scenes and their tables, the gallery, the assembly of a scene from components, the FMUs to keep."""
+"""Scenes and their tables, the gallery, assembly from components, FMUs for other tools."""

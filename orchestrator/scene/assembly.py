@@ -1,4 +1,4 @@
-"""A scene becomes a system: component configs, connections by connector, built FMUs."""
+"""Assembly of a scene into a system: component configs, connections by connector, built FMUs."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, Ve
 
 
 class Assembly(NamedTuple):
-    """What a scene consists of."""
+    """Parts and connections of a scene."""
 
     parts: tuple[Part, ...]
     connections: tuple[Connection, ...]
 
 
 def assemble(scene: Scene) -> Assembly:
-    """The parts and connections of a scene, wheels where it has them, nothing that it does not declare."""
+    """Assemble a scene: its parts and connections, and nothing that it does not declare."""
     match scene:
         case ChainScene():
             return _chain(scene)
@@ -58,9 +58,9 @@ def assemble(scene: Scene) -> Assembly:
 
 
 def system(assembly: Assembly, native: bool = False) -> System:
-    """Build what the assembly needs (each distinct FMU once) and name it as a graph.
+    """Build the FMUs of an assembly, each distinct one once, and return it as a graph.
 
-    ``native``: as machine code alone, an FMU for parts that differ by free parameters only.
+    ``native``: build native FMUs; parts that differ by free parameters only share one.
     """
     files = build_parts(assembly.parts, native)
     instances = tuple(
@@ -70,15 +70,15 @@ def system(assembly: Assembly, native: bool = False) -> System:
 
 
 def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
-    """The FMU of each part; ``native`` as in ``system``."""
+    """Paths of the FMUs of the parts; ``native`` as in ``system``."""
     if not native:
         return build_all([(part.kind, part.config, None) for part in parts])
-    from fmus.native.pack import held  # compilers, only for those who want them
+    from fmus.native.pack import held  # loads compilers, which only native builds need
 
     return build_native_all([(part.kind, held(part.kind, part.config, part.parameters), None) for part in parts])
 
 
-Product = tuple[str, dict[str, Any], str | None]  # kind, config, name
+Product = tuple[str, dict[str, Any], str | None]  # kind, config, file name
 
 
 def build_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Path]:
@@ -97,7 +97,7 @@ def build_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Pat
 
 
 def build_native_all(wanted: Sequence[Product], folder: Path | None = None, windows: bool = False) -> list[Path]:
-    """The same as native FMUs, for ``windows`` too, one after the other: numba compiles in one thread."""
+    """Build native FMUs, with ``windows`` libraries too, one after another: numba compiles in one thread."""
     from fmus.native.pack import build_native
 
     return [build_native(kind, config, folder, name, windows) for kind, config, name in wanted]

@@ -1,4 +1,4 @@
-"""``[drive]``, ``[drive.steering]`` and ``[driver]``: what turns the sprockets."""
+"""Tables of drives and driver: ``[drive]``, ``[drive.steering]`` and ``[driver]``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, mode
 from fmus.vehicle import Distance, In, Table, to_si
 from orchestrator.scene.values import SIDES, Duration, Place, Side, Time, off
 
-POINTS_OF = {  # and the modes in which they act
+POINTS_OF = {  # and the modes that use them
     "speed_points": ("speed", "controller"),
     "torque_points": ("torque",),
     "brake_points": ("torque", "controller"),
@@ -20,33 +20,32 @@ POINTS_OF = {  # and the modes in which they act
 
 
 class Drive(Table):
-    """What turns a sprocket (or a braked idler).
+    """Drive of a sprocket, or brake of an idler.
 
-    ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time``, and is
-    then held; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
+    ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time`` and is then
+    constant; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
     """
 
     mode: Literal["speed", "torque", "controller"]
     speed: Annotated[float, In("rad/s")] = 0.0
     ramp_start: Time = 0.0
     ramp_time: Time = 1.0
-    stop: Time | None = None  # when the sprocket is stopped for good, after the ramp
+    stop: Time | None = None  # time at which the sprocket is locked for good, after the ramp
     stop_time: Duration = 1e-3
     torque: Annotated[float, In("N m")] = 0.0
     torque_limit: Annotated[float, In("N m", gt=0)] | None = None
     brake: Annotated[float, In("N m", ge=0)] = 0.0
-    # points [time, value], or a CSV file of them, instead of a constant: straight lines between, held before and after
-    speed_points: tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None = None  # instead of ramp and stop
+    # Points [time, value] or a CSV file of them, instead of a constant: linear between points, constant outside.
+    speed_points: tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None = None  # replace ramp and stop
     torque_points: tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None = None
     brake_points: tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None = None
 
-    # full-load curve of the engine, [speed, torque] of its shaft, or a CSV file: at the sprocket by the gear's ratio
+    # Full-load curve of the engine, [speed, torque] of its shaft, or a CSV file; the gear ratio moves it to the
+    # sprocket.
     engine_points: tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None = (
         None
     )
-    gear_ratio: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = (
-        None  # turns of the engine to the sprocket's
-    )
+    gear_ratio: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # engine speed over sprocket speed
 
     @model_validator(mode="after")
     def _points_fit(self) -> Drive:
@@ -73,20 +72,20 @@ class Drive(Table):
 
     @property
     def top_speed(self) -> float | None:
-        """Largest speed that is asked for, rad/s; None where a torque makes it."""
+        """Largest demanded speed, rad/s; None in mode torque."""
         if self.mode == "torque":
             return None
         return max(abs(speed) for _, speed in self.speed_points or ((0.0, self.speed),))
 
 
 class Steering(Drive):
-    """What turns right less left in a steering differential: ``speed`` is the right sprocket's less the left one's."""
+    """Drive of the speed difference, right less left, of a steering differential."""
 
     mode: Literal["speed", "torque", "controller"] = "speed"
 
     @model_validator(mode="after")
     def _acts(self) -> Steering:
-        """Raise ValueError for what the mode, which may not have been said, leaves without effect."""
+        """Raise ValueError for settings that the mode, given or default, would ignore."""
         acting = {"torque": ("torque",), "torque_limit": ("controller",), "brake": ("torque", "controller")}
         for key, modes in acting.items():
             if getattr(self, key) and self.mode not in modes:
@@ -95,9 +94,9 @@ class Steering(Drive):
 
 
 class VehicleDrive(Drive):
-    """The drive of both sides of a vehicle; what ``left`` or ``right`` says lies over it.
+    """Drive of both sides of a vehicle; tables ``left`` and ``right`` override it.
 
-    With ``steering`` both sprockets are joined by a differential, and the drive turns the mean of their speeds.
+    With ``steering`` a differential joins both sprockets, and the drive sets the mean of their speeds.
     """
 
     left: Drive | None = None
@@ -115,12 +114,12 @@ class VehicleDrive(Drive):
         whole = {side: {**known, **each} if isinstance(each, Mapping) else each for side, each in own.items()}
         modes = [each["mode"] for each in whole.values() if isinstance(each, Mapping) and "mode" in each]
         if modes and "mode" not in both and (len(own) == len(SIDES) or known != both):
-            both["mode"] = modes[0]  # each side has its own, or another key is to be complained of
+            both["mode"] = modes[0]  # each side has its own mode, or the missing key must be another one
         return both | whole
 
     @model_validator(mode="after")
     def _named_by_side(self) -> VehicleDrive:
-        """Sides that differ are both named, sides that are alike neither; what else is said is then the left one's."""
+        """Name both sides if they differ, neither if they are equal (common settings then)."""
         left, right = (getattr(self, side) or self._both() for side in SIDES)
         sides = {} if left == right else {"left": left, "right": right}
         if sides and self.steering is not None:
@@ -136,7 +135,7 @@ class VehicleDrive(Drive):
 
     @property
     def steers(self) -> bool:
-        """Whether the sides' drives differ."""
+        """True if the drives of the sides differ."""
         return self.left is not None and self.right is not None
 
     def motors(self) -> dict[str, Drive]:
@@ -145,12 +144,12 @@ class VehicleDrive(Drive):
         return {key: each for key, each in {**own, "drive.steering": self.steering}.items() if each is not None}
 
     def of(self, side: Side) -> Drive:
-        """The drive of a side."""
+        """Drive of a side."""
         return getattr(self, side) or self._both()
 
 
 def _arc(pair: object) -> object:
-    """An arc of a path in SI: [length, curvature], or [0, angle] for a turn on the spot."""
+    """Arc of a path in SI: [length, curvature], or [0, angle] for a turn on the spot."""
     if not isinstance(pair, list | tuple) or len(pair) != 2:
         return pair
     length = to_si("m")(pair[0])
@@ -164,28 +163,28 @@ Arc = Annotated[tuple[Place, Annotated[float, In("rad/m", ge=-1e3, le=1e3)]], Be
 
 
 class Driver(Table):
-    """Who drives a vehicle along a path, or on a heading, at a speed; the path begins under its middle road wheel.
+    """Driver that follows a path or heads in a direction; the path begins below the middle road wheel.
 
-    Without arcs and points the heading of the start, turned by ``heading``, is held. What is not given is the
-    driver's own default.
+    Without arcs and points the driver holds the heading of the start, turned by ``heading``. Keys that are not given
+    take the driver's defaults.
     """
 
-    # [length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a CSV file of them
+    # [length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a CSV file of them.
     arcs: Annotated[tuple[Arc, ...] | None, BeforeValidator(off)] = None
-    # [x, y] of a smooth path, or a CSV file of them
+    # [x, y] of a smooth path, or a CSV file of them.
     points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(off)] = None
     heading: Annotated[float, In("rad")] | None = None
     speed: Annotated[float, In("m/s", ge=0, le=1e3)] = 0.0
     ramp_start: Time = 0.0
     ramp_time: Time = 1.0
-    speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None  # instead of the ramp
-    deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # towards curves and the end of the path
-    lateral_acceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # bounds speed and curvature
-    reach: Distance | None = None  # least distance of the point that is pursued
-    preview: Time | None = None  # and in time
-    width: Distance | None = None  # distance of two tracks that would turn the vehicle alike without slip: for errors
-    friction: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None  # that is counted on: else the ground's
-    grip: Annotated[float, Field(ge=0.05, le=0.9)] | None = None  # share of the friction that the way is planned with
+    speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None  # replace the ramp
+    deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # before curves and the end of the path
+    lateral_acceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # limits speed and curvature
+    reach: Distance | None = None  # least look-ahead distance
+    preview: Time | None = None  # look-ahead time
+    width: Distance | None = None  # distance of two tracks without slip that would turn the vehicle alike: for errors
+    friction: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None  # assumed for the plan; default: ground
+    grip: Annotated[float, Field(ge=0.05, le=0.9)] | None = None  # share of the friction that the plan uses
 
     @model_validator(mode="after")
     def _one_way(self) -> Driver:
@@ -210,5 +209,5 @@ class Driver(Table):
 
     @property
     def top_speed(self) -> float:
-        """Largest speed that is asked for, m/s."""
+        """Largest demanded speed, m/s."""
         return max(speed for _, speed in self.speed_points or ((0.0, self.speed),))

@@ -1,4 +1,4 @@
-"""The gallery: the scenes that come with the package, and the reading of a scene file."""
+"""The gallery of scenes in the package, and the reading of scene files."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 
 from fmus.vehicle import BadInput
 
-# scenes without an FMU that older versions had, and what they assembled: elements and joints of the validation
+# Scenes of older versions without an FMU, and their assembly; the validation now checks these elements and joints.
 MOVED = {"flexible_pendulum": "pendulum", "elastica": "cantilever", "l_frame": "frame", "sliding_mass": "slider"}
 PLACE = "has no FMU and is validated in a clone of cotrack: python -m tests.validation mechanics --quick -o mechanics"
 
 
 def names() -> list[str]:
-    """Names of the packaged scenes, in the order in which the physics grows."""
+    """Names of the packaged scenes, from simple to complex physics."""
     folder = resources.files("orchestrator") / "gallery"
     found = {file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")}
     order = [
@@ -28,13 +28,13 @@ def names() -> list[str]:
 
 
 def hint(name: str, known: Collection[str], introduction: str) -> str:
-    """The known name that is nearest to an unknown one, or all of them."""
+    """Suggestion for an unknown name: the nearest known one, or all of them."""
     near = get_close_matches(name, known, n=1)
     return f"did you mean '{near[0]}'?" if near else f"{introduction} {', '.join(known)}"
 
 
 def read(scene: str) -> tuple[str, dict[str, Any]]:
-    """Name and raw table of a scene: a name of the gallery or a path to a TOML file; raises BadInput."""
+    """Name and raw table of a scene of the gallery or a TOML file; raises BadInput."""
     path = Path(scene)
     if path.suffix == ".toml":
         source: Any = path

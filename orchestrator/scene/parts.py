@@ -1,4 +1,4 @@
-"""The components of a scene before they are built: their configs, parameters and connections."""
+"""Components of a scene before they are built: configs, parameters and connections."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
 SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
 
 
-AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # of the sprocket in the vehicle frame
+AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # position of the sprocket in the vehicle frame
 
 
-DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages: who demands, then force sides first
+DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages in stepping order: driver, then force sides before motion sides
 
 
 DIFFERENTIAL = "differential"
 
 
-HHT = 0.5  # spectral radius of hht unless a scene asks for another: the strongest damping that it has
+HHT = 0.5  # default spectral radius of hht, its strongest damping
 
 
-POSE = 7  # of a wheel's 13: position and orientation, then its rates
+POSE = 7  # position and orientation are the first 7 of a wheel's 13 variables; rates follow
 
 
 Parameters = dict[str, float | int | str]
 
 
 class Part(NamedTuple):
-    """A component before it is built."""
+    """Component before it is built."""
 
     name: str
-    kind: str  # FMU kind, a key of the build
-    config: dict[str, Any]  # what the build packs beside the model
+    kind: str  # kind of FMU, a key of the build
+    config: dict[str, Any]  # packed into the FMU beside the model
     parameters: Parameters  # set before initialisation
     stage: int
 
 
 def chassis_config(scene: VehicleScene) -> dict[str, Any]:
-    """Config of the chassis: its sides, where it starts, what it touches."""
+    """Config of the chassis: sides, start, contacts."""
     at = scene.start.equilibrium
     own: dict[str, Any] = {"sides": list(SIDES)[: 1 if scene.symmetric else 2], **_touching(scene)}
     own |= {"start": at.model_dump(mode="json")} if at else {}
@@ -59,7 +59,7 @@ def chassis_config(scene: VehicleScene) -> dict[str, Any]:
 
 
 def standing(scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]) -> dict[str, Any]:
-    """The config of a track with its wheels where they stand on this side of the vehicle."""
+    """Config of a track whose wheels stand at their equilibrium on this side of the vehicle."""
     at = scene.start.equilibrium
     if at is None:
         return config
@@ -70,12 +70,12 @@ def standing(scene: VehicleScene, config: dict[str, Any], side: str, stands: Map
 
 
 def drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
-    """The component that drives a side, and what its variables of that side begin with."""
+    """Component that drives a side, and the prefix of its variables for that side."""
     return (f"{side}_drive", "") if scene.drive.steering is None else (DIFFERENTIAL, f"{side}.")
 
 
 def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
-    """What a driver sees, and what the drives are told."""
+    """Connections from chassis to driver and from driver to drives."""
     shown, seen = _names(wheel_state("chassis", "output")), _names(wheel_state("chassis", "input"))
     return (
         Connection("chassis", shown[:POSE], "driver", seen[:POSE], "state"),
@@ -89,7 +89,7 @@ def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
 
 
 def driver_parameters(driver: Driver) -> Parameters:
-    """What the scene says of a driver."""
+    """Driver parameters that the scene sets."""
     same = {"heading", "deceleration", "reach", "preview", "width", "friction", "grip"}
     own = driver.model_dump(include=same, exclude_none=True)
     ramp = {
@@ -104,12 +104,12 @@ def driver_parameters(driver: Driver) -> Parameters:
 
 
 def _text(pairs: Sequence[tuple[float, float]]) -> str:
-    """Pairs as a String parameter."""
+    """Pairs as the value of a String parameter."""
     return "; ".join(f"{first!r} {second!r}" for first, second in pairs)
 
 
 def _touching(scene: VehicleScene) -> dict[str, Any]:
-    """Config of what the chassis itself touches: the hull where declared, wheels that have no track."""
+    """Config of the contacts of the chassis itself: the hull if declared, wheels without a track."""
     bare = [side for side in SIDES if side not in scene.tracks]
     if not bare and not scene.ground.hull:
         return {}
@@ -163,7 +163,7 @@ def track_config(
     transverse_damping: float = 0.0,
     tension: float = 0.0,
 ) -> dict[str, Any]:
-    """Config of a track: vehicle, wheels, ends, ground; ``tension`` for what places its idler."""
+    """Config of a track: vehicle, wheels, ends, ground, and the ``tension`` by which its idler is placed."""
     return {
         "vehicle": scene.vehicle.model_dump(),
         "track": {
@@ -181,7 +181,7 @@ def track_config(
 
 
 def track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
-    """A track with its parameters, ``lateral`` m to the left of the middle."""
+    """Track with its parameters, ``lateral`` m to the left of the middle."""
     parameters = {**start_parameters(scene), "start.lateral": lateral, **scene.track.parameters()}
     if scene.track.integrator == "hht":
         parameters.setdefault("spectral_radius", HHT)
@@ -200,14 +200,14 @@ def drive_part(
     mount: Sequence[float],
     lateral: float = 0.0,
 ) -> Part:
-    """A sprocket drive on its mount, ``lateral`` m to the left of the middle."""
+    """Sprocket drive on its mount, ``lateral`` m to the left of the middle."""
     config = {"vehicle": scene.vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
     parameters = {**start_parameters(scene), "start.lateral": lateral, **_drive_parameters(drive)}
     return Part(name, "SprocketDrive", config, parameters, DRIVE)
 
 
 def differential_part(scene: VehicleScene, steering: Drive, stands: Mapping[str, Stance]) -> Part:
-    """The steering differential between both sprockets."""
+    """Steering differential between both sprockets."""
     vehicle = scene.vehicle
     own: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
     for (side, sign), key in zip(SIDES.items(), ("mount", "right"), strict=True):
@@ -242,7 +242,7 @@ def _drive_parameters(drive: Drive) -> Parameters:
 
 
 def start_parameters(scene: Scene) -> Parameters:
-    """Place and attitude in which all components start."""
+    """Start parameters that all components share: position, heading, pitch."""
     x, y, z = scene.start.position
     pose: Parameters = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
     pose["start.heading"] = scene.start.heading
@@ -253,17 +253,17 @@ def start_parameters(scene: Scene) -> Parameters:
 
 
 def sprocket() -> dict[str, Any]:
-    """A sprocket in the config of a track, at its origin."""
+    """Sprocket in the config of a track, at its origin."""
     return {"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]}
 
 
 def rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
-    """A smooth wheel in the config of a track, m."""
+    """Smooth wheel in the config of a track, m."""
     return {"name": name, "kind": "rim", "radius": radius, "position": [x, z]}
 
 
 def wheel_connections(giver: str, connector: str, taker: str, taken: str) -> tuple[Connection, ...]:
-    """Pose and rates from the taker to the giver, mean wrench from the giver to the taker: a power bond."""
+    """Power bond of a wheel: pose and rates from taker to giver, mean wrench from giver to taker."""
     shown, seen = _names(wheel_state(taken, "output")), _names(wheel_state(connector, "input"))
     given, felt = _names(wrench(connector, "output")), _names(wrench(taken, "input"))
     bond = f"{giver}.{connector}"

@@ -1,4 +1,4 @@
-"""Where a scene starts: idlers where chains carry their tension, a vehicle in equilibrium."""
+"""Start of a scene: idlers where chains carry their static tension, a vehicle in equilibrium."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from orchestrator.scene.values import SIDES
 
 
 def placed(scene: Scene) -> Scene:
-    """The scene with the idler where the chain carries its static tension, and the push that holds it there.
+    """The scene with idlers where chains carry their static tension, and in equilibrium.
 
-    A placed scene (from a log) stays as it is. Raises BadInput when the track cannot be laid round its wheels
-    or cannot carry the tension.
+    A placed scene (from a log) is returned as it is. Raises BadInput if the track cannot be laid round its wheels or
+    cannot carry the tension.
     """
     if scene.placed:
         return scene
@@ -34,7 +34,7 @@ def placed(scene: Scene) -> Scene:
 
 
 def _tight(scene: VehicleScene) -> VehicleScene:
-    """A vehicle with its idlers where tracks as drawn carry their tension, and the push that holds them there."""
+    """Vehicle with idlers where tracks as drawn carry their tension, and with the balancing preload."""
     if not scene.tracks:
         return scene
     vehicle = scene.vehicle
@@ -46,7 +46,7 @@ def _tight(scene: VehicleScene) -> VehicleScene:
 
 
 def _rested(scene: VehicleScene) -> VehicleScene:
-    """A vehicle with tight tracks where it starts: in equilibrium, unless it starts as drawn."""
+    """Vehicle with tensioned tracks in its equilibrium, unless it starts as drawn."""
     if scene.start.state != "equilibrium":
         return scene
     parts = {part.name: part for part in assemble(scene.model_copy(update={"symmetric": False})).parts}
@@ -56,7 +56,10 @@ def _rested(scene: VehicleScene) -> VehicleScene:
 
 
 def _carrying(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Parameters]:
-    """A track as it takes part in the search; a closing spring as stiff as by default makes no difference (0.3 um)."""
+    """Track config and closure parameters for the search of the equilibrium.
+
+    A closing spring of default stiffness changes the result by 0.3 um only, so it is left out.
+    """
     soft = scene.track.closure_stiffness is not None
     closure = {name: value for name, value in part.parameters.items() if soft and name.startswith("closure")}
     return {**part.config, "link_outputs": False}, closure
@@ -64,7 +67,7 @@ def _carrying(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Paramete
 
 @cache
 def _settled(asked: str) -> Any:
-    """Solved once a process, as the idler's place."""
+    """Equilibrium, solved once per process."""
     chassis, tracks = json.loads(asked)
     return equilibrium(chassis, {side: Track(*track) for side, track in tracks.items()})
 
@@ -75,5 +78,5 @@ def _tensioned(config: dict[str, Any], tension: float, keys: str) -> tuple[float
 
 @cache
 def _solved(config: str, tension: float, keys: str) -> tuple[float, float]:
-    """Solved once a process: scenes and track models share their idler's place."""
+    """Idler position and push, solved once per process: scenes and track models share them."""
     return tension_wheel(json.loads(config), "idler", tension, keys)

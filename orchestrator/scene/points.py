@@ -1,4 +1,4 @@
-"""Quantities over time, points or arcs of a path in a CSV file: read with a scene, so that a log needs no other."""
+"""Points over time, points of a path or arcs from CSV files, read with the scene: logs need no files."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from typing import Any
 
 from fmus.vehicle import BadInput
 
-Tables = dict[str, Any]  # of a raw scene
+Tables = dict[str, Any]  # raw scene
 POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "points", "arcs")
 DRIVES = ("drive", "idler_drive", "driver")
 
 
 def read(table: Tables, folder: Path, where: str) -> None:
-    """Put the points of all files that the drives of a raw scene name in their place; paths are from ``folder``.
+    """Replace the CSV files that the drives of a raw scene name by their points.
 
-    Raises BadInput for what cannot be read, which begins with ``where``.
+    Paths are relative to ``folder``. Raises BadInput, with a message that begins with ``where``, for files that
+    cannot be read.
     """
     for name, drive in _drives(table):
         for key in POINTS:
@@ -36,7 +37,7 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _of_file(path: Path, key: str) -> list[list[float]]:
-    """Pairs of numbers of a file with two columns, SI; a first line of words is a head."""
+    """Pairs of numbers, SI, from a file with two columns; a first line of words is skipped."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]

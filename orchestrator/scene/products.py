@@ -1,4 +1,4 @@
-"""Which FMUs scenes need, and what their files are called when they are built to be kept."""
+"""FMUs of scenes for use in other tools, and their file names."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from orchestrator.scene.parts import TRACKS, Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, load
 
-STANDARD = "straight"  # its components carry the plain names
+STANDARD = "straight"  # its FMUs have names without suffix
 
 
 def of_gallery(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
-    """Every distinct FMU of the gallery; the standard vehicle's come first and have no suffix."""
+    """Every distinct FMU of the gallery; those of the standard vehicle come first and have no suffix."""
     ordered = [STANDARD, *(name for name in gallery.names() if name != STANDARD)]
     return of_scenes([load(name, model, settings) for name in ordered for model in models])
 
 
 def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
-    """Every distinct FMU of some scenes, their parameters its defaults; of two sides, those of the left one.
+    """Every distinct FMU of some scenes, with parameters as defaults; of two sides, the left one's.
 
-    Variants carry the scene's name, and the component's if need be.
+    Variants carry the scene's name, and the component's where needed.
     """
     seen: set[str] = set()
     names: set[str] = set()
     products: list[Product] = []
     for scene in scenes:
         for part in sorted(assemble(placed(scene)).parts, key=_side):
-            # in another tool means of links are those of its own communication step
+            # Another tool takes link means over its own communication step.
             parameters = {name: value for name, value in part.parameters.items() if name != INTERVAL}
             config = part.config | {"parameters": parameters}
             mirrored = parameters | {"start.lateral": abs(_side(part))}  # one FMU serves both sides
@@ -50,21 +50,21 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
 
 
 def _side(part: Part) -> float:
-    """Left before right: how far to the right the part is made to stand, m."""
+    """Lateral distance of the part to the right, m; sorts left before right."""
     return -float(part.parameters.get("start.lateral", 0.0))
 
 
 def build_to(folder: Path, products: Sequence[Product], native: bool = False, windows: bool = False) -> list[Path]:
-    """Build them into a folder, native ones for ``windows`` too; paths in order.
+    """Build FMUs into a folder; return their paths in order. ``windows`` adds libraries to native ones.
 
-    Raises BadInput where there can be no such folder.
+    Raises BadInput if the folder cannot be created.
     """
     made(folder)
     return build_native_all(products, folder, windows) if native else build_all(products, folder)
 
 
 def made(folder: Path) -> None:
-    """Make a folder for what comes out; raises BadInput where there can be none."""
+    """Create a folder for results; raises BadInput."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Ranges of the numbers of a scene, and what of a scene lies outside the plausible (``fmus/ranges.py``)."""
+"""Ranges of the numbers of a scene, and warnings about implausible values (``fmus/ranges.py``)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SCENE = (
 
 
 def implausible(scene: Mapping[str, Any], where: str) -> list[str]:
-    """A sentence for each number of a resolved scene outside the plausible; it begins with ``where``."""
+    """One sentence, beginning with ``where``, for each implausible number of a resolved scene."""
     vehicle = scene.get("vehicle")
     found = [*outside(scene, SCENE, "plausible")]
     if isinstance(vehicle, Mapping):

@@ -1,22 +1,22 @@
-"""How often links are recorded: teeth strike them, and a record that is too seldom shows motions that are none."""
+"""Recording interval of links: teeth excite links periodically, and slow sampling aliases that motion."""
 
 from __future__ import annotations
 
 import math
 
-SAMPLES = 10  # of a link while one tooth passes
-FEWEST = 2  # with fewer than these a tooth's frequency is folded to another one
-SELDOM = 10  # steps between records where no teeth pass
-UNKNOWN = 20.0  # rad/s: taken as the top speed of a sprocket that a torque turns
+SAMPLES = 10  # records while one tooth passes
+FEWEST = 2  # below, the frequency of the teeth is aliased
+SELDOM = 10  # steps between records in scenes without teeth
+UNKNOWN = 20.0  # rad/s: assumed top speed of a sprocket driven by torque
 
 
 def links_every(step: float, teeth: float) -> int:
-    """Steps of length ``step``, s, from one record to the next, where so many teeth pass a second."""
+    """Number of steps of length ``step``, s, between records of links at ``teeth`` per second."""
     return SELDOM if teeth <= 0.0 else min(max(math.floor(1.0 / (SAMPLES * teeth * step) + 1e-9), 1), SELDOM)
 
 
 def folded(every: int, step: float, teeth: float) -> str:
-    """A sentence where records of links every so many steps show teeth at a wrong frequency; else nothing."""
+    """Sentence if recording every so many steps aliases the frequency of the teeth, else empty."""
     interval = every * step
     if FEWEST * teeth * interval <= 1.0:
         return ""

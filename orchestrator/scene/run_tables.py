@@ -1,4 +1,4 @@
-"""``[run]``: how long, in which steps, how components are coupled, what is recorded."""
+"""Table ``[run]``: duration, steps, coupling, recording."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ OPTIONS = {
 
 
 class Coupling(Table):
-    """How components are coupled; what is not given is the coupling's own default."""
+    """Coupling scheme and its options; the scheme's defaults apply to the rest."""
 
     scheme: Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"] = "tracks_first"
-    hold: Literal["linear", "constant"] | None = None  # of inputs: extrapolated to the middle of the step, or not
-    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None  # change of inputs that ends the iteration
-    iterations: Annotated[int, Field(ge=1)] | None = None  # allowed in a step
+    hold: Literal["linear", "constant"] | None = None  # extrapolate inputs to the middle of the step, or hold them
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None  # relative change of inputs that ends the iteration
+    iterations: Annotated[int, Field(ge=1)] | None = None  # most iterations in a step
 
     @model_validator(mode="after")
     def _options_fit(self) -> Coupling:
@@ -35,7 +35,7 @@ class Coupling(Table):
         return self
 
     def options(self) -> dict[str, Any]:
-        """What is given besides the scheme."""
+        """Given options, without the scheme."""
         return self.model_dump(exclude={"scheme"}, exclude_none=True)
 
     def __str__(self) -> str:
@@ -44,12 +44,12 @@ class Coupling(Table):
 
 
 class Variable(Table):
-    """A communication step that follows an error estimate; ``run.step`` is the first."""
+    """Communication step controlled by an error estimate; ``run.step`` is the first one."""
 
-    # of a step: its error over what its connection has carried, or its power residual over what a bond has carried
+    # Of a step: its error over the size of what the connection carries, or its power residual over that of the bonds.
     tolerance: Annotated[float, Field(gt=0, lt=1)]
     estimate: Literal["doubling", "power"] = "doubling"
-    energy: Annotated[float, In("J", gt=0)] | None = None  # the least that a power residual is relative to
+    energy: Annotated[float, In("J", gt=0)] | None = None  # least reference energy of a power residual
     shortest: Duration = 1e-5
     longest: Duration = 0.1
 
@@ -67,12 +67,12 @@ class Variable(Table):
 
 
 def short_coupling(value: object) -> object:
-    """A coupling's name may stand for its table."""
+    """Accept the name of a coupling in place of its table."""
     return {"scheme": value} if isinstance(value, str) else value
 
 
 def _kinds(allowed: object) -> object:
-    """Kinds of failures of the validity ledger; one may stand alone."""
+    """Kinds of failures of the validity ledger; a single one may be given as a string."""
     names = [allowed] if isinstance(allowed, str) else allowed
     if isinstance(names, list | tuple) and all(isinstance(name, str) and name in ALLOWED for name in names):
         return tuple(name for name in ALLOWED if name in names)
@@ -80,18 +80,18 @@ def _kinds(allowed: object) -> object:
 
 
 class Run(Table):
-    """How long, in which steps, and how often results are recorded."""
+    """Duration, steps and recording of a run."""
 
     stop: Duration
     step: Duration  # communication step H
     coupling: Annotated[Coupling, BeforeValidator(short_coupling)] = Coupling()
-    variable: Annotated[Variable | None, BeforeValidator(off)] = None  # without it, or false: all of length H
-    outputs: Every = 1  # outputs are recorded every n communication steps
-    links: Every | None = None  # per-link outputs are recorded every n communication steps; default: ``recording``
-    between: bool = False  # mean, least and most of per-link outputs between two of these records, too
-    # the log gets what the run needs to go on from there so often; false: never
+    variable: Annotated[Variable | None, BeforeValidator(off)] = None  # None or false: all steps have length H
+    outputs: Every = 1  # interval of recorded outputs in communication steps
+    links: Every | None = None  # interval of recorded per-link outputs; default: ``recording``
+    between: bool = False  # also record mean, least and most between two records of links
+    # Interval of checkpoints in the log, s; false: none.
     checkpoints: Annotated[Duration | None, BeforeValidator(off)] = 0.5
-    allow: Annotated[tuple[str, ...], BeforeValidator(_kinds)] = ()  # what of ``results/validity`` does not fail a run
+    allow: Annotated[tuple[str, ...], BeforeValidator(_kinds)] = ()  # kinds of ``results/validity`` that do not fail
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Run:

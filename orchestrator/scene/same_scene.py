@@ -1,4 +1,4 @@
-"""Whether two runs are of one scene: only how they were computed, recorded and checked may differ."""
+"""Comparison of scenes: runs of one scene may differ only in computation, recording and checks."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from fmus.vehicle import BadInput, shown
 from orchestrator.scene.scene import from_table
 from orchestrator.scene.track_table import Track
 
-# how a scene is named, computed, recorded and checked: two runs that differ in these alone are runs of one scene
+# Keys of name, computation, recording and checks: runs that differ in these alone are runs of one scene.
 COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name", "vehicle.tensioner.travel",
     *(f"track.{key}" for key in Track.model_fields if key != "start"), "start.state", "start.equilibrium", "push",
 )  # fmt: skip
 
 
-# what is searched for so that the chain carries its tension: versions end the search at other last digits
+# Results of the search for the static tension: their last digits differ between versions.
 SEARCHED = ("vehicle.idler.x", "vehicle.tensioner.preload", "rig.axle_distance")
 
 
-ALIKE = 1e-5  # relative
+ALIKE = 1e-5  # relative tolerance
 
 
 def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]], remedy: str = "") -> None:
-    """Refuse two runs, each where it is from and its scene as logged, that are not of one scene; raises BadInput.
+    """Raise BadInput unless two runs, each given as place and logged scene, are of one scene.
 
-    Its sentence ends with the ``remedy``.
+    The message ends with ``remedy``.
     """
     for where, table in (one, other):
         if not table:
@@ -39,7 +39,7 @@ def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[s
 
 
 def _as_read_now(table: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A logged scene with the keys of this version: a log of an older one says nothing of those that came later."""
+    """A logged scene with the keys of this version; a log of an older one lacks later keys."""
     try:
         found: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
         return found
@@ -48,7 +48,7 @@ def _as_read_now(table: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:
-    """What makes two resolved, placed scenes different ones, "key = value and value"; None where it is one scene."""
+    """First difference of two resolved, placed scenes, "key = value and value"; None for one scene."""
     for name in sorted({*one, *other}):
         key, a, b = f"{above}{name}", one.get(name), other.get(name)
         if key in COMPUTED or a == b or (key in SEARCHED and _alike(a, b)):

@@ -1,7 +1,7 @@
-"""A scene: what exists, how it starts, how long it runs and what is expected of it; frozen, complete, SI.
+"""Scenes: parts, start, duration and expectations; frozen, complete, SI.
 
-A scene file names a vehicle (or carries ``[vehicle]`` with ``base`` and what differs from it); the resolved
-scene holds the whole vehicle table under ``vehicle``, so that a dotted key reaches every number of a run.
+A scene file names a vehicle, or contains ``[vehicle]`` with a ``base`` and the differences from it. The resolved
+scene holds the whole vehicle table under ``vehicle``, so a dotted key reaches every number of a run.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from orchestrator.scene.tables import Bench, Chain, Check, Rig
 from orchestrator.scene.track_table import Track, short_track
 from orchestrator.scene.values import SIDES, Side, off
 
-# what a drive in mode controller may say beside a driver
+# Settings of a drive in mode controller that are allowed beside a driver.
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
-# what a planar scene asks of its links
+# Link settings of a planar scene.
 PLANAR = {"element": "cable", "elasticity": "small_deformation", "axes": "fixed", "joints": "eliminated"}
-OUTSIDE = 1.2  # of a vehicle's speed: that of its outer track in a turn
-SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of theirs
+OUTSIDE = 1.2  # speed of the outer track in a turn, relative to the vehicle
+SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
 
 
 class Scene(Table):
-    """A scene of FMUs, a track among them; its kinds add what they assemble."""
+    """Scene of FMUs, one of them a track; subclasses add what they assemble."""
 
-    name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # names the log
+    name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # also names the log
     title: str
     assembly: str
     run: Run
@@ -46,8 +46,8 @@ class Scene(Table):
     vehicle: Vehicle
     track: Annotated[Track, BeforeValidator(short_track)]
     start: Start = Start()
-    placed: bool = False  # whether the idler stands already where the chain carries its static tension
-    planar: bool = False  # chains of cables without their lateral dofs: all motion is in the plane of the track
+    placed: bool = False  # True once the idler is where the chain carries its static tension
+    planar: bool = False  # cable chains without lateral dofs: all motion is in the plane of the track
 
     @model_validator(mode="after")
     def _is_possible(self) -> Scene:
@@ -65,26 +65,26 @@ class Scene(Table):
 
     @property
     def teeth_rate(self) -> float:
-        """Teeth that pass a second at top speed, as far as the scene says it; 0 where there are none."""
+        """Teeth per second at top speed as far as known; 0 without teeth."""
         return 0.0
 
     @property
     def links_every(self) -> int:
-        """Steps from one record of links to the next."""
+        """Communication steps between two records of links."""
         return self.run.links or links_every(self.run.step, self.teeth_rate)
 
     @property
     def between(self) -> bool:
-        """Whether the log has what links do between two records."""
+        """True if the log has link statistics between two records."""
         return self.run.between or bool(self.folded)
 
     @property
     def folded(self) -> str:
-        """A sentence where records of links are too seldom to show what teeth do; else nothing."""
+        """Sentence if link records alias the frequency of the teeth, else empty."""
         return folded(self.links_every, self.run.step, self.teeth_rate)
 
     def resolved(self) -> dict[str, Any]:
-        """The scene as plain SI numbers; ``from_table`` makes the same scene of it."""
+        """The scene as plain SI numbers; ``from_table`` is the inverse."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
     @model_validator(mode="after")
@@ -104,21 +104,21 @@ class Scene(Table):
         return self.track.model
 
     def with_axes(self) -> Scene:
-        """The scene with the axes that its cables need where nothing is said of them: fixed ones."""
+        """The scene with the default axes of its cables: fixed."""
         return self
 
     def _has_no_closure(self, ends: str) -> None:
-        """Raise ValueError where a chain with these ``ends`` is told how to close."""
+        """Raise ValueError if a chain with these ``ends``, which is no loop, has a closure."""
         if self.track.closure is not None:
             raise ValueError(f"track.closure = '{self.track.closure}' needs a loop: this chain has {ends}")
 
     def _teeth_rate(self, speed: float | None) -> float:
-        """Teeth that pass a second when the sprocket turns with ``speed``, rad/s."""
+        """Teeth per second at a sprocket speed, rad/s."""
         return self.vehicle.sprocket.teeth * (UNKNOWN if speed is None else speed) / (2.0 * math.pi)
 
 
 class ChainScene(Scene):
-    """A chain and nothing else."""
+    """Chain without wheels."""
 
     assembly: Literal["chain"]
     chain: Chain
@@ -133,7 +133,7 @@ class ChainScene(Scene):
 
 
 class BenchScene(Scene):
-    """A chain and a driven sprocket."""
+    """Chain over a driven sprocket."""
 
     assembly: Literal["bench"]
     bench: Bench
@@ -146,12 +146,12 @@ class BenchScene(Scene):
 
     @property
     def teeth_rate(self) -> float:
-        """As ``drive`` turns the sprocket."""
+        """Teeth per second at the drive's top speed."""
         return self._teeth_rate(self.drive.top_speed)
 
 
 class RigScene(Scene):
-    """A closed chain, a driven sprocket and a braked idler."""
+    """Closed chain round a driven sprocket and a braked idler."""
 
     assembly: Literal["rig"]
     rig: Rig
@@ -160,21 +160,21 @@ class RigScene(Scene):
 
     @property
     def teeth_rate(self) -> float:
-        """As ``drive`` turns the sprocket."""
+        """Teeth per second at the drive's top speed."""
         return self._teeth_rate(self.drive.top_speed)
 
 
 class VehicleScene(Scene):
-    """A vehicle on its ground."""
+    """Vehicle on its ground."""
 
     assembly: Literal["vehicle"]
     start: VehicleStart = VehicleStart()
-    tracks: tuple[Side, ...] = SIDES  # a side without one has no drive either
+    tracks: tuple[Side, ...] = SIDES  # a side without a track has no drive either
     ground: Ground = Ground()
     drive: VehicleDrive
-    driver: Annotated[Driver | None, BeforeValidator(off)] = None  # without one, or false: drives go by themselves
-    push: float = 0.0  # of the tension of placed tracks on the tensioners, N: a part of their preload
-    symmetric: bool = False  # only the left half runs, the right one mirrors it in the vehicle's own plane
+    driver: Annotated[Driver | None, BeforeValidator(off)] = None  # None or false: the drives follow their own settings
+    push: float = 0.0  # N, share of the tensioners' preload that balances the tension of placed tracks
+    symmetric: bool = False  # only the left half runs; the right one mirrors it
 
     @field_validator("tracks")
     @classmethod
@@ -199,7 +199,7 @@ class VehicleScene(Scene):
 
     @property
     def teeth_rate(self) -> float:
-        """On the faster side; of a driver's vehicle at its speed in a turn of some ten metres."""
+        """Teeth per second on the faster side; with a driver, in a turn of about ten metres radius."""
         if self.driver is not None:
             radius = self.vehicle.track.pitch / (2.0 * math.sin(math.pi / self.vehicle.sprocket.teeth))
             return self._teeth_rate(OUTSIDE * self.driver.top_speed / radius)
@@ -208,23 +208,23 @@ class VehicleScene(Scene):
         return self._teeth_rate(max(known) + 0.5 * (steering or 0.0) if known else None)
 
     def with_state(self) -> VehicleScene:
-        """The scene with the state in which it starts, by default at rest where it can be; raises ValueError."""
+        """The scene with its start state, by default equilibrium where possible; raises ValueError."""
         rests = self.track.start in (None, "rest")
         if self.start.state == "equilibrium" and not rests:
             raise ValueError(f"start.state = 'equilibrium' needs track.start = 'rest', not '{self.track.start}'")
         if self.start.state is not None:
             return self
-        solved = self.start.equilibrium is not None or not self.placed  # logs of old hold no equilibrium
+        solved = self.start.equilibrium is not None or not self.placed  # logs of older versions hold no equilibrium
         state = "equilibrium" if rests and solved and not self.start.moved else "drawn"
         return self.model_copy(update={"start": self.start.model_copy(update={"state": state})})
 
     @property
     def turns(self) -> bool:
-        """Whether the sides are driven differently."""
+        """True if the sides are driven differently."""
         return self.drive.steers or self.drive.steering is not None or self.driver is not None
 
     def with_axes(self) -> VehicleScene:
-        """The scene with free axes where nothing is said of them, links are cables and the vehicle may turn or roll."""
+        """The scene with free axes, if none are given, for cables of a vehicle that may turn or roll."""
         track = self.track
         cables = track.model == "flexible" and track.element != "beam"
         if not cables or track.axes is not None or not (self.turns or len(self.tracks) == 1):
@@ -232,7 +232,7 @@ class VehicleScene(Scene):
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
 
     def _may_steer(self) -> None:
-        """Raise ValueError where the sides' drives differ and something else does not go with that."""
+        """Raise ValueError if the sides' drives differ and another setting forbids that."""
         if self.symmetric:
             raise ValueError("symmetric = true needs the same drive on both sides: the right half mirrors the left")
         if without := [side for side in SIDES if side not in self.tracks]:
@@ -243,7 +243,7 @@ class VehicleScene(Scene):
             raise ValueError("this vehicle turns: track.axes = 'fixed' keeps cables in their plane")
 
     def _may_be_driven(self) -> None:
-        """Raise ValueError where the drives do not listen to a driver."""
+        """Raise ValueError if the drives cannot follow a driver."""
         for where, drive in self.drive.motors().items():
             if drive.mode == "torque":
                 raise ValueError(f"{where}.mode = 'torque': a driver needs 'speed' or 'controller'")
@@ -264,7 +264,7 @@ KINDS: dict[str, type[Scene]] = {
 
 
 def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> Scene:
-    """Read a scene of the gallery or a file, with track model and ``KEY=VALUE`` settings; raises BadInput."""
+    """Load a scene of the gallery or a file, with track model and ``KEY=VALUE`` settings; raises BadInput."""
     name, table = gallery.read(scene)
     points.read(table, Path(scene).parent, f"{name}.toml")
     changes = [setting(text) for text in settings]
@@ -277,7 +277,7 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
 
 
 def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
-    """What a scene assembles; raises BadInput."""
+    """Class of scene that a table describes; raises BadInput."""
     assembly = table.get("assembly")
     if isinstance(assembly, str) and assembly in KINDS:
         return KINDS[assembly]
@@ -287,7 +287,7 @@ def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
 
 
 def _complete(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
-    """Give the table of a scene its whole vehicle; what is said of either goes out of the changes."""
+    """Complete a raw table with its whole vehicle; ``changes`` gain the track model and lose the vehicle."""
     if track is not None:
         changes.insert(0, ("track.model", track))
     table["track"] = short_track(table.get("track", {}))
@@ -310,9 +310,9 @@ def from_table(table: Mapping[str, Any], where: str) -> Scene:
 
 
 def changed(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Scene:
-    """A resolved scene, which is used up, with ``KEY=VALUE`` settings; no file that either names is read.
+    """Apply ``KEY=VALUE`` settings to a resolved scene, which is modified; reads no file.
 
-    Raises BadInput, which begins with ``where``.
+    Raises BadInput, with a message that begins with ``where``.
     """
     for key, value in map(setting, settings):
         put(resolved, SHORT.get(key, key), value)
@@ -320,7 +320,7 @@ def changed(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Sc
 
 
 def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
-    """The raw vehicle table: read by name, or a table laid over its ``base``."""
+    """Raw vehicle table: read by name, or a table merged over its ``base``."""
     if isinstance(vehicle, str):
         return read_table(vehicle)[0]
     if not isinstance(vehicle, dict):
@@ -335,7 +335,7 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
 
 
 def _complaint(error: ValidationError, where: str, model: type[Scene]) -> str:
-    """One sentence, with the nearest key where an unknown one was given."""
+    """One sentence for a validation error, with the nearest known key for an unknown one."""
     text = sentence(error, where)
     first = error.errors()[0]
     if first["type"] != "extra_forbidden":

@@ -1,4 +1,4 @@
-"""Dotted keys: ``KEY=VALUE`` settings over the tables of a file."""
+"""Settings ``KEY=VALUE`` with dotted keys, applied to the tables of a file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fmus.vehicle import BadInput
 
 
 def setting(text: str) -> tuple[str, Any]:
-    """``key=value`` as a dotted key and a TOML value, or a string where it is no TOML value (``2 ms``)."""
+    """Parse ``key=value``: dotted key and TOML value, or a string where that fails (``2 ms``)."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -28,7 +28,7 @@ def setting(text: str) -> tuple[str, Any]:
 
 
 def put(table: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key; numbers step into arrays."""
+    """Set a dotted key; integers index into arrays."""
     *path, last = key.split(".")
     place: Any = table
     for part in path:
@@ -45,7 +45,7 @@ def _index(place: list[Any], part: str, key: str) -> int:
 
 
 def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """``above`` laid over ``below``, table by table."""
+    """Merge ``above`` over ``below``, table by table."""
     result = dict(below)
     for key, value in above.items():
         both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)

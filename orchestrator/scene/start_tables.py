@@ -1,4 +1,4 @@
-"""``[start]`` and ``[ground]``: where a scene starts, and on what."""
+"""Tables ``[start]`` and ``[ground]``: initial state and terrain."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from orchestrator.scene.values import Place
 
 
 class Start(Table):
-    """Where the vehicle stands at the start, world frame."""
+    """Place of the vehicle at the start, world frame."""
 
     position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
     heading: Annotated[float, In("rad")] = 0.0
 
 
 class Equilibrium(Table):
-    """Where hull, arms and idlers stand at rest, from the drawn position: see ``fmus.equilibrium``."""
+    """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.equilibrium``)."""
 
-    height: float  # of the hull's centre of mass, m
+    height: float  # m, centre of mass of the hull
     roll: float  # rad
     pitch: float
-    left: tuple[float, ...]  # angles of the arms from the front, rad, and the slide of the idler, m
+    left: tuple[float, ...]  # angles of the arms, front to rear, rad, and slide of the idler, m
     right: tuple[float, ...]
 
 
 class VehicleStart(Start):
-    """A vehicle may also begin above its place on the ground, and pitched or rolled: upside down by half a turn."""
+    """Start of a vehicle, which may be raised, pitched, or rolled by half a turn."""
 
-    height: Place = 0.0  # of the sprocket axle over its drawn place on the ground
+    height: Place = 0.0  # sprocket axle above its drawn place
     pitch: Annotated[float, In("rad")] = 0.0  # about the sprocket axle, nose down positive
-    roll: Annotated[float, In("rad")] = 0.0  # about its long axis, before the pitch: half a turn or none
-    # equilibrium: at rest on its springs and tracks, the default; drawn: on springs without load, from where it drops,
-    # the default of what is raised or turned
+    roll: Annotated[float, In("rad")] = 0.0  # about the long axis, before the pitch: half a turn or none
+    # equilibrium: at rest on springs and tracks, the default. drawn: springs without load, so the vehicle drops; the
+    # default of a raised or turned vehicle.
     state: Literal["equilibrium", "drawn"] | None = None
     equilibrium: Equilibrium | None = None  # solved
 
@@ -50,7 +50,7 @@ class VehicleStart(Start):
 
     @property
     def moved(self) -> bool:
-        """Whether it does not stand on the ground as drawn."""
+        """True if the vehicle is raised, pitched or rolled."""
         return (self.height, self.pitch, self.roll) != (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
@@ -68,17 +68,17 @@ class VehicleStart(Start):
 
 
 class Bump(Table):
-    """A trapezoid across the way, its edges rounded, in the frame of the start."""
+    """Trapezoidal obstacle across the path, with rounded edges, in the frame of the start."""
 
-    start: Place  # where it begins, ahead of the sprocket axle
+    start: Place  # its beginning, ahead of the sprocket axle
     rise: Distance
-    slope: Annotated[float, In("rad", gt=0, lt=1.5)]  # of both ramps
-    length: Annotated[float, In("m", ge=0)]  # of the flat top
-    radius: Distance  # of the four edges
+    slope: Annotated[float, In("rad", gt=0, lt=1.5)]  # both ramps
+    length: Annotated[float, In("m", ge=0)]  # flat top
+    radius: Distance  # all four edges
 
 
 class Ground(Table):
-    """What the ground has beside its level, and what can touch it beside the tracks."""
+    """Ground beyond its level, and contacts beyond those of the tracks."""
 
-    hull: bool = False  # the points vehicle.chassis.hull
+    hull: bool = False  # contact at the points vehicle.chassis.hull
     bump: Bump | None = None

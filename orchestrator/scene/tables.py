@@ -1,4 +1,4 @@
-"""``[expect]``, and the tables of what is assembled: chain, bench, rig."""
+"""Table ``[expect]`` and the tables of assemblies: chain, bench, rig."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from orchestrator.scene.values import Time
 
 
 class Check(Table):
-    """An expectation: a signal reduced over a window, or a named measure, against a value."""
+    """Expected value of a signal reduced over a window, or of a named measure."""
 
     signal: str | None = None  # instance.variable
     reduce: Literal["mean", "min", "max", "last", "drop", "ripple", "rms"] = "mean"
     measure: str | None = None
-    of: str = ""  # the side ("left", "right") or component a measure looks at
+    of: str = ""  # side ("left", "right") or component of a measure
     start: Time = Field(0.0, alias="from")
     end: Time | None = Field(None, alias="to")  # default: the end of the run
     expected: Annotated[float, Field(allow_inf_nan=False)]
     tolerance: Annotated[float, Field(ge=0, allow_inf_nan=False)]
-    relative: bool = False  # tolerance is a fraction of the expected value
+    relative: bool = False  # the tolerance is a fraction of the expected value
     track: Literal["flexible", "rigid"] | None = None  # only for this track model
 
     @model_validator(mode="after")
@@ -36,13 +36,13 @@ class Check(Table):
 
 
 class Chain(Table):
-    """An open chain between two fixed pins at the height of the origin, or held at the first alone, or a free loop."""
+    """Open chain between two pins at equal height, or fixed at the first pin only, or a free loop."""
 
     links: Annotated[int, Field(ge=2, le=4096)]
     ends: Literal["pinned", "held", "loop"] = "pinned"
-    span: Annotated[float, Field(gt=0, lt=1)] | None = None  # pinned: distance of the pins over the chain's length
-    spin: Annotated[float, In("rad/s")] = 0.0  # of a loop about y, at the start; it has no gravity
-    ovalling: Annotated[float, In("rad/s")] = 0.0  # of its links besides, by this times cos(2 angle)
+    span: Annotated[float, Field(gt=0, lt=1)] | None = None  # pinned: distance of the pins over the length of the chain
+    spin: Annotated[float, In("rad/s")] = 0.0  # loop without gravity: initial speed about y
+    ovalling: Annotated[float, In("rad/s")] = 0.0  # additional speed of its links, times cos(2 angle)
 
     @model_validator(mode="after")
     def _of_its_ends(self) -> Chain:
@@ -57,7 +57,7 @@ class Chain(Table):
 
 
 class Bench(Table):
-    """An open chain over one sprocket, its ends pulled by constant forces."""
+    """Open chain over one sprocket, its ends pulled by constant forces."""
 
     links: Annotated[int, Field(ge=8, le=4096)]
     upper: Force  # pull at the end of the upper (incoming) span, towards -x
@@ -66,8 +66,8 @@ class Bench(Table):
 
 
 class Rig(Table):
-    """A closed chain round a sprocket and a smooth idler with fixed axles."""
+    """Closed chain round a sprocket and a smooth idler with fixed axles."""
 
     links: Annotated[int, Field(ge=8, le=4096)]
-    axle_distance: Distance  # as drawn: the idler is moved until the chain carries the tension
+    axle_distance: Distance  # as drawn; the idler is moved until the chain carries the tension
     tension: Force

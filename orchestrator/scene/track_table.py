@@ -1,4 +1,4 @@
-"""``[track]``: which links, and how they are computed."""
+"""Table ``[track]``: link model and numerical method."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
 def _groups(asked: object) -> object:
-    """Of link outputs: all, those that are standard (true), none (false), or names."""
+    """Groups of link outputs: all, the standard ones (true), none (false), or a list of names."""
     if asked == "all":
         return tuple(GROUPS)
     if isinstance(asked, bool):
@@ -33,11 +33,11 @@ LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_groups)]
 
 
 class Sets(NamedTuple):
-    """What a key of ``[track]`` sets; stands in the annotation of the key."""
+    """Annotation of a key of ``[track]``: the FMU parameter that it sets."""
 
-    parameter: str = ""  # of the track's FMU; the key's own name where empty
-    model: str = ""  # the one that has it; both where empty
-    method: bool = False  # how the motion is computed, and not what moves
+    parameter: str = ""  # parameter of the track's FMU; empty: the name of the key
+    model: str = ""  # the only model that has it; empty: both
+    method: bool = False  # True for the method of computation, False for the mechanics
 
 
 FLEXIBLE, FLEXIBLE_METHOD, METHOD = Sets(model="flexible"), Sets(model="flexible", method=True), Sets(method=True)
@@ -50,24 +50,24 @@ CONFLICTS = {"flexible": conflict_of_links, "rigid": conflict_of_bodies}
 
 
 class Track(Table):
-    """Which track model, and its parameters; what is not given is the model's own default."""
+    """Track model and its parameters; the model's defaults apply to the rest."""
 
     model: Literal["flexible", "rigid"]
     element: Annotated[Literal["cable", "beam"] | None, FLEXIBLE] = None
     elasticity: Annotated[Elasticity | None, FLEXIBLE] = None  # of cables
-    # of cables: fixed ones stay in their plane; as the scene needs
+    # Of cables: fixed ones stay in their plane. Default: by the scene.
     axes: Annotated[Literal["fixed", "free"] | None, FLEXIBLE] = None
     formulation: Annotated[Literal["augmented", "recursive"] | None, Sets(model="rigid", method=True)] = None
-    # of cables: pins without equations, or with multipliers
+    # Of cables: pins by elimination, or as constraints with multipliers.
     joints: Annotated[Literal["eliminated", "constrained"] | None, FLEXIBLE_METHOD] = None
-    # that an explicit integrator integrates
+    # Coordinates for an explicit integrator.
     coordinates: Annotated[Literal["nodal", "cholesky"] | None, FLEXIBLE_METHOD] = None
-    closure: Annotated[Literal["pin", "spring"] | None, Sets()] = None  # of a loop: how its last link joins its first
+    closure: Annotated[Literal["pin", "spring"] | None, Sets()] = None  # of a loop: how the last link joins the first
     closure_stiffness: Annotated[Annotated[float, In("N/m", gt=0)] | None, Sets("closure.stiffness")] = None
     closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, Sets("closure.damping")] = None
     integrator: Annotated[Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None, METHOD] = None
     step: Annotated[Duration | None, METHOD] = None  # largest internal step
-    # of an implicit integrator; hht: 0.5 at least
+    # Of an implicit integrator; at least 0.5 for hht.
     spectral_radius: Annotated[Annotated[float, Field(ge=0, le=1)] | None, METHOD] = None
     rtol: Annotated[Tolerance | None, Sets("adams.rtol", method=True)] = None  # of integrator = 'adams'
     atol: Annotated[Tolerance | None, Sets("adams.atol", method=True)] = None  # the same, in m, rad, m/s and rad/s
@@ -76,17 +76,17 @@ class Track(Table):
 
     @classmethod
     def sets(cls) -> dict[str, Sets]:
-        """The keys that set a parameter of the track's FMU."""
+        """Keys that set a parameter of the track's FMU."""
         found = ((key, one) for key, field in cls.model_fields.items() for one in field.metadata)
         return {key: one for key, one in found if isinstance(one, Sets)}
 
     def parameters(self) -> dict[str, Any]:
-        """The parameters that are given, by their names in the track's FMU."""
+        """Given parameters by their names in the track's FMU."""
         given = self.model_dump(exclude_none=True)
         return {one.parameter or key: given[key] for key, one in self.sets().items() if key in given}
 
     def of_model(self, model: str) -> Track:
-        """The same track of another model, without what only one of both has; with that model's own integrator."""
+        """The same track of another model, without settings of one model only and with the default integrator."""
         own = {key: None for key, one in self.sets().items() if one.model or key == "integrator"}
         return self.model_copy(update={**own, "model": model})
 
@@ -113,5 +113,5 @@ class Track(Table):
 
 
 def short_track(value: object) -> object:
-    """A model's name may stand for its table."""
+    """Accept the name of a model in place of its table."""
     return {"model": value} if isinstance(value, str) else value

@@ -1,4 +1,4 @@
-"""Values that several tables of a scene file have."""
+"""Value types that several tables of a scene file share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
 
 
-Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double has no room for contacts
+Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double cannot resolve contact penetrations
 
 
 Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
@@ -28,5 +28,5 @@ SIDES: tuple[Side, Side] = ("left", "right")
 
 
 def off(value: object) -> object:
-    """What a scene has can be left out: TOML has no none."""
+    """Read ``false`` as None, which TOML lacks."""
     return None if value is False else value

@@ -1,8 +1,8 @@
-"""Error against run time: ways to run a scene, each held against the truth of its track model.
+"""Error against run time: settings of a scene, compared with the truth of its track model.
 
-A case times one run of the scene on its own, compares it with the truth (``truth``) in the norm of ``difference``, and
-asks the run for its own estimate, whose coarser companions are often other points of the study and not run again. Run
-time is that of the steps, without start-up and without the estimate.
+A case times one run of the scene, compares it with the truth (``truth``) in the norm of ``difference``, and stores
+the run's own error estimate, whose coarser companions are often other points of the study and run once. Run time is
+that of the steps, without start-up and estimate.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from orchestrator.studies.work_precision import table, write
 __all__ = ["TITLE", "WORKERS", "cases", "table", "write"]
 
 TITLE = "Error against run time"
-WORKERS = 1  # a timed run has the machine to itself
+WORKERS = 1  # timed runs need the machine for themselves
 MODELS = ("flexible", "rigid")
 QUICK = {
     "chain": "run.stop=0.5 s",
@@ -35,7 +35,7 @@ QUICK = {
 
 
 class Method(NamedTuple):
-    """A curve: common settings, and what sets each of its points apart, in words and as settings."""
+    """Curve of the study: common settings, and points with a label and settings of their own."""
 
     name: str
     settings: tuple[str, ...]
@@ -43,7 +43,7 @@ class Method(NamedTuple):
 
 
 def fixed(name: str, settings: tuple[str, ...], steps: tuple[tuple[float, float], ...]) -> Method:
-    """A curve over steps (communication, internal) in ms; 0: the stable one."""
+    """Curve over (communication, internal) steps in ms; 0: stable step."""
     points = tuple(
         (f"H = {step:g} ms, h = {internal:g} ms", (f"run.step={step} ms", f"track.step={internal} ms"))
         if internal
@@ -54,17 +54,17 @@ def fixed(name: str, settings: tuple[str, ...], steps: tuple[tuple[float, float]
 
 
 def variable(name: str, settings: tuple[str, ...], tolerances: tuple[float, ...]) -> Method:
-    """A curve over tolerances of variable communication steps, in a scene that has them."""
+    """Curve over tolerances of variable communication steps, for scenes that have them."""
     points = tuple((f"tolerance {tolerance:g}", (f"run.variable.tolerance={tolerance}",)) for tolerance in tolerances)
     return Method(name, settings, points)
 
 
 def equal(*steps: float) -> tuple[tuple[float, float], ...]:
-    """Communication and internal step alike, ms."""
+    """Pairs of equal communication and internal steps, ms."""
     return tuple((h, h) for h in steps)
 
 
-ALONE = (  # a component without any other
+ALONE = (  # a component on its own
     fixed("implicit", (), equal(10, 4, 2, 1, 0.5, 0.25, 0.125, 0.0625)),
     fixed("Runge-Kutta", ("track.integrator=runge_kutta",), ((1, 0.008),)),
 )
@@ -81,12 +81,12 @@ COUPLED = (
 )
 
 
-PACED: Sequence[Method] = (  # where a scene has a variable step
+PACED: Sequence[Method] = (  # for scenes with a variable step
     *(method._replace(settings=("run.variable=false",)) for method in COUPLED[:3]),
     variable("power residual", ("run.variable.estimate=power",), (1e-3, 1e-4, 3e-5, 1e-5, 3e-6)),
     variable(
         "step doubling",
-        # the whole table anew: ``energy`` of a scene is no option of doubling; the tolerance is that of the point
+        # Replaces the whole table: ``energy`` of a scene is no option of doubling; each point sets its tolerance.
         ("run.variable={estimate='doubling', tolerance=1, longest='7 ms'}",),
         (3e-3, 1e-3, 3e-4),
     ),
@@ -94,11 +94,11 @@ PACED: Sequence[Method] = (  # where a scene has a variable step
 
 
 def cases(quick: bool, scene: str = "straight") -> list[Case]:
-    """The truth of each track model, then every way to run the scene."""
+    """Cases: the truth of each track model, then all methods."""
     found = load(scene)
     base = (QUICK[found.assembly],) if quick else ()
     if isinstance(found, ChainScene) and found.chain.ends == "pinned" and found.track.start in (None, "rest"):
-        base = (*base, "track.start=displaced")  # at rest there is nothing to be wrong about
+        base = (*base, "track.start=displaced")  # a scene at rest has no error
     methods: Sequence[Method] = ALONE if isinstance(found, ChainScene) else COUPLED
     if found.run.variable is not None:
         methods = PACED
@@ -115,14 +115,14 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
 
 
 def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
-    """The truth held against its own coarser half."""
+    """Difference of the truth from its coarser run."""
     found = truth(load(scene, track, base))
     share = 1.0 / (2.0**ORDER - 1.0)
     figures = {
         "track": track,
         "method": "truth",
         "settings": base,
-        "wall_time": found.wall_time,  # s; the truth has an error of its own
+        "wall_time": found.wall_time,  # s; the truth has an error estimate of its own
         "error": share * worst(found.difference),
         "errors": {name: share * one.relative for name, one in found.difference.items()},
         "absolute": {name: share * one.absolute for name, one in found.difference.items()},
@@ -131,21 +131,21 @@ def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
 
 
 def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Row]:
-    """One run, timed, against the truth, with its own estimate."""
+    """Timed run, compared with the truth, with its own error estimate."""
     exact = truth(load(scene, track, base))
     timed = sampled(load(scene, track, settings))
     told = record(timed)
-    way = {"track": track, "method": method, "settings": settings}  # the curve it lies on, how it is run
+    way = {"track": track, "method": method, "settings": settings}  # curve, and settings of the run
     if told["status"] != "ok":
-        return [Row("", "", way, note=told["message"])]  # of a long step that is a result
+        return [Row("", "", way, note=told["message"])]  # a long step may fail: that is a result
     log = Path(told["log"])
     off = differences_of_logs(log, exact.log)
     own = estimate(timed, log, told, record)
     figures = {
         "wall_time": told["wall_time"],  # s
-        "cpu_time": told["cpu_time"],  # s, of all threads
-        "error": worst(off),  # the largest relative error of the decisive observables
-        "estimate": math.nan if own["total"] is None else own["total"],  # the run's own idea of it
+        "cpu_time": told["cpu_time"],  # s, all threads
+        "error": worst(off),  # largest relative error of the decisive observables
+        "estimate": math.nan if own["total"] is None else own["total"],  # the run's own estimate
         "errors": {name: one.relative for name, one in off.items()},
         "estimates": {name: one["total"] for name, one in own["observables"].items()},
         "absolute": {name: one.absolute for name, one in off.items()},

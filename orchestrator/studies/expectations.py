@@ -1,4 +1,4 @@
-"""What a run of an extreme case must show: value, expected value and tolerance, by the name that a family asks for."""
+"""Expectations for runs of extreme cases: value, expected value and tolerance, by name."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ def _last(run: RunData, seconds: float = 1.0) -> Window:
 
 
 def weight(run: RunData, scene: VehicleScene, within: float = 0.03) -> Answer:
-    """The mean ground reaction of the last second is the weight."""
+    """Ground reaction: mean of the last second against the weight, N."""
     heavy = summary.weight(scene)
     return measures.ground_force(run, "", _last(run)), heavy, within * heavy
 
 
 def afloat(run: RunData, scene: Scene) -> Answer:
-    """Without gravity it drifts off as slowly as its tracks push it away when they settle on their wheels."""
+    """Drift without gravity: largest settlement, m; the tracks push the hull slowly when they settle."""
     return float(abs(run.signal("chassis.settlement")[1]).max()), 0.0, 0.05
 
 
 def speed(run: RunData, scene: Scene) -> Answer:
-    """Vehicle speed over teeth x pitch x omega / 2 pi of the last half second, less 1."""
+    """Vehicle speed over teeth x pitch x omega / 2 pi, less 1, mean of the last half second."""
     return measures.speed_excess(run, "", _last(run, 0.5)), 0.02, 0.04
 
 
 def stays(run: RunData, scene: Scene) -> Answer:
-    """Without friction on the ground the vehicle stays where it is, but for its rocking."""
+    """Mean speed without ground friction, m/s: the vehicle only rocks in place."""
     return run.mean("chassis.speed", _last(run)), 0.0, 0.03
 
 
 def sliding(run: RunData, scene: VehicleScene) -> Answer:
-    """With locked sprockets the vehicle slides: its deceleration is friction times gravity."""
+    """Deceleration with locked sprockets against friction times gravity, m/s2."""
     t, v = run.signal("chassis.speed", Window(float(scene.drive.stop or 0.0) + 0.3, scene.run.stop))
     moving = v > 0.3
     wanted = scene.vehicle.contact.ground.friction * scene.vehicle.gravity
@@ -52,7 +52,10 @@ def sliding(run: RunData, scene: VehicleScene) -> Answer:
 
 
 def climbs(run: RunData, scene: VehicleScene) -> Answer:
-    """The centre of mass rises by most of the obstacle's height, or more where the nose rears up, and gets across."""
+    """Rise of the hull over an obstacle, m, against the obstacle's height; 0 if it does not get across.
+
+    The centre of mass rises by most of the height, or more if the nose rears up.
+    """
     assert scene.ground.bump
     rise = scene.ground.bump.rise
     across = float(run.signal("chassis.distance")[1][-1]) > scene.ground.bump.start + 2.0
@@ -60,41 +63,41 @@ def climbs(run: RunData, scene: VehicleScene) -> Answer:
 
 
 def at_rest(run: RunData, scene: VehicleScene) -> Answer:
-    """It ends lying still, but for the contacts' last swings."""
+    """Ground reaction of a vehicle that has come to rest, but for the last oscillation of contacts, N."""
     return weight(run, scene, 0.06)
 
 
 def sag(run: RunData, scene: ChainScene) -> Answer:
-    """Sag of the discrete catenary of rigid links: tan(angle) = weight from the middle on over the pull."""
+    """Sag of the discrete catenary of rigid links, m: tan(angle) = weight from the middle over pull."""
     n, pitch = scene.chain.links, scene.vehicle.track.pitch
     from_middle = np.arange(n) - 0.5 * (n - 1)
     pull = brentq(
         lambda w: np.cos(np.arctan(from_middle / w)).mean() - scene.chain.span, 1e-3 * n, 10.0 * n
-    )  # of weights of a link
+    )  # weights of a link
     depth = pitch * np.sin(np.arctan(from_middle / pull))[from_middle > 0].sum()
     return measures.sag(run, "", _last(run)), float(depth), 2e-3 * float(depth)
 
 
 def hoop(run: RunData, scene: ChainScene) -> Answer:
-    """Force in the pins of a free loop of rigid links: m omega^2 Rc / (2 sin(pi/N)), Rc = p / (2 tan(pi/N))."""
+    """Pin force of a free loop of rigid links, N: m omega^2 Rc / (2 sin(pi/N)), Rc = p / (2 tan(pi/N))."""
     track, half = scene.vehicle.track, math.pi / scene.chain.links
     force = track.mass * scene.chain.spin**2 * track.pitch / (4.0 * math.tan(half) * math.sin(half))
     return measures.joint_force(run, "", _last(run)), force, 1e-3 * force
 
 
 def rides(run: RunData, scene: RigScene) -> Answer:
-    """Chain speed over teeth x pitch x omega / 2 pi of the last ten teeth that pass."""
+    """Chain speed over teeth x pitch x omega / 2 pi, over the last ten teeth."""
     pace = scene.vehicle.sprocket.teeth * scene.vehicle.track.pitch / (2.0 * math.pi)
     window = _last(run, 2.0 * math.pi / scene.drive.speed)
     return run.mean("track.speed", window) / (pace * run.mean("drive.speed", window)), 1.0, 0.005
 
 
 def ledger(run: RunData, scene: Scene) -> Answer:
-    """The energy ledger closes to 5 %, and that is all that is asked."""
+    """No expectation besides the energy ledger, which closes to 5 %."""
     return 0.0, 0.0, 0.0
 
 
-ASKED: dict[str, tuple[Callable[[RunData, Any], Answer], str]] = {  # each asks scenes of its own kind
+ASKED: dict[str, tuple[Callable[[RunData, Any], Answer], str]] = {  # each fits scenes of its own kind
     "weight": (weight, "ground reaction, last second, N: the weight, 3 %"),
     "afloat": (afloat, "largest way up or down, m: 0 to 0.05"),
     "speed": (speed, "speed over that of the sprocket, less 1, last 0.5 s"),

@@ -1,4 +1,4 @@
-"""The stiff and extreme cases: families of one parameter, and the steps whose limits are bisected."""
+"""Stiff and extreme cases: families of one parameter, and steps whose limits are bisected."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from orchestrator.scene.scene import RigScene, load
 
 
 class Family(NamedTuple):
-    """One parameter and the values it takes."""
+    """Family of cases: one parameter and its values."""
 
     name: str
     scene: str
@@ -18,12 +18,12 @@ class Family(NamedTuple):
     values: tuple[float, ...]
     settings: Callable[[float], Sequence[str]]
     asked: str | Callable[[float], str] = "weight"
-    sensible: tuple[float, float] = (-math.inf, math.inf)  # values that somebody could mean
-    quick: tuple[float, ...] | None = None  # values of the quick form; all of them when not given
+    sensible: tuple[float, float] = (-math.inf, math.inf)  # range of realistic values
+    quick: tuple[float, ...] | None = None  # values of the quick form; None: all
     seconds: float = 15.0
 
 
-HALF = ("symmetric=true", "track.link_outputs=false")  # of the vehicle; a record per link is not needed
+HALF = ("symmetric=true", "track.link_outputs=false")  # no records of links are needed
 SHORT = (*HALF, "run.stop=2 s")
 DRIVING = (*HALF, "run.stop=3.5 s", "drive.speed=6", "drive.ramp_start=0.3", "drive.ramp_time=1.5")
 LAWS = ("sprocket", "wheel", "ground")
@@ -43,13 +43,13 @@ def _heavy(factor: float) -> list[str]:
 def _fast(kmh: float) -> list[str]:
     v = load("straight").vehicle
     omega = kmh / 3.6 * 2 * math.pi / (v.sprocket.teeth * v.track.pitch)
-    ramp = max(1.5, 0.7 * kmh / 3.6)  # peak of the half cosine below the friction of 0.3
+    ramp = max(1.5, 0.7 * kmh / 3.6)  # keeps the peak of the half cosine below a friction of 0.3
     stop = math.ceil(ramp + 2.0)
     return [*HALF, f"run.stop={stop}", f"drive.speed={omega}", "drive.ramp_start=0.3", f"drive.ramp_time={ramp}"]
 
 
 def _hairpin(outer: float) -> list[str]:
-    """Half the speed inside, reached in two seconds or as friction lets the vehicle."""
+    """Settings of a hairpin: half the speed inside, reached in two seconds or as friction permits."""
     ramp = max(2.0, 0.15 * outer)
     sides = (f"drive.left.speed={0.5 * outer}", f"drive.right.speed={outer}", f"drive.ramp_time={ramp}")
     return [*sides, f"run.stop={math.ceil(ramp + 2.5)}", "track.link_outputs=false"]
@@ -74,7 +74,7 @@ def _link_count(n: float) -> list[str]:
 
 
 def _loop(n: float) -> list[str]:
-    return [f"chain.links={n:.0f}", f"chain.spin={5.0 * 64.0 / n}", "run.stop=0.5 s"]  # the tension of 64 links
+    return [f"chain.links={n:.0f}", f"chain.spin={5.0 * 64.0 / n}", "run.stop=0.5 s"]  # gives the tension of 64 links
 
 
 def _round_wheels(n: float) -> list[str]:

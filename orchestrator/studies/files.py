@@ -1,4 +1,4 @@
-"""The files a study leaves: its tables and a picture."""
+"""Files of a study: tables and a picture."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 from orchestrator.studies.tables import Table, to_csv, to_markdown
 
-Picture = Any  # a figure of matplotlib, which takes long to import and is needed last
+Picture = Any  # figure of matplotlib, which is imported late because it is slow
 
 
 def save(folder: Path, stem: str, table: Table, picture: Picture, more: Mapping[str, str] | None = None) -> list[Path]:
-    """A table as CSV and Markdown, ``more`` texts by file name, and the picture as PNG and SVG.
+    """Write a table as CSV and Markdown, ``more`` texts by file name, and the picture as PNG and SVG.
 
-    Raises OSError when the folder cannot be written.
+    Returns the paths. Raises OSError if the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     texts = {f"{stem}.csv": to_csv(table), **(more or {}), f"{stem}.md": to_markdown(table, "#")}

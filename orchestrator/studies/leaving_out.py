@@ -1,8 +1,9 @@
-"""What each thing that a scene leaves out saves, at results that do not change.
+"""Savings by leaving parts out of a scene, with unchanged results.
 
-A case is a pair of runs, one with the thing and one without. Time: both in turn in one fresh process, kernels warm; the
-ratio is the median of the pairs', its spread their least and largest. Memory: the peak of a fresh process for each.
-What no scene could declare in vain (a chassis beside a rig, a ground far below it) is put into the assembly here.
+A case is a pair of runs, with and without a part. Time: both run in turn in one fresh process with compiled kernels;
+the ratio is the median of the pairs' ratios, with their least and largest. Memory: the peak of a fresh process for
+each. Parts that no scene can declare without use (a chassis beside a rig, a ground far below it) are added to the
+assembly here.
 """
 
 from __future__ import annotations
@@ -36,15 +37,15 @@ from orchestrator.studies import Case, files
 from orchestrator.studies.tables import Column, Row, Table
 
 TITLE = "What leaving out saves"
-WORKERS = 1  # a timed pair has the machine to itself
+WORKERS = 1  # timed pairs need the machine for themselves
 PAIRS = 5
-# Differences allowed. Pin forces are what Newton's last evaluation found, corrections of up to 1e-9 m before the end;
-# a link of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
-MOTION, FORCE = 3e-8, 1e-6  # 30 times what one ulp of gravity grows to in the displaced hanging chain; 100 times
-LEAST = 1e-2  # of a scale: a unit of which a run has no more, in SI, is one that it hardly has
-SPEED_OF = {"m": "m/s", "rad": "rad/s"}  # a run that shows hardly any speed may move all the same: so its positions say
-SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; the others are forces, stresses and energies
-DEPTH = 1000.0  # m from a chain to a ground that it never touches
+# Allowed differences. Pin forces are those of Newton's last evaluation, with corrections of up to 1e-9 m left; a link
+# of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
+MOTION, FORCE = 3e-8, 1e-6  # 30 and 100 times the growth of one ulp of gravity in the displaced hanging chain
+LEAST = 1e-2  # of a scale: with a smaller value, in SI, a unit hardly occurs in a run
+SPEED_OF = {"m": "m/s", "rad": "rad/s"}  # rates for units that a run hardly shows, taken from its positions
+SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; others are forces, stresses and energies
+DEPTH = 1000.0  # m from a chain to a ground out of reach
 BRIEF = "run.stop=10 ms"
 
 COLUMNS = (
@@ -62,19 +63,19 @@ COLUMNS = (
     Column("memory_without", "without, MB", ".0f"),
     Column("log_with", "log with, kB", ".0f"),
     Column("log_without", "without, kB", ".0f"),
-    Column("motion", "motion differs", ".1e"),  # results in common, relative to the largest of their unit
+    Column("motion", "motion differs", ".1e"),  # common results, relative to the largest of their unit
     Column("force", "forces differ", ".1e"),
     Column("ok", "ok"),
     Column("note", "note"),
 )
-KEYS = tuple(column.key for column in COLUMNS[2:-2])  # of figures
+KEYS = tuple(column.key for column in COLUMNS[2:-2])  # keys of figures
 
 
 class Side(NamedTuple):
     """One run of a pair."""
 
     settings: tuple[str, ...] = ()
-    added: str = ""  # to the assembly, a name in ADDED
+    added: str = ""  # name in ADDED of a part of the assembly
     estimated: bool = False
 
 
@@ -85,14 +86,14 @@ ADDED: dict[str, Callable[[Scene, Assembly], Assembly]] = {
 
 HALF, PLANAR = Side(("symmetric=true",)), Side(("symmetric=true", "planar=true"))
 NO_LINKS = Side(("track.link_outputs=false",))
-ALONE = (  # of chains with no vehicle on them
+ALONE = (  # chains without a vehicle
     ("lateral dofs", Side(), Side(("planar=true",))),
     ("a chassis that nothing touches", Side(added="chassis"), Side()),
     ("a ground out of reach", Side(added="ground"), Side()),
     ("outputs per link every 10 steps", Side(), NO_LINKS),
 )
-RAMP = ("drive.ramp_start=0 s",)  # no rest before
-# scene: end of a quick and of a full run, s, common settings, what is left out with both sides
+RAMP = ("drive.ramp_start=0 s",)  # without rest at the start
+# Scene: end of a quick and of a full run, s, common settings, and names of parts with both sides.
 SCENES: dict[str, tuple[float, float, tuple[str, ...], tuple[tuple[str, Side, Side], ...]]] = {
     "straight": (
         0.5,
@@ -115,7 +116,7 @@ SCENES: dict[str, tuple[float, float, tuple[str, ...], tuple[tuple[str, Side, Si
 
 
 def cases(quick: bool, scene: str | None = None) -> list[Case]:
-    """Pairs on four scenes, or on one of them; quick ones are shorter. Raises BadInput."""
+    """Pairs on four scenes, or on one; quick pairs are shorter. Raises BadInput."""
     if scene is not None and scene not in SCENES:
         raise BadInput(f"study leaving-out: scene '{scene}' must be one of {', '.join(SCENES)}")
     found = []
@@ -131,7 +132,7 @@ def cases(quick: bool, scene: str | None = None) -> list[Case]:
 
 
 def compare(scene: str, sides: tuple[Side, Side], pairs: int) -> list[Row]:
-    """Both sides timed in turn, each one's memory, and what their logs differ in."""
+    """Time both sides in turn, measure their memory, and compare their logs."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         timed = _child({"scene": scene, "sides": sides, "pairs": pairs, "folder": folder})
         peaks = [_child({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
@@ -139,7 +140,7 @@ def compare(scene: str, sides: tuple[Side, Side], pairs: int) -> list[Row]:
     costs = np.array(timed["costs"])  # (pairs, side, (cpu, wall))
     spent = np.median(costs, axis=0)
     ratios = costs[:, 1] / costs[:, 0]
-    spreads = np.array([np.median(ratios, axis=0), ratios.min(axis=0), ratios.max(axis=0)])  # by CPU and wall time
+    spreads = np.array([np.median(ratios, axis=0), ratios.min(axis=0), ratios.max(axis=0)])  # (statistic, (cpu, wall))
     ok = motion <= MOTION and force <= FORCE
     figures = [
         *spent[:, 0].tolist(),
@@ -153,10 +154,10 @@ def compare(scene: str, sides: tuple[Side, Side], pairs: int) -> list[Row]:
 
 
 def difference(one: Path, other: Path) -> tuple[float, float]:
-    """Largest differences of motion and of forces in the series of two logs, at the times that both have.
+    """Largest differences of motion and of forces between two logs, at common times.
 
-    Relative to the largest value of the same unit in all that they share, or, of a speed that they hardly show, to the
-    fastest change of what it is the speed of.
+    They are relative to the largest common value of the same unit or, for a speed that hardly occurs, to the fastest
+    change of its position.
     """
     scale: dict[str, float] = {}
     moved: dict[str, float] = {}
@@ -218,7 +219,7 @@ def _main() -> None:
 
 
 def run(name: str, side: Side, path: Path) -> tuple[float, float]:
-    """CPU and wall time, s, of a scene that is stepped and recorded; with an estimate, of all that it does."""
+    """CPU and wall time, s, of stepping and recording a scene; with an estimate, of the whole run."""
     scene = load(name, "flexible", side.settings)
     if side.estimated:
         cpu, wall = time.process_time(), time.perf_counter()
@@ -262,8 +263,8 @@ def _over_ground(part: Part) -> Part:
 
 
 def peak() -> float:
-    """Largest memory of this process so far, MB."""
-    try:  # unlike getrusage, not that of the process that it was forked from
+    """Peak memory of this process, MB."""
+    try:  # unlike getrusage, this excludes the parent process
         status = Path("/proc/self/status").read_text(encoding="utf-8")
         return float(status.partition("VmHWM:")[2].split()[0]) / 1024.0
     except (OSError, IndexError):
@@ -276,12 +277,12 @@ def peak() -> float:
 
 
 def table(rows: Sequence[Row], title: str = "") -> Table:
-    """The rows for people and programs."""
+    """Table of the rows."""
     return Table(title, COLUMNS, [row.cells() for row in rows])
 
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:
-    """Bars of what remains: CPU time with its spread, log size."""
+    """Draw bars of the remaining cost: CPU time with its spread, log size."""
     from matplotlib.figure import Figure
 
     shown = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
@@ -300,7 +301,7 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
 
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
-    """Table and figure; raises OSError when the folder cannot be written."""
+    """Write table and figure; raises OSError if the folder cannot be written."""
     return files.save(folder, name, table(rows, title), draw(rows, title))
 
 

@@ -1,8 +1,8 @@
-"""How long a step may be: spectral radii of the linearised coupling and stability limits of explicit integrators.
+"""Step limits: spectral radii of the linearised coupling, stability limits of explicit integrators.
 
-The coupling's limit is that of two masses (``oscillator``) joined by a contact and cut there as a track and its wheel
-are: the side of the track moves the wheel on by its velocity and gives the mean force over the step, the side of the
-wheel takes it. Both sides are exact, so what is unstable is the cut.
+The coupling's limit is that of two masses (``oscillator``) joined by a contact and cut there like a track and its
+wheel: the side of the track extrapolates the wheel by its velocity and outputs the mean force over the step, which
+the side of the wheel receives. Both sides are exact, so any instability comes from the cut.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from orchestrator.scene.scene import Scene, VehicleScene
 from orchestrator.studies.oscillator import Oscillator, radius
 
 LONGEST = 0.5  # s
-RUNGE_KUTTA = 2.785  # real axis of the stability region of the classical method
+RUNGE_KUTTA = 2.785  # end of the stability region on the real axis, classical method
 AMPLIFIED = 1.0 + 1e-6  # spectral radius beyond rounding
 
 
 def coupling_limit(pair: Oscillator) -> float:
-    """The first step at which a step amplifies, s; LONGEST when none does up to there."""
+    """First step, s, at which the spectral radius exceeds 1; LONGEST if none does."""
 
     def growth(h: float) -> float:
         return radius("tracks_first", "linear", "wrench", pair, h) - AMPLIFIED
@@ -37,9 +37,9 @@ def coupling_limit(pair: Oscillator) -> float:
 
 
 def explicit_limit(frequency: float, relaxation: float = 0.0) -> float:
-    """Largest step of the classical Runge-Kutta method, s, for a mode of ``frequency``, rad/s, damped in proportion.
+    """Largest step of classical Runge-Kutta, s, for a mode of ``frequency``, rad/s, and its damping.
 
-    x'' + relaxation w^2 x' + w^2 x = 0, the damping of a material with that relaxation time, s.
+    The mode is x'' + relaxation w^2 x' + w^2 x = 0, as of a material with that relaxation time, s.
     """
     roots = np.roots([1.0, relaxation * frequency**2, frequency**2])
 
@@ -47,16 +47,16 @@ def explicit_limit(frequency: float, relaxation: float = 0.0) -> float:
         z = h * roots
         return float(abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24).max()) - 1.0
 
-    high = 0.9 * RUNGE_KUTTA / float(abs(roots).max())  # stable whatever the damping
+    high = 0.9 * RUNGE_KUTTA / float(abs(roots).max())  # stable for any damping
     while growth(high) <= 0.0:
         high *= 1.01
     return float(brentq(growth, high / 1.01, high, rtol=1e-9))
 
 
 def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
-    """The places where a vehicle is cut, as two masses on a contact; loads are those of the vehicle at rest.
+    """Cuts of a vehicle as two masses on a contact, with the loads of the vehicle at rest.
 
-    Mass 1 are the links in contact on what lies under them, mass 2 is what the chain moves, on springs of its own.
+    Mass 1 is that of the links in contact, on the ground below; mass 2 is what the chain moves, on its own springs.
     """
     v = scene.vehicle
     contact, ground, link = v.contact.wheel, v.contact.ground, v.track.mass
@@ -70,7 +70,7 @@ def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
         ),
         "idler in its bend": Oscillator(
             k=0.5 * wrapped * contact.stiffness, c=0.5 * wrapped * contact.damping, m1=wrapped * link, m2=v.idler.mass,
-            k1=2.0 * v.material.youngs_modulus * v.section.area / abs(v.idler.x),  # both runs to the sprocket
+            k1=2.0 * v.material.youngs_modulus * v.section.area / abs(v.idler.x),  # both spans to the sprocket
             k2=v.tensioner.stiffness, c2=v.tensioner.damping,
         ),
         "friction that spins a road wheel": Oscillator(
@@ -81,7 +81,7 @@ def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
 
 
 def link_frequency(scene: Scene) -> float:
-    """Highest frequency of one free straight link, rad/s: no mode of its chain is higher."""
+    """Highest frequency of a free straight link, rad/s: an upper bound for its chain."""
     v = scene.vehicle
     E, A, I, l, mass = v.material.youngs_modulus, v.section.area, v.section.bending, v.track.pitch, v.track.mass
     more = v.track.inertia[1] - mass * l**2 / 12.0
@@ -89,7 +89,7 @@ def link_frequency(scene: Scene) -> float:
 
 
 def predicted(scene: Scene) -> tuple[float, str]:
-    """Longest step, s, and what limits it; NaN where nothing does (implicit links alone)."""
+    """Longest step, s, and its cause; NaN without a limit (implicit links alone)."""
     if scene.track.integrator == "runge_kutta" and scene.track.model == "flexible":
         return explicit_limit(link_frequency(scene), scene.vehicle.material.relaxation_time), "highest mode of a link"
     if not isinstance(scene, VehicleScene):

@@ -1,12 +1,12 @@
-"""The two-mass oscillator cut in two exact slaves, and what theory says of each coupling of them.
+"""Two-mass oscillator cut into two exact components, and the theory of each coupling.
 
 Masses m1 and m2 on wall springs and dampers (k1, c1), (k2, c2), joined by (k, c). Three cuts:
 
-- "wrench": through the spring, as a track and its wheel: side a (mass 1 and spring) moves mass 2 on by its velocity and
-  gives the mean force over the step; side b is mass 2.
-- "spring": through the spring, instantaneous values: side a gets the velocity of mass 2 and gives k times its own
-  stretch, a state; without coupling damper, whose force would depend on the input at once.
-- "mass": at the masses: each side owns the coupling spring and is told position and velocity of the other mass.
+- "wrench": through the spring, like a track and its wheel: side a (mass 1 and spring) extrapolates mass 2 by its
+  velocity and outputs the mean force over the step; side b is mass 2.
+- "spring": through the spring, instantaneous values: side a receives the velocity of mass 2 and outputs k times its
+  stretch, a state; without coupling damper, whose force would depend on the input directly.
+- "mass": at the masses: each side owns the coupling spring and receives position and velocity of the other mass.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from orchestrator.cosim.graph import Floats, Kind
 
 
 class Oscillator(NamedTuple):
-    """The system, SI."""
+    """Parameters of the oscillator, SI units."""
 
-    k: float = 1.0  # of the coupling spring
+    k: float = 1.0  # coupling spring
     c: float = 0.0
     m1: float = 1.0
     m2: float = 1.0
@@ -34,12 +34,12 @@ class Oscillator(NamedTuple):
 
 
 class Side(NamedTuple):
-    """x' = A x + B u, u' = E u inside a step; y = C x (value) or its mean of C x + D u."""
+    """Linear component: x' = A x + B u, u' = E u inside a step; y = C x (value) or its mean of C x + D u."""
 
     A: Floats
     B: Floats
     C: Floats
-    x: Floats  # at the start
+    x: Floats  # start
     D: Floats
     E: Floats
     mean: bool
@@ -48,7 +48,7 @@ class Side(NamedTuple):
     given: tuple[Kind, ...]  # what each input carries
 
     def map(self, h: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """x_after = P x + Q u, y_after = R x + S u over a step."""
+        """Matrices of a step: x_after = P x + Q u, y_after = R x + S u."""
         n, m, r = len(self.A), self.B.shape[1], len(self.C)
         whole = np.zeros((n + m + r, n + m + r))
         whole[:n, : n + m] = np.hstack([self.A, self.B])
@@ -62,7 +62,7 @@ class Side(NamedTuple):
 
 
 def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
-    """Side a, which steps first where there is an order, and side b."""
+    """Side a, which steps first in sequential couplings, and side b."""
     x1, v1, x2, v2 = o.start
     if cut == "mass":
         return (
@@ -91,7 +91,7 @@ def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
 def _joined(
     o: Oscillator, m: float, k: float, c: float, x: float, v: float, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> Side:
-    """A mass on its wall's spring ``k`` and damper ``c`` and on those of the coupling, whose other end is the input."""
+    """Mass on its wall spring ``k`` and damper ``c`` and the coupling spring; inputs move its other end."""
     A = np.array([[0.0, 1.0], [-(k + o.k) / m, -(c + o.c) / m]])
     B = np.array([[0.0, 0.0], [o.k / m, o.c / m]])
     zero = np.zeros((2, 2))
@@ -99,14 +99,14 @@ def _joined(
 
 
 def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> Floats:
-    """The matrix of one step in constant steps, on (x_a, x_b, y_a, y_b, y_a and y_b a step before, missed by a)."""
+    """Matrix of a step of constant length, on (x_a, x_b, y_a, y_b, the last y_a and y_b, defect of a)."""
     a, b = sides(cut, o)
     (Pa, Qa, Ra, Sa), (Pb, Qb, Rb, Sb) = a.map(h), b.map(h)
     sizes = [len(a.x), len(b.x), len(a.C), len(b.C), len(a.C), len(b.C), len(b.C)]
     xa, xb, ya, yb, pa, pb, missed = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
 
     def column(side: Side, value: float, mean: float, rate: float) -> Floats:
-        """Weights of each input by what it carries; a state has none."""
+        """Weight of each input by what it carries; 0 for a state."""
         weight = {"value": value, "mean": mean, "state": 0.0, "rate": rate}
         return np.array([[weight[kind]] for kind in side.given])
 
@@ -116,7 +116,7 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
 
     def foreseen(side: int, now: Floats, before: Floats) -> Floats:
         slope = now - before
-        if cut == "mass":  # of the position, the velocity is sent along
+        if cut == "mass":  # the velocity is sent with the position
             slope = np.vstack([h * now[1], slope[1]])
         return now + ahead[side] * slope
 

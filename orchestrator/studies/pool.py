@@ -1,7 +1,7 @@
-"""Cases side by side: in processes of this machine, or on a Dask cluster.
+"""Parallel cases: in processes of this machine, or on a Dask cluster.
 
-A case that raises, takes longer than its limit or loses its process becomes a row that says so; the others go on.
-Processes end with the one that started them, however that ends.
+A case that raises, exceeds its limit or loses its process becomes a row with the reason; the others continue. Worker
+processes end with their parent, however it ends.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from orchestrator.studies import Case
 from orchestrator.studies.store import Store
 from orchestrator.studies.tables import Row
 
-ROOT = str(Path(__file__).resolve().parents[2])  # where our packages lie
-ANSWER = "10 s"  # within which a Dask scheduler must say something
+ROOT = str(Path(__file__).resolve().parents[2])  # folder of our packages
+ANSWER = "10 s"  # timeout of a Dask scheduler
 
 Rows = list[Row]
-Answer = Rows | str  # of a case, or why there is none
-Found = Iterator[tuple[int, Answer, bool]]  # number of the case, its answer, whether that is worth keeping
+Answer = Rows | str  # of a case, or the reason of a failure
+Found = Iterator[tuple[int, Answer, bool]]  # number of the case, its answer, True if it is stored
 
 
 def attempt(case: Case) -> Answer:
-    """The rows of a case, or how it failed."""
+    """Rows of a case, or the reason of its failure."""
     try:
         rows = case.function(*case.arguments)
         return [replace(row, item=row.item or case.item, case=row.case or case.name) for row in rows]
@@ -48,7 +48,10 @@ def run(
     store: Store | None = None,
     done: Callable[[Case], None] = lambda case: None,
 ) -> Rows:
-    """All rows in the order of the cases; one worker is this process. Raises BadInput without the scheduler."""
+    """Run all cases; return their rows in order. One worker is this process. Raises BadInput.
+
+    BadInput: the scheduler cannot be reached.
+    """
     found: dict[int, Rows] = {}
     for k, case in enumerate(cases):
         kept = store.get(case) if store else None
@@ -88,11 +91,11 @@ def _in_processes(cases: Sequence[Case], left: Sequence[int], workers: int) -> F
                 except ProcessExpired as error:
                     yield k, f"its process ended with status {error.exitcode}", False
         finally:
-            pool.stop()  # nothing is waited for after an interruption
+            pool.stop()  # after an interruption, do not wait
 
 
 def _end_with_parent() -> None:
-    """Watch the process that started this one: a signal may end it before it can end others."""
+    """End this process when its parent has ended: a signal may end the parent before its children."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -105,7 +108,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _own_modules() -> Iterator[None]:
-    """An FMU that ran in this process stands first on its path, and processes would take its modules for ours."""
+    """Put our packages first on the path of worker processes; an FMU that ran here may stand there."""
     sys.path.insert(0, ROOT)
     try:
         yield
@@ -131,13 +134,13 @@ def _on_cluster(cases: Sequence[Case], left: Sequence[int], address: str) -> Fou
             k = waiting[future]
             try:
                 yield k, future.result(), True
-            except Exception as error:  # the worker ended, again and again
+            except Exception as error:  # the worker has ended repeatedly
                 yield k, f"{type(error).__name__}: {error}", False
 
 
 @contextmanager
 def _single_threads() -> Iterator[None]:
-    """Processes do not share the cores out a second time in their linear algebra."""
+    """Limit the linear algebra of workers to one thread, because the processes use all cores."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     added = {name: "1" for name in names if not os.environ.get(name)}
     os.environ.update(added)

@@ -1,4 +1,4 @@
-"""How far a study is."""
+"""Progress of a study."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from orchestrator.studies import Case
 
 @contextmanager
 def watched(title: str, count: int) -> Iterator[Callable[[Case], None]]:
-    """What is told of each case that is done: a bar on stderr where someone watches, else a line for each."""
+    """Callback for each finished case: a progress bar if stderr is a terminal, else one line each."""
     console, done = Console(stderr=True), itertools.count(1)
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),

@@ -1,4 +1,4 @@
-"""Runs of a study, each made once: the coarser companion of one point of a curve is another of its points."""
+"""Runs of a study, each done once: a coarser companion of one point may be another point."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.recorder import LogFailed
 from orchestrator.scene.scene import Scene
 
-LINKS = 0.01  # s between outputs per link
+LINKS = 0.01  # s between records of links
 
 
 @contextmanager
 def logged(scene: Scene, name: str) -> Iterator[Path]:
-    """The log of a run, kept as long as it is needed; raises RuntimeError when the run fails."""
+    """Log of a run, deleted with the context; raises RuntimeError if the run fails."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = Path(folder) / "run.mcap"
         told = simulate(scene, path)
@@ -32,14 +32,14 @@ def logged(scene: Scene, name: str) -> Iterator[Path]:
 
 
 def sampled(scene: Scene) -> Scene:
-    """The scene with all outputs recorded, those of links every LINKS s, or as they are with variable steps."""
+    """The scene with all outputs recorded, those of links every LINKS s (variable steps: unchanged)."""
     every = max(1, round(LINKS / scene.run.step)) if scene.run.variable is None else scene.links_every
     return scene.model_copy(update={"run": scene.run.model_copy(update={"outputs": 1, "links": every})})
 
 
 @cache
 def _folder() -> tempfile.TemporaryDirectory[str]:
-    """Of the logs of this process, which goes with it."""
+    """Folder of the logs of this process, deleted with it."""
     return tempfile.TemporaryDirectory(prefix="cotrack-runs-")
 
 
@@ -47,9 +47,9 @@ _known: dict[str, dict[str, Any]] = {}  # summaries by scene
 
 
 def record(scene: Scene, path: Path | None = None) -> dict[str, Any]:
-    """The summary of a run, made once in this process, its log where ``log`` says.
+    """Summary of a run, done once in this process; ``path`` receives its log.
 
-    Raises KeyboardInterrupt when it is interrupted.
+    Raises KeyboardInterrupt.
     """
     key = json.dumps(scene.resolved(), sort_keys=True)
     if key not in _known:

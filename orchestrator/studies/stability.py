@@ -1,9 +1,9 @@
-"""Stiff and extreme cases: what becomes of each, the margin to the predicted limit, and the limit that is observed.
+"""Stiff and extreme cases: verdict, margin to the predicted limit, observed limit.
 
-A case (``extreme``) runs a scene of the gallery with settings and asks for two things: that the energy ledger closes to
-5 % (``summary.energy_warning``), and one physical expectation, named in the table (``expectations``); ``verdict``
-judges the run. The predicted limit is the longest communication step of the linearised coupling, or internal step of an
-explicit integrator (``limits``); an observed limit is bisected in the same way of asking.
+A case (``extreme``) runs a scene of the gallery with settings and has two requirements: the energy ledger closes to 5
+% (``summary.energy_warning``), and one physical expectation, named in the table (``expectations``), is met;
+``verdict`` judges the run. The predicted limit is the longest communication step of the linearised coupling, or the
+internal step of an explicit integrator (``limits``); the observed limit is bisected with the same requirements.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from orchestrator.studies.verdict import CLEAN, RIGHT, WRONG, ended, judged
 __all__ = ["TITLE", "cases", "table", "write"]
 
 TITLE = "Stability: stiff and extreme cases"
-LIMIT = 600.0  # s of a case: longer is a case that hangs
+LIMIT = 600.0  # s of a case; a longer one hangs
 BISECTIONS = 5
 
 
 def cases(quick: bool) -> list[Case]:
-    """Every value of every family, then the limits that are bisected."""
+    """Cases: every value of every family, then the bisected limits."""
     wanted = []
     for number, family in enumerate(FAMILIES):
         values = family.values if not quick or family.quick is None else family.quick
@@ -43,7 +43,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 def one(number: int, value: float) -> list[Row]:
-    """A member of a family."""
+    """Row of a member of a family."""
     family = FAMILIES[number]
     asked = family.asked if isinstance(family.asked, str) else family.asked(value)
     sensible = family.sensible[0] <= value <= family.sensible[1]
@@ -57,7 +57,7 @@ def one(number: int, value: float) -> list[Row]:
 
 
 def bisected(number: int) -> list[Row]:
-    """The longest step that keeps a run stable, from 1 to 100 times the given one; the predicted one beside it."""
+    """Longest stable step, from 1 to 100 times the given one, beside the predicted one."""
     _, scene, track, settings, key, least = BISECTED[number]
     asked = "weight" if scene == "settle" else "ledger"
     usual = load(scene, track, settings)
@@ -70,7 +70,7 @@ def bisected(number: int) -> list[Row]:
         return judged(load(scene, track, [*settings, f"{key}={whole!r}"]), asked, row)
 
     def longest(good: tuple[str, ...]) -> tuple[Row, Row]:
-        """The longest step that ends well, and the shortest beyond it that does not."""
+        """Longest step with a good verdict, and shortest one without."""
         low, high = run(least), run(min(100.0 * least, stop))
         for _ in range(BISECTIONS if low["verdict"] in good and high["verdict"] not in good else 0):
             middle = run(math.sqrt(low["step"] * high["step"]))

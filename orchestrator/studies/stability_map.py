@@ -1,4 +1,4 @@
-"""Table and map of the study of stability."""
+"""Table and map of the stability study."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ COLUMNS = (
     Column("item", "family"),
     Column("case", "value"),
     Column("verdict", "verdict"),
-    Column("sensible", "sensible"),  # whether somebody could mean it
+    Column("sensible", "sensible"),  # a realistic value
     Column("asked", "asked"),
     Column("found", "found", ".3g"),
     Column("expected", "expected", ".3g"),
     Column("tolerance", "tolerance", ".3g"),
     Column("open", "ledger open", ".3g"),  # of the largest of work, change and dissipated
-    Column("step", "step, s", ".3g"),  # used: of communication, or internal of an explicit integrator
+    Column("step", "step, s", ".3g"),  # used: communication, or internal of an explicit integrator
     Column("predicted", "predicted limit, s", ".3g"),  # longest step
     Column("cause", "by"),
     Column("margin", "margin", ".3g"),
-    Column("observed", "observed limit, s", ".3g"),  # longest step that was right
+    Column("observed", "observed limit, s", ".3g"),  # longest step with a right result
     Column("seconds", "run, s", ".2g"),
     Column("note", "what happened"),
 )
 
 
 def table(rows: Sequence[Row], title: str = "") -> Table:
-    """A table for people and programs, and how many cases ended how."""
+    """Table of the rows, with the number of cases of each verdict."""
     shown = [_completed(row) for row in rows]
     ends = ", ".join(f"{sum(row['verdict'] == verdict for row in shown)} {verdict}" for verdict in VERDICTS)
     return Table(title, COLUMNS, shown, (f"{len(rows)} cases: {ends}.",))
 
 
 def _completed(row: Row) -> dict[str, Any]:
-    """A row by the keys of columns, with the margin: predicted limit over used step."""
+    """Cells of a row, with the margin: predicted limit over used step."""
     cells = {**LOST, **row.cells(), "margin": row["predicted"] / row["step"]}
     return {**cells, "sensible": "yes" if cells["sensible"] else "no"}
 
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:
-    """The map: a line a family, a field a value, its colour the verdict, below it the margin."""
+    """Draw the map: a line per family, a field per value, coloured by verdict, with the margin below."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch, Rectangle
 
@@ -76,5 +76,5 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
 
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
-    """Table and map; raises OSError when the folder cannot be written."""
+    """Write table and map; raises OSError if the folder cannot be written."""
     return files.save(folder, name, table(rows, title), draw(rows, title))

@@ -1,6 +1,6 @@
-"""What cases have found, kept as one JSON file each: a study that was interrupted goes on where it was.
+"""Store of finished cases as JSON files, so an interrupted study continues where it was.
 
-A file is named after the case and the sources it was measured with; other sources, another case.
+A file is named after the case and the sources that computed it: changed sources make another file.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PACKAGES = ("fmus", "orchestrator")
 
 @cache
 def sources(module: str) -> str:
-    """Hash of every source and scene of the installed packages, and of the folder of a module outside of them."""
+    """Hash of all sources and scenes of the installed packages, and of the folder of an outside module."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[2]
     own = "/".join(module.split(".")[:2])  # tests.validation.x: tests/validation
@@ -49,14 +49,14 @@ class Store:
         return self._folder / f"{hashlib.sha256(json.dumps(what).encode()).hexdigest()[:24]}.json"
 
     def get(self, case: Case) -> list[Row] | None:
-        """The rows of a case, None when it is not done or its file does not read."""
+        """Rows of a case; None if it is not finished or its file is unreadable."""
         try:
             return [Row(**row) for row in json.loads(self._file(case).read_text())["rows"]]
         except (OSError, ValueError, TypeError, KeyError):
             return None
 
     def put(self, case: Case, rows: list[Row]) -> None:
-        """Keep the rows of a case; whole or not at all."""
+        """Store the rows of a case, whole or not at all."""
         self._folder.mkdir(parents=True, exist_ok=True)
         kept = {"case": case.name, "rows": [asdict(row) for row in rows]}
         write(self._file(case), json.dumps(kept, indent=1).encode())

@@ -1,4 +1,4 @@
-"""Tables of studies and of the benchmark: one type, written for people as Markdown and for programs as CSV."""
+"""Tables of studies and benchmarks, written as Markdown and CSV."""
 
 from __future__ import annotations
 
@@ -9,54 +9,54 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-ABOUT = "about"  # says what a row is about
-COST = "cost"  # a time or a size: less is better, and two checkouts are compared by it
+ABOUT = "about"  # column that describes a row
+COST = "cost"  # time or size: less is better; compared between checkouts
 VERDICTS = {True: "ok", False: "NOT"}
 
 
 @dataclass(frozen=True)
 class Row:
-    """What a study has found of a case, kept as JSON: figures by the keys of the columns they stand in."""
+    """Result of a case, stored as JSON; figures by column key."""
 
-    item: str  # family, scene or number of an issue; empty: that of the case
-    case: str  # what was measured, how; empty: the name of the case
+    item: str  # family, scene or part; empty: that of the case
+    case: str  # what was measured; empty: the name of the case
     figures: Mapping[str, Any] = field(default_factory=dict)
-    ok: bool | None = None  # whether all is as it should be; None: nothing is asked
+    ok: bool | None = None  # False: not as it should be; None: no requirement
     note: str = ""
 
     def __getitem__(self, key: str) -> Any:
-        """A figure; NaN where there is none."""
+        """Figure by key; NaN if missing."""
         return self.figures.get(key, math.nan)
 
     def having(self, **figures: Any) -> Row:
-        """The row with these figures besides."""
+        """Copy of the row with more figures."""
         return replace(self, figures={**self.figures, **figures})
 
     def cells(self) -> dict[str, Any]:
-        """All of it by the keys of columns."""
+        """All values by column key."""
         return {**vars(self), **self.figures}
 
 
 class Column(NamedTuple):
-    """One column; rows hold its values under ``key``."""
+    """Column; rows hold its values under ``key``."""
 
     key: str
-    head: str  # with the unit
-    form: str = ""  # format of numbers for people; text without one
+    head: str  # with unit
+    form: str = ""  # number format; empty for text
     role: str = ""  # ABOUT, COST or neither
 
 
 class Table(NamedTuple):
-    """Rows of figures; what a row lacks, None and NaN are empty cells."""
+    """Rows of figures; missing values, None and NaN become empty cells."""
 
     title: str
     columns: tuple[Column, ...]
     rows: Sequence[Mapping[str, Any]]
-    notes: tuple[str, ...] = ()  # sentences below it
+    notes: tuple[str, ...] = ()  # sentences below the table
 
 
 def cell(row: Mapping[str, Any], column: Column, form: str) -> str:
-    """A value as text, a number in the format."""
+    """Cell as text, with numbers in the format."""
     value = row.get(column.key)
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
@@ -66,7 +66,7 @@ def cell(row: Mapping[str, Any], column: Column, form: str) -> str:
 
 
 def to_csv(table: Table) -> str:
-    """All digits."""
+    """CSV with all digits."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(column.head for column in table.columns)
@@ -75,7 +75,7 @@ def to_csv(table: Table) -> str:
 
 
 def to_markdown(table: Table, heading: str = "") -> str:
-    """A table for people, and what is said below it; the title too where a ``heading`` (#, ##, ...) is given."""
+    """Markdown table with its notes; with its title if a ``heading`` (#, ##, ...) is given."""
     blocks = [f"{heading} {table.title}"] if heading else []
     if table.rows:
         lines = [[column.head for column in table.columns], ["---"] * len(table.columns)]

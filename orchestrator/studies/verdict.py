@@ -1,4 +1,4 @@
-"""What becomes of one run: its end, its ledger and one expectation make one of ``VERDICTS``."""
+"""Verdict on one run, one of ``VERDICTS``, from its end, its ledger and one expectation."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ LOST = {
     "sensible": True,
     "asked": "an end",
     "seconds": 0.0,
-}  # what is said of a case that left nothing else
+}  # sentences for cases without one of their own
 
 
 def ended(row: Row, verdict: str, note: str) -> Row:
-    """The row with its end. One that is not right needs a sentence; what somebody could mean must be right."""
+    """Set the verdict of a row: one that is not right needs a sentence; a realistic case must be right."""
     if not note and verdict != RIGHT:
         verdict = MUTE
     ok = verdict == RIGHT or (verdict != MUTE and not row.figures.get("sensible", True))
@@ -43,7 +43,7 @@ def ended(row: Row, verdict: str, note: str) -> Row:
 
 
 def judged(scene: Scene, asked: str, row: Row | None = None) -> Row:
-    """Run a scene and judge it; nothing but the row is kept, with what it has already."""
+    """Run a scene and judge it; only the row is kept, with its earlier figures."""
     began = time.perf_counter()
     row = (row or Row("", "")).having(asked=ASKED[asked][1])
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
@@ -53,7 +53,7 @@ def judged(scene: Scene, asked: str, row: Row | None = None) -> Row:
 
 def _judged(scene: Scene, asked: str, row: Row, path: Path) -> Row:
     try:
-        run = scene.run.model_copy(update={"allow": ALLOWED})  # asked here is what integrators bear
+        run = scene.run.model_copy(update={"allow": ALLOWED})  # the question is what integrators bear
         told = simulate(scene.model_copy(update={"expect": {}, "run": run}), path)
     except REFUSED as refusal:
         return ended(row, CLEAN, str(refusal))

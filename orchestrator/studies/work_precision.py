@@ -1,4 +1,4 @@
-"""Work and precision of timed runs: what rows say, their Pareto front, table and picture."""
+"""Work and precision of timed runs: Pareto front, table, picture and sentences."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from orchestrator.studies import files
 from orchestrator.studies.tables import Column, Row, Table, to_csv
 
 LEVELS = (1e-2, 1e-3, 1e-4)
-FACTOR = 3.0  # an estimate within it of the true error is right
-MARKERS = "os^vDP*Xp"  # of the methods, in pictures
+FACTOR = 3.0  # an estimate within this factor of the true error is right
+MARKERS = "os^vDP*Xp"  # by method, in pictures
 
 
 def runs(rows: Iterable[Row]) -> list[Row]:
-    """Those that ended well."""
+    """Rows of runs that ended well."""
     return [row for row in rows if row["method"] != "truth" and math.isfinite(row["error"])]
 
 
 def front_of(rows: Iterable[Row], error: Callable[[Row], float] = itemgetter("error")) -> list[Row]:
-    """Of those that ended well the ones that no other beats in both run time and error."""
+    """Pareto front in run time and error of the runs that ended well."""
     return precision.front(runs(rows), itemgetter("wall_time"), error)
 
 
 def cheapest(rows: Iterable[Row], level: float) -> Row | None:
-    """The fastest run within an error, the largest of all decisive observables."""
+    """Fastest run whose largest decisive error is below a level."""
     return min((row for row in runs(rows) if row["error"] <= level), key=itemgetter("wall_time"), default=None)
 
 
 def ratios(rows: Iterable[Row]) -> list[float]:
-    """Own estimate over true error, of every observable of every run."""
+    """Estimated over true error, of every observable of every run."""
     return [
         row["estimates"][name] / error
         for row in runs(rows)
@@ -45,7 +45,7 @@ def ratios(rows: Iterable[Row]) -> list[float]:
 
 
 def sentences(rows: Sequence[Row]) -> list[str]:
-    """What a reader should take away."""
+    """Conclusions as sentences."""
     said = []
     for scene, track in dict.fromkeys((row.item, row["track"]) for row in runs(rows)):
         of = [row for row in rows if (row.item, row["track"]) == (scene, track)]
@@ -81,7 +81,7 @@ def _observables(rows: Iterable[Row]) -> list[str]:
 
 
 def table(rows: Sequence[Row], title: str = "") -> Table:
-    """A table for people: relative errors by observable, * on the Pareto front; then what it says."""
+    """Table of relative errors by observable, with * on the Pareto front, and conclusions."""
     best = {id(row) for key in {(r.item, r["track"]) for r in rows} for row in
              front_of(r for r in rows if (r.item, r["track"]) == key)}  # fmt: skip
     columns = (
@@ -99,7 +99,7 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
 
 
 def whole_table(rows: Sequence[Row]) -> Table:
-    """A table for programs: errors and estimates of observables in columns of their own."""
+    """Table with errors and estimates of each observable in its own columns."""
     names = [f"{name} ({kind})" for name in _observables(rows) for kind in ("relative", "absolute", "estimate")]
     columns = (
         Column("item", "scene"),
@@ -112,7 +112,7 @@ def whole_table(rows: Sequence[Row]) -> Table:
 
 
 def _figures(row: Row) -> dict[str, Any]:
-    """A row by the keys of both tables."""
+    """Cells of a row for both tables."""
     kinds = (("relative", "errors"), ("absolute", "absolute"), ("estimate", "estimates"))
     by_observable = {
         f"{name} ({kind})": figure for kind, key in kinds for name, figure in row.figures.get(key, {}).items()
@@ -121,7 +121,7 @@ def _figures(row: Row) -> dict[str, Any]:
 
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
-    """Tables, picture, and the settings for ``cotrack run SCENE --error``."""
+    """Write tables, picture, and the settings for ``cotrack run SCENE --error``."""
     scenes = "-".join(dict.fromkeys(row.item for row in rows))
     stem = f"{name}-{scenes}"
     title = f"{title}: {scenes}"
@@ -134,18 +134,18 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     precision.write(settings, made[-1])
     if not any(setting.startswith("run.stop") for row in runs(rows) for setting in row["settings"]):
         with spared():
-            precision.write(settings, precision.own())  # only what was found over the whole scene
+            precision.write(settings, precision.own())  # only results of whole scenes
             made.append(precision.own())
     return made
 
 
 def means(row: Row) -> tuple[str, ...]:
-    """Of a row's settings, how the scene is run; what it is stays with the scene."""
+    """Settings of a row that say how the scene is run, without those of the scene itself."""
     return tuple(s for s in row["settings"] if not s.startswith(("run.stop", "track.start", "chain.")))
 
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:
-    """A pane for the error as a whole and one for each observable; a curve a method, the Pareto front shaded."""
+    """Draw one pane for the whole error and one per observable; a curve per method, Pareto front shaded."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -189,7 +189,7 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
         pane.set_xlabel("run time, s", fontsize=8)
         pane.set_ylabel("relative error", fontsize=8)
         low, high = pane.get_xlim()
-        if high < 100.0 * low:  # decades alone would be one or two numbers
+        if high < 100.0 * low:  # decades alone would give one or two labels
             pane.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             pane.xaxis.set_major_formatter("{x:g}")
         pane.xaxis.set_minor_formatter(NullFormatter())

@@ -1,9 +1,9 @@
-"""How fast: chains against peers, vehicles in real time, a step by part and layer, growth, start, memory, the log.
+"""Benchmarks: chains against peers, vehicles, step time by part and layer, start, memory, recording.
 
-A part is a module with ``measure(quick, repeats) -> list[Table]``. It runs in a process of its own, one thread to a
-library, kernels warm (``process``). Speed is measured here and never in a test. What it stands on are faces that last:
-scenes, ``simulate``, the model and the slave behind an FMU's shell (``own``), ``Component``; ``kernels`` alone knows
-today's kernels by their signatures.
+A part is a module with ``measure(quick, repeats) -> list[Table]``. It runs in a process of its own, with one thread
+per library and compiled kernels (``process``). Speed is measured here and never in a test. The parts use lasting
+interfaces: scenes, ``simulate``, model and slave of an FMU (``own``), ``Component``; only ``kernels`` knows the
+present signatures of kernels.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ QUICK_REPEATS = 3
 
 
 def chosen(only: str | None) -> list[str]:
-    """Names of parts, all without a choice; raises BadInput."""
+    """Names of parts, by default all; raises BadInput."""
     names = [name.strip() for name in only.split(",")] if only is not None else list(PARTS)
     for name in names:
         if name not in PARTS:
@@ -50,10 +50,10 @@ def report(
     say: Callable[[str], None],
     show: Callable[[Table], None],
 ) -> dict[str, Any]:
-    """Measure parts one after the other, each in its own process; or pair this checkout with another one.
+    """Measure parts one after another, each in its own process; or compare this checkout with another.
 
-    ``say`` is told how far it is, ``show`` sees each table as it comes. A part that fails is a table that says why,
-    and ``ok`` of what comes back is False. Raises BadInput where ``against`` is no checkout that can measure itself.
+    ``say`` receives progress, ``show`` each finished table. A part that fails gives a table with the reason, and
+    ``ok`` of the result is False. Raises BadInput if ``against`` is no checkout with benchmarks.
     """
     facts = machine.facts()
     told: dict[str, Any] = {"machine": facts, "busy": machine.busy(facts), "quick": quick, "repeats": repeats}

@@ -1,4 +1,4 @@
-"""``python -m tests.benchmarks``: how fast, from a clone."""
+"""Command ``python -m tests.benchmarks``, to be run in a clone."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def measure(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """How fast: the chain against peers, the vehicle, a step by part and layer, growth, start, memory."""
+    """Measure speed: chain against peers, vehicle, step by part and layer, growth, start, memory."""
     names = benchmarks.chosen(only)
     repeats = repeat or (benchmarks.QUICK_REPEATS if quick else benchmarks.REPEATS)
     print(machine.sentence(machine.facts()), end="\n\n")

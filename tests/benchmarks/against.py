@@ -1,7 +1,7 @@
-"""Two checkouts side by side: each measures itself in a process of its own, in turn, and the ratios are told.
+"""Paired comparison of two checkouts: each measures itself in its own process, in turn.
 
-What changes on a machine from one minute to the next is the same for both of a pair; the ratio of a pair is then that
-of the checkouts, and the spread of the ratios says how well it is known.
+The machine changes from one minute to the next, but equally for both of a pair. So the ratio of a pair is that of the
+checkouts, and the spread of the ratios shows its accuracy.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ COLUMNS = (
     Column("best", "least over least", ".3f"),
 )
 
-COMMAND = ("cli/__init__.py", "cli.py")  # where a checkout has its command line, an older one in a single module
-COMMANDS = {  # where a checkout has its benchmark, and how it is started
+COMMAND = ("cli/__init__.py", "cli.py")  # command line of a checkout; older ones have a single module
+COMMANDS = {  # folder of a checkout's benchmark, and command to start it
     "tests/benchmarks": ("tests.benchmarks",),
     "orchestrator/bench": ("orchestrator", "bench"),
 }
@@ -40,7 +40,7 @@ Costs = dict[tuple[str, str], float]
 
 
 def checkout(folder: Path) -> Path:
-    """The folder of another checkout that can measure itself; raises BadInput."""
+    """Folder of another checkout with benchmarks; raises BadInput."""
     if not any((folder / "orchestrator" / name).is_file() for name in COMMAND):
         raise BadInput(f"--against {folder}: there is no checkout of cotrack")
     if not any((folder / place).is_dir() for place in COMMANDS):
@@ -49,9 +49,9 @@ def checkout(folder: Path) -> Path:
 
 
 def paired(folder: Path, names: Sequence[str], quick: bool, pairs: int, say: Callable[[str], None]) -> Table:
-    """Ratios of all costs that both checkouts tell, medians of ``pairs`` pairs; ``say`` is told how far it is.
+    """Ratios of the costs that both checkouts report, medians of ``pairs`` pairs; ``say`` gets progress.
 
-    Raises BadInput where ``folder`` is no checkout that can do so, Failed where a measurement ends with an error.
+    Raises BadInput if ``folder`` has no benchmarks, Failed if a measurement fails.
     """
     other, found = checkout(folder), []
     for k in range(pairs):
@@ -67,7 +67,7 @@ def paired(folder: Path, names: Sequence[str], quick: bool, pairs: int, say: Cal
 
 
 def measured(root: Path, names: Sequence[str], quick: bool) -> Costs:
-    """What the checkout ``root`` tells of itself."""
+    """Costs that the checkout ``root`` reports."""
     started = next(command for place, command in COMMANDS.items() if (root / place).is_dir())
     command = [sys.executable, "-m", *started, "--json", "--only", ",".join(names)]
     command += ["--quick"] if quick else []
@@ -83,7 +83,7 @@ def measured(root: Path, names: Sequence[str], quick: bool) -> Costs:
 
 
 def ratios(pairs: Sequence[tuple[Costs, Costs]]) -> list[dict[str, Any]]:
-    """Rows for what all members of all pairs tell."""
+    """Rows with the ratio of each cost that all members of all pairs report."""
     shared = [key for key in pairs[0][0] if all(key in side for pair in pairs for side in pair)]
     rows = []
     for part, figure in shared:

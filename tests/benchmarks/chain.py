@@ -1,8 +1,8 @@
-"""The closed chain of 64 links: steps a second of CPU time at a known error, ours and those of peers.
+"""Closed chain of 64 links: steps per second of CPU time at a known error, ours and those of peers.
 
-All codes are given the motion of ``motion`` and measured by the same reference. Ours is timed as the chain's own
-``advance``, one call for all steps as the peers have it, as the model's ``step``, and as an FMU that a run loads, steps
-and logs. Flexible chains keep their plane, as the peers' do; with its lateral dofs a chain is measured beside.
+All codes get the motion of ``motion`` and are compared with the same reference. Ours is timed as the chain's own
+``advance``, one call for all steps as for the peers, as the model's ``step``, and as an FMU that a run loads, steps
+and logs. Flexible chains are planar, as the peers' are; one with lateral dofs is measured too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tests.benchmarks.peers import PEERS, runs
 from tests.benchmarks.timing import cpu, least
 
 STEPS = (2e-3, 1e-3, 5e-4)  # s
-H = 1e-3  # s, of what is measured at one step alone
+H = 1e-3  # s, for measurements at one step only
 TARGET = 1e-5  # error at which codes are compared
 COLUMNS = (
     Column("case", "chain", "", ABOUT),
@@ -49,7 +49,7 @@ Run = dict[str, Any]
 
 
 def measure(quick: bool, repeats: int) -> list[Table]:
-    """The runs of all cases and codes; without ``quick`` also what each costs at one error."""
+    """Runs of all cases and codes; without ``quick`` also the cost of each at equal error."""
     rows: list[Run] = []
     notes: list[str] = []
     for name, case in CASES.items():
@@ -71,7 +71,7 @@ def measure(quick: bool, repeats: int) -> list[Table]:
 
 
 def row(name: str, case: Case, stop: float, run: Run) -> Run:
-    """Figures of a run that spent ``cpu`` s on ``stop`` s in steps of ``step`` s and left its pins at ``pins``."""
+    """Figures of a run that took ``cpu`` s for ``stop`` s in steps of ``step`` s and ended with ``pins``."""
     return {
         "case": name,
         "code": run["code"],
@@ -83,9 +83,9 @@ def row(name: str, case: Case, stop: float, run: Run) -> Run:
 
 
 def ours(name: str, stop: float, quick: bool, repeats: int) -> list[Run]:
-    """Runs by layer, and of the model by step."""
+    """Runs of our code by layer, and of the model by step."""
     case = CASES[name]
-    again = repeats + 1  # a first one may compile
+    again = repeats + 1  # the first run may compile
     found = [("ours, chain's advance", H, least(again, stepped, case, stop, H, "advance"))]
     for step in (H,) if quick else STEPS:
         found.append(("ours, model", step, least(again, stepped, case, stop, step, "step")))
@@ -98,7 +98,7 @@ def ours(name: str, stop: float, quick: bool, repeats: int) -> list[Run]:
 
 
 def stepped(case: Case, stop: float, h: float, layer: str) -> tuple[float, Floats]:
-    """CPU time, s, and pins of a model that is stepped from here: by its ``step``, or its chain by its ``advance``."""
+    """CPU time, s, and pins of a model stepped by its ``step``, or of its chain by ``advance``."""
     model, none = motion.model(case, h), np.zeros(0)
 
     def steps() -> None:
@@ -110,7 +110,7 @@ def stepped(case: Case, stop: float, h: float, layer: str) -> tuple[float, Float
 
 
 def logged(case: Case, stop: float) -> tuple[float, Floats]:
-    """CPU time, s, and last pins of the scene that ``cotrack run`` would run."""
+    """CPU time, s, and last pins of the scene as ``cotrack run`` runs it."""
     scene = motion.scene(case, motion.LINKS, f"run.stop={stop}", f"run.step={H}", f"track.step={H}")
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         result = simulate(scene, Path(folder) / "loop.mcap")
@@ -124,7 +124,7 @@ def logged(case: Case, stop: float) -> tuple[float, Floats]:
 
 
 def equal(rows: list[Run]) -> list[Run]:
-    """What codes cost at ``TARGET``, over our model; of ours the model alone."""
+    """Cost of codes at ``TARGET``, relative to our model."""
     found: list[Run] = []
     for name, case in CASES.items():
         if case.ground:
@@ -143,7 +143,7 @@ def equal(rows: list[Run]) -> list[Run]:
 
 
 def at_target(rows: list[Run]) -> Run:
-    """Step, rate and cost of a code at ``TARGET``; nothing where none of its steps is good enough."""
+    """Step, rate and cost of a code at ``TARGET``, interpolated, or None."""
     rows = sorted(rows, key=lambda row: -row["step"])
     good = [k for k, row in enumerate(rows) if row["error"] <= TARGET]
     if not good:

@@ -1,4 +1,4 @@
-"""What a communication step costs outside the components: the master's exchange, and the log."""
+"""Cost of a communication step outside the components: the master's exchange, and the log."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ STATS_EVERY = 100  # steps, as in a run at 1 ms
 
 
 def measure(scene: Scene, path: Path, repeats: int) -> dict[str, float]:
-    """Means over a scene's steps, the least of the repeats of each; the log goes to ``path``."""
+    """Means over the steps of a scene, each the least of the repeats; the log goes to ``path``."""
     runs = [_run(scene, path) for _ in range(repeats)]
     return dict(zip(("exchange", "log", "packing"), map(min, zip(*runs, strict=True)), strict=True))
 
 
 def _run(scene: Scene, path: Path) -> tuple[float, float, float]:
-    """CPU times of a step, us: the exchange, the log, and the thread that packs messages."""
+    """CPU times per step, us: exchange, log, and the thread that packs messages."""
     h, steps, coupling = scene.run.step, scene.run.steps, scene.run.coupling
     alone: Any = partial(SCHEMES[coupling.scheme], threads=False, **coupling.options())
     with ExitStack() as stack:
@@ -58,7 +58,7 @@ def _run(scene: Scene, path: Path) -> tuple[float, float, float]:
 
 
 def _marched(scheme: Scheme, logging: Logging | None, first: int, steps: int, h: float) -> tuple[float, float]:
-    """CPU times of this thread for a step after the ``first`` and for its record, us, as many at once as in a run."""
+    """CPU times of this thread per step and per record, us, after ``first`` steps, in batches as in a run."""
     k, stepping, recording, clock = first, 0.0, 0.0, time.thread_time
     with quiet():
         while k < first + steps:
@@ -72,6 +72,6 @@ def _marched(scheme: Scheme, logging: Logging | None, first: int, steps: int, h:
 
 
 def _idle(component: Component) -> None:
-    """What is left of a step without what happens inside the components."""
+    """Replace the component's step and data transfer by functions that do nothing."""
     for function in ("set_real", "do_step", "get_real"):
         component.board[Board._fields.index(function)] = machine().nothing

@@ -1,6 +1,6 @@
-"""The parts of a chain's step by the signatures of today's kernels: the one module that a new kernel has to change.
+"""Parts of a chain's step, timed by the present signatures of kernels; only this module knows them.
 
-A kernel that is timed runs in a compiled loop: handing its arrays over from Python costs as much as the work.
+A kernel is timed in a compiled loop, because passing its arrays from Python costs as much as its work.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from fmus.physics.integrate.generalized_alpha import slopes
 from fmus.physics.rigid import augmented
 from tests.benchmarks.timing import laps, reading
 
-CALLS = 200  # in a compiled loop
+CALLS = 200  # per compiled loop
 PARTS = ("matrix", "residual", "factor", "solve")
 
 
 @contextmanager
 def timed(model: Any, times: list[float]) -> Iterator[None]:
-    """CPU time, us, that each step of ``model`` spends in its kernel, into ``times``."""
+    """Append to ``times`` the CPU time, us, that each step of ``model`` spends in its kernel."""
     own, clock, idle = model.ready(), time.thread_time, reading()
 
     def step(*arguments: Any) -> Any:
@@ -43,7 +43,7 @@ def timed(model: Any, times: list[float]) -> Iterator[None]:
 
 
 def parts(kind: str, track: Any, h: float, repeats: int) -> dict[str, float]:
-    """Time, us, of each of ``PARTS`` of a track's Newton iteration in its present state, by step ``h``; spoils it."""
+    """Time, us, of each of ``PARTS`` in a Newton iteration of a track at step ``h``; destroys its state."""
     loops = {"TrackRigid": _rigid, "TrackFlexible": _flexible}[kind](track, h)
     for loop in loops.values():
         loop(1)  # compiles
@@ -80,7 +80,7 @@ def _evaluations(n, tangent, links, contacts, env, x, by, w):
 @allocating
 def _factorings(n, matrix, w, closed):
     for _ in range(n):
-        w.A[:] = matrix  # factored in place
+        w.A[:] = matrix  # factorised in place
         block_cyclic.factor(w.A, w.U, w.L, w.factors, closed)
 
 

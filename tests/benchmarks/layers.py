@@ -1,7 +1,7 @@
-"""Microseconds of a communication step: by part of the vehicle and layer, of the master, of a Newton iteration.
+"""Time of a communication step, us: by component and layer, of the master, of a Newton iteration.
 
-A run of ``straight`` is logged; each component is then fed its recorded inputs again, at each layer alone: the model,
-the slave called from Python, the FMU through fmpy. All do the same work to the last bit, which the log proves.
+A run of ``straight`` is logged. Each component then gets its recorded inputs again, at each layer alone: model, slave
+called from Python, FMU by fmpy. All do the same work to the last bit, which the log proves.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ Row = dict[str, Any]
 
 SCENE, H = "straight", 1e-3
 STOP, QUICK_STOP = 2.0, 0.2  # s; figures are of the second half
-SETTINGS = ("run.step=1 ms", "track.step=1 ms", "run.outputs=1", "drive.ramp_start=0 s")  # off at once
-# row: track model, settings, component; rows of one scene share its log
+SETTINGS = ("run.step=1 ms", "track.step=1 ms", "run.outputs=1", "drive.ramp_start=0 s")  # moves from the start
+# Row: track model, settings, component; rows of one scene share its log.
 COMPONENTS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "track, flexible": ("flexible", (), "left_track"),
     "chassis": ("flexible", (), "chassis"),
@@ -55,7 +55,7 @@ NEWTON = (
 
 
 def measure(quick: bool, repeats: int) -> list[Table]:
-    """The three tables."""
+    """Tables of components, master and Newton iterations."""
     stop = QUICK_STOP if quick else STOP
     layers: list[Row] = []
     newton: list[Row] = []
@@ -88,7 +88,7 @@ def measure(quick: bool, repeats: int) -> list[Table]:
 
 
 def replayed(part: Part, inputs: Series, outputs: Series, repeats: int) -> tuple[dict[str, float], dict[str, float]]:
-    """A component fed with recorded inputs: times by layer, and those of a track's Newton iteration."""
+    """Times of a component with recorded inputs: by layer, and those of a track's Newton iteration."""
     times: dict[str, list[Floats]] = {column.key: [] for column in LAYERS[1:]}
     model = None
     for _ in range(repeats):
@@ -107,7 +107,7 @@ def replayed(part: Part, inputs: Series, outputs: Series, repeats: int) -> tuple
     return layer, {**kernels.parts(part.kind, model, H, repeats), "evaluations": evaluations, "matrices": matrices}
 
 
-Fed = tuple[dict[str, Floats], Floats]  # times of every step, us; the outputs after the last
+Fed = tuple[dict[str, Floats], Floats]  # times of every step, us; last outputs
 
 
 def _model(part: Part, model: Any, inputs: Series, outputs: int) -> Fed:

@@ -1,4 +1,4 @@
-"""How the time of a step grows with the links of a closed chain."""
+"""Growth of the step time with the number of links of a closed chain."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COLUMNS = (
 
 
 def measure(quick: bool, repeats: int) -> list[Table]:
-    """Steps of the model, flexible and rigid; the pins are as fast whatever their number."""
+    """Steps of flexible and rigid models; the speed of the pins does not depend on their number."""
     rows, notes = [], []
     for name in ("flexible", "rigid"):
         found: list[dict[str, Any]] = []
@@ -46,9 +46,9 @@ def _laps(model: Any, steps: int) -> Floats:
 
 
 def row(name: str, links: int, steps: int, repeats: int) -> dict[str, Any]:
-    """One chain."""
+    """Row of one chain."""
     times = []
-    for _ in range(repeats + 1):  # a first one may compile
+    for _ in range(repeats + 1):  # the first run may compile
         model = motion.model(CASES[name], H, links)
         times.append(_laps(model, steps))
     time = per_step(times)
@@ -62,6 +62,6 @@ def row(name: str, links: int, steps: int, repeats: int) -> dict[str, Any]:
 
 
 def exponent(rows: list[dict[str, Any]]) -> float:
-    """Slope of the logarithm of time over that of links, by least squares."""
+    """Exponent of time over number of links, by least squares in logarithms."""
     links, times = (np.log([each[key] for each in rows]) for key in ("links", "time"))
     return float(np.polyfit(links, times, 1)[0])

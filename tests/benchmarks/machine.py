@@ -1,4 +1,4 @@
-"""What the figures were measured on, so that they can be judged."""
+"""Facts about the machine and the versions of a measurement."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PACKAGES = ("numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmpy", "mcap", 
 
 
 def facts() -> dict[str, Any]:
-    """CPU, cores, load, versions, commit; None for what is not there."""
+    """CPU, cores, load, versions, commit; None for unknown ones."""
     return {
         "cpu": _cpu(),
         "cores": os.cpu_count(),
@@ -31,7 +31,7 @@ def facts() -> dict[str, Any]:
 
 
 def busy(machine: dict[str, Any]) -> str:
-    """A sentence where other work ran at the start, else nothing."""
+    """Sentence if other work ran at the start, else empty."""
     load, cores = machine["load_average"], machine["cores_allowed"]
     if load is None or load <= 0.5 * cores:
         return ""
@@ -39,7 +39,7 @@ def busy(machine: dict[str, Any]) -> str:
 
 
 def sentence(machine: dict[str, Any]) -> str:
-    """The same in a line."""
+    """One line with the facts."""
     shown = ("numpy", "numba", "exudyn", "mujoco")
     packages = ", ".join(f"{name} {machine['packages'][name]}" for name in shown if machine["packages"][name])
     commit = f", commit {machine['commit'][:10]}{' with changes' * machine['changed']}" if machine["commit"] else ""

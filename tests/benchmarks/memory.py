@@ -1,4 +1,4 @@
-"""Peak memory of runs, each in a process of its own, and how it grows with what is simulated."""
+"""Peak memory of runs, each in its own process, and its growth with the simulated time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLUMNS = (
 
 
 def measure(quick: bool, repeats: int) -> list[Table]:
-    """Two runs of each track model; a peak needs no repeats."""
+    """Peak memory of two runs of each track model; needs no repeats."""
     short, long = QUICK_STOPS if quick else STOPS
     rows: list[dict[str, Any]] = []
     for track in TRACKS:

@@ -1,4 +1,4 @@
-"""One run, for its memory."""
+"""One run, to measure its memory."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""The motion that all codes are given, and how far they are from it at the end.
+"""Motion of the chain benchmark for all codes, and the error at its end.
 
-A loop of 64 links, a regular polygon without gravity, turns at 5 rad/s; its links turn by 4 rad/s cos(2 angle) besides,
-so that it becomes an oval of 1.6 by 4.2 m and back. All links are thin rods of the m113's mass: flexible steel and
-rigid links then move alike, to 5e-5 m in a second. On the ground it only turns, under gravity, and is set down: it
-slips, drives off and sags. 0.3 s are known to 1e-7 m; from half a second on no two steps give the same heap.
+A loop of 64 links, a regular polygon without gravity, turns at 5 rad/s. Its links also turn by 4 rad/s cos(2 angle),
+so it becomes an oval of 1.6 by 4.2 m and back. All links are thin rods with the m113's mass: flexible steel and rigid
+links then move alike, to 5e-5 m in a second. On the ground the loop only turns, has gravity, and is set down: it
+slips, drives off and sags. Its first 0.3 s are known to 1e-7 m; beyond half a second no two steps give the same heap.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from tests.benchmarks import own
 Floats = NDArray[np.float64]
 
 SCENE = "spinning_loop"
-LINKS, MASS = 64, 18.02  # of the m113: kg a link
-SPIN = 5.0  # rad/s, of 64 links; the pins of any other number are as fast
+LINKS, MASS = 64, 18.02  # of the m113, kg per link
+SPIN = 5.0  # rad/s of 64 links; pins of other numbers move at the same speed
 OVALLING = 4.0  # rad/s
 GRAVITY = 9.81  # m/s2
 REFERENCE = Path(__file__).with_name("reference.json")
 
 
 class Case(NamedTuple):
-    """A chain to be measured."""
+    """Chain to be measured."""
 
-    track: str  # the track model
+    track: str  # track model
     ground: bool
     stop: float  # s
-    quick: float  # end of a quick form, s
-    planar: bool = False  # of cables without their lateral dofs, as the peers' are
+    quick: float  # s, end of the quick form
+    planar: bool = False  # cables without lateral dofs, as the peers'
 
 
 CASES = {
@@ -49,24 +49,24 @@ CASES = {
 
 
 class Loop(NamedTuple):
-    """The loop at t = 0 for other codes, SI units, in the plane (x, z); n links."""
+    """Loop at t = 0 for other codes, SI units, in the plane (x, z); n links."""
 
-    pins: Floats  # (n, 2) where links begin
-    velocity: Floats  # (n, 2) of the pins
-    angle: Floats  # (n) of the links, from x towards z
-    rate: Floats  # (n) its derivative
+    pins: Floats  # (n, 2) first pins of links
+    velocity: Floats  # (n, 2) of pins
+    angle: Floats  # (n) of links, from x towards z
+    rate: Floats  # (n) derivative of ``angle``
     pitch: float
-    mass: float  # of a link
+    mass: float  # one link
     axial: float  # EA, N
     bending: float  # EI, N m2
-    relaxation: float  # s: damping constants over stiffness
-    face: float  # m: contact points from the pin line
+    relaxation: float  # s: damping over stiffness
+    face: float  # m: distance of contact points from the pin line
     level: float  # z of the ground
     soil: dict[str, float]  # stiffness, damping, friction of the ground
 
 
 def scene(case: Case, links: int = LINKS, *settings: str) -> Scene:
-    """The scene of a loop that nothing touches."""
+    """Scene of a loop without contact."""
     rod = own.scene(SCENE, case.track, ["vehicle=m113"]).vehicle
     inertia = (rod.track.inertia[0], MASS * rod.track.pitch**2 / 12.0, rod.track.inertia[2])
     given = [
@@ -84,14 +84,14 @@ def scene(case: Case, links: int = LINKS, *settings: str) -> Scene:
 
 @cache
 def part(case: Case, links: int = LINKS) -> Part:
-    """Its one component; where a case has a ground, that lies just below the loop, and there is gravity."""
+    """Component of the loop; in a case with a ground, this lies just below the loop, and there is gravity."""
     found = own.part(scene(case, links), "chain")
     if not case.ground:
         return found
     vehicle = found.config["vehicle"]
     wheel, track = vehicle["road_wheel"], vehicle["track"]
     depth = 0.5 * track["pitch"] / np.tan(np.pi / links) + track["face"]
-    drawn = {**wheel, "z": wheel["radius"] + 2.0 * track["face"] - depth}  # the ground is where wheels would stand
+    drawn = {**wheel, "z": wheel["radius"] + 2.0 * track["face"] - depth}  # the ground is below the wheels as drawn
     config = {
         "vehicle": {**vehicle, "road_wheel": drawn},
         "track": {**found.config["track"], "ground": True, "gravity": GRAVITY},
@@ -100,12 +100,12 @@ def part(case: Case, links: int = LINKS) -> Part:
 
 
 def model(case: Case, step: float, links: int = LINKS, **changes: float | str) -> Any:
-    """The component's model at the start, with internal steps of ``step`` s."""
+    """Model of the component at the start, with internal steps of ``step`` s."""
     return own.started(part(case, links), step=step, **changes)
 
 
 def loop(case: Case, links: int = LINKS) -> Loop:
-    """The same for other codes."""
+    """Loop for other codes."""
     vehicle = part(case, links).config["vehicle"]
     track, section, material = vehicle["track"], vehicle["section"], vehicle["material"]
     pins = regular_polygon(track["pitch"], links)
@@ -118,7 +118,7 @@ def loop(case: Case, links: int = LINKS) -> Loop:
         pins,
         velocity,
         np.arctan2(chord[:, 1], chord[:, 0]),
-        -(turning + spin),  # about y is from z towards x
+        -(turning + spin),  # rotation about y is from z towards x
         track["pitch"],
         track["mass"],
         material["youngs_modulus"] * section["area"],
@@ -131,7 +131,7 @@ def loop(case: Case, links: int = LINKS) -> Loop:
 
 
 def pins(model: Any) -> Floats:
-    """Where the pins of a model are, (n, 2) of x and z, from its link outputs."""
+    """Pin positions of a model, (n, 2) of x and z, from its link outputs."""
     names = [port.name for port in model.ports if port.causality == "output" and isinstance(port.start, float)]
     y = np.empty(model.link_ports)
     model.link_outputs(y)
@@ -139,7 +139,7 @@ def pins(model: Any) -> Floats:
 
 
 def places(names: list[str], y: Floats) -> Floats:
-    """The same from values of link outputs by name."""
+    """Pin positions from values of link outputs by name."""
     at = {axis: [k for k, name in enumerate(names) if name.endswith(f".position.{axis}")] for axis in "xz"}
     return np.stack([y[at["x"]], y[at["z"]]], axis=1)
 
@@ -148,12 +148,12 @@ def places(names: list[str], y: Floats) -> Floats:
 
 
 def key(case: Case) -> str:
-    """The name of a case."""
+    """Name of a case."""
     return next(name for name, each in CASES.items() if each == case)
 
 
 def error(case: Case, stop: float, found: Floats) -> float:
-    """RMS of the pins' distances from where they should be at ``stop``, over that of the ways they went."""
+    """RMS distance of the pins from the reference at ``stop``, over the RMS of their paths' lengths."""
     reference = json.loads(REFERENCE.read_text(encoding="utf-8"))["cases"][key(case)][f"{stop:g}"]
     distance = np.linalg.norm(found - np.array(reference["pins"]), axis=1)
     return float(np.sqrt(np.mean(distance**2))) / float(reference["way"])

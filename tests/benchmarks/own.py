@@ -1,4 +1,4 @@
-"""Our components without FMI: the model and the slave of a part, by way of the shell that its FMU is made of."""
+"""Our components without FMI: model and slave of a part, through the class of its FMU."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from orchestrator.scene.scene import Scene, load
 
 
 def scene(name: str, track: str, settings: Sequence[str]) -> Scene:
-    """A scene with its idler in place."""
+    """Scene with its idler in place."""
     found = load(name, track, settings)
     assert isinstance(found, Scene)
     return placed(found)
 
 
 def part(of: Scene, name: str) -> Part:
-    """A component of a scene before it is built."""
+    """Component of a scene before it is built."""
     return next(each for each in assemble(of).parts if each.name == name)
 
 
 def shell(kind: str) -> Any:
-    """The class that FMI calls; its ``model`` is the model."""
+    """Class of an FMU; its ``model`` is the model."""
     return getattr(import_module(".".join(("fmus", *Path(KINDS[kind]).with_suffix("").parts))), kind)
 
 
 def started(of: Part, **changes: float | str) -> Any:
-    """A model at its start."""
+    """Initialised model."""
     model = shell(of.kind).model(of.config)
     known = {port.name: port.start for port in model.ports if port.causality == "parameter"}
     model.initialise({**known, **_known(of.parameters, known), **changes})
@@ -41,7 +41,7 @@ def started(of: Part, **changes: float | str) -> Any:
 
 
 def slave(of: Part) -> Any:
-    """A slave at the end of its initialisation, called from Python."""
+    """Slave at the end of its initialisation, called from Python."""
     resources = unpack(build(of.kind, of.config)) / "resources"
     made = shell(of.kind)(instance_name=of.name, resources=str(resources))
     put = {float: made.set_real, int: made.set_integer, str: made.set_string}

@@ -1,4 +1,4 @@
-"""A measurement in a process of its own: nothing before it has warmed, filled or pinned anything."""
+"""Measurements in processes of their own, which inherit no caches or threads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]  # of the checkout that measures
+ROOT = Path(__file__).resolve().parents[2]  # the measuring checkout
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
@@ -19,18 +19,18 @@ class Failed(RuntimeError):
 
 
 def environment(root: Path = ROOT) -> dict[str, str]:
-    """Of a child: the packages of the checkout ``root``, one thread to a library."""
+    """Environment of a child process: packages of the checkout ``root``, one thread per library."""
     path = os.pathsep.join(filter(None, (str(root), os.environ.get("PYTHONPATH"))))
     return {**os.environ, **ONE_THREAD, "PYTHONPATH": path}
 
 
 def last_line(text: str) -> str:
-    """What a process said at the end."""
+    """Last line of a process's output."""
     return (text.strip() or "no message").splitlines()[-1]
 
 
 def isolated(module: str, **options: Any) -> Any:
-    """What ``measure(**options)`` of a module of this folder returns as plain data; raises Failed."""
+    """Plain data that ``measure(**options)`` of a module of this folder returns; raises Failed."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.process", module, json.dumps(options)],
         capture_output=True,
@@ -43,7 +43,7 @@ def isolated(module: str, **options: Any) -> Any:
 
 
 def child(module: str, options: str) -> None:
-    """The other end: the last line on stdout is what was measured."""
+    """Measure in the child process and print the result as the last line on stdout."""
     found = import_module(f"tests.benchmarks.{module}").measure(**json.loads(options))
     sys.stdout.write(f"\n{json.dumps(found)}\n")
 

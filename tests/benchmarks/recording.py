@@ -1,4 +1,4 @@
-"""What the log costs a run: pieces of ``straight`` with and without a record in turn, each against its neighbours."""
+"""Cost of the log in a run: pieces of ``straight`` with and without recording, in turn."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from tests.benchmarks import own
 from tests.benchmarks.timing import quiet
 
 SCENE, TRACK = "straight", "flexible"
-MOVING = ("drive.ramp_start=0 s", "drive.ramp_time=1 s")  # numbers at rest are quicker to compress
+MOVING = ("drive.ramp_start=0 s", "drive.ramp_time=1 s")  # numbers at rest compress faster
 PIECE = 2.0  # s
-PIECES, QUICK_PIECES = 8, 3  # of each, and a repeat
+PIECES, QUICK_PIECES = 8, 3  # pieces with recording, per repeat
 NEVER = 1 << 40  # steps
 COLUMNS = (
     Column("fmus", "FMUs", "", ABOUT),
@@ -39,7 +39,7 @@ COLUMNS = (
 
 
 def measure(quick: bool, repeats: int) -> list[Table]:
-    """FMUs with Python and without, at default and with all link outputs at every step."""
+    """Cost with Python and native FMUs, with default recording and with all link outputs at every step."""
     rows = []
     for native in (False, True):
         for links in ((), ("run.links=1",)):
@@ -55,7 +55,7 @@ def measure(quick: bool, repeats: int) -> list[Table]:
 
 
 def row(scene: Scene, native: bool, pieces: int, steps: int) -> dict[str, Any]:
-    """So many pieces of a scene with a record, each of ``steps``, between as many and one without."""
+    """Time ``pieces`` recorded pieces of ``steps`` steps, each between two without recording."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         log = Path(folder) / "run.mcap"
         times = _times(scene, native, pieces, steps, log)
@@ -75,7 +75,7 @@ def row(scene: Scene, native: bool, pieces: int, steps: int) -> dict[str, Any]:
 
 
 def _times(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> list[float]:
-    """Wall times of pieces, s, every other one recorded; the first is not."""
+    """Wall times of pieces, s; every second one is recorded, the first is not."""
     h, coupling, period = scene.run.step, scene.run.coupling, scene.run.checkpoints
     with ExitStack() as stack:
         placed, graph, components = opened(scene, stack, None, native)
@@ -91,7 +91,7 @@ def _times(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> li
             nonlocal k
             tape.every = every if recorded else NEVER
             if recorded:
-                logging.begin(k, k * h, h)  # after the steps that are not in the log
+                logging.begin(k, k * h, h)  # skips the steps that are not in the log
             began, end = time.perf_counter(), k + steps
             while k < end:
                 k += scheme.march(k, min(end - k, logging.patience(k), checkpoints.patience(k)), h)
@@ -105,7 +105,7 @@ def _times(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> li
 
         logging(0, 0.0, h)
         recorder.flush()
-        piece(True)  # compiles and makes room
+        piece(True)  # compiles and allocates
         times.clear()
         with quiet():
             for recorded in (False, *(True, False) * pieces):

@@ -1,7 +1,7 @@
-"""Makes ``reference.json``, where the pins of each case are in truth: ``python -m tests.benchmarks.reference``.
+"""Write ``reference.json``, the true pin positions of each case.
 
-Explicit Runge-Kutta of order 4 of the same equations. At twice the step the pins of the free loops are the same to
-1e-12 m, those on the ground to 6e-8 m.
+The command is ``python -m tests.benchmarks.reference``. Explicit Runge-Kutta of order 4 of the same equations. With
+twice the step the pins of the free loops agree to 1e-12 m, those on the ground to 6e-8 m.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import numpy as np
 from tests.benchmarks.motion import CASES, REFERENCE, Case, Floats, model, pins
 
 STEPS = {"flexible": 4e-6, "rigid": 25e-6, "rigid, on the ground": 12.5e-6}  # s
-H = 1e-3  # s: between instants at which the way of a pin is measured
+H = 1e-3  # s between instants at which the path of a pin is measured
 DIGITS = 13
 
 
 def states(case: Case, step: float) -> dict[str, tuple[Floats, float]]:
-    """Pins (n, 2) at the ends of the quick and of the full form, and the RMS of the ways they went, m."""
+    """Pins (n, 2) at the ends of the quick and full form, and RMS of the lengths of their paths, m."""
     truth = model(case, step, integrator="runge_kutta")
     before, way, found = pins(truth), np.zeros(truth.nodes), {}
     for k in range(round(case.stop / H)):
@@ -33,7 +33,7 @@ def states(case: Case, step: float) -> dict[str, tuple[Floats, float]]:
 
 
 def main() -> None:
-    """Write the file."""
+    """Write the reference file."""
     about = "pins (x, z) in m at the time in s, and the RMS of the ways that they went; see reference.py"
     cases = {
         name: {

@@ -1,4 +1,4 @@
-"""What it takes to begin: the command in a fresh process, one step, with an empty and with a full cache."""
+"""Start-up time: the command in a fresh process, one step, with an empty and with a full cache."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COLUMNS = (
 
 
 def measure(quick: bool, repeats: int) -> list[Table]:
-    """Cold once, warm as often as asked."""
+    """Start-up times: cold once, warm ``repeats`` times."""
     rows = []
     for scene, track in QUICK_CASES if quick else CASES:
         with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
@@ -43,9 +43,9 @@ def measure(quick: bool, repeats: int) -> list[Table]:
 
 
 def command(scene: str, track: str, cache: str) -> dict[str, float]:
-    """Wall times of a run of one step with the folder ``cache``, s; raises Failed.
+    """Wall times of a run of one step with the cache folder ``cache``, s; raises Failed.
 
-    The folder of the log changes when the log is made, which is just before the first step.
+    The folder of the log changes when the log is created, which is just before the first step.
     """
     arguments = ["run", scene, "--track", track, "--step", "1ms", "--stop", "1ms", "--no-estimate", "--json"]
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:

@@ -1,4 +1,4 @@
-"""Tables of the benchmark as plain data, and their costs by name for pairs of checkouts."""
+"""Benchmark tables as plain data, and their costs by name for pairs of checkouts."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from orchestrator.studies.tables import ABOUT, COST, Column, Table, cell
 
 
 def failed(title: str, reason: str) -> Table:
-    """What is left of a part that ended with an error."""
+    """Table of a part that failed."""
     return Table(title, (), [], (f"not measured: {reason}",))
 
 
 def from_plain(table: Sequence[Any]) -> Table:
-    """A table that went through JSON."""
+    """Table from plain data, as JSON returns it."""
     title, columns, rows, notes = table
     return Table(title, tuple(Column(*column) for column in columns), rows, tuple(notes))
 
 
 def plain(table: Table) -> dict[str, Any]:
-    """For JSON."""
+    """Plain data of a table, for JSON."""
     return {
         "title": table.title,
         "columns": [column._asdict() for column in table.columns],
@@ -30,7 +30,7 @@ def plain(table: Table) -> dict[str, Any]:
 
 
 def costs(tables: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Every cost of tables as ``plain`` gives them, by a name that says table, row and column."""
+    """Costs in tables as ``plain`` returns them, by a name with table, row and column."""
     found = {}
     for table in tables:
         columns = [Column(**column) for column in table["columns"]]

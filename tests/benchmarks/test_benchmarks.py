@@ -1,4 +1,4 @@
-"""The benchmark: that each part runs and tells what it should. How fast anything is, is asked of no test."""
+"""Benchmarks run and report what they should; no test depends on speed."""
 
 import json
 import os
@@ -151,7 +151,7 @@ def test_pairs_are_measured_in_turn(monkeypatch, tmp_path):
     assert row["least"] < 0.5 < row["most"]
     roots.clear()
     itself = against.paired(against.ROOT, ["links"], True, 2, lambda said: None)
-    assert [row["least"] for row in itself.rows if row["figure"] == "step"] == [0.5]  # and not of one with itself
+    assert [row["least"] for row in itself.rows if row["figure"] == "step"] == [0.5]  # not compared with itself
 
 
 def test_a_pair_needs_both_sides(monkeypatch):
@@ -169,7 +169,7 @@ def test_a_pair_needs_both_sides(monkeypatch):
 
 
 def test_all_are_measured_by_one_reference():
-    """Errors at 1 ms are those of the second order; a hundredth more of the motion shows a hundredfold."""
+    """Errors at 1 ms are of second order; 1 % more motion gives a hundredfold error."""
     for name, expected in (("flexible", 2.602e-5), ("rigid", 8.917e-6), ("rigid, on the ground", 1.234e-4)):
         case = motion.CASES[name]
         spent, pins = chain.stepped(case, case.quick, 1e-3, "step")
@@ -205,7 +205,7 @@ def test_a_peer_that_is_missing_is_one_sentence(monkeypatch):
 
 
 def test_cost_at_one_error():
-    """Of an order-2 code between its steps; of one that is better throughout at its longest; of none that is worse."""
+    """Cost at equal error: between two steps of an order-2 code, at the longest if accurate, None if not."""
     rows = [{"step": h, "error": 1e-5 * h**2, "cpu": 8.0 / h, "rate": 1.0} for h in (4.0, 2.0, 0.5)]
     at = chain.at_target(rows)
     assert (at["step"], at["cpu"]) == (pytest.approx(1.0), pytest.approx(8.0))
@@ -266,7 +266,7 @@ def test_parts_of_an_iteration_by_todays_kernels():
 
 
 def test_pieces_with_a_record_stand_between_pieces_without(tmp_path):
-    """Their log is whole, and its inputs are proven across the gaps."""
+    """The log of pieces is whole, and its inputs are verified across the gaps."""
     rig = load("rig", "rigid", ("expect={}", "drive.ramp_start=0", "run.checkpoints=0.02"))
     times = recording_part._times(rig, False, 2, 30, tmp_path / "pieces.mcap")
     assert len(times) == 5
@@ -306,7 +306,7 @@ def test_start_and_memory(monkeypatch):
 
 @pytest.mark.benchmark
 def test_exudyn_moves_the_same_chain():
-    """Error of order 2 towards our reference, ours to a hundredth of it at the same step; and the same mass."""
+    """Exudyn converges to our reference with order 2, to 1 % of our error at that step; equal mass."""
     exudyn = pytest.importorskip("exudyn")
     from tests.benchmarks.peers import exudyn_loops
 
@@ -327,7 +327,7 @@ def test_exudyn_moves_the_same_chain():
 
 @pytest.mark.benchmark
 def test_mujoco_moves_the_same_chain(monkeypatch, tmp_path):
-    """It closes its loop softly, and goes to our reference nevertheless; energy is kept, and ours."""
+    """MuJoCo closes its loop softly but converges to our reference; its energy is constant and ours."""
     pytest.importorskip("mujoco")
     from tests.benchmarks.peers import mujoco_loops
 
@@ -351,12 +351,12 @@ def test_mujoco_moves_the_same_chain(monkeypatch, tmp_path):
     _, (pins, _) = mujoco_loops.run(ground, 0.1, 2.5e-4, "RK4")
     assert motion.error(ground, 0.1, pins) < 0.02  # another law of contact
     loop = motion.loop(ground)
-    free = loop.pins + 0.1 * loop.velocity  # what nothing touches and nothing holds
+    free = loop.pins + 0.1 * loop.velocity  # free motion, without contact and joints
     assert motion.error(ground, 0.1, free) > 0.1
 
 
 def kinetic_energy(case):
-    """Of our model at the start, J."""
+    """Kinetic energy of our model at the start, J."""
     model = motion.model(case, 1e-3)
     outputs = [port.name for port in model.ports if port.causality == "output" and isinstance(port.start, float)]
     y = np.empty(len(outputs) - model.link_ports)

@@ -1,4 +1,4 @@
-"""Clocks: CPU time of runs and of single steps. The least of repeats is told: whatever else runs only adds to it."""
+"""Clocks: CPU time of runs and steps. The least of repeats is reported, as other load only adds time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """No collection of garbage meanwhile."""
+    """Switch garbage collection off."""
     gc.disable()
     try:
         yield
@@ -26,7 +26,7 @@ def quiet() -> Iterator[None]:
 
 
 def cpu(action: Callable[[], T]) -> tuple[float, T]:
-    """CPU time of this process over an action, s, and what it returns."""
+    """CPU time of this process for an action, s, and its result."""
     with quiet():
         began = time.process_time()
         result = action()
@@ -34,14 +34,14 @@ def cpu(action: Callable[[], T]) -> tuple[float, T]:
 
 
 def least(repeats: int, run: Callable[..., tuple[float, T]], *arguments: Any) -> tuple[float, T]:
-    """The time and the result of the quickest of several runs, each of which tells both."""
+    """Time and result of the quickest of several runs, each of which returns both."""
     return min((run(*arguments) for _ in range(repeats)), key=lambda pair: pair[0])
 
 
 def laps(count: int, *calls: Callable[[int], object]) -> Floats:
-    """CPU times of this thread for calls made one after the other at each of ``count`` steps, us (calls, steps).
+    """CPU times of this thread for calls in sequence at each of ``count`` steps, us (calls, steps).
 
-    Less what it takes to read the clock.
+    The time to read the clock is subtracted.
     """
     times, clock = np.empty((len(calls), count)), time.thread_time
     with quiet():
@@ -54,7 +54,7 @@ def laps(count: int, *calls: Callable[[int], object]) -> Floats:
 
 
 def reading() -> float:
-    """Of the clock of ``laps`` with a call that does nothing, s."""
+    """Least time to read the clock of ``laps`` around an empty call, s."""
     clock, least, idle = time.thread_time, np.inf, (lambda _: None)
     for _ in range(100):
         began = clock()
@@ -64,5 +64,5 @@ def reading() -> float:
 
 
 def per_step(repeats: list[Floats], since: int = 0) -> float:
-    """Mean over the steps from ``since`` on, of the least that any of the repeats (steps) took for each."""
+    """Mean over the steps from ``since`` on of the least time of each step (steps) among the repeats."""
     return float(np.min(repeats, axis=0)[since:].mean())

@@ -1,4 +1,4 @@
-"""How fast the vehicle is: ``straight`` at 1 ms with its log at 1 kHz, without the estimate of its error."""
+"""Speed of the vehicle: ``straight`` at 1 ms with its log at 1 kHz, without error estimate."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ COLUMNS = (
     Column("wall", "wall ms a simulated second", ".0f", COST),
     Column("cpu", "CPU ms a simulated second", ".0f", COST),
 )
-QUICK = ("run.stop=0.5 s", "drive.ramp_start=0 s")  # off at once: the rest at the start is cheap
+QUICK = ("run.stop=0.5 s", "drive.ramp_start=0 s")  # moves from the start: steps at rest are cheap
 
 
 def measure(quick: bool, repeats: int) -> list[Table]:
-    """Both track models, in their own threads side by side as in any run."""
+    """Speed with both track models, in parallel threads as in any run."""
     settings = ["run.step=1 ms", "track.step=1 ms", "run.outputs=1", *(QUICK if quick else ())]
     rows = [row(track, settings, repeats) for track in TRACKS]
     note = f"Median of {repeats} runs each, with the least and the most; H = 1 ms, logged at 1 kHz, no estimate."
@@ -33,7 +33,7 @@ def measure(quick: bool, repeats: int) -> list[Table]:
 
 
 def row(track: str, settings: list[str], repeats: int) -> dict[str, Any]:
-    """Runs of one track model."""
+    """Row of one track model."""
     scene = own.scene(SCENE, track, settings)
     told = []
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:

@@ -1,1 +1,1 @@
-"""Regression: whether two checkouts compute the same bits."""
+"""Regression test: bitwise comparison of two checkouts."""

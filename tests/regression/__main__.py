@@ -1,7 +1,7 @@
-"""``python -m tests.regression``: the runs' digests; with ``--against FOLDER`` where another checkout's runs differ.
+"""``python -m tests.regression``: digests of short runs; with ``--against FOLDER`` their differences.
 
-Another processor or another LLVM computes other last bits. So nothing is stored: both checkouts run on this machine,
-each by its own command.
+Another processor or LLVM computes other last bits, so no digest is stored: both checkouts run on this machine, each
+by its own command.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from tests.regression.runs import RUNS, Run
 
 ROOT = Path(__file__).resolve().parents[2]
 COLUMNS = (Column("case", "run"), Column("digest", "digest"), Column("ok", "same"), Column("note", "first difference"))
-UNREAD = "/stats/"  # topics of times
+UNREAD = "/stats/"  # topics of wall times
 
 
 def recorded(root: Path, run: Run, log: Path) -> str:
-    """Run it by the command of the checkout ``root``; nothing, or its last words where it left no log."""
+    """Run a scene by the command of the checkout ``root``; return "" or, without a log, the error message."""
     path = os.pathsep.join(filter(None, (str(root), os.environ.get("PYTHONPATH"))))
     command = [sys.executable, "-m", "orchestrator", "run", *run.arguments(), "--log", str(log)]
     done = subprocess.run(
@@ -38,7 +38,7 @@ def recorded(root: Path, run: Run, log: Path) -> str:
 
 
 def compared(run: Run, against: Path | None, folder: Path) -> Row:
-    """The digest of a run, and where that of the other checkout parts from it."""
+    """Row with the digest of a run, and its first difference from the other checkout."""
     here, there = folder / "here.mcap", folder / "there.mcap"
     if refusal := recorded(ROOT, run, here):
         return Row("", str(run), ok=False, note=refusal)
@@ -63,7 +63,7 @@ def regression(
         Path | None, typer.Option("--against", metavar="FOLDER", help="another checkout, which runs by its own command")
     ] = None,
 ) -> None:
-    """Digests of short runs, or where another checkout computes other bits; exit 1 where it does."""
+    """Print digests of short runs, or differences from another checkout; exit 1 if there are any."""
     chosen = [run for run in RUNS if only in str(run)]
     if not chosen:
         raise BadInput(f"--only {only}: no run has that in its name")

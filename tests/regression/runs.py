@@ -1,4 +1,4 @@
-"""Short runs that together reach all kernels: every scene, kind of link, integrator and coupling."""
+"""Short runs that together use all kernels: every scene, kind of link, integrator and coupling."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from orchestrator.scene import gallery
 
 
 class Run(NamedTuple):
-    """A scene as the command ``cotrack run`` takes it."""
+    """Arguments of ``cotrack run``."""
 
     scene: str
     track: str = "flexible"
@@ -20,13 +20,13 @@ class Run(NamedTuple):
         return ", ".join((self.scene, self.track, *self.settings, *(["native"] if self.native else [])))
 
     def arguments(self) -> list[str]:
-        """After ``cotrack run``."""
+        """Arguments after ``cotrack run``."""
         settings = (part for one in (*self.settings, "expect={}", "run.links=1") for part in ("--set", one))
         native = ["--native"] if self.native else []
         return [self.scene, "--track", self.track, *settings, "--stop", f"{self.stop}", "--no-estimate", *native]
 
 
-MOVING = ("drive.ramp_start=0", "drive.ramp_time=0.1", "start.height=-0.01")  # falls on its suspension and drives off
+MOVING = ("drive.ramp_start=0", "drive.ramp_time=0.1", "start.height=-0.01")  # drops onto its suspension and drives off
 SWAYING = ("track.start=displaced",)
 OVAL = ("chain.links=16", "chain.ovalling=1")
 RUNS = (

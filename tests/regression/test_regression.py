@@ -1,4 +1,4 @@
-"""Two checkouts: equal bits are equal, one last digit is found."""
+"""Regression command: it accepts equal bits and finds a difference in one last digit."""
 
 import shutil
 from pathlib import Path

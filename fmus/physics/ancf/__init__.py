@@ -1,1 +1,1 @@
-"""Elements of the absolute nodal coordinate formulation."""
+"""Elements of the absolute nodal coordinate formulation (ANCF)."""

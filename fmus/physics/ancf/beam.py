@@ -1,27 +1,27 @@
-"""The fully parameterised beam element: 24 coordinates, every strain of a solid.
+"""Fully parameterised ANCF beam element: 24 coordinates, all strains of a solid.
 
-Element coordinates ``e`` (8, 3): position and the gradients r_x, r_y, r_z at the first node, then at the second; x runs
-along the straight axis, y across the width, z across the height. Shabana, Yakoub, Three dimensional absolute nodal
-coordinate formulation for beam elements, J. Mech. Des. 123, 2001. Strain: Green-Lagrange, (F^T F - 1)/2 with F the
-matrix of gradients; stress: second Piola-Kirchhoff, Saint-Venant-Kirchhoff's law.
+Element coordinates ``e`` (8, 3): position, m, and the gradients r_x, r_y, r_z at the first node, then at the second; x
+runs along the straight axis, y across the width, z across the height. Shabana, Yakoub, Three dimensional absolute
+nodal coordinate formulation for beam elements, J. Mech. Des. 123, 2001. Strain: Green-Lagrange, (F^T F - 1)/2 with F
+the matrix of gradients; stress: second Piola-Kirchhoff, Saint-Venant-Kirchhoff's law.
 
-Locking. The section stays plane and can stretch only as a whole: it cannot grow anticlastic, so Hooke's law with
+Locking. The section stays plane and stretches only as a whole. It has no anticlastic curvature, so Hooke's law with
 ``nu`` makes bending too stiff by (1 - nu)/((1 + nu)(1 - 2 nu)), 1.346 at nu = 0.3, however fine the mesh. Two cures:
-``nu`` = 0, or ``split``: the volume is given E and G without lateral coupling, the rest of Hooke's law (all that nu
+``nu`` = 0, or ``split``: the volume gets E and G without lateral coupling, and the rest of Hooke's law (all that nu
 couples) acts on the axis only, where stretching is uniform. Gerstmayr, Matikainen, Mikkola, A geometrically exact beam
-element based on the absolute nodal coordinate formulation, Multibody Syst. Dyn. 20, 2008. What remains is slow
-convergence (order 2): where the beam is slender, shear ties the cubic centreline to directors that turn linearly.
+element based on the absolute nodal coordinate formulation, Multibody Syst. Dyn. 20, 2008. The remaining defect is slow
+convergence (order 2): in a slender beam, shear ties the cubic centreline to directors that turn linearly.
 
-Torsion. The section cannot warp either: the polar moment Iy + Iz would stand for Saint-Venant's constant J, 24 times
-as large for the section of a link (Timoshenko, Goodier, Theory of Elasticity, section 109). Warping is no coordinate
+Torsion. The section does not warp either: the polar moment Iy + Iz would replace Saint-Venant's constant J, 24 times as
+large for the section of a link (Timoshenko, Goodier, Theory of Elasticity, section 109). Warping is no coordinate
 here; its effect on the stiffness is the factor ``torsion`` = J/(Iy + Iz). Over a section the shears xy and xz are
-linear in y and z, so their energy is that of their mean plus that of their variation: transverse shear, with the
-factor ``shear``, and torsion. The volume has the factor of torsion, the axis the difference of the two. What is left
-out: the stiffness and the stress of warping that a clamp or a change of the twist holds back.
+linear in y and z, so their energy is that of their mean (transverse shear, factor ``shear``) plus that of their
+variation (torsion). The volume gets the factor of torsion, the axis the difference of the two. Left out: the stiffness
+and the stress of warping that a clamp or a change of the twist holds back.
 
-A section sees five vectors of the element: r_x on the axis, its slopes by y and by z, r_y, r_z. Its strains, and so its
-energy, are made of their dot products alone. With the slopes times the radii of gyration the integral over the section
-is a sum over these products, exactly that of two Gauss points across and two up.
+Section vectors. A section depends on five vectors of the element: r_x on the axis, its slopes by y and by z, r_y, r_z.
+Its strains, and so its energy, consist of their dot products alone. With the slopes multiplied by the radii of
+gyration, the integral over the section is a sum over these products, equal to two Gauss points across and two up.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats
 
-ROWS = 8  # vectors of coordinates of an element: position and three gradients at two nodes
+ROWS = 8  # coordinate vectors of an element: position and three gradients at two nodes
 GAUSS = 4  # Gauss points along the element
 SEES = np.array(
     [[0, 1], [0, 1], [1, 3], [2, 4]] * 2
-)  # which of a section's five vectors a vector of the element changes (r_x is not changed by a second)
+)  # section vectors that a vector of the element changes; where the first is 0, r_x, there is no second
 
 
 class Beam(NamedTuple):
-    """One element with a rectangular section."""
+    """Parameters of one element with a rectangular section."""
 
     l: float  # length, m
     width: float  # along y, m
@@ -52,14 +52,14 @@ class Beam(NamedTuple):
     E: float  # Young's modulus, Pa
     nu: float  # Poisson's ratio, below 0.5
     shear: float  # correction factor of the xy and xz stresses in transverse shear
-    torsion: float  # the same in torsion: Saint-Venant's constant over the polar moment of the section
-    split: bool  # lateral coupling on the axis only
-    tau: float  # damping time: stress tau x rate of the elastic one, s
+    torsion: float  # correction factor in torsion: Saint-Venant's constant over the section's polar moment
+    split: bool  # True: lateral coupling on the axis only
+    tau: float  # damping time, s: stress is tau times the rate of the elastic stress
     rotary: tuple[float, float, float] = (
         0.0,
         0.0,
         0.0,
-    )  # second moments of mass beside the volume's, kg m2: ``rotary``
+    )  # second moments of mass added to the volume's, kg m2: ``rotary``
 
 
 Section = Beam
@@ -90,13 +90,13 @@ def straight(c: Beam) -> Floats:
 
 @kernel
 def radii(c):
-    """Of gyration of the section, by y and by z, m: Gauss's two points across it lie there."""
+    """Radii of gyration of the section by y and by z, m: the places of two Gauss points across it."""
     return c.width / np.sqrt(12.0), c.height / np.sqrt(12.0)
 
 
 @allocating
 def shape(c, xi, y, z, S):
-    """The eight shape functions at the fraction ``xi`` of the length and ``y``, ``z``, m, into ``S`` (8)."""
+    """Shape functions at the fraction ``xi`` of the length and ``y``, ``z``, m, into ``S`` (8)."""
     ends = np.empty(4)
     cable.shape(c, xi, ends)
     S[0], S[1], S[2], S[3] = ends[0], ends[1], y * (1.0 - xi), z * (1.0 - xi)
@@ -105,7 +105,7 @@ def shape(c, xi, y, z, S):
 
 @allocating
 def mass(c, M):
-    """The constant mass matrix as (8, 8) factors of the identity of space, kg."""
+    """Constant mass matrix into ``M`` (8, 8), kg, as factors of the 3 x 3 identity."""
     S, whole, slope, (y, z) = np.empty(8), matter(c), cable.mean_slope(c), radii(c)
     y, z = np.sqrt(y * y + c.rotary[1] / whole), np.sqrt(z * z + c.rotary[2] / whole)  # of gyration: exact moments
     M[:] = 0.0
@@ -125,7 +125,7 @@ def mass(c, M):
 def moduli(c, axis):
     """Moduli, Pa: direct and lateral of the normal strains, shear with the axis, shear within the section.
 
-    Of the volume, or of what it leaves to the axis (``axis``): mean shear, and lateral coupling where it is split.
+    They are those of the volume, or with ``axis`` those left to the axis: mean shear, and lateral coupling if split.
     """
     G = 0.5 * c.E / (1.0 + c.nu)
     lame = 2.0 * G * c.nu / (1.0 - 2.0 * c.nu)
@@ -141,16 +141,17 @@ def moduli(c, axis):
 
 @kernel
 def law(c, C):
-    """Hooke's law of a section into ``C`` (2, 5, 5), Pa: ``C[0]`` of the squares of what it sees, ``C[1]`` of products.
+    """Hooke's law of a section into ``C`` (2, 5, 5), Pa: ``C[0]`` for squares, ``C[1]`` for products.
 
-    The strain xx at y, z is that of the axis, and half the square of y G1 + z G2, and y G0.G1 + z G0.G2: over the area
-    the first two join to the mean, the others stand alone, and so do the shears. The axis adds its own.
+    They are those of the five section vectors. The strain xx at y, z is that of the axis, plus half the square of y G1
+    + z G2, plus y G0.G1 + z G0.G2: over the area the first two join to the mean, the others stand alone, and so do the
+    shears. The axis adds its own moduli.
     """
     direct, lateral, shear, section = moduli(c, False)
     direct_axis, lateral_axis, shear_axis, _ = moduli(c, True)
     for i in range(5):
         for j in range(5):
-            along, other = i < 3, j < 3  # r_x and its slopes make the strain xx; r_y, r_z those of the section
+            along, other = i < 3, j < 3  # r_x and its slopes give the strain xx; r_y, r_z those of the section
             C[0, i, j] = direct if i == j or (along and other) else lateral
             C[1, i, j] = direct if along and other else (shear if along or other else section)
         C[1, i, i] = 0.0
@@ -166,10 +167,10 @@ def law(c, C):
 
 @kernel
 def basis(c, xi, N):
-    """What the section at the fraction ``xi`` of the length sees of an element, G = N e; ``N`` (5, 8).
+    """Matrix ``N`` (5, 8) of the section vectors at the fraction ``xi`` of the length, G = N e.
 
-    That is r_x on the axis, its slopes by y and z times the radii of gyration, r_y, r_z: all that the strains of the
-    section are made of, so that no point of it is looked at.
+    G: r_x on the axis, its slopes by y and z times the radii of gyration, r_y, r_z. All strains of the section follow
+    from these, so no loop over points of the section is needed.
     """
     N[:] = 0.0
     ends, (y, z) = N[1], radii(c)
@@ -184,7 +185,7 @@ def basis(c, xi, N):
 
 @kernel
 def seen(N, e, G):
-    """``G`` (5, 3) = N e, from the difference of positions: distance from the origin costs no digits."""
+    """Section vectors ``G`` (5, 3) = N e by position differences, exact far from the origin too."""
     for i in range(3):
         G[0, i] = N[0, 4] * (e[4, i] - e[0, i]) + N[0, 1] * e[1, i] + N[0, 5] * e[5, i]
         G[1, i] = N[1, 6] * (e[6, i] - e[2, i])
@@ -195,7 +196,10 @@ def seen(N, e, G):
 
 @kernel
 def strain(G, E):
-    """Green-Lagrange strains of a section into ``E`` (5, 5), above the diagonal: half squares, products of ``G``."""
+    """Green-Lagrange strains of a section into the upper half of ``E`` (5, 5).
+
+    They are half squares (diagonal) and products of the section vectors ``G`` (5, 3).
+    """
     for i in range(5):
         for j in range(i, 5):
             E[i, j] = G[i, 0] * G[j, 0] + G[i, 1] * G[j, 1] + G[i, 2] * G[j, 2]
@@ -204,7 +208,7 @@ def strain(G, E):
 
 @kernel
 def rates(G, H, E):
-    """Rates of the strains where ``G`` changes by ``H`` (5, 3) a second, into ``E``."""
+    """Rates of the strains, 1/s, into ``E`` (5, 5), for ``G`` (5, 3) changing at ``H`` (5, 3), 1/s."""
     for i in range(5):
         for j in range(i, 5):
             E[i, j] = G[i, 0] * H[j, 0] + G[i, 1] * H[j, 1] + G[i, 2] * H[j, 2]
@@ -214,7 +218,7 @@ def rates(G, H, E):
 
 @kernel
 def hooke(C, E, T):
-    """Stresses of the strains ``E``, mean over the section, into ``T`` (5, 5), above the diagonal, Pa."""
+    """Mean stresses of the section, Pa, into the upper half of ``T`` (5, 5), by ``C`` and strains ``E``."""
     for i in range(5):
         T[i, i] = 0.0
         for j in range(5):
@@ -225,7 +229,7 @@ def hooke(C, E, T):
 
 @kernel
 def twice(E, T):
-    """Twice the energy of stresses ``T`` at strains ``E``, J/m3."""
+    """Twice the energy density of the stresses ``T`` at the strains ``E`` (5, 5 each), J/m3."""
     total = 0.0
     for i in range(5):
         for j in range(i, 5):
@@ -235,7 +239,7 @@ def twice(E, T):
 
 @allocating
 def energy(c, e):
-    """Strain energy of an element at coordinates ``e`` (8, 3), J."""
+    """Strain energy at the coordinates ``e`` (8, 3), J."""
     N, G, C, E, T = np.empty((5, 8)), np.empty((5, 3)), np.empty((2, 5, 5)), np.empty((5, 5)), np.empty((5, 5))
     volume, U = c.l * c.width * c.height, 0.0
     law(c, C)
@@ -250,10 +254,10 @@ def energy(c, e):
 
 @allocating
 def react(c, e, v, elastic, Q):
-    """Force of ``elastic`` times the elastic stress, and of tau times its rate at rates ``v``, added to ``Q`` (8, 3).
+    """Add ``elastic`` times the elastic force and the damping force at rates ``v`` (8, 3) to ``Q`` (8, 3).
 
-    Returns the power of the latter, W. The paper damps its cable only, (16)-(21); this is (16) for all six strains,
-    which no rigid motion changes.
+    The damping stress is tau times the rate of the elastic one. Returns the power of the damping, W. The paper damps
+    only its cable, (16)-(21); this is (16) for all six strains, which no rigid motion changes.
     """
     N, seen_now, square = np.empty((5, 8)), np.empty((3, 5, 3)), np.empty((6, 5, 5))
     G, H, P = seen_now[0], seen_now[1], seen_now[2]
@@ -287,7 +291,7 @@ def react(c, e, v, elastic, Q):
 
 @allocating
 def section_force(c, e, v, a):
-    """See ``element``: what the stresses do to r_x on the axis, seen along the line of the ends."""
+    """See ``element``: the work of the stresses on r_x of the axis, along the line of the ends."""
     N, G, H, C = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((2, 5, 5))
     E, R, T, pull, square, turning = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5)), 0.0, 0.0, 0.0
     slope = cable.mean_slope(c)
@@ -315,21 +319,22 @@ def section_force(c, e, v, a):
 
 @kernel
 def force(c, e, v, Q):
-    """Elastic and damping force, added to ``Q`` (8, 3); returns the power of the damping, W."""
+    """Add elastic and damping force to ``Q`` (8, 3); return the power of the damping, W."""
     return react(c, e, v, 1.0, Q)
 
 
 @kernel
 def damping(c, e, v, Q):
-    """The damping force alone, added to ``Q`` (8, 3); returns its power, W."""
+    """Add the damping force alone to ``Q`` (8, 3); return its power, W."""
     return react(c, e, v, 0.0, Q)
 
 
 @kernel
 def slope(w, C, T, G, B, H):
-    """Derivative of the forces P_i = T_ij G_j on what a section sees, times ``w``, into ``H`` (15, 15).
+    """Derivative of the section forces P_i = T_ij G_j by the section vectors into ``H`` (15, 15).
 
-    Stresses of ``T``, their change by what it sees from ``B``, which is ``G`` where the stress is elastic alone.
+    It is weighted by ``w``. ``T`` (5, 5) are the stresses; they change with the section vectors by ``B`` (5, 3), which
+    is ``G`` for elastic stress.
     """
     for i in range(5):
         for j in range(5):
@@ -348,7 +353,10 @@ def slope(w, C, T, G, B, H):
 
 @allocating
 def tangent(c, e, v, by_rate, K):
-    """Exact derivative of ``force`` by coordinates and ``by_rate`` 1/s times by rates, written to ``K`` (24, 24)."""
+    """Write the exact derivative of ``force`` to ``K`` (24, 24).
+
+    It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates.
+    """
     N, section, square = np.empty((5, 8)), np.empty((3, 5, 3)), np.empty((5, 5, 5))
     H, Y = np.empty((15, 15)), np.empty((15, 24))
     G, B, Z = section[0], section[1], section[2]

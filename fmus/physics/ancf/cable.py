@@ -1,9 +1,9 @@
-"""The gradient-deficient Euler-Bernoulli cable element with small-deformation elasticity, in space or in a plane.
+"""Gradient-deficient ANCF cable element of small deformation, in space or in a plane.
 
-Element coordinates ``e`` (4, axes): position, slope at the first node, position, slope at the second; the slopes are
-derivatives by the length x along the straight link. Along each axis the element sees three numbers of them, its
-``parts``: the difference of the positions, so that distance from the origin costs no digits, and the two slopes. No
-formula knows more of the axes than their number: in the plane of a chain the element is the same without what is zero.
+Element coordinates ``e`` (4, axes): position, m, and slope at the first node, position and slope at the second; the
+slopes are derivatives by the length x along the straight link. Along each axis the element depends on three numbers,
+its ``parts``: the difference of the positions, so that distance from the origin costs no digits, and the two slopes.
+The formulas are sums over the axes: in the plane of a chain the element is the same without the zero components.
 Sources: equations (11)-(21) of Shabana et al., Ideal compliant joints and integration of computer aided design and
 analysis; Berzeri, Campanelli, Shabana 2001.
 Deviations: the average strain of (12) is Green's, (1/l int r_x.r_x dx - 1)/2, so that the force is the exact gradient
@@ -21,11 +21,11 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.arrays import Floats
 
-ROWS = 4  # vectors of coordinates of an element: position and slope at two nodes
+ROWS = 4  # coordinate vectors of an element: position and slope at two nodes
 
 
 class Cable(NamedTuple):
-    """One link."""
+    """Parameters of one link with small-deformation elasticity."""
 
     l: float  # length, m
     rhoA: float  # mass per length, kg/m
@@ -33,18 +33,18 @@ class Cable(NamedTuple):
     EI: float  # bending stiffness, N m2
     nuA: float  # axial damping nu1 A, N s
     nuI: float  # bending damping nu2 I, N s m2
-    axes: tuple[int, ...] = (0, 1, 2)  # those that a vector has: compiled for their number, as the length of a tuple
-    rotary: float = 0.0  # second moment of mass of the mean slope, beside the line's, kg m2: ``rotary`` (1)
+    axes: tuple[int, ...] = (0, 1, 2)  # components of a vector; kernels are compiled for their number
+    rotary: float = 0.0  # second moment of mass of the mean slope, added to the line's, kg m2: ``rotary`` (1)
 
 
 class GeneralCable(Cable):
-    """A link with the elasticity of ``cable_general``."""
+    """Parameters of a link with the elasticity of ``cable_general``."""
 
     __slots__ = ()
 
 
 class EngineeringCable(Cable):
-    """A link with the elasticity of ``cable_engineering``."""
+    """Parameters of a link with the elasticity of ``cable_engineering``."""
 
     __slots__ = ()
 
@@ -79,7 +79,7 @@ def straight(c: Cable) -> Floats:
 
 @kernel
 def shape(c, xi, S):
-    """The four shape functions at the fraction ``xi`` of the length, into ``S`` (4)."""
+    """Shape functions at the fraction ``xi`` of the length into ``S`` (4)."""
     x2, x3 = xi * xi, xi * xi * xi
     S[0] = 1.0 - 3.0 * x2 + 2.0 * x3
     S[1] = c.l * (xi - 2.0 * x2 + x3)
@@ -89,7 +89,7 @@ def shape(c, xi, S):
 
 @kernel
 def shape_slope(c, xi, S):
-    """Derivatives by x of the four shape functions at the fraction ``xi``, into ``S`` (4)."""
+    """Derivatives of the shape functions by x at the fraction ``xi`` into ``S`` (4)."""
     S[0] = 6.0 * (xi * xi - xi) / c.l
     S[1] = 1.0 - 4.0 * xi + 3.0 * xi * xi
     S[2] = -S[0]
@@ -98,7 +98,7 @@ def shape_slope(c, xi, S):
 
 @kernel
 def mass(c, M):
-    """The constant mass matrix as (4, 4) factors of the identity of space, kg."""
+    """Constant mass matrix into ``M`` (4, 4), kg, as factors of the identity of space."""
     m, l = c.rhoA * c.l / 420.0, c.l
     rows = (
         (156.0, 22.0 * l, 54.0, -13.0 * l),
@@ -114,19 +114,19 @@ def mass(c, M):
 
 @kernel
 def mean_slope(c):
-    """The mean slope of the line as factors of the coordinates: ``rotary`` (1)."""
+    """Mean slope of the line as factors (4) of the coordinates: ``rotary`` (1)."""
     return -1.2 / c.l, -0.1, 1.2 / c.l, -0.1
 
 
 @kernel
 def parts(e, i):
-    """Of ``e`` (4, axes) along axis ``i``: difference of the positions, slope at the first node, at the second."""
+    """Parts (3) of ``e`` (4, axes) along axis ``i``: difference of positions, first and second slope."""
     return e[2, i] - e[0, i], e[1, i], e[3, i]
 
 
 @kernel
 def add(f, i, Q):
-    """A force on the ``parts`` along axis ``i``, added to ``Q`` (4, axes)."""
+    """Add a force ``f`` (3) on the ``parts`` along axis ``i`` to ``Q`` (4, axes)."""
     Q[0, i] -= f[0]
     Q[1, i] += f[1]
     Q[2, i] += f[0]
@@ -135,13 +135,13 @@ def add(f, i, Q):
 
 @kernel
 def dot(a, b):
-    """Of two triples."""
+    """Scalar product of two triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
 def averaged(c, x):
-    """(int S_x^T S_x dx) times the parts ``x`` along an axis, of (12)."""
+    """Product of int S_x^T S_x dx of (12) and the parts ``x`` (3) along an axis, (3)."""
     d, p, r = x
     l = c.l / 30.0
     return 1.2 * (d / c.l) - 0.1 * (p + r), l * (4.0 * p - r) - 0.1 * d, l * (4.0 * r - p) - 0.1 * d
@@ -149,7 +149,7 @@ def averaged(c, x):
 
 @kernel
 def curved(c, x):
-    """r_xx at the two ends, 1/m, of the parts ``x`` along an axis."""
+    """Second derivative r_xx at both ends, 1/m, from the parts ``x`` (3) along an axis."""
     s, p, r = 6.0 * (x[0] / c.l), x[1], x[2]
     per = 1.0 / c.l  # one division for all axes
     return per * (s - 4.0 * p - 2.0 * r), per * (2.0 * p + 4.0 * r - s)
@@ -157,14 +157,17 @@ def curved(c, x):
 
 @kernel
 def bent(c, x):
-    """(int S_xx^T S_xx dx) times the parts ``x`` along an axis, of (14): unit bending moments and their couple."""
+    """Product of int S_xx^T S_xx dx of (14) and the parts ``x`` (3) along an axis, (3).
+
+    These are unit bending moments and their couple.
+    """
     first, second = curved(c, x)
     return 1.0 / c.l * (first - second), -first, second
 
 
 @kernel
 def strain(c, e):
-    """Average Green strain of the centreline."""
+    """Average Green strain of the centreline at ``e`` (4, axes)."""
     s = 0.0
     for i in range(len(c.axes)):
         x = parts(e, i)
@@ -174,7 +177,7 @@ def strain(c, e):
 
 @kernel
 def strain_rate(c, e, v):
-    """Its rate, 1/s, at rates ``v``."""
+    """Rate of the average strain, 1/s, at ``e`` and the rates ``v`` (4, axes)."""
     s = 0.0
     for i in range(len(c.axes)):
         s += dot(parts(v, i), averaged(c, parts(e, i)))
@@ -183,17 +186,20 @@ def strain_rate(c, e, v):
 
 @kernel
 def energy(c, e):
-    """Strain energy at coordinates ``e`` (4, axes), J."""
+    """Strain energy at the coordinates ``e`` (4, axes), J."""
     eps, square = strain(c, e), 0.0
     for i in range(len(c.axes)):
-        first, second = curved(c, parts(e, i))  # linear between: as a sum of squares it keeps its digits near zero
+        first, second = curved(c, parts(e, i))  # linear in between; a sum of squares keeps its digits near zero
         square += first * first + first * second + second * second
     return 0.5 * c.EA * c.l * eps * eps + c.EI * c.l / 6.0 * square
 
 
 @kernel
 def react(c, e, v, elastic, Q):
-    """``elastic`` times the elastic force (15), and the damping force (21), added to ``Q``; returns its power, W."""
+    """Add ``elastic`` times the elastic force (15) and the damping force (21) to ``Q`` (4, axes).
+
+    Returns the power of the damping, W.
+    """
     eps, rate = strain(c, e), strain_rate(c, e, v)
     drag = c.nuA * rate / (1.0 + 2.0 * eps)  # paper (19)
     axial, bend = elastic * c.EA * eps + drag, elastic * c.EI  # paper (12)
@@ -209,22 +215,22 @@ def react(c, e, v, elastic, Q):
 
 @kernel
 def force(c, e, v, Q):
-    """Internal force (15) + (21) at coordinates ``e`` and rates ``v``, added to ``Q`` (4, axes).
+    """Add the internal force (15) + (21) at ``e`` and ``v`` to ``Q``, all (4, axes).
 
-    Returns the power that the material dissipates, W.
+    Returns the dissipated power, W.
     """
     return react(c, e, v, 1.0, Q)
 
 
 @kernel
 def damping(c, e, v, Q):
-    """The damping force (21) alone, added to ``Q``; returns its power, W."""
+    """Add the damping force (21) alone to ``Q`` (4, axes); return its power, W."""
     return react(c, e, v, 0.0, Q)
 
 
 @kernel
 def bending_damping(c, e, v, Q):
-    """Damping of curvature in the frame of the chord, added to ``Q``; returns its power, W."""
+    """Add the curvature damping in the frame of the chord to ``Q`` (4, axes); return its power, W."""
     d2 = du = pd = pu = rd = ru = 0.0  # products of the parts d, p, r with d and with its rate u
     for i in range(len(c.axes)):
         (d, p, r), u = parts(e, i), v[2, i] - v[0, i]
@@ -243,16 +249,17 @@ def bending_damping(c, e, v, Q):
     for i in range(len(c.axes)):
         x = parts(e, i)
         f = bent(c, from_chord(x, parts(v, i), along, turn))
-        couple = dot(f, along) - dot(x, back)  # on the ends of the chord: the moment that P^T takes back
+        couple = dot(f, along) - dot(x, back)  # on the ends of the chord: the moment that P^T removes
         add((c.nuI * (f[0] - couple), c.nuI * f[1], c.nuI * f[2]), i, Q)
     return power
 
 
 @kernel
 def from_chord(x, y, along, turn):
-    """Rates ``y`` of the parts ``x`` along an axis, seen from the chord d: less (d x u) x x / d.d, u the rate of d.
+    """Rates ``y`` of the parts ``x`` along an axis relative to the rotating chord d.
 
-    (d x u) x x = u (d.x) - d (u.x), of each part: ``along`` is d.x / d.d, ``turn`` u.x / d.d.
+    They are ``y`` less (d x u) x x / d.d = (u (d.x) - d (u.x)) / d.d of each part, with u the rate of d: ``along`` is
+    d.x / d.d, ``turn`` is u.x / d.d.
     """
     d, u = x[0], y[0]
     return (
@@ -264,7 +271,10 @@ def from_chord(x, y, along, turn):
 
 @kernel
 def linear(c, tension, by_rate):
-    """Rows of (4, 4) factors of the identity of space in the tangent: of ``tension``, N, of (12), and of bending."""
+    """Isotropic part of the tangent, rows (4, 4): of the ``tension``, N, of (12), and of bending.
+
+    The entries are factors of the identity of space; ``by_rate``, 1/s, weights the damping.
+    """
     axial, bend, l = tension / (30.0 * c.l), (c.EI + by_rate * c.nuI) / c.l**3, c.l
     ends = 36.0 * axial + 12.0 * bend
     mixed = (3.0 * axial + 6.0 * bend) * l
@@ -280,9 +290,10 @@ def linear(c, tension, by_rate):
 
 @kernel
 def tangent(c, e, v, by_rate, K):
-    """Derivative of ``force`` by coordinates and ``by_rate`` 1/s times by rates, written to ``K`` (4 axes, 4 axes).
+    """Write the derivative of ``force`` to ``K`` (4 axes, 4 axes).
 
-    Exact but for the change of the chord's direction in the bending damping.
+    It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates; exact but for the change of the
+    chord's direction in the bending damping.
     """
     n, eps, rate = len(c.axes), strain(c, e), strain_rate(c, e, v)
     stretch = 1.0 / (1.0 + 2.0 * eps)
@@ -308,7 +319,7 @@ def tangent(c, e, v, by_rate, K):
 
 @kernel
 def section_force(c, e, v, a):
-    """See ``element``: (12) and (19) along r_x, and the rotary inertia of the mean slope; bending has no part in it."""
+    """See ``element``: (12), (19) and the rotary inertia of the mean slope; bending does not contribute."""
     eps, slope = strain(c, e), mean_slope(c)
     axial, square, turning = c.EA * eps + c.nuA * strain_rate(c, e, v) / (1.0 + 2.0 * eps), 0.0, 0.0
     for i in range(len(c.axes)):
@@ -321,13 +332,13 @@ def section_force(c, e, v, a):
 
 @kernel
 def tension(c, e):
-    """Axial force EA eps of (12), N."""
+    """Axial force EA eps of (12) at ``e`` (4, axes), N."""
     return c.EA * strain(c, e)
 
 
 @kernel
 def end_moments(c, e):
-    """Bending moments at the two ends, N m: EI |r_xx|."""
+    """Bending moments EI |r_xx| at both ends, N m, at ``e`` (4, axes)."""
     one, two = 0.0, 0.0
     for i in range(len(c.axes)):
         first, second = curved(c, parts(e, i))
@@ -337,7 +348,7 @@ def end_moments(c, e):
 
 @kernel
 def mean_curvature(c, e):
-    """See ``element``: r_xx along the normal (-z, x) of r_x, both of the middle."""
+    """See ``element``: component of r_xx along the normal (-z, x) of r_x, both at the middle."""
     up = len(c.axes) - 1
     x = 1.5 * (e[2, 0] - e[0, 0]) / c.l - 0.25 * (e[1, 0] + e[3, 0])
     z = 1.5 * (e[2, up] - e[0, up]) / c.l - 0.25 * (e[1, up] + e[3, up])

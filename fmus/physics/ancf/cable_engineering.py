@@ -1,9 +1,9 @@
-"""The cable element with the engineering strain |r_x| - 1, as other codes have it.
+"""Cable element with the engineering strain |r_x| - 1, common in other codes.
 
 Bending strain |r_x x r_xx|/|r_x|^2, the angle turned per length of the straight link; squared: b/a - g^2/a^2 in the
-invariants of ``centreline``. Beside ``cable_general`` it is the elasticity that is linear in force over stretch and in
-moment over angle. Gerstmayr, Irschik, On the correct representation of bending and axial deformation in the absolute
-nodal coordinate formulation with an elastic line approach, J. Sound Vib. 318, 2008.
+invariants of ``centreline``. Unlike ``cable_general`` it is linear in force over stretch and in moment over angle.
+Gerstmayr, Irschik, On the correct representation of bending and axial deformation in the absolute nodal coordinate
+formulation with an elastic line approach, J. Sound Vib. 318, 2008.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ __all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "section_for
 
 @kernel
 def measures(c, a, b, g):
-    """Axial strain, bending strain squared, 1/m2, and force over EA times strain, of the invariants."""
+    """See ``cable_local``."""
     return np.sqrt(a) - 1.0, max(a * b - g * g, 0.0) / (a * a), 1.0
 
 
 @kernel
 def density(c, EA, EI, a, b, g):
-    """Energy per length, and its derivatives."""
+    """See ``cable_local``."""
     s, m = np.sqrt(a), 0.5 * EI / a
     return Density(
         f=0.5 * EA * (s - 1.0) ** 2 + m * (b - g * g / a),

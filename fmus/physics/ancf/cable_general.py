@@ -1,8 +1,8 @@
-"""The cable element with the general elasticity (8)-(10) of the paper: large strain, large curvature.
+"""Cable element with the general elasticity (8)-(10) of the paper: large strain, large curvature.
 
 Local Green strain eps = (a - 1)/2 and curvature |r_x x r_xx|/|r_x|^3, squared: kappa^2 = (a b - g^2)/a^3 in the
-invariants of ``centreline``. Deviation: (10) as printed divides by |r_x x r_xx|, which is 0/0 on the straight link
-every run starts from; kappa^2 and its derivatives need no such division. Siblings: ``cable`` ((11)-(15)),
+invariants of ``centreline``. Deviation: (10) as printed divides by |r_x x r_xx|, which is 0/0 on the straight links
+that every run starts from; kappa^2 and its derivatives need no such division. Siblings: ``cable`` ((11)-(15)),
 ``cable_engineering``.
 """
 
@@ -20,13 +20,13 @@ __all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "section_for
 
 @kernel
 def measures(c, a, b, g):
-    """Axial strain, curvature squared, 1/m2, and force over EA times strain, of the invariants."""
+    """See ``cable_local``."""
     return 0.5 * (a - 1.0), max(a * b - g * g, 0.0) / (a * a * a), np.sqrt(a)
 
 
 @kernel
 def density(c, EA, EI, a, b, g):
-    """Energy per length of (8), and its derivatives."""
+    """See ``cable_local``; paper (8)."""
     n, m = 0.25 * EA, 0.5 * EI / a**2
     return Density(
         f=0.5 * n * (a - 1.0) ** 2 + m * (b - g * g / a),

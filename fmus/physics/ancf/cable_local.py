@@ -1,7 +1,8 @@
-"""The cable elements with a local strain: whatever ``density`` the class of the cable has.
+"""Cable elements with a local strain, for any energy ``density``.
 
-Siblings that state one: ``cable_general``, ``cable_engineering``; the two doors here choose theirs by type, so that
-neither elasticity loads the other. Coordinates ``e`` (4, 3) as in ``cable``; points in ``centreline``.
+The siblings ``cable_general`` and ``cable_engineering`` define the density; the two dispatchers here choose by the
+class of ``c``, so that neither elasticity loads the other. Coordinates ``e`` (4, 3) as in ``cable``; integration points
+in ``centreline``.
 """
 
 from __future__ import annotations
@@ -42,17 +43,23 @@ def _elasticity(cable: type) -> Any:
 
 @door(_elasticity, shared=True)
 def measures(c, a, b, g):
-    """Axial strain, bending strain squared, 1/m2, and force over EA times strain, of the invariants."""
+    """Axial strain, bending strain squared, 1/m2, and axial force over EA times strain.
+
+    All from the invariants ``a``, ``b`` (1/m2), ``g`` (1/m) of ``centreline``.
+    """
 
 
 @door(_elasticity, shared=True)
 def density(c, EA, EI, a, b, g):
-    """Energy per length where the stiffnesses are ``EA`` and ``EI``, and its derivatives."""
+    """Energy density, a ``Density``, for the stiffnesses ``EA``, N, and ``EI``, N m2.
+
+    The invariants ``a``, ``b``, ``g`` are those of ``centreline``.
+    """
 
 
 @allocating
 def energy(c, e):
-    """Strain energy of an element at coordinates ``e`` (4, 3), J."""
+    """Strain energy at the coordinates ``e`` (4, 3), J."""
     D, r, U = np.empty((2, 4)), np.empty((2, 3)), 0.0
     for p in range(COUNT):
         xi, w, EA, EI = point(c, p)
@@ -63,9 +70,9 @@ def energy(c, e):
 
 @allocating
 def react(c, e, v, elastic, Q):
-    """``elastic`` times the elastic force, and the damping force (18), its curvature part in the frame of the chord.
+    """Add ``elastic`` times the elastic force and the damping force (18) to ``Q`` (4, 3).
 
-    Added to ``Q`` (4, 3); returns the power of the damping, W.
+    The curvature part of the damping acts in the frame of the chord. Returns the power of the damping, W.
     """
     D, r, power = np.empty((2, 4)), np.empty((2, 3)), 0.0
     for p in range(COUNT):
@@ -81,23 +88,24 @@ def react(c, e, v, elastic, Q):
 
 @allocating
 def force(c, e, v, Q):
-    """Elastic and damping force, added to ``Q`` (4, 3); returns the power of the damping, W."""
+    """Add elastic and damping force to ``Q`` (4, 3); return the power of the damping, W."""
     return react(c, e, v, 1.0, Q)
 
 
 @allocating
 def damping(c, e, v, Q):
-    """The damping force alone, added to ``Q`` (4, 3); returns its power, W."""
+    """Add the damping force alone to ``Q`` (4, 3); return its power, W."""
     return react(c, e, v, 0.0, Q)
 
 
 @allocating
 def tangent(c, e, v, by_rate, K):
-    """Derivative of ``force`` by coordinates and ``by_rate`` 1/s times by rates, written to ``K`` (12, 12).
+    """Write the derivative of ``force`` to ``K`` (12, 12).
 
-    Exact but for the change of the chord's direction in the bending damping. The centreline sees positions by their
-    difference only, so a point adds to the matrix E (9, 9) of the slope of the first node, the difference of
-    positions, and the slope of the second, in the order of rows 1, 2, 3 of an element.
+    It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates; exact but for the change of the
+    chord's direction in the bending damping. The centreline depends on positions by their difference only, so a point
+    adds to the matrix E (9, 9) of the first slope, the difference of positions and the second slope, in the order of
+    rows 1, 2, 3 of an element.
     """
     D, r = np.empty((2, 4)), np.empty((2, 3))
     H, E = np.empty((3, 3, 3)), np.zeros((9, 9))
@@ -124,7 +132,7 @@ def tangent(c, e, v, by_rate, K):
 
 @allocating
 def section_force(c, e, v, a):
-    """See ``element``: the gradients of all energies and of the damping by r_x, seen along the chord."""
+    """See ``element``: the gradients by r_x of all energies and of the damping, along the chord."""
     D, r, N, square = np.empty((2, 4)), np.empty((2, 3)), 0.0, 0.0
     slope = cable.mean_slope(c)
     for i in range(3):
@@ -158,7 +166,7 @@ def tension(c, e):
 
 @allocating
 def end_moments(c, e):
-    """Bending moments at the two ends, N m: EI times the bending strain."""
+    """Bending moments at both ends, N m: EI times the bending strain."""
     D, r = np.empty((2, 4)), np.empty((2, 3))
     a, b, g = lines(c, e, 0.0, D, r)
     first = np.sqrt(measures(c, a, b, g)[1])

@@ -1,13 +1,12 @@
-"""What the cable elements with a local strain share: the centreline at a point, and energies of its invariants.
+"""Centreline of the cable elements with a local strain, and energies of its invariants.
 
-With the tangent r_x and r_xx of the cubic centreline, an energy per length of a cable that does not see rigid motion
-is a function f of three invariants
+With the tangent r_x and the second derivative r_xx of the cubic centreline, an energy per length that is invariant
+under rigid motion is a function f of three invariants
 
     a = r_x . r_x,    b = r_xx . r_xx,    g = r_x . r_xx
 
-so an elasticity states f and its derivatives (``Density``), and force and tangent follow here by the chain rule.
-Neither |r_x x r_xx| = sqrt(a b - g^2) nor the curvature itself is ever differentiated: both have a corner on a straight
-link.
+An elasticity defines f and its derivatives (``Density``); force and tangent follow here by the chain rule. Neither
+|r_x x r_xx| = sqrt(a b - g^2) nor the curvature itself is differentiated: both have a corner on a straight link.
 """
 
 from __future__ import annotations
@@ -18,26 +17,26 @@ from fmus.jit import kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 
-AXIAL, BENDING = 5, 3  # Gauss points: exact for the stretch; for bending of nearly inextensible cables
+AXIAL, BENDING = 5, 3  # Gauss points: exact for the stretch; and for the bending of nearly inextensible cables
 COUNT = AXIAL + BENDING
 
 
 class Density(NamedTuple):
-    """Energy per length and its derivatives by the invariants; those by b twice, and by b and g, are zero."""
+    """Energy per length and its derivatives by a, b, g; those not listed (bb, bg) are zero."""
 
-    f: float  # J/m
-    a: float
-    b: float
-    g: float
-    aa: float
-    ab: float
-    ag: float
-    gg: float
+    f: float  # energy per length, J/m
+    a: float  # f by a, N
+    b: float  # f by b, N m2
+    g: float  # f by g, N m
+    aa: float  # f by a twice, N
+    ab: float  # f by a and b, N m2
+    ag: float  # f by a and g, N m
+    gg: float  # f by g twice, N m2
 
 
 @kernel
 def shape_curvature(c, xi, S):
-    """Second derivatives by x of the four shape functions at the fraction ``xi`` of the length, into ``S`` (4)."""
+    """Second derivatives of the shape functions by x, 1/m2 and 1/m, at ``xi`` into ``S`` (4)."""
     S[0] = (12.0 * xi - 6.0) / (c.l * c.l)
     S[1] = (6.0 * xi - 4.0) / c.l
     S[2] = -S[0]
@@ -46,7 +45,7 @@ def shape_curvature(c, xi, S):
 
 @kernel
 def point(c, p):
-    """Integration point ``p``: fraction of the length, weight, m, and the stiffnesses EA, EI that it sees."""
+    """Integration point ``p``: fraction of the length, weight, m, and its stiffnesses EA, N, and EI, N m2."""
     if p < AXIAL:
         return POINTS[AXIAL, p], c.l * WEIGHTS[AXIAL, p], c.EA, 0.0
     return POINTS[BENDING, p - AXIAL], c.l * WEIGHTS[BENDING, p - AXIAL], 0.0, c.EI
@@ -54,15 +53,15 @@ def point(c, p):
 
 @kernel
 def lines(c, e, xi, D, r):
-    """Both derivatives at ``xi``: of the shape functions into ``D`` (2, 4), of the centreline into ``r`` (2, 3).
+    """First and second derivatives at ``xi``: shape functions into ``D`` (2, 4), line into ``r`` (2, 3).
 
-    Returns the invariants a, b, g of the latter.
+    Returns the invariants a, b, g of the line.
     """
     cable.shape_slope(c, xi, D[0])
     shape_curvature(c, xi, D[1])
     a, b, g = 0.0, 0.0, 0.0
     for i in range(3):
-        for k in range(2):  # from the difference of positions: distance from the origin costs no digits
+        for k in range(2):  # by the difference of positions: distance from the origin costs no digits
             r[k, i] = D[k, 2] * (e[2, i] - e[0, i]) + D[k, 1] * e[1, i] + D[k, 3] * e[3, i]
         a += r[0, i] * r[0, i]
         b += r[1, i] * r[1, i]
@@ -72,7 +71,7 @@ def lines(c, e, xi, D, r):
 
 @kernel
 def add_force(w, d, D, r, Q):
-    """Gradient of the energy of a point of weight ``w``, m, added to ``Q`` (4, 3)."""
+    """Add the gradient of the energy of a point of weight ``w``, m, to ``Q`` (4, 3)."""
     for k in range(4):
         for i in range(3):
             by_slope = 2.0 * d.a * r[0, i] + d.g * r[1, i]
@@ -82,7 +81,11 @@ def add_force(w, d, D, r, Q):
 
 @kernel
 def add_stretching(w, d, drag, by_rate, v, D, r, H, E):
-    """Of the axial energy with density ``d``, and of the damping (18) with ``drag`` = nu1 A, N s, at rates ``v``."""
+    """Add the tangent of a point's axial energy ``d`` (a Density) and axial damping (18) to ``E`` (9, 9).
+
+    ``w``: weight, m; ``drag`` = nu1 A, N s; ``v`` (4, 3): rates; ``D``, ``r`` as in ``lines``; ``H`` (3, 3, 3) is
+    scratch.
+    """
     a, rate = 0.0, 0.0
     u = H[1, 0]
     for i in range(3):
@@ -108,7 +111,10 @@ def add_stretching(w, d, drag, by_rate, v, D, r, H, E):
 
 @kernel
 def add_bending(w, d, D, r, H, E):
-    """Of the bending energy with density ``d``: by r_x twice, by r_x and r_xx, by r_xx twice, in ``H`` (3, 3, 3)."""
+    """Add the tangent of a point's bending energy ``d`` (a Density) to ``E`` (9, 9).
+
+    ``w``: weight, m; ``H`` (3, 3, 3) receives the derivatives by r_x twice, by r_x and r_xx, by r_xx twice.
+    """
     for i in range(3):
         x, y = r[0, i], r[1, i]
         for j in range(3):
@@ -130,7 +136,7 @@ def add_bending(w, d, D, r, H, E):
 
 @kernel
 def add_damping(c, w, e, v, D, r, Q):
-    """Axial damping (18) of a point of weight ``w``, m, added to ``Q`` (4, 3); returns its power, W."""
+    """Add the axial damping (18) of a point of weight ``w``, m, to ``Q`` (4, 3); return its power, W."""
     stretch2, rate = 0.0, 0.0
     for i in range(3):
         stretch2 += r[0, i] * r[0, i]

@@ -1,7 +1,9 @@
-"""The door to an element: the class of its parameters says which, and only that one is imported.
+"""Dispatch of the element functions by the class of the parameters ``c``.
 
-Behind it are ``cable``, ``cable_local`` (cables with a local strain, two elasticities) and ``beam``. What a cable shows
-besides, its mass above all, does not depend on its elasticity: it is that of ``cable``.
+The modules are ``cable``, ``cable_local`` (cables with a local strain, two elasticities) and ``beam``; only the chosen
+one is imported. Functions that do not depend on the elasticity of a cable, above all its mass, are those of ``cable``.
+Shapes: ``e``, ``v``, ``a``, ``Q`` (rows, axes) are element coordinates (positions in m, gradients), their rates,
+their accelerations, and generalised forces (N on positions, N m on gradients).
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ ELASTICITIES: dict[str, type[Cable]] = {
 
 
 def _of(section: type) -> Any:
-    """The module of an element."""
+    """Module of an element."""
     if section is Cable:
         from fmus.physics.ancf import cable
 
@@ -37,28 +39,28 @@ def _of(section: type) -> Any:
 
 
 def _whatever_the_elasticity(section: type) -> Any:
-    """The module of an element, of all cables the one."""
+    """Module of an element, the same for all cables."""
     return _of(Cable if issubclass(section, Cable) else section)
 
 
 @door(_whatever_the_elasticity)
 def vectors(c):
-    """How many vectors of coordinates there are, rows."""
+    """Number of coordinate vectors, rows."""
 
 
 @door(_whatever_the_elasticity)
 def axes(c):
-    """How many components a vector has."""
+    """Number of components of a vector."""
 
 
 @door(_whatever_the_elasticity)
 def matter(c):
-    """The mass, kg."""
+    """Mass, kg."""
 
 
 @door(_whatever_the_elasticity, shared=True)
 def mass(c, M):
-    """The constant mass matrix as factors of the identity of space into ``M`` (rows, rows), kg."""
+    """Constant mass matrix into ``M`` (rows, rows), kg, as factors of the identity of space."""
 
 
 @door(_whatever_the_elasticity)
@@ -68,12 +70,12 @@ def straight(c):
 
 @door(_of, shared=True)
 def energy(c, e):
-    """Strain energy at coordinates ``e`` (rows, axes), J."""
+    """Strain energy at the coordinates ``e`` (rows, axes), J."""
 
 
 @door(_of, shared=True)
 def force(c, e, v, Q):
-    """Elastic and damping force at rates ``v``, added to ``Q`` (rows, axes); it acts as -Q.
+    """Add elastic and damping force at rates ``v`` to ``Q`` (rows, axes); it acts as -Q.
 
     At rest it is the gradient of the energy. Returns the power of the damping, W.
     """
@@ -81,43 +83,44 @@ def force(c, e, v, Q):
 
 @door(_of, shared=True)
 def damping(c, e, v, Q):
-    """The damping force alone, added to ``Q`` (rows, axes); returns its power, W."""
+    """Add the damping force alone to ``Q`` (rows, axes); return its power, W."""
 
 
 @door(_of, shared=True)
 def tangent(c, e, v, by_rate, K):
-    """Derivative of ``force`` by coordinates and ``by_rate`` 1/s times by rates, written to ``K`` (rows axes, same).
+    """Write the derivative of ``force`` to ``K`` (rows axes, rows axes).
 
-    Exact, but for the change of the chord's direction in the bending damping of cables.
+    It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates; exact, but for the change of the
+    chord's direction in the bending damping of cables.
     """
 
 
 @door(_of, shared=True)
 def section_force(c, e, v, a):
-    """Force that the two parts of the element exert on each other along the line of its ends, mean along it, N.
+    """Force between the two parts of the element along the line of its ends, mean along it, N.
 
-    By equilibrium, at coordinates ``e``, rates ``v`` and accelerations ``a``: elastic, damping, and what rotary inertia
-    of the gradient along the element takes; a uniform stretch along that line does the work of l times it.
+    By equilibrium, at coordinates ``e``, rates ``v`` and accelerations ``a``: elastic force, damping, and the rotary
+    inertia of the gradient along the element. In a uniform stretch along that line it does the work of l times it.
     """
 
 
 @door(_of, shared=True)
 def tension(c, e):
-    """Axial force of a cable by its elastic strain, mean over the link, N."""
+    """Axial force of a cable by its elastic strain, mean along it, N."""
 
 
 @door(_of, shared=True)
 def end_moments(c, e):
-    """Bending moments of a cable at its two ends, N m."""
+    """Bending moments of a cable at both ends, N m."""
 
 
 @door(_whatever_the_elasticity, shared=True)
 def mean_curvature(c, e):
-    """Of a cable in its own plane, mean along it, 1/m; positive where it bends towards its outer side."""
+    """Mean curvature of a cable in its plane, 1/m, positive if it bends towards its outer side."""
 
 
 def highest_frequency(c: Any) -> float:
-    """Of one straight free element, rad/s.
+    """Highest frequency of one straight free element, rad/s.
 
     By Rayleigh's bound no mode of a chain of such elements is higher, contacts apart.
     """

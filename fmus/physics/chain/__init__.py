@@ -1,1 +1,1 @@
-"""Chains of links of any kind: what they touch."""
+"""Chains of links of any kind: contact, state, time steps, start."""

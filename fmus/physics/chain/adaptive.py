@@ -1,7 +1,7 @@
-"""A chain over a communication step by Adams' methods of variable order and step, whatever its links are.
+"""Communication step of a chain by Adams methods of variable order and step, for any kind of link.
 
-What the wheels do changes with each communication step: the methods forget their past there, so that a saved state
-holds all. Impulses and books are quadratures beside the state.
+The motion of the wheels changes at each communication step, so the method restarts there; a saved state is then
+complete. Impulses and dissipated energies are quadratures beside the state.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from fmus.physics.integrate import adams as methods
 from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct, length, predict, restart
 from fmus.physics.wheels import move
 
-BOOKS = SUMS - LOSSES + 3  # of the report, which are summed up: what is lost, by cause, and three more
+BOOKS = SUMS - LOSSES + 3  # summed entries of the report: losses by cause, and three more
 
 
 def adams(s, rtol: float, atol: float) -> Adams:
-    """What the methods work in, for a State ``s``."""
+    """Return a zeroed ``Adams`` for the State ``s``, relative tolerance ``rtol``, absolute ``atol``."""
     return methods.adams(
         sum(part.size for part in moving(s).values()), s.mean.size + s.on_links_sum.size + BOOKS, rtol, atol
     )
@@ -29,10 +29,10 @@ def adams(s, rtol: float, atol: float) -> Adams:
 
 @allocating
 def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
-    """Integrate over ``h`` s with the wheels ``rows`` (m, 15) of its beginning, in steps of ``longest`` s at most.
+    """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
-    ``m`` from ``adams``; flexible links want their mass factored in ``w`` (``flexible.release``). Returns an Outcome;
-    after a failure ``s`` is spoilt.
+    ``m`` from ``adams``; flexible links require their factored mass in ``w`` (``flexible.release``); ``report`` and
+    ``counters`` as in ``report``. Returns an Outcome; after a failure ``s`` is invalid.
     """
     n, counts, done = m.controlled, m.counts, 0.0
     x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
@@ -88,7 +88,7 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
 
 @allocating
 def _evaluate(links, contacts, env, m, rows, t, s, w):
-    """Rates of ``m.y`` and of all sums into ``m.k``, ``t`` s after the beginning. Returns as ``derivative``."""
+    """Rates of ``m.y`` and of all quadratures at ``t`` s into ``m.k``; returns as ``derivative`` does."""
     n = m.controlled
     copy(m.y[:n], s.flat[:n])
     move(rows, t, w.moved)

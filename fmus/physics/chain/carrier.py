@@ -1,9 +1,9 @@
-"""What carries the wheels of a track, as one rigid body: a chain's speed and slip are those that the carrier sees.
+"""Rigid body that carries the wheels of a track: the reference for a chain's speed and slip.
 
-The wheels alone are known, not what they are mounted on. The carrier moves with the centre of one of them, the
-``mount``, and turns as the lateral axis of that wheel does. Its turning about that axis, which the wheel's own spin
-hides, is that of the line to the wheel farthest from it. That wheel should move along the line if it moves on the
-carrier at all: the idler of a track does.
+Only the wheels are known, not their mount. The carrier moves with the centre of one of them, the ``mount``, and rotates
+as the lateral axis of that wheel does. Its rotation about that axis, which the wheel's own spin hides, is that of the
+line to the wheel farthest from it. That wheel may move on the carrier only along the line, as the idler of a track
+does.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from fmus.jit import kernel
 
 @kernel
 def carrier(rows, mount):
-    """Point m, velocity m/s, turning rad/s (3 each) and heading (2) of the carrier of the wheels ``rows`` (m, 15).
+    """Motion of the carrier of the wheels ``rows`` (m, 15), and its heading.
 
-    ``mount`` is the wheel at the point, below 0 for chains without wheels, whose carrier stands still and heads along
-    x. The heading is horizontal and square to the lateral axis: where the vehicle goes when its wheels turn forward.
+    Returns a point, m, its velocity, m/s, the angular velocity, rad/s (3 each), and the heading (2), horizontal and
+    normal to the lateral axis: the direction in which the vehicle drives forward. ``mount`` is the wheel at the point;
+    below 0 there are no wheels, and the carrier is at rest and heads along x.
     """
     still = (0.0, 0.0, 0.0)
     if mount < 0:
@@ -33,7 +34,7 @@ def carrier(rows, mount):
         if square > far:
             far, d0, d1, d2 = square, e0, e1, e2
             v0, v1, v2 = rows[k, 3] - s[3], rows[k, 4] - s[4], rows[k, 5] - s[5]
-    turn = -(s[6] * a0 + s[7] * a1 + s[8] * a2)  # takes the wheel's own turning about its axis off
+    turn = -(s[6] * a0 + s[7] * a1 + s[8] * a2)  # removes the wheel's own spin about its axis
     if far > 0.0:
         turn += ((d1 * v2 - d2 * v1) * a0 + (d2 * v0 - d0 * v2) * a1 + (d0 * v1 - d1 * v0) * a2) / far
     flat = np.sqrt(a0 * a0 + a1 * a1)

@@ -1,4 +1,4 @@
-"""What acts on a chain besides what it touches: gravity, damping, and the ends of an open one."""
+"""Loads on a chain besides contact: gravity, damping, and the conditions at the ends of an open chain."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-LOOP, PINNED, PULLED, HELD = range(4)  # how the ends are held: LOOP has none, HELD lets the last pin go
+LOOP, PINNED, PULLED, HELD = range(4)  # end conditions: LOOP has no ends, HELD fixes the first pin only
 
 
 class Environment(NamedTuple):
-    """Constant through a run."""
+    """Loads and end conditions, constant through a run."""
 
     gravity: float  # m/s2
-    ends: int  # LOOP, PINNED, PULLED or HELD
-    pull: np.ndarray  # (2, 3) force on the first and on the last pin, N; (2, 2) of x and z of a planar chain
+    ends: int  # end condition: LOOP, PINNED, PULLED or HELD
+    pull: np.ndarray  # (2, 3) force on the first and on the last pin, N; (2, 2) along x and z for a planar chain
     transverse: float  # damping of each pin across the chain, N s/m
-    mount: int  # the wheel that shows the carrier (``carrier``), below 0 without wheels
+    mount: int  # index of the wheel that the carrier follows (``carrier``), below 0 without wheels

@@ -1,7 +1,7 @@
-"""A chain over a communication step, explicitly: the classical Runge-Kutta method of order 4, whatever its links are.
+"""Communication step of a chain by the classical Runge-Kutta method of order 4, for any kind of link.
 
-For reference, short runs and soft links: a steel link's highest mode (3e5 rad/s) asks for steps of 8 us, regularised
-friction under a loaded rigid link, mu N / (v_reg m) = 2e4 1/s, for 50 us.
+For reference, short runs and soft links: a steel link's highest mode (3e5 rad/s) requires steps of 8 us, regularised
+friction under a loaded rigid link, mu N / (v_reg m) = 2e4 1/s, steps of 50 us.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 
-FAR = 1e9  # m and m/s: a motion beyond is no longer finite
+FAR = 1e9  # m and m/s: a motion beyond counts as unstable
 
 
 def slopes(s) -> Floats:
-    """Zeroed scratch of ``march`` for the State ``s``: the rates of all stages, and the state before a step."""
+    """Return zeroed scratch (stages + 1, N) of ``march``: rates of all stages, and the initial state."""
     return np.zeros((RK4.b.size + 1, sum(part.size for part in moving(s).values())))
 
 
 @allocating
 def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
-    """Integrate over ``h`` s with the wheels ``rows`` (m, 15) of its beginning, in equal steps of at most ``longest``.
+    """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in equal steps up to ``longest`` s.
 
-    ``k`` from ``slopes``; flexible links want their mass factored in ``w`` (``flexible.release``). Mean
-    wrenches and impulses are weighted as the momentum is. Returns an Outcome; after a failure ``s`` is spoilt.
+    ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.release``). Mean wrenches and
+    impulses have the weights of the momentum. Returns an Outcome; after a failure ``s`` is invalid.
     """
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
     dt = h / steps

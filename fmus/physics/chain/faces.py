@@ -1,7 +1,9 @@
-"""The door from rolling contact to the kinds of links: where the points of their faces are, what a force there does.
+"""Dispatch from rolling contact to the kinds of links: contact points on faces, and forces there.
 
-The class of the links says which module is behind it: ``flexible.cable_faces``, ``beam_faces`` or ``rigid.faces``. A
-chain's motion ``x`` and its arrays ``w`` are what that module makes of them. Vectors are tuples.
+The class of ``links`` chooses ``flexible.cable_faces``, ``turning_faces``, ``beam_faces`` or ``rigid.faces``. ``x`` is
+the chain's motion and ``w`` its Work, in the layout of that module; ``contacts`` are the partners; ``i`` is a link or
+pin, ``k`` a wheel, ``row`` (15) its motion, ``rows`` (m, 15) that of all; ``push`` is a ``Push``, and its matrix counts
+only with ``tangent``; ``by_rate``, 1/s, is d velocity / d position. Vectors are tuples (3): m, m/s, N.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from fmus.jit import door
 
 
 def _of(links: type) -> Any:
-    """The module of a class of links."""
+    """Module of a class of links."""
     if links.__name__ == "RigidLinks":
         from fmus.physics.chain.rigid import faces
 
@@ -31,7 +33,7 @@ def _of(links: type) -> Any:
 
 
 def _guided(links: type) -> Any:
-    """The module of the guides of a class of links."""
+    """Module of the guides of a class of links."""
     if links.__name__ in ("RigidLinks", "Beams", "TurningCables"):
         from fmus.physics.chain import guides
 
@@ -43,113 +45,120 @@ def _guided(links: type) -> Any:
 
 @door(_guided)
 def guide(links, contacts, x, w, rows, by_rate, tangent):
-    """Guide horns of all links against the discs of sprockets; see ``rolling.roll``."""
+    """Contact of the guide horns of all links with the discs of sprockets; see ``rolling.roll``."""
 
 
 @door(_guided)
 def overhang(links):
-    """How far a guide horn reaches into a wheel, m."""
+    """Height of a guide horn over the inner face, m; 0 without guides."""
 
 
 @door(_guided)
 def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
-    """That of link ``i``, pins at ``a`` and ``b``, its middle ``off`` that of wheel ``k``, against the near disc."""
+    """Guide-horn contact of link ``i`` with the near disc of wheel ``k``.
+
+    ``a``, ``b``: positions of the link's pins; ``off``, m: offset of its middle from the wheel's along the wheel's
+    axis.
+    """
 
 
 @door(_of)
 def count(links, x):
-    """How many links and how many pins there are."""
+    """Number of links and number of pins."""
 
 
 @door(_of)
 def across(links):
-    """How many contact points lie side by side across a link, and how far from its middle, m."""
+    """Number of contact points side by side across a link, and their distance from its middle, m."""
 
 
 @door(_of)
 def length(links):
-    """Of a link, m."""
+    """Length of a link, m."""
 
 
 @door(_of)
 def lift(links, x, i):
-    """How far link ``i`` reaches below the lower of its pins, m, at most."""
+    """Largest depth of link ``i`` below the lower of its pins, m."""
 
 
 @door(_of)
 def pins(links, x, w, i):
-    """Places of the first and of the last pin of link ``i``."""
+    """Positions of the first and of the last pin of link ``i``."""
 
 
 @door(_of)
 def pin_rates(links, x, w, i):
-    """Their velocities."""
+    """Velocities of the first and of the last pin of link ``i``."""
 
 
 @door(_of)
 def to_ground(links, x, w, p, v):
-    """Place and velocity of a point in the frame of the start, in which the ground lies."""
+    """Position and velocity of a point in the frame of the start, which is that of the ground."""
 
 
 @door(_of)
 def from_ground(links, x, w, push, tangent):
-    """A ``Push`` of the ground as the chain's coordinates have it."""
+    """Convert a ``Push`` of the ground to the axes of the chain's coordinates."""
 
 
 @door(_of)
 def begin(links, x, w):
-    """Before the first link is touched."""
+    """Prepare ``w`` for an evaluation of all contacts."""
 
 
 @door(_of)
 def enter(links, x, w, i):
-    """Before points of link ``i`` are located: it is touched, or may be."""
+    """Prepare link ``i`` before contact points are located on it."""
 
 
 @door(_of)
 def section(links, x, w, i, xi, z):
-    """Points of link ``i`` at ``xi`` along it and ``z`` outside the line of the pins: what ``locate`` needs of them.
+    """Data for ``locate`` at the fraction ``xi`` along link ``i``, ``z`` m outside the pin line.
 
-    Leaves in ``w`` what the following functions need.
+    Leaves data for the functions below in ``w``.
     """
 
 
 @door(_of)
 def locate(links, x, w, i, at, y):
-    """The point of the section ``at`` that lies ``y`` across: place, velocity.
+    """Position and velocity of the point of the section ``at``, ``y`` m across the link.
 
-    Leaves in ``w`` what the following functions need of this point.
+    Leaves data of this point for the functions below in ``w``.
     """
 
 
 @door(_of)
 def along(links, x, w, i):
-    """Change of the point's place with ``xi``, m, as a covered part moves along the link."""
+    """Change of the point's position with ``xi``, m, as a covered part moves along the link."""
 
 
 @door(_of)
 def push(links, w, i, push, tangent):
-    """Put a ``Push`` at the point on the link."""
+    """Apply a ``Push`` at the located point of link ``i``."""
 
 
 @door(_of)
 def pushed(links, w, i, tangent):
-    """After all points of a section."""
+    """Complete a section after all its points."""
 
 
 @door(_of)
 def resist(links, w, i, push, by_rate, foot, side):
-    """The part of the matrix that comes from the rate at which a face sinks into a rim: it hangs on the pins.
+    """Add the matrix of the rate at which a face sinks into a rim, which depends on the link's pins.
 
-    ``foot``: where the rate is felt, as a fraction of the link; ``side``: the outward normal there.
+    ``foot``: fraction of the link at which the rate is taken; ``side``: outward unit normal there.
     """
 
 
 @door(_of)
 def locate_pin(links, x, w, i, y):
-    """The point of pin ``i`` at ``y`` across: place, velocity. Leaves in ``w`` what ``push_pin`` needs of it."""
+    """Position and velocity of the point of pin ``i`` at ``y`` m across.
+
+    Leaves data for ``push_pin`` in ``w``.
+    """
 
 
 @door(_of)
 def push_pin(links, x, w, i, y, push, tangent):
-    """Put a ``Push`` at that point on the pin, or on the links that it joins."""
+    """Apply a ``Push`` at that point to the pin, or to the links that it joins."""

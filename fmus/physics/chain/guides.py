@@ -1,4 +1,4 @@
-"""Guide horns of links that can leave their plane; the sibling ``unguided`` is for those that cannot."""
+"""Contact of guide horns, for links that can leave their plane; sibling for other links: ``unguided``."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
 
 @kernel
 def _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent):
-    """The horn on the middle of the inner face of link ``i`` against the ``disc`` of wheel ``k``, m."""
+    """Contact of the guide horn of link ``i`` with the disc of wheel ``k``, of radius ``disc``, m."""
     nodes, law, play = count(links, x)[1], contacts.wheel, contacts.clearance
     part, side = reach(row, disc, a, b, links.face)
     low, high, _ = part

@@ -1,4 +1,4 @@
-"""A chain over a communication step, implicitly: the generalised-alpha method of order 2, whatever its links are."""
+"""Communication step of a chain by the implicit generalised-alpha method, for any kind of link."""
 
 from __future__ import annotations
 
@@ -14,20 +14,23 @@ from fmus.physics.chain.state import copy, take
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
-LEAST = 1e-4  # part of a step below which it is halved no more
+LEAST = 1e-4  # smallest part of a step that is tried
 
 
 class Method(NamedTuple):
-    """How the steps are done."""
+    """Parameters of the implicit steps."""
 
-    alpha: GeneralizedAlpha
-    tolerance: float  # of Newton's iteration: flexible links m, of a correction; rigid ones relative, of the residual
-    moves: bool  # friction may be sharp; it is not on the way to equilibrium
+    alpha: GeneralizedAlpha  # coefficients of the method
+    tolerance: float  # of Newton's iteration: flexible links: correction, m; rigid links: relative residual
+    moves: bool  # friction may become sharp; not on the way to equilibrium
 
 
 @kernel
 def gather(c, share, before, now, aux, total):
-    """``share`` of the mean of a step from rows ``before`` to ``now`` onto ``total``, by the momentum's recursion."""
+    """Add ``share`` times the step mean of rows ``before`` to ``now`` to ``total``.
+
+    The mean follows the recursion of the momentum, with the auxiliary rows ``aux``; all (k, c).
+    """
     for k in range(aux.shape[0]):
         for i in range(aux.shape[1]):
             old = aux[k, i]
@@ -37,10 +40,11 @@ def gather(c, share, before, now, aux, total):
 
 @allocating
 def advance(links, contacts, env, method, rows, h, longest, s, w, report, counters):
-    """Integrate over ``h`` s with the wheels ``rows`` (m, 15) of its beginning, in steps of ``longest`` s at most.
+    """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
-    A step that Newton cannot do is halved. ``s.mean`` receives the mean wrenches and ``s.on_links_sum`` the impulses,
-    by the same recursion as the momentum of the chain. Returns an Outcome; after a failure ``s`` is what was reached.
+    A step in which Newton's iteration fails is halved. ``s.mean`` receives the mean wrenches and ``s.on_links_sum`` the
+    impulses, by the same recursion as the momentum of the chain. Returns an Outcome; after a failure ``s`` is the last
+    state that was reached.
     """
     c = method.alpha
     s.mean[:] = 0.0

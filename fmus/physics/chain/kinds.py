@@ -1,4 +1,9 @@
-"""The door from the integrators to the kinds of links: flexible ones and rigid ones."""
+"""Dispatch from the integrators to the kinds of links by the class of ``links``.
+
+The modules are ``flexible.dynamics``, ``flexible.cholesky``, ``rigid.dynamics`` and ``rigid.jointed``. Arguments:
+``links``, parameters; ``contacts``, the partners or None; ``env``, an Environment; ``s``, the State; ``w``, the Work;
+``report`` (REPORT) and ``counters`` (COUNTERS) of ``report``. Frame: that of the start of the track.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ from fmus.jit import door
 
 
 def _of(links: type) -> Any:
-    """The module of a class of links."""
+    """Module of a class of links."""
     if links.__name__ == "RigidLinks":
         from fmus.physics.chain.rigid import dynamics as rigid
 
@@ -28,68 +33,74 @@ def _of(links: type) -> Any:
 
 @door(_of, shared=True)
 def newton(links, contacts, env, method, h, s, w, counters):
-    """One step of ``h`` s by the implicit ``method`` to the wheels in ``w.moved``, from ``s`` = ``w.before``.
+    """Do one step of ``h`` s by the implicit ``method``, from ``s`` = ``w.before``, wheels at ``w.moved``.
 
-    Returns DONE or what failed, the link and its residual; ``s`` is then spoilt.
+    Returns DONE or the failure, the link and its residual, N; after a failure ``s`` is invalid.
     """
 
 
 @door(_of, shared=True)
 def derivative(links, contacts, env, s, w, k):
-    """Of ``state.moving``, into ``k``, with the wheels in ``w.moved``. Returns -1, or the link where it failed."""
+    """Time derivative of ``state.moving`` into ``k`` (flat), with the wheels at ``w.moved``.
+
+    Returns -1, or the link where it failed.
+    """
 
 
 @door(_of, shared=True)
 def close(links, s, w):
-    """Take back what an explicit step did to the equations of the pins. Returns -1, or the pin that stays open."""
+    """Project the state onto the pin equations after an explicit step.
+
+    Returns -1, or the pin that stays open.
+    """
 
 
 @door(_of, shared=True)
 def accelerate(links, contacts, env, s, w):
-    """After an explicit step: the accelerations that belong to the state; rigid links have those of the last stage."""
+    """Accelerations of the state after an explicit step; rigid links keep those of the last stage."""
 
 
 @door(_of, shared=True)
 def newton_joints(links, env, s, w):
-    """After an implicit step: force of each pin on the link that begins there into ``w.on_links``, where asked for.
+    """Force of each pin on the link that begins there, N, into ``w.on_links``, after an implicit step.
 
-    With the other forces on a link it makes the link's acceleration, to rounding.
+    Skipped if no such columns exist. With the other forces on a link it gives the link's acceleration, to rounding.
     """
 
 
 @door(_of, shared=True)
 def stage_joints(links, env, s, w):
-    """The same after ``derivative``."""
+    """Same as ``newton_joints``, after ``derivative``."""
 
 
 @door(_of, shared=True)
 def end_work(links, env, h, s, w):
-    """Work that the loads on the ends did in an implicit step of ``h`` s from ``w.before``, J."""
+    """Work of the end loads in an implicit step of ``h`` s from ``w.before``, J."""
 
 
 @door(_of, shared=True)
 def speed(links, env, s, w):
-    """Of the chain along itself over what carries the wheels ``w.moved``, m/s."""
+    """Speed of the chain along itself relative to the carrier of the wheels ``w.moved``, m/s."""
 
 
 @door(_of, shared=True)
 def first_speed(links, env, s, w, report):
-    """``speed`` at the beginning of a communication step, with the wheels in ``w.moved`` as they are then, m/s."""
+    """``speed`` at the start of a communication step, with the wheels ``w.moved`` of that time, m/s."""
 
 
 @door(_of, shared=True)
 def observe(links, env, s, w, report):
-    """Fill the report from the state and its last evaluation, but for what is summed up."""
+    """Fill the report from the state and its last evaluation, except the summed entries."""
 
 
 @door(_of, shared=True)
 def pin_places(links, s, w, place):
-    """Places of the pins into ``place`` (nodes, 3), in the frame of the start."""
+    """Positions of the pins, m, into ``place`` (nodes, 3), in the frame of the start."""
 
 
 @door(_of, shared=True)
 def links_shown(links, env, s, w, tension, stress, place):
-    """What each link shows at an instant: tension, N, and stress, Pa, (n), places of the pins (nodes, 3)."""
+    """Tension, N, and stress, Pa, of each link (n each); positions of the pins ``place`` (nodes, 3), m."""
 
 
 @door(_of, shared=True)
@@ -99,12 +110,12 @@ def pin_axes(links, s, w, axis):
 
 @door(_of, shared=True)
 def slopes(links, s, w, found):
-    """Position gradients along each link at its first and at its last pin into ``found`` (n, 6).
+    """Position gradients along each link at its first and its last pin into ``found`` (n, 6).
 
-    Rigid links have the unit vector along them at both.
+    For rigid links both are the unit vector along the link.
     """
 
 
 @door(_of, shared=True)
 def fibres(links, s, w, stress):
-    """Axial stress at the outer and at the inner fibre of each link, Pa, mean along it, into ``stress`` (n, 2)."""
+    """Axial stress at outer and inner fibre of each link, Pa, mean along it, into ``stress`` (n, 2)."""

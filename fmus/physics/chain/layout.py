@@ -1,7 +1,7 @@
-"""Where the pins of a chain lie at the start: an exactly closed polygon round wheels, or an open one between ends.
+"""Pin positions of a chain at the start: a closed polygon round wheels, or an open one between ends.
 
-All in the plane of the track, (x, z), z up. Round the wheels the index grows rearwards (towards -x) on the lower run,
-so that tangent x lateral axis is the outward normal and a vehicle driving forward moves its chain along the index.
+All in the plane of the track, (x, z), m, z up. Round the wheels the index grows rearwards (towards -x) on the lower
+run, so tangent x lateral axis is the outward normal, and a vehicle driving forward moves its chain along the index.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ SAMPLES = 360  # points on each circle of the belt
 
 
 def _belt(centres: Floats, radii: Floats) -> Floats:
-    """The convex belt round circles as a polyline, starting foremost, over the bottom first (k, 2)."""
+    """Convex belt (k, 2) round circles as a polyline, starting foremost, over the bottom first."""
     angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     rim = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     points = (centres[:, None, :] + radii[:, None, None] * rim[None]).reshape(-1, 2)
-    hull = points[ConvexHull(points).vertices][::-1]  # scipy turns from x to z, we turn from x to -z
+    hull = points[ConvexHull(points).vertices][::-1]  # scipy's order is from x to z, ours from x to -z
     return np.roll(hull, -int(np.argmax(hull[:, 0])), axis=0)
 
 
 @allocating
 def _walk(path, pitch, links):
-    """Pins (links, 2) at chords of one pitch along a closed polyline (k, 2), and the gap to a full turn then, m."""
+    """Pins (links, 2) at chords of one pitch along a closed polyline (k, 2); gap to a full turn, m."""
     k = path.shape[0]
     start = np.zeros(k + 1)
     for i in range(k):
@@ -56,11 +56,12 @@ def _walk(path, pitch, links):
 
 
 def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int) -> Floats:
-    """Pins (links, 2) of a closed polygon of equal chords round circles ``centres`` (m, 2), ``radii`` (m).
+    """Pins (links, 2) of a closed polygon of equal chords round circles.
 
-    The first pin is the foremost point of the belt; the circles that ``grows`` marks (rims, not teeth) take the
-    difference between the belt and the links by being passed at a small distance.
-    Raises ValueError when that distance is beyond a third of a pitch: the track cannot wrap its wheels.
+    The circles have ``centres`` (m, 2) and ``radii`` (m). The first pin is the foremost point of the belt. Circles that
+    ``grows`` (m) marks (rims, not teeth) are passed at a small distance, which makes up for the difference between the
+    lengths of belt and links. Raises ValueError if that distance exceeds a third of the ``pitch``, m: the track cannot
+    wrap its wheels.
     """
 
     def gap(distance: float) -> float:
@@ -80,12 +81,15 @@ def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pit
 
 
 def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
-    """The nearest polygon with all chords equal to the pitch to rounding; an open one keeps its two ends."""
+    """Nearest polygon to ``pins`` (n, 2) with all chords equal to the ``pitch``, m, to rounding.
+
+    An open polygon keeps its two ends.
+    """
     pins = pins.copy()
     n = len(pins)
     last = n if closed else n - 1
     free = np.ones(n, dtype=bool) if closed else np.r_[False, np.ones(n - 2, dtype=bool), False]
-    rounding = max(1e-16, np.finfo(float).eps * pitch * abs(pins).max())  # of a chord far from the origin
+    rounding = max(1e-16, np.finfo(float).eps * pitch * abs(pins).max())  # rounding of a chord far from the origin
     for _ in range(50):
         chord = np.roll(pins, -1, axis=0)[:last] - pins[:last]
         misfit = (np.einsum("ij,ij->i", chord, chord) - pitch * pitch) / 2.0
@@ -102,24 +106,25 @@ def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
 
 
 def hanging_arc(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
-    """Pins (links + 1, 2) of an open chain hanging between two points as an arc of equal chords.
+    """Pins (links + 1, 2) of an open chain from ``first`` to ``last`` (2), an arc of equal chords.
 
-    Raises ValueError when the chain is too short for them.
+    Raises ValueError if the chain is too short.
     """
     span = np.asarray(last, float) - np.asarray(first, float)
     distance = np.hypot(*span)
     if distance >= links * pitch:
         raise ValueError(f"{links} links of {pitch} m cannot reach over {distance:.4f} m")
-    fraction = (links - 1 - 2.0 * np.arange(links)) / links  # of the first link's angle
+    fraction = (links - 1 - 2.0 * np.arange(links)) / links  # angles relative to the first link's
     steep = brentq(lambda a: pitch * np.cos(a * fraction).sum() - distance, 0.0, np.pi, xtol=1e-15)
     return chain_of_angles(np.asarray(first, float), -steep * fraction + np.arctan2(span[1], span[0]), pitch)
 
 
 def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
-    """Pins (links + 1, 2) of rigid links that hang between two points; their weight turns each a little further.
+    """Pins (links + 1, 2) of rigid links that hang between two points (2) under their weight.
 
-    In units of a link's weight, with the horizontal pull H and V where the middle of the chain is: tan(angle) of link i
-    is (V + i - (links - 1)/2) / H. Raises ValueError as ``hanging_arc``, whose arc it is where no such pull exists.
+    In units of a link's weight, with the horizontal pull H and the vertical pull V at the middle of the chain,
+    tan(angle) of link i is (V + i - (links - 1)/2) / H. Raises ValueError as ``hanging_arc`` does, whose arc is
+    returned where no such pull exists.
     """
     arc, span = hanging_arc(first, last, pitch, links), np.asarray(last, float) - np.asarray(first, float)
     length, number = links * pitch, np.arange(links) - 0.5 * (links - 1)
@@ -130,7 +135,7 @@ def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
         angles = np.arctan((x[1] + number) / np.exp(x[0]))
         return np.array([np.cos(angles).sum(), np.sin(angles).sum()]) - [abs(span[0]) / pitch, span[1] / pitch]
 
-    # the continuum's: (S^2 - dz^2)^1/2 = 2 a sinh(dx / 2 a), slope in the middle dz / (S^2 - dz^2)^1/2
+    # start from the continuum: (S^2 - dz^2)^1/2 = 2 a sinh(dx / 2 a), slope in the middle dz / (S^2 - dz^2)^1/2
     level = np.sqrt(length**2 - span[1] ** 2)
     ratio = brentq(lambda u: np.sinh(u) / u - level / abs(span[0]), 1e-9, 20.0)
     pull = abs(span[0]) / (2.0 * ratio * pitch)
@@ -142,22 +147,22 @@ def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
 
 
 def chain_of_angles(first: Floats, angles: Floats, pitch: float) -> Floats:
-    """Pins (links + 1, 2) of links with the given angles over the x axis, rad."""
+    """Pins (links + 1, 2) of links at the given ``angles`` (links) to the x axis, rad."""
     steps = pitch * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     return np.vstack([first, first + np.cumsum(steps, axis=0)])
 
 
 def regular_polygon(pitch: float, links: int) -> Floats:
-    """Pins (links, 2) of a loop round the origin, turning from x to -z."""
+    """Pins (links, 2) of a regular loop round the origin, turning from x to -z; ``pitch`` in m."""
     angle = -2.0 * np.pi * np.arange(links) / links
     return pitch / (2.0 * np.sin(np.pi / links)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def ovalling(pins: Floats, rate: float) -> tuple[Floats, Floats]:
-    """Turning about y of the links (n), rad/s, and velocities (n, 2) of the pins of a loop that becomes oval.
+    """Angular velocities (n) about y, rad/s, and pin velocities (n, 2), m/s, of an ovalling loop.
 
-    ``pins`` (n, 2) are a regular polygon, n >= 4. A link at the angle phi turns by rate cos(2 phi), to which the loop
-    stays closed, without momentum; no link changes its length.
+    ``pins`` (n, 2) are a regular polygon, n >= 4. A link at the angle phi turns at ``rate`` cos(2 phi), rad/s, which
+    keeps the loop closed and without momentum; no link changes its length.
     """
     chord = np.roll(pins, -1, axis=0) - pins
     turning = rate * np.cos(2.0 * np.arctan2(chord[:, 1], chord[:, 0]))
@@ -167,7 +172,7 @@ def ovalling(pins: Floats, rate: float) -> tuple[Floats, Floats]:
 
 
 def folded(first: Floats, pitch: float, links: int) -> Floats:
-    """Pins (links + 1, 2) of a chain that goes down, one link across, and up again to the height of ``first``.
+    """Pins (links + 1, 2) of a chain down, one link across, and up to the height of ``first`` (2) again.
 
     Raises ValueError for an even number of links.
     """
@@ -178,7 +183,7 @@ def folded(first: Floats, pitch: float, links: int) -> Floats:
 
 
 def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
-    """The open polygon with all link angles scaled by one factor so that it ends at ``last`` (same height as first)."""
+    """Open polygon with its link angles scaled by one factor to end at ``last`` (height of the first)."""
     chord = np.diff(pins, axis=0)
     angles = np.arctan2(chord[:, 1], chord[:, 0])
     distance = np.hypot(*(np.asarray(last, float) - pins[0]))
@@ -187,7 +192,10 @@ def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
 
 
 def over_sprocket(centre: Floats, pitch: float, teeth: int, links: int) -> Floats:
-    """Pins (links + 1, 2) of an open chain over half of a sprocket: in along x above, a seat foremost, out below."""
+    """Pins (links + 1, 2) of an open chain over half of a sprocket at ``centre`` (2).
+
+    It enters along x above, is seated foremost, and leaves below.
+    """
     radius = pitch / (2.0 * np.sin(np.pi / teeth))
     foremost = (5 * links) // 8
     step = 2.0 * np.pi / teeth

@@ -1,4 +1,4 @@
-"""Which links are near enough to a wheel to be looked at: of all their middles at once, as most of them are not."""
+"""Search for links near a wheel, by the distances of all link middles at once: most links are far."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from fmus.physics.vector import dot, vector
 class Near(NamedTuple):
     """Arrays for a chain of n links."""
 
-    middle: np.ndarray  # (3, n) of each link, m
-    off: np.ndarray  # (n) how far along a wheel's axis from its centre, m
-    square: np.ndarray  # (n) of the distance from that axis, m2
+    middle: np.ndarray  # (3, n) position of each link's middle, m
+    off: np.ndarray  # (n) offset from a wheel's centre along its axis, m
+    square: np.ndarray  # (n) squared distance from that axis, m2
 
 
 def near(links: int) -> Near:
-    """Zeroed."""
+    """Return zeroed arrays for ``links`` links."""
     return Near(np.zeros((3, links)), np.zeros(links), np.zeros(links))
 
 
 @kernel
 def reached(links, radius):
-    """Square of the distance from a wheel's axis beyond which the middle of a link touches nothing of it."""
+    """Squared distance from a wheel's axis, m2, beyond which a link's middle is too far for contact."""
     side = across(links)[1]
     return (radius + links.face + 0.6 * length(links)) ** 2 + 4.0 * side * side
 
 
 @kernel
 def survey(links, x, w):
-    """The middles of all links."""
+    """Compute the middles of all links."""
     middle = w.near.middle
     for i in range(count(links, x)[0]):
         a, b = pins(links, x, w, i)
@@ -44,7 +44,7 @@ def survey(links, x, w):
 @kernel
 @apart
 def look(row, middle, off, square):
-    """Where the middles of all links are from a wheel, into ``off`` and ``square``, see ``Near``."""
+    """Offsets ``off`` and squared distances ``square`` (n) of all middles (3, n) from the wheel ``row``."""
     x, y, z = vector(row, 0)
     a, b, c = vector(row, 9)
     for i in range(square.size):
@@ -56,7 +56,7 @@ def look(row, middle, off, square):
 
 @kernel
 def beyond(row, p):
-    """Square of the distance of the point ``p`` from a wheel's axis, m2."""
+    """Squared distance of the point ``p`` (3) from the axis of the wheel ``row``, m2."""
     d = p[0] - row[0], p[1] - row[1], p[2] - row[2]
     off = dot(d, vector(row, 9))
     return dot(d, d) - off * off

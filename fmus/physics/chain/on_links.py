@@ -1,9 +1,9 @@
-"""Forces on each link, where a scene asks for them: a row of numbers for each pin and the link that begins there.
+"""Forces on each link, recorded on request: one row for each pin and the link that begins there.
 
-The columns, as many as are asked for: force of the pin, N; force of the ground, N; force of the wheels, N, on the link
-and on the pin where it ends; velocity over the ground of what lies on it, m/s, mean of its points; depth of the deepest
-of these, m. All but the first are summed up point by point. Links show their means over an interval, a number of
-communication steps: a State has the ``span`` that its sums cover, s, and how many steps are left of the interval.
+Columns, up to the requested number: force of the pin, N; force of the ground, N; force of the wheels, N, on the link
+and on the pin where it ends; velocity over the ground, m/s, mean of the link's points on it; depth of the deepest of
+these, m. All but the first are summed point by point. Outputs are means over an interval, a number of communication
+steps: the State's ``span`` holds the time that its sums cover, s, and the steps left of the interval.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ import numpy as np
 
 from fmus.jit import kernel
 
-JOINT, GROUND, WHEELS, SLIDING, DEPTH = 0, 3, 6, 9, 12  # the first column of each
-WITH_JOINT, WITH_GROUND, WITH_WHEELS, WITH_SLIDING = 3, 6, 9, 13  # columns up to and with these
-MIRRORED = np.array([1.0, -1, 1] * 4 + [1.0])  # what a mirror in the plane of the track makes of a row
-SPAN, LEFT = range(2)  # of ``span``
-Felt = tuple[int, int]  # pins and columns
+JOINT, GROUND, WHEELS, SLIDING, DEPTH = 0, 3, 6, 9, 12  # first column of each quantity
+WITH_JOINT, WITH_GROUND, WITH_WHEELS, WITH_SLIDING = 3, 6, 9, 13  # number of columns up to and including each
+MIRRORED = np.array([1.0, -1, 1] * 4 + [1.0])  # signs of a row mirrored in the plane of the track
+SPAN, LEFT = range(2)  # indices into ``span``
+Felt = tuple[int, int]  # shape (k, c): pins, columns
 NONE: Felt = (0, 0)
 
 
 @kernel
 def clear(on_links):
-    """Before contacts are summed up."""
+    """Zero ``on_links`` (k, c) before contacts are summed."""
     for i in range(on_links.shape[0]):
         for k in range(on_links.shape[1]):
             on_links[i, k] = 0.0
@@ -30,7 +30,7 @@ def clear(on_links):
 
 @kernel
 def feel(on_links, i, column, f):
-    """Add the vector ``f`` to that of link ``i``, from ``column`` on, where that is asked for."""
+    """Add the vector ``f`` (3) to link ``i`` from ``column`` on, if that column exists."""
     if column < on_links.shape[1]:
         for k in range(3):
             on_links[i, column + k] += f[k]
@@ -38,7 +38,7 @@ def feel(on_links, i, column, f):
 
 @kernel
 def slide(on_links, i, v, depth):
-    """A point of link ``i`` lies ``depth`` in the ground and moves by ``v`` over it; ``rest`` comes after the last."""
+    """Add a point of link ``i`` that is ``depth``, m, in the ground and moves at ``v`` (3), m/s, over it."""
     if on_links.shape[1] > SLIDING:
         for k in range(3):
             on_links[i, SLIDING + k] += v[k]
@@ -47,7 +47,7 @@ def slide(on_links, i, v, depth):
 
 @kernel
 def rest(on_links, i, points):
-    """So many points of link ``i`` lay on the ground."""
+    """Divide by the number of ``points`` of link ``i`` on the ground, after the last ``slide``."""
     if on_links.shape[1] > SLIDING and points > 1:
         for k in range(3):
             on_links[i, SLIDING + k] /= points
@@ -55,7 +55,7 @@ def rest(on_links, i, points):
 
 @kernel
 def renew(s, interval):
-    """Before a communication step: where the last one ended an interval, one of so many steps begins."""
+    """Start an interval of ``interval`` steps before a communication step, if the last one is complete."""
     if s.span[LEFT] <= 0.0:
         clear(s.on_links_sum)
         s.span[SPAN], s.span[LEFT] = 0.0, interval
@@ -63,14 +63,14 @@ def renew(s, interval):
 
 @kernel
 def count(s, h):
-    """After a communication step of ``h`` s."""
+    """Count a communication step of ``h`` s."""
     s.span[SPAN] += h
     s.span[LEFT] -= 1.0
 
 
 @kernel
 def average(s, mean):
-    """Means over the interval so far, into ``mean``."""
+    """Means over the interval so far into ``mean`` (k, c)."""
     for i in range(mean.shape[0]):
         for k in range(mean.shape[1]):
             mean[i, k] = s.on_links_sum[i, k] / s.span[SPAN]

@@ -1,6 +1,6 @@
-"""How a kernel says whether it could do what it was asked.
+"""Results of kernels that may fail.
 
-A kernel that solves or looks for one thing returns -1, or the index of the link, pin or wheel where it failed. One
+A kernel that solves or searches for one thing returns -1, or the index of the link, pin or wheel where it failed. One
 that integrates returns an ``Outcome``.
 """
 
@@ -14,9 +14,9 @@ DONE, STALLED, SINGULAR, UNSTABLE, APART, TOO_SHARP = range(6)
 
 
 class Outcome(NamedTuple):
-    """Of an integration; the link and its residual are those of the failure."""
+    """Result of an integration; link and residual are those of the failure."""
 
-    failure: int  # DONE, 0, or what failed
-    time: float  # done, s
-    link: int  # from 0
-    residual: float  # the largest, N
+    failure: int  # DONE, 0, or the failure
+    time: float  # integrated time, s
+    link: int  # index of the link, from 0
+    residual: float  # largest residual, N

@@ -1,8 +1,8 @@
-"""What a chain shows of itself, and how much work that was: where the numbers stand.
+"""Report of a chain and counters of its work: indices into both arrays.
 
-The report is one array (REPORT): what is SUMMED up over the run, and what the state is now. The output of
-``PATCH_DEFECT`` is called energy.covered; from LOST on stands what DISSIPATED is the sum of, by cause as in ``sums``.
-The counters (COUNTERS) mean the same for every kind of link.
+The report (REPORT) has entries SUMMED over the run and entries of the present state. ``PATCH_DEFECT`` is the output
+energy.covered; from LOST on are the parts of DISSIPATED by cause, as in ``sums``. The counters (COUNTERS) mean the same
+for every kind of link.
 """
 
 from __future__ import annotations
@@ -10,27 +10,28 @@ from __future__ import annotations
 from fmus.jit import kernel
 from fmus.physics.chain import sums
 
-TRAVEL, SPEED = 0, 1  # m, m/s along itself
+TRAVEL, SPEED = 0, 1  # m, m/s, along the chain
 T_MIN, T_MEAN, T_MAX, STRESS = 2, 3, 4, 5  # N, N, N, Pa
 KINETIC, STRAIN, GRAVITY, CONTACT, DISSIPATED, WORK = 6, 7, 8, 9, 10, 11  # J
 DEPTH = 12  # m
 GROUND = 13  # to 15: force of the ground, N
 SLIP, PATCH_DEFECT = 16, 17  # m/s, J
-LOST = 18  # the first of the causes, J
+LOST = 18  # first of the losses by cause, J
 REPORT = LOST + sums.SUMS - sums.LOSSES
 SUMMED = (DISSIPATED, WORK, PATCH_DEFECT, TRAVEL, *range(LOST, REPORT))
 
-# steps done, evaluations of the residual, corrections of Newton's iteration, steps given up
+# completed steps, residual evaluations, Newton corrections, rejected steps
 STEPS, EVALUATIONS, ITERATIONS, REJECTED = range(4)
 COUNTERS = 4
 
 
 @kernel
 def write(report, w, mean, speed, heading, tension, energy):
-    """All that is not summed up, from the ``sums`` of the last evaluation in the arrays ``w`` and these.
+    """Write all entries that are not summed, from the last evaluation in ``w`` and the arguments.
 
-    ``mean`` (m + 1, 6): wrenches of the step, the ground's the last; ``speed`` along itself; ``heading`` (2) of the
-    carrier; ``tension``: least, mean and largest, largest stress; ``energy``: kinetic, strain, gravity.
+    ``mean`` (m + 1, 6): mean wrenches of the step, the ground's last; ``speed``, m/s, along the chain; ``heading`` (2)
+    of the carrier; ``tension`` (4): least, mean, largest, N, and largest stress, Pa; ``energy`` (3): kinetic, strain,
+    gravity, J.
     """
     report[SPEED] = speed
     report[T_MIN], report[T_MEAN], report[T_MAX], report[STRESS] = tension
@@ -44,7 +45,7 @@ def write(report, w, mean, speed, heading, tension, energy):
 
 @kernel
 def book(report, share, sums_now):
-    """``share`` seconds of the powers of an evaluation."""
+    """Add the powers ``sums_now`` (SUMS) of an evaluation over ``share`` s."""
     for k in range(REPORT - LOST):
         energy = share * sums_now[sums.LOSSES + k]
         report[LOST + k] += energy

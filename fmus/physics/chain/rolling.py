@@ -1,7 +1,7 @@
-"""What a chain touches, whatever its links are: rims, guides and ground at their faces, teeth at the pins.
+"""Contacts of a chain, for any kind of link: rims, guides and ground at the faces, teeth at the pins.
 
-Faces and forces are those of ``fmus.physics.contact``; where the points of a link are and what a force does to it is
-behind ``faces``. Points lie at two places along a covered part (Gauss), at one or two across.
+Faces and forces are those of ``fmus.physics.contact``; ``faces`` dispatches to the contact points of each kind of link
+and the action of forces there. Points are at two places along a covered part (Gauss) and at one or two across.
 """
 
 from __future__ import annotations
@@ -58,9 +58,10 @@ from fmus.physics.vector import add, dot, scale
 @kernel
 @apart
 def roll(links, contacts, x, w, rows, by_rate, tangent):
-    """All contacts of a chain in the motion ``x`` with the wheels ``rows`` (m, 15) and the ground.
+    """Evaluate all contacts of a chain with the wheels ``rows`` (m, 15) and the ground.
 
-    Residuals, with ``tangent`` iteration matrices, reactions, energies and powers go to the arrays ``w``.
+    ``x``: motion of the chain. Residuals, reactions, energies and powers, with ``tangent`` also iteration matrices, go
+    to the arrays ``w``; ``by_rate``, 1/s, is d velocity / d position.
     """
     begin(links, x, w)
     clear(w.on_links)
@@ -77,7 +78,7 @@ def roll(links, contacts, x, w, rows, by_rate, tangent):
 
 @kernel
 def _rim(links, contacts, x, w, k, row, by_rate, tangent):
-    """The rim of wheel ``k`` on the inner faces, and its disc on the guides."""
+    """Contact of the rim of wheel ``k`` with the inner faces, and of its disc with the guides."""
     (n, nodes), (places, side_by), law, radius = count(links, x), across(links), contacts.wheel, contacts.radius[k]
     far, disc = reached(links, radius), reached(links, radius + overhang(links))
     look(row, w.near.middle, w.near.off, w.near.square)
@@ -124,14 +125,14 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
 
 @kernel
 def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
-    """The teeth of sprocket ``k`` on the pins."""
+    """Contact of the teeth of sprocket ``k`` with the pins."""
     (n, nodes), (places, side_by) = count(links, x), across(links)
     far = (contacts.profile.top + 2.0 * side_by) ** 2
     for i in range(nodes):
         for m in range(places):
             y = (2.0 * m - 1.0) * side_by
             p, v = locate_pin(links, x, w, i, y)
-            if beyond(row, p) > far:  # nor does its other end touch
+            if beyond(row, p) > far:  # then its other end does not touch either
                 break
             depth, face = tooth_face(contacts.profile, row, p, v)
             if depth <= 0.0:
@@ -146,7 +147,7 @@ def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
 
 @kernel
 def _soil(links, contacts, x, w, by_rate, tangent):
-    """The ground on the outer faces."""
+    """Contact of the ground with the outer faces."""
     (n, nodes), (places, side_by), law = count(links, x), across(links), contacts.soil
     summit, first = contacts.shape.height + contacts.shape.rise, POINTS * len(contacts.teeth) * nodes
     for i in range(n):

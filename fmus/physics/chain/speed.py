@@ -6,17 +6,17 @@ import numpy as np
 
 from fmus.jit import kernel
 
-BEND = 0.1  # rad between a link's neighbours from which on the link counts little
+BEND = 0.1  # angle between a link's neighbours, rad, beyond which the link has little weight
 
 
 @kernel
 def chain_speed(x, v, closed, carrier):
-    """Mean velocity along itself of the straight parts of a chain over its carrier, m/s, along the index.
+    """Mean velocity along itself of the straight parts of a chain relative to its carrier, m/s.
 
-    x, v (nodes, 3, or 2 for x and z): positions and velocities of the pins; ``carrier`` as ``carrier.carrier`` gives
-    it. Where a chain runs straight, all pins of a link move along it at the pitch times the pins that pass; round a
-    wheel the chords lie askew to the velocities and show less, so links are weighted down with the angle between their
-    two neighbours.
+    x, v (nodes, 3, or 2 for x and z): positions, m, and velocities, m/s, of the pins; ``carrier`` from
+    ``carrier.carrier``. The speed is positive along the index. Where a chain is straight, all pins of a link move along
+    it at the pitch times the passing rate; round a wheel the chords are askew to the velocities and give less, so the
+    weight of a link falls with the angle between its two neighbours.
     """
     nodes = x.shape[0]
     links = nodes if closed else nodes - 1
@@ -31,7 +31,7 @@ def chain_speed(x, v, closed, carrier):
             )
         else:
             a, j, b = max(i - 1, 0), i + 1, min(i + 2, nodes - 1)
-        # of the angle between the neighbours: its cosine
+        # cosine of the angle between the neighbours
         dot = size_before = size_after = size = speed = 0.0
         for k in range(x.shape[1]):
             before, after, here = x[i, k] - x[a, k], x[b, k] - x[j, k], x[j, k] - x[i, k]

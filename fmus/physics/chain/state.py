@@ -1,15 +1,15 @@
-"""The state of a chain is one flat array; a ``State`` holds it and named views into it.
+"""State of a chain: one flat array, and a ``State`` of named views into it.
 
-Every kind of link has its own State and Work (arrays made once). Both have, for n links and m wheels:
+Every kind of link has its own State and Work (arrays allocated once). Both have, for n links and m wheels:
 
-    State   flat; q, v: coordinates and rates, first in ``flat``, after them axes, where the axes of the coordinates
-            turn; joints, p: coordinates that q and v follow from, before them (of rigid and of flexible links, or of
-            size 0);
+    State   flat; q, v: coordinates and rates, first in ``flat``, followed by axes where the axes of the coordinates
+            turn; joints, p: coordinates that determine q and v, before them (of rigid and of flexible links; size 0
+            if unused);
             a, vdot: auxiliary and true accelerations;
-            wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground: now, auxiliary, mean over the
-            communication step; on_links, on_links_aux, on_links_sum (k, c): likewise the forces on each link, summed
-            up over an interval, k pins, or k = 0 where nobody asks for them (``on_links``); span (2): of that;
-            sums: of the last evaluation (``sums``)
+            wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground, N and N m: now, auxiliary, mean over
+            the communication step; on_links, on_links_aux, on_links_sum (k, c): likewise the forces on each link,
+            the last summed over an interval, k pins, or k = 0 without a request (``on_links``); span (2): of the
+            interval; sums: of the last evaluation (``sums``)
     Work    before: the State at the beginning of a step; moved (m, 15): the wheels at the time of evaluation;
             wrench, on_links, sums: of the evaluation; contact: a ``Memory``
 """
@@ -22,7 +22,7 @@ import numpy as np
 
 from fmus.jit import kernel
 
-Shapes = dict[str, tuple[int, ...]]  # of the views, in order
+Shapes = dict[str, tuple[int, ...]]  # shapes of the views, in order
 
 
 def size(shapes: Shapes) -> int:
@@ -31,7 +31,7 @@ def size(shapes: Shapes) -> int:
 
 
 def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
-    """A State of the class ``kind`` that looks into the flat array."""
+    """Return a State of the class ``kind`` of views into the array ``flat``."""
     parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes.values()])[:-1])
     return kind(
         flat=flat, **{name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
@@ -39,21 +39,21 @@ def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
 
 
 def moving(s: Any) -> dict[str, np.ndarray]:
-    """The views that an explicit integrator moves, in order from the first of ``flat`` on."""
+    """Views that an explicit integrator advances, in order from the start of ``flat``."""
     others = [name for name in ("joints", "p") if name in s._fields and getattr(s, name).size > 0]
     return {name: getattr(s, name) for name in others or ["q", "v", "axes"] if name in s._fields}
 
 
 @kernel
 def copy(source, target):
-    """Flat arrays of one length."""
+    """Copy a flat array to another of the same length."""
     for i in range(target.size):
         target[i] = source[i]
 
 
 @kernel
 def put(source, target):
-    """Rows into rows of the same shape."""
+    """Copy rows to rows of the same shape."""
     for k in range(target.shape[0]):
         for i in range(target.shape[1]):
             target[k, i] = source[k, i]
@@ -61,7 +61,7 @@ def put(source, target):
 
 @kernel
 def add_share(share, source, target):
-    """``share`` times rows onto rows of the same shape."""
+    """Add ``share`` times rows to rows of the same shape."""
     for k in range(target.shape[0]):
         for i in range(target.shape[1]):
             target[k, i] += share * source[k, i]
@@ -69,7 +69,7 @@ def add_share(share, source, target):
 
 @kernel
 def take(s, w):
-    """Wrenches, forces of the ground and sums of the last evaluation are those of the state."""
+    """Copy wrenches, forces on links and sums of the last evaluation from ``w`` to the state."""
     put(w.wrench, s.wrench)
     put(w.on_links, s.on_links)
     for i in range(s.sums.shape[0]):
@@ -78,7 +78,7 @@ def take(s, w):
 
 @kernel
 def begin(s, w):
-    """``take``, of a state that begins: the means are the values of now."""
+    """``take`` for a new state: its means are the present values."""
     take(s, w)
     s.span[0], s.span[1] = 1.0, 0.0
     put(w.wrench, s.aux)

@@ -1,14 +1,14 @@
-"""What an evaluation of a chain sums up."""
+"""Sums over all contacts of an evaluation of a chain: indices into ``sums``."""
 
 from __future__ import annotations
 
 from fmus.jit import kernel
 
-# J stored in contacts, W lost as covered parts move, m, N on the ground, N m/s slipping along -x and -y,
-# W of the loads on the ends
+# stored contact energy, J; power lost as contact patches move, W; largest penetration, m; load on the ground, N; its
+# products with the slip along -x and -y, N m/s; power of the end loads, W
 CONTACT, PATCH_POWER, DEPTH, LOAD, SLIP, SIDESLIP, END_POWER = range(7)
-# W dissipated, by cause: guides by friction and damping, material in links, joints by what damps pins and closes a loop
-LOSSES = 7  # the first of them
+# dissipated power by cause, W: GUIDES by friction and damping, MATERIAL in links, JOINTS by dampers of pins and closure
+LOSSES = 7  # index of the first
 (
     GROUND_FRICTION, GROUND_DAMPING, WHEEL_FRICTION, WHEEL_DAMPING, TOOTH_FRICTION, TOOTH_DAMPING, GUIDES, MATERIAL,
     JOINTS,
@@ -18,7 +18,7 @@ SUMS = LOSSES + 9
 
 @kernel
 def note(sums, friction, damping, depth, push):
-    """Book a contact, what it loses under the causes ``friction`` and ``damping``."""
+    """Add a contact's energy, its losses under ``friction`` and ``damping``, and its ``depth``, m."""
     sums[CONTACT] += push.energy
     sums[friction] += push.friction
     sums[damping] += push.damping

@@ -1,6 +1,6 @@
-"""The door from a chain to what it touches: opened when a chain that touches something is compiled.
+"""Dispatch from a chain to its contacts, resolved when a chain with contacts is compiled.
 
-Where ``contacts`` is None numba drops the call, and nothing of contact is even imported.
+Where ``contacts`` is None numba drops the call, and no module of contact is imported.
 """
 
 from __future__ import annotations

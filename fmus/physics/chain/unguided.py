@@ -1,4 +1,4 @@
-"""Links that cannot leave their plane need no guides; the sibling is ``guides``."""
+"""No guides, for links that cannot leave their plane; sibling: ``guides``."""
 
 from __future__ import annotations
 

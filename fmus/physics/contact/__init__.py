@@ -1,1 +1,1 @@
-"""Contact laws on points: normal force, friction, and the partners ground, rim, teeth and guide."""
+"""Contact laws at points: normal force, friction, and the partners ground, rim, teeth and guide."""

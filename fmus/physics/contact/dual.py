@@ -1,10 +1,10 @@
-"""Sharp friction for Newton's iteration: the direction of friction as an unknown of its own.
+"""Sharp friction in Newton's iteration: the direction of friction as an additional unknown.
 
-Friction -mu N s / g with g = sqrt(|s|^2 + v_reg^2) bends within v_reg of slip. Where one correction crosses more than
-that, Newton's own tangent, (I - s s^T / g^2) / g, is that of the wrong side, and the iteration goes to and fro for
-ever. The equation p g = s of the direction p = s / g, linearised together with the motion, gives the tangent
-(I - p s^T / g) / g instead, with a p that only follows the corrections: it stays inside the cone when s overshoots,
-and near the solution it is s / g, so that the convergence is quadratic as before. The force itself is untouched.
+Friction -mu N s / g with g = sqrt(|s|^2 + v_reg^2) changes its direction within a slip of v_reg. If one correction
+crosses more than that, Newton's tangent, (I - s s^T / g^2) / g, belongs to the wrong side, and the iteration
+oscillates. The equation p g = s of the direction p = s / g, linearised together with the motion, gives the tangent
+(I - p s^T / g) / g instead. Here p only follows the corrections: it stays inside the cone when s overshoots, and near
+the solution it equals s / g, so convergence remains quadratic. The force itself does not change.
 
 Chan, Golub, Mulet, A nonlinear primal-dual method for total variation-based image restoration, SIAM Journal on
 Scientific Computing 20(6), 1999, doi 10.1137/S1064827596299767. Deviation: p is cut to the cone instead of the step.
@@ -19,9 +19,9 @@ from fmus.jit import kernel
 
 @kernel
 def followed(memory, point, g, s):
-    """G p, what the tangent takes for the slip ``s`` (3), m/s; p starts at 0 and follows the corrections.
+    """Return g p (3), which replaces the slip ``s`` (3), m/s, in the tangent; p starts at 0.
 
-    ``memory`` (see ``fmus.physics.point``) holds what was at this ``point`` in the last iteration.
+    ``memory`` (``fmus.physics.point``) holds slip, direction and ``g``, m/s, of this ``point`` in the last iteration.
     """
     m, (s0, s1, s2) = memory.dual[point], s
     p0 = p1 = p2 = 0.0

@@ -1,8 +1,8 @@
-"""A face at the point that it touches, and its force there: normal force and regularised isotropic Coulomb friction.
+"""Force at a contact point of a face: normal force and regularised isotropic Coulomb friction.
 
-The friction force is -mu N s / sqrt(|s|^2 + v_reg^2) with the slip velocity s in the tangent plane; it is smooth and it
-creeps under a constant load. A face bends in one direction only: n_x = bend u u^T with a tangent u. Vectors are tuples,
-so nothing is written to memory between the place of a point and the entries of its link.
+The friction force is -mu N s / sqrt(|s|^2 + v_reg^2) with the slip velocity s in the tangent plane; it is smooth and
+creeps under a constant load. A face is curved in one direction only: n_x = bend u u^T with a tangent u. Vectors are
+tuples, so nothing is written to memory between the position of a point and the entries of its link.
 """
 
 from __future__ import annotations
@@ -22,40 +22,40 @@ NO_MATRIX = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Face(NamedTuple):
-    """A face at the point it touches."""
+    """Face of a contact partner at the contact point."""
 
     n: Vector  # unit normal, from the face to the point
-    u: Vector  # unit tangent along which the face bends
-    bend: float  # how fast the normal turns along u, 1/m
+    u: Vector  # unit tangent along which the face is curved
+    bend: float  # curvature: turn of the normal per length along u, 1/m
     w: Vector  # velocity of the point relative to the face's material, m/s
     omega: Vector  # angular velocity of the face, rad/s
 
 
 class Push(NamedTuple):
-    """The force on the point and how it changes."""
+    """Contact force on a point, and its derivatives."""
 
-    f: Vector  # N
+    f: Vector  # force on the point, N
     g: tuple[float, float, float, float, float, float, float, float, float]  # rows of df/dx + by_rate df/dv, N/m
-    by_rate: Vector  # its derivative by a rate of penetration that is not the point's own, N s/m
-    normal: float  # N
-    energy: float  # stored, J
-    friction: float  # dissipated by friction, W
-    damping: float  # and by the damper, W
+    by_rate: Vector  # derivative of f by a penetration rate that is not the point's own, N s/m
+    normal: float  # normal force, N
+    energy: float  # stored energy, J
+    friction: float  # power dissipated by friction, W
+    damping: float  # power dissipated by the damper, W
 
 
 @kernel
 def touch(law, share, depth, face, by_rate, tangent, memory, point):
-    """``press`` whose damper feels the point's own approach to the face."""
+    """``press`` with a damper driven by the point's own approach to the face."""
     return press(law, share, depth, -dot(face.n, face.w), 1.0, face, by_rate, tangent, memory, point)
 
 
 @kernel
 def press(law, share, depth, rate, own, face, by_rate, tangent, memory, point):
-    """Force of a ``face`` on a point that carries ``share`` of the contact: a ``Push``, its g with ``tangent`` only.
+    """Return the ``Push`` of a ``face`` on a point with ``share`` of the contact; g only if ``tangent``.
 
-    ``rate`` is how fast the penetration grows as the damper feels it; ``own`` 1: it is -n.w and changes with the point,
-    0: it belongs to the contact as a whole. ``memory`` (see ``fmus.physics.point``) keeps the sharp friction of this
-    ``point`` of the chain.
+    ``depth``, m; ``rate``, m/s: growth of the penetration in the damper; ``own`` is 1 where it is -n.w and changes with
+    the point, 0 where it belongs to the contact as a whole; ``by_rate``, 1/s: d velocity / d position. ``memory``
+    (``fmus.physics.point``) keeps the sharp friction of this ``point`` of the chain.
     """
     n, u, w, omega, bend = face.n, face.u, face.w, face.omega, face.bend
     w_n = dot(n, w)
@@ -72,10 +72,10 @@ def press(law, share, depth, rate, own, face, by_rate, tangent, memory, point):
     seen = followed(memory, point, g, s) if memory.sharp[0] == 1 else s
     felt, inverse = slope * own, 1.0 / (g * g)
     d = add(n, scale(-phi, s))
-    # of the rate by the place, reversed: omega x n as the material velocity changes along the face, then n turns
+    # minus d rate / d position: omega x n, as the material velocity varies along the face, then the turn of n
     m = add(cross(omega, n), scale(bend * dot(w, u), u))
     p = add(scale(-(by_depth + by_rate * felt), n), scale(-felt, m))
-    # x: the slip along itself, over g^2, by the place; the slip's own derivative is W_x - n m^T - w_n n_x
+    # x: derivative of |s|^2 / 2 by the position; that of the slip itself is W_x - n m^T - w_n n_x
     x = add(cross(omega, s), add(scale(-w_n * bend * dot(s, u), u), scale(by_rate, s)))
     y, e = scale(drag * inverse, x), add(scale(drag, m), scale(drag * by_rate, n))
     c, b, o = bend * (force + drag * w_n), drag * by_rate, scale(drag, omega)

@@ -1,8 +1,8 @@
-"""Contact of a point with the ground: level, or with one bump across the way.
+"""Contact of a point with the ground, level or with one bump across the way.
 
-The bump is a trapezoid with rounded edges, alike at both ends: a top, ramps, and arcs of one radius between top, ramp
-and level. Depths are true distances, so the normal force has a potential on the arcs too, and a round wheel
-touches where its centre is nearer than its radius.
+The bump is a trapezoid with rounded edges, symmetric: a top, two ramps, and arcs of one radius between top, ramp and
+level. Depths are true distances, so the normal force has a potential on the arcs too, and a round wheel touches where
+its centre is nearer than its radius.
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ from fmus.physics.contact.face import NOTHING, Face
 class Ground(NamedTuple):
     """Shape of the ground in its own frame: x ahead, z up; the same at every y."""
 
-    height: float  # of the level part, m
-    rise: float = 0.0  # of the bump's top over it, m; 0: no bump
+    height: float  # z of the level part, m
+    rise: float = 0.0  # height of the bump's top over it, m; 0: no bump
     middle: float = 0.0  # x of the bump's middle, m
     top: float = 0.0  # half the length of the flat top, m
     foot: float = 0.0  # half the length of the whole bump, m
-    radius: float = 0.0  # of the rounded edges, m
-    sine: float = 0.0  # of the ramps' angle
-    cosine: float = 1.0
+    radius: float = 0.0  # radius of the rounded edges, m
+    sine: float = 0.0  # sine of the ramp angle
+    cosine: float = 1.0  # cosine of the ramp angle
 
 
 def bumpy(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> Ground:
-    """Ground with a bump that begins at ``start``, rises by ``rise`` at the angle ``slope``, flat for ``length``.
+    """Return a Ground with a bump that starts at x = ``start``; lengths in m.
 
-    Raises ValueError when the edges are too round for the bump's height.
+    It rises by ``rise`` at the angle ``slope``, rad, is flat over ``length``, and has edges of ``radius``. Raises
+    ValueError if the edges are too round for the bump's height.
     """
     straight = rise - 2.0 * radius * (1.0 - cos(slope))
     if straight < 0.0:
@@ -43,7 +44,10 @@ def bumpy(height: float, start: float, rise: float, slope: float, length: float,
 
 @kernel
 def level(ground, x, z):
-    """Depth of (x, z) below the surface (negative above), normal (x, z) there, its curvature 1/m, convex positive."""
+    """Depth of (x, z), m, below the surface (negative above), normal (x, z) and curvature there.
+
+    The curvature, 1/m, is positive where the surface is convex.
+    """
     if ground.rise == 0.0:
         return ground.height - z, 0.0, 1.0, 0.0
     side = 1.0 if x >= ground.middle else -1.0
@@ -66,6 +70,6 @@ def level(ground, x, z):
 
 @kernel
 def ground_face(ground, x, v):
-    """Depth, m, of a point at ``x`` (3) with velocity ``v`` (3) in the ground (a ``Ground``), and the face there."""
+    """Depth, m, of a point at ``x`` (3) with velocity ``v`` (3) in the ``ground``, and the Face there."""
     depth, n0, n2, bend = level(ground, x[0], x[2])
     return depth, Face((n0, 0.0, n2), (n2, 0.0, -n0), bend, v, NOTHING)

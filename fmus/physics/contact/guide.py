@@ -1,7 +1,7 @@
-"""Lateral guidance: a guide horn of a link against the side of a wheel's disc.
+"""Lateral guidance of a link: its guide horn against the side of a wheel's disc.
 
-The horn runs between the two discs of a wheel with some play on each side. Beyond it the disc pushes back along the
-wheel's axis, with the laws of the other contacts (friction in the plane of the disc).
+The horn runs between the two discs of a wheel with some play on each side. Beyond the play the disc pushes it back
+along the wheel's axis, with the laws of the other contacts (friction in the plane of the disc).
 """
 
 from __future__ import annotations
@@ -11,12 +11,15 @@ from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.wheel_kinematics import slide
 from fmus.physics.vector import add, dot, scale, vector
 
-HORN = 0.05  # how far a guide horn reaches into a wheel from the inner face, m
+HORN = 0.05  # height of a guide horn over the inner face, m
 
 
 @kernel
 def guide_face(row, play, x, v):
-    """Penetration, m, of a horn at ``x`` (3) with velocity ``v`` (3) into a disc of the wheel, and the face there."""
+    """Penetration, m, of a guide horn into the disc of a wheel, and the Face there.
+
+    ``row`` (15): the wheel; ``play``, m, on each side; the horn is at ``x`` (3) with velocity ``v`` (3).
+    """
     axis = vector(row, 9)
     along = dot(add(x, scale(-1.0, vector(row, 0))), axis)
     n = scale(-1.0 if along > 0.0 else 1.0, axis)

@@ -1,8 +1,8 @@
-"""Normal contact of Hunt and Crossley with a linear spring: the damper grows with the penetration.
+"""Hunt-Crossley normal contact with a linear spring: the damper grows with the penetration.
 
 Hunt, Crossley, Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech. 42, 1975, 440-445,
-doi:10.1115/1.3423596, with the exponent 1. The force is continuous when two faces meet at speed without any ramp. The
-constant of damping is that of the paper's linear law (Table 2) at the penetration ``deep``.
+doi:10.1115/1.3423596, with the exponent 1. The force is continuous without a ramp when two faces meet at speed. The
+damping constant is that of the paper's linear law (Table 2) at the penetration ``deep``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class HuntCrossley(NamedTuple):
     c: float  # normal damping of a whole link or pin at the penetration ``deep``, N s/m
     mu: float  # coefficient of friction
     v_reg: float  # slip velocity at which friction has grown to 1/sqrt(2) of mu N, m/s
-    deep: float = 5e-3  # penetration at which the damper is that of the linear law, m: pins and wheels at rest sink so
+    deep: float = 5e-3  # penetration at which the damper equals that of the linear law, m: of pins, wheels at rest
 
 
 @kernel
@@ -28,6 +28,6 @@ def normal(law, share, depth, rate):
     k, c = share * law.k, share * law.c / law.deep
     energy = 0.5 * k * depth * depth
     force = (k + c * rate) * depth
-    if force <= 0.0:  # the spring comes back slower than the faces part: its energy is lost
+    if force <= 0.0:  # the faces part faster than the spring relaxes: its energy is lost
         return 0.0, 0.0, 0.0, energy
     return force, k + c * rate, c * depth, energy

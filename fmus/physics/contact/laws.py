@@ -1,8 +1,8 @@
-"""The door to the normal contact laws: the class of a law says which module is behind it.
+"""Dispatch of the normal contact laws by the class of ``law``.
 
-A law has a linear spring k, on which rests what spread contacts store and lose (``wheel.bulge``,
-``wheel.patch_defect``), the friction of ``face``, and a damper of its own. A new one is a file with a class of these
-fields and ``normal``, and its name here and in ``fmus.vehicle``.
+Every law has a linear spring k, which the spread contacts require for their stored and lost energies
+(``wheel.bulge``, ``wheel.patch_defect``), the friction of ``face``, and its own damper. A new law needs a file with a
+class of these fields and ``normal``, and its name here and in ``fmus.vehicle``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ def _of(law: type) -> Any:
 
 @door(_of)
 def normal(law, share, depth, rate):
-    """Force of a point that carries ``share`` of the contact, at penetration ``depth`` > 0 growing at ``rate``.
+    """Force of a point that carries ``share`` of the contact at penetration ``depth`` > 0, m.
 
-    Returns the force N, its derivatives by depth and by rate, and the stored energy J.
+    ``rate``, m/s, is the growth of the penetration. Returns the force, N, its derivatives by depth, N/m, and by rate,
+    N s/m, and the stored energy, J.
     """

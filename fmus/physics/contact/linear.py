@@ -18,7 +18,7 @@ class Linear(NamedTuple):
     c: float  # normal damping of a whole link or pin, N s/m
     mu: float  # coefficient of friction
     v_reg: float  # slip velocity at which friction has grown to 1/sqrt(2) of mu N, m/s
-    ramp: float = 1e-3  # penetration over which the damper takes hold, m: without it the force jumps at first touch
+    ramp: float = 1e-3  # penetration over which the damper fades in, m: otherwise the force jumps at first touch
 
 
 @kernel
@@ -32,6 +32,6 @@ def normal(law, share, depth, rate):
         fade, slope = 1.0, 0.0
     c = share * law.c
     force = k * depth + c * fade * rate
-    if force <= 0.0:  # the spring comes back slower than the faces part: its energy is lost
+    if force <= 0.0:  # the faces part faster than the spring relaxes: its energy is lost
         return 0.0, 0.0, 0.0, 0.5 * k * depth * depth
     return force, k + c * slope * rate, c * fade, 0.5 * k * depth * depth

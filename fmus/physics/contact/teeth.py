@@ -1,11 +1,11 @@
 """Contact of a pin with the teeth of a sprocket.
 
-The profile is written for the centre of the pin (the outline of the teeth moved outwards by the pin's radius). In the
-frame of a gap between two teeth, a along the radius through its middle, b across, it is, on each side alike:
-a seat (arc of radius ``clearance`` whose bottom is the pitch circle), a straight flank tangent to it that leans
-outward by ``flank`` from the radius, a rounded tip, and the land of the tooth on the outer circle. The normal turns
-without a jump from one to the next, and the profile is the same forwards and backwards.
-A leaving pin swings about its seated neighbour, 180/z degrees off the radius: flanks that lean by more let it go.
+The profile holds for the centre of the pin (the outline of the teeth offset by the pin's radius). In the frame of a gap
+between two teeth, a along the radius through its middle and b across, it consists on each side of a seat (arc of
+radius ``clearance`` whose bottom is the pitch circle), a straight flank tangent to it that leans outward from the
+radius by ``flank``, a rounded tip, and the land of the tooth on the outer circle. The normal is continuous, and the
+profile is symmetric.
+A leaving pin swings about its seated neighbour, 180/z degrees off the radius; flanks that lean by more release it.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from fmus.physics.vector import add, cross, dot, scale, vector
 
 
 class Teeth(NamedTuple):
-    """Outline for the pin's centre, in the frame of a gap (a along the radius, b across), m and rad."""
+    """Profile for the pin's centre, in the frame of a gap (a along the radius, b across), m and rad."""
 
-    number: int
-    seat_a: float  # centre of the seat's arc
-    clearance: float  # radius of the seat's arc
-    flank_a: float  # direction of the flank
-    flank_b: float
-    flank_length: float  # from the seat to the tip's rounding
-    tip_a: float  # centre of the tip's rounding
-    tip_b: float
-    tip_radius: float  # of the rounding
-    tip_angle: float  # polar angle of its centre: the land begins there
-    top: float  # radius of the land
+    number: int  # number of teeth
+    seat_a: float  # centre of the seat's arc, m
+    clearance: float  # radius of the seat's arc, m
+    flank_a: float  # direction of the flank, unit vector (a, b)
+    flank_b: float  # second component
+    flank_length: float  # length from the seat to the tip's rounding, m
+    tip_a: float  # centre of the tip's rounding (a, b), m
+    tip_b: float  # second component, m
+    tip_radius: float  # radius of the rounding, m
+    tip_angle: float  # polar angle of that centre, rad, where the land begins
+    top: float  # radius of the land, m
 
 
 def teeth(
@@ -45,7 +45,10 @@ def teeth(
     flank: float,
     tip_radius: float,
 ) -> Teeth:
-    """Lay out the profile; raises ValueError when the numbers make no tooth."""
+    """Lay out the profile; lengths in m, ``flank`` in rad from the radius.
+
+    Raises ValueError if the numbers make no tooth.
+    """
     pitch_radius = pitch / (2.0 * np.sin(np.pi / number))
     seat_a = pitch_radius + clearance
     da, db = np.cos(flank), np.sin(flank)
@@ -66,9 +69,10 @@ def teeth(
 
 @kernel
 def outline(t, a, b, rho):
-    """Where a pin's centre at ``a``, ``b`` >= 0 of its gap, ``rho`` from the axle, meets the profile.
+    """Contact of a pin's centre at (``a``, ``b`` >= 0) of its gap, ``rho`` from the axle, with the teeth.
 
-    Returns penetration m (not positive: no contact), the normal in a and b, and its bend 1/m (concave: negative).
+    All in m. Returns the penetration (no contact unless positive), the normal in a and b, and its curvature, 1/m,
+    negative where the profile is concave.
     """
     pa, pb = a - t.seat_a, b
     climb = pa * t.flank_a + pb * t.flank_b
@@ -82,7 +86,7 @@ def outline(t, a, b, rho):
             na, nb = t.flank_b, -t.flank_a
             depth = -(pa * na + pb * nb) - t.clearance
             bend = 0.0
-        if depth <= t.top - rho:  # else it is deeper than the tip's rounding is wide, and the land is nearer
+        if depth <= t.top - rho:  # deeper than that, the land is nearer
             return depth, na, nb, bend
     elif np.arctan2(b, a) < t.tip_angle:  # rounding: convex arc
         qa, qb = a - t.tip_a, b - t.tip_b
@@ -94,8 +98,9 @@ def outline(t, a, b, rho):
 
 @kernel
 def tooth_face(t, row, x, v):
-    """Penetration, m, of a pin with its centre at ``x`` (3) and velocity ``v`` (3) into the teeth ``t`` of the sprocket
-    ``row``, and the face there.
+    """Penetration, m, of a pin into the teeth ``t`` of a sprocket, and the Face there.
+
+    ``row`` (15): the sprocket; the pin's centre is at ``x`` (3) with velocity ``v`` (3).
     """
     axis = vector(row, 9)
     d = add(x, scale(-1.0, vector(row, 0)))
@@ -103,7 +108,7 @@ def tooth_face(t, row, x, v):
     rho = np.sqrt(dot(d, d))
     if rho >= t.top or rho == 0.0:
         return 0.0, Face(NOTHING, NOTHING, 0.0, NOTHING, NOTHING)
-    X = vector(row, 12)  # turns with the sprocket, T is where it turns to
+    X = vector(row, 12)  # turns with the sprocket towards T
     T = cross(axis, X)
     step = 2.0 * np.pi / t.number
     gap = step * np.round(np.arctan2(dot(d, T), dot(d, X)) / step)

@@ -1,10 +1,10 @@
-"""Contact of a link's inner face with the rim of a wheel (road wheel, idler): a cylinder rolling on a flat.
+"""Contact of a link's inner face with the rim of a wheel (road wheel, idler), a cylinder on a flat.
 
-The contact of Table 2 is spread evenly along the link and integrated over the part of the face that lies inside the
-rim, so that a wheel rolls from link to link without a ripple: two Gauss points integrate the parabola of penetration
-and its moment exactly (the circle's own quartic term is 0.5 % of the force). The damper feels how fast the rim as a
-whole sinks in, at the foot of the perpendicular from the wheel's centre, as in the paper's references: a wheel that
-rolls on a flat loses nothing to it. (With each point's own approach a road wheel's rolling resistance is 2.4 %.)
+The contact of Table 2 is spread evenly along the link and integrated over the part of the face inside the rim, so that
+a wheel rolls from link to link without a ripple. Two Gauss points integrate the parabola of penetration and its moment
+exactly (the circle's quartic term is 0.5 % of the force). The damper acts on the rate at which the rim as a whole sinks
+in, taken at the foot of the perpendicular from the wheel's centre, as in the paper's references: a wheel that rolls on
+a flat loses nothing to it. (With each point's own approach the rolling resistance of a road wheel is 2.4 %.)
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ GAUSS = 0.5 / np.sqrt(3.0)  # two-point abscissae 1/2 -+ GAUSS on the unit inter
 
 @kernel
 def reach(row, radius, a, b, offset):
-    """The part of the straight face from pin ``a`` to pin ``b`` (3), moved inwards by ``offset``, inside the rim.
+    """Part of the straight face from pin ``a`` to pin ``b`` (3) that lies inside the rim of ``radius``, m.
 
-    Works in the plane of the wheel. Returns (low, high, foot) and the outward normal of the face: the part's ends as
-    fractions of the link, equal when there is none, and the foot of the perpendicular from the wheel's centre.
+    The face is the pin line moved inwards by ``offset``, m; all is computed in the plane of the wheel ``row`` (15).
+    Returns (low, high, foot) and the outward unit normal of the face (3): the ends of the part as fractions of the
+    link, equal if there is none, and the foot of the perpendicular from the wheel's centre.
     """
     axis = vector(row, 9)
     t = add(b, scale(-1.0, a))
@@ -33,7 +34,7 @@ def reach(row, radius, a, b, offset):
     length2 = dot(t, t)
     foot, length = dot(d, t) / length2, np.sqrt(length2)
     side = scale(1.0 / length, cross(t, axis))
-    height = -dot(d, side) - offset  # of the face over the wheel's centre
+    height = -dot(d, side) - offset  # height of the face over the wheel's centre
     inside = radius * radius - height * height
     half = np.sqrt(max(inside, 0.0)) / length
     low = max(foot - half, 0.0)
@@ -43,13 +44,16 @@ def reach(row, radius, a, b, offset):
 
 @kernel
 def closing(row, u, side):
-    """Rate at which a rim sinks into a face with the normal ``side``: ``u`` (3) is the face's velocity at the foot."""
+    """Rate, m/s, at which the rim of wheel ``row`` sinks into a face with the normal ``side`` (3).
+
+    ``u`` (3) is the velocity of the face at the foot, m/s.
+    """
     return dot(side, add(vector(row, 3), scale(-1.0, u)))
 
 
 @kernel
 def rim_face(row, radius, x, v):
-    """Penetration, m, of a point at ``x`` (3) with velocity ``v`` (3) into the rim, and the face there."""
+    """Penetration, m, of a point at ``x`` (3) with velocity ``v`` (3) into the rim, and the Face there."""
     axis = vector(row, 9)
     d = add(x, scale(-1.0, vector(row, 0)))
     d = add(d, scale(-dot(d, axis), axis))
@@ -62,11 +66,11 @@ def rim_face(row, radius, x, v):
 
 @kernel
 def bulge(law, radius, length, low, high, rates):
-    """Energy, J, that the parabola of penetration from ``low`` to ``high`` stores beyond its two Gauss points.
+    """Energy, J, of the parabola of penetration from ``low`` to ``high`` beyond its two Gauss points.
 
-    With the depth m + g eta - c (eta^2 - 1/3) over eta from -1 to 1, the mean of its square is
-    m^2 + g^2 / 3 + 4 c^2 / 45; the Gauss points hold the first two terms. It grows with the fifth power of the part.
-    Returns also the power W that it loses as the ends of the part move at ``rates`` (2).
+    With the depth m + g eta - c (eta^2 - 1/3) over eta from -1 to 1, the mean of its square is m^2 + g^2 / 3 + 4 c^2 /
+    45; the Gauss points hold the first two terms. The rest grows with the fifth power of the part. Also returns the
+    power, W, that it loses as the ends of the part move at ``rates`` (2), 1/s. ``radius`` and ``length`` in m.
     """
     half = 0.5 * (high - low) * length
     c = half * half / (2.0 * radius)
@@ -76,20 +80,21 @@ def bulge(law, radius, length, low, high, rates):
 
 @kernel
 def creep(height, length, offset, part, first, last):
-    """Rates, 1/s, at which both ends of the part of a face inside the rim move along the link.
+    """Rates, 1/s, at which the ends of the part of a face inside the rim move along the link.
 
-    ``height``: of the face over the wheel's centre, m, negative where a link lies so askew that its face is turned
-    away. ``part``: low, high and foot of ``reach``. ``first`` and ``last``: velocities (normal, along) of the link's
-    pins relative to the wheel's material. An end that is the link's own stays.
+    ``height``, m: of the face over the wheel's centre, negative where a link is so askew that its face is turned away;
+    ``length`` of the link and ``offset`` of the face, m; ``part``: low, high and foot of ``reach``; ``first`` and
+    ``last``: velocities (normal, along), m/s, of the link's pins relative to the wheel's material. An end of the part
+    at an end of the link stays there.
     """
     low, high, foot = part
     if low <= 0.0 and high >= 1.0:
         return 0.0, 0.0
     half = max(foot - low, high - foot) * length
-    swing = offset * (last[0] - first[0]) / length  # of the face about the pin line
+    swing = offset * (last[0] - first[0]) / length  # of the face, by the rotation of the pin line
     n0, t0, n, t = first[0], first[1] + swing, last[0] - first[0], last[1] - first[1]
     at_low = at_high = 0.0
-    if low > 0.0:  # the place stays on the rim: its radius does not change
+    if low > 0.0:  # the end stays on the rim, at constant radius
         at_low = (height * (n0 + low * n) - half * (t0 + low * t)) / (half * length)
     if high < 1.0:
         at_high = -(height * (n0 + high * n) + half * (t0 + high * t)) / (half * length)
@@ -98,7 +103,7 @@ def creep(height, length, offset, part, first, last):
 
 @kernel
 def creeping(row, a, b, va, vb, offset, side, part):
-    """``creep`` in space: places and velocities (3) of the pins, ``side`` (3) and ``part`` of ``reach``."""
+    """``creep`` in space: positions, velocities (3) of the pins, ``side`` (3) and ``part`` of ``reach``."""
     if part[0] <= 0.0 and part[1] >= 1.0:
         return 0.0, 0.0
     along = cross(vector(row, 9), side)
@@ -112,10 +117,10 @@ def creeping(row, a, b, va, vb, offset, side, part):
 
 @kernel
 def patch_defect(law, share, depth, slope, part, rates, side):
-    """Power W that a Gauss point loses, on the ``side`` -1 or 1 of its part, as the ends of the part move at ``rates``.
+    """Power, W, that a Gauss point loses as the ends of its part move at ``rates`` (2), 1/s.
 
-    The point then has another share and another place on the link, where the depth changes by ``slope``: its energy
-    share k depth^2 / 2 changes although no force does work.
+    ``side`` is -1 or 1: which of the two points. Its share changes, and so does its position on the link, along which
+    the ``depth``, m, changes by ``slope``, m: its energy share k depth^2 / 2 changes although no force does work.
     """
     widen = rates[1] - rates[0]
     shift = 0.5 * (rates[0] + rates[1]) + side * GAUSS * widen

@@ -1,4 +1,4 @@
-"""A wheel as a contact partner (a row of ``fmus.physics.wheels``): slip against it, reaction on it."""
+"""Slip against a wheel (a row of ``fmus.physics.wheels``), and the reaction on it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from fmus.physics.vector import add, cross, scale, vector
 
 @kernel
 def collect(row, x, f, wrench):
-    """Add the reaction of the force ``f`` (3) on a point at ``x`` (3) to the ``wrench`` (6) on the wheel's centre."""
+    """Add the reaction of a force ``f`` (3), N, on a point at ``x`` (3) to a wheel's ``wrench`` (6).
+
+    The wrench is force, N, and torque, N m, about the centre of the wheel ``row`` (15).
+    """
     torque = cross(add(x, scale(-1.0, vector(row, 0))), f)
     for i in range(3):
         wrench[i] -= f[i]
@@ -17,6 +20,6 @@ def collect(row, x, f, wrench):
 
 @kernel
 def slide(row, x, v):
-    """Velocity (3) of the point at ``x`` with ``v`` relative to the wheel's material at that place."""
+    """Velocity (3), m/s, of a point at ``x`` with velocity ``v`` relative to the wheel's material there."""
     d = add(x, scale(-1.0, vector(row, 0)))
     return add(v, scale(-1.0, add(vector(row, 3), cross(vector(row, 6), d))))

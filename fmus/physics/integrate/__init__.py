@@ -1,1 +1,1 @@
-"""Time integrators as coefficients and stage formulas, each with a declared order."""
+"""Time integrators as coefficients and stage formulas, each with its declared order."""

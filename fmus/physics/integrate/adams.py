@@ -1,17 +1,18 @@
-"""Adams' predictor-corrector methods of variable order and step, as the formulas of a step (PECE).
+"""Adams predictor-corrector methods of variable order and step, as the formulas of a step (PECE).
 
 Shampine, Gordon, Computer Solution of Ordinary Differential Equations, Freeman, 1975, chapters 5 to 10; Krogh's
 modified divided differences also in Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.5. For
-n + 1, of order k, with the sums of the last steps psi_i(n + 1) = h_{n+1} + ... + h_{n+2-i}:
+step n + 1 of order k, with the sums of the last steps psi_i(n + 1) = h_{n+1} + ... + h_{n+2-i}:
 
     beta_1 = 1, beta_i = prod_{j<i} psi_j(n + 1) / psi_j(n),  phi*_i = beta_i phi_i(n)
     p = x + h sum_{i<=k} g_i phi*_i                              Adams-Bashforth, then f_p = f(t + h, p)
     x(n + 1) = p + h g_{k+1} (f_p - sum_{i<=k} phi*_i)           Adams-Moulton, of order k + 1
     phi_1(n + 1) = f(t + h, x(n + 1)),  phi_{i+1}(n + 1) = phi_i(n + 1) - phi*_i
 
-An error is the root mean square of what it is of ``rtol`` |x| + ``atol``, in the numbers that are controlled;
-quadratures behind them run through the same formulas, so that the impulse of a force is what the momentum gets of it,
-to rounding. The model owns the compiled loop (kernels call kernels by import); f of ``m.y`` goes into ``m.k``:
+The error is the root mean square of the errors over ``rtol`` |x| + ``atol``, taken over the controlled variables.
+Quadratures follow them in the same array and use the same formulas, so the impulse of a force equals the momentum that
+it transfers, to rounding. The model owns the compiled loop (kernels call kernels by import); f of ``m.y`` goes into
+``m.k``:
 
     restart(m, longest)                  # with f(x) in m.k
     while t < end:
@@ -23,8 +24,8 @@ to rounding. The model owns the compiled loop (kernels call kernels by import); 
         accept(m, h)
         t += h
 
-A projection after each step does no harm to the past that a method remembers: Eich, Convergence results for a
-coordinate projection method applied to mechanical systems with algebraic constraints, SIAM J. Numer. Anal. 30, 1993,
+A projection after each step does not spoil the stored differences: Eich, Convergence results for a coordinate
+projection method applied to mechanical systems with algebraic constraints, SIAM J. Numer. Anal. 30, 1993,
 doi:10.1137/0730076.
 """
 
@@ -36,13 +37,13 @@ import numpy as np
 
 from fmus.jit import kernel
 
-order = 12  # the highest one of the predictor; a start is of order 1
-LEAST = 1e-13  # of a second: no step is shorter
-CAUTION = 0.5  # of the error that is allowed, at which the next step aims
+order = 12  # the highest order of the predictor; a start has order 1
+LEAST = 1e-13  # shortest step, s
+CAUTION = 0.5  # part of the allowed error that the next step aims at
 
-ORDER, SAME, RISING, FAILED = range(4)  # of ``at``
-NEXT, LAST, RTOL, ATOL, ERROR, LOWER, LOWEST = range(7)  # of ``size``
-STEPS, EVALUATIONS, REJECTED, RESTARTS, ORDERS = range(5)  # of ``counts``
+ORDER, SAME, RISING, FAILED = range(4)  # indices into ``at``
+NEXT, LAST, RTOL, ATOL, ERROR, LOWER, LOWEST = range(7)  # indices into ``size``
+STEPS, EVALUATIONS, REJECTED, RESTARTS, ORDERS = range(5)  # indices into ``counts``
 
 # Adams-Moulton's error constants |gamma*_k|, k = 0 to 13 (Hairer, Norsett, Wanner, III.1): the factors of an error
 GAMMA = np.array([1.0, 1 / 2, 1 / 12, 1 / 24, 19 / 720, 3 / 160, 863 / 60480, 275 / 24192, 33953 / 3628800,
@@ -51,25 +52,25 @@ GAMMA = np.array([1.0, 1 / 2, 1 / 12, 1 / 24, 19 / 720, 3 / 160, 863 / 60480, 27
 
 
 class Adams(NamedTuple):
-    """What a method remembers; N numbers, of which the first ``controlled`` have an error."""
+    """State of the method for N variables, of which the first ``controlled`` have an error estimate."""
 
-    controlled: int
-    x: np.ndarray  # (N) at the end of the last step
-    y: np.ndarray  # (N) the argument of an evaluation
-    k: np.ndarray  # (N) and its rates
-    phi: np.ndarray  # (order + 2, N) modified divided differences of the rates, the last ones first
-    psi: np.ndarray  # (2, order + 1) sums of the last steps, s: of those that are done, and with the next one
-    beta: np.ndarray  # (order + 1)
-    g: np.ndarray  # (order + 1)
-    sigma: np.ndarray  # (order + 1) factors of an error by unequal steps
+    controlled: int  # number of variables with an error estimate
+    x: np.ndarray  # (N) variables at the end of the last step
+    y: np.ndarray  # (N) argument of an evaluation
+    k: np.ndarray  # (N) rates at ``y``, 1/s
+    phi: np.ndarray  # (order + 2, N) modified divided differences of the rates, the latest first
+    psi: np.ndarray  # (2, order + 1) sums of the last steps, s: of completed steps, and including the next one
+    beta: np.ndarray  # (order + 1) ratios of these sums
+    g: np.ndarray  # (order + 1) coefficients of the predictor
+    sigma: np.ndarray  # (order + 1) factors of the error for unequal steps
     c: np.ndarray  # (order + 2) scratch
-    at: np.ndarray  # int: order of the next step; steps of the last length; 1 while a start rises; failures in a row
-    size: np.ndarray  # s, of the next step and the last one; tolerances; errors of this order, and of one and two less
-    counts: np.ndarray  # int: steps, evaluations, rejected steps, restarts, sum of the orders of all steps
+    at: np.ndarray  # (4) int: order of the next step; steps of equal length; 1 during start-up; failures in a row
+    size: np.ndarray  # (7) next and last step, s; tolerances; errors at this order, and at one and two less
+    counts: np.ndarray  # (5) int: steps, evaluations, rejected steps, restarts, sum of the orders of all steps
 
 
 def adams(controlled: int, besides: int, rtol: float, atol: float) -> Adams:
-    """Zeroed, for so many numbers with an error and so many quadratures."""
+    """Return a zeroed state for ``controlled`` variables with an error and ``besides`` quadratures."""
     n, k, z = controlled + besides, order + 1, np.zeros
     return Adams(
         controlled, z(n), z(n), z(n), z((k + 1, n)), z((2, k)), z(k), z(k), z(k), z(k + 1),
@@ -79,7 +80,7 @@ def adams(controlled: int, besides: int, rtol: float, atol: float) -> Adams:
 
 @kernel
 def restart(m, longest):
-    """Forget the past; ``m.k`` holds the rates of ``m.x``."""
+    """Start at order 1 without history; ``m.k`` holds the rates of ``m.x``; steps up to ``longest`` s."""
     total = 0.0
     for l in range(m.x.size):
         m.phi[0, l] = m.k[l]
@@ -87,7 +88,7 @@ def restart(m, longest):
     for l in range(m.controlled):
         e = m.k[l] / (m.size[RTOL] * abs(m.x[l]) + m.size[ATOL])
         total += e * e
-    rate = np.sqrt(total / m.controlled)  # a first step that is too long fails, and says how long it may be
+    rate = np.sqrt(total / m.controlled)  # a first step that is too long is rejected, and its error gives the length
     m.size[NEXT] = min(longest, 0.25 / np.sqrt(rate)) if rate > 0.0 else longest
     m.size[LAST] = 0.0
     m.at[ORDER], m.at[SAME], m.at[RISING], m.at[FAILED] = 1, 0, 1, 0
@@ -99,7 +100,10 @@ def restart(m, longest):
 
 @kernel
 def length(m, left, longest):
-    """Of the next step, s; the last two before the end share what is ``left``, so that none is very short."""
+    """Length of the next step, s, at most ``longest``.
+
+    The last two steps before the end share the remaining time ``left``, s, so that neither is very short.
+    """
     h = min(m.size[NEXT], longest)
     if h >= left:
         return left
@@ -108,7 +112,7 @@ def length(m, left, longest):
 
 @kernel
 def _coefficients(m, h):
-    """beta, g and sigma of a step of ``h`` s, from the steps before."""
+    """Compute beta, g and sigma of a step of ``h`` s from the previous steps."""
     k, past, now = m.at[ORDER], m.psi[0], m.psi[1]
     m.beta[0] = m.sigma[0] = m.g[0] = 1.0
     now[0] = h
@@ -127,7 +131,7 @@ def _coefficients(m, h):
 
 @kernel
 def predict(m, h):
-    """The argument ``m.y`` of the first evaluation of a step of ``h`` s."""
+    """Predict ``m.y``, the argument of the first evaluation of a step of ``h`` s."""
     _coefficients(m, h)
     for l in range(m.x.size):
         m.y[l] = m.x[l]
@@ -139,7 +143,7 @@ def predict(m, h):
 
 @kernel
 def _surprise(m, l):
-    """Rate less the predicted one, f_p - sum phi*."""
+    """Difference between the rate of variable ``l`` and its prediction, f_p - sum phi*."""
     d = m.k[l]
     for i in range(m.at[ORDER]):
         d -= m.beta[i] * m.phi[i, l]
@@ -148,7 +152,7 @@ def _surprise(m, l):
 
 @kernel
 def accurate(m, h):
-    """Whether the step holds its tolerances; else the next one is shorter."""
+    """Whether the step of ``h`` s meets the tolerances; if not, shorten the next attempt."""
     k, n = m.at[ORDER], m.controlled
     m.counts[EVALUATIONS] += 1
     same = less = least = 0.0
@@ -175,7 +179,7 @@ def accurate(m, h):
     m.size[NEXT] = 0.5 * h
     if _lower(m):
         m.at[ORDER] -= 1
-    if m.at[FAILED] > 2:  # the past is of no use
+    if m.at[FAILED] > 2:  # the history is useless
         m.at[ORDER] = 1
     if m.at[ORDER] == 1 and m.size[ERROR] < np.inf:
         m.size[NEXT] = h * min(0.5, np.sqrt(CAUTION / m.size[ERROR]))
@@ -184,7 +188,7 @@ def accurate(m, h):
 
 @kernel
 def _lower(m):
-    """Whether the step had been better with one order less."""
+    """Whether one order less would have been better for this step."""
     if m.at[ORDER] == 2:
         return m.size[LOWER] <= 0.5 * m.size[ERROR]
     return m.at[ORDER] > 2 and max(m.size[LOWER], m.size[LOWEST]) <= m.size[ERROR]
@@ -192,7 +196,7 @@ def _lower(m):
 
 @kernel
 def correct(m, h):
-    """The end of the step into ``m.y``, the argument of the second evaluation."""
+    """Correct ``m.y``, the end of the step of ``h`` s and argument of the second evaluation."""
     k = m.at[ORDER]
     for l in range(m.x.size):
         step = m.g[k] * _surprise(m, l)
@@ -203,7 +207,7 @@ def correct(m, h):
 
 @kernel
 def accept(m, h):
-    """Take the step, with the rates of ``m.y`` in ``m.k``, and choose order and length of the next one."""
+    """Accept the step of ``h`` s, with the rates of ``m.y`` in ``m.k``; choose the next order and length."""
     k = m.at[ORDER]
     for l in range(m.x.size):
         m.x[l] = m.y[l]
@@ -231,7 +235,7 @@ def accept(m, h):
 
 @kernel
 def _choose(m, h):
-    """The order of the next step; returns the error that it would have had in this one."""
+    """Choose the order of the next step; return the error that it would have had in this one."""
     k, error = m.at[ORDER], m.size[ERROR]
     down = _lower(m)
     if down or k == order:

@@ -1,9 +1,9 @@
-"""Coefficients of the method of Hilber, Hughes and Taylor: one more parameter in ``generalized_alpha``'s recursion.
+"""Coefficients of the Hilber-Hughes-Taylor method, a member of ``generalized_alpha``.
 
 Improved numerical dissipation for time integration algorithms in structural dynamics, Earthquake Engineering and
 Structural Dynamics 5, 1977, doi:10.1002/eqe.4290050306; as a member of the family: Chung, Hulbert, Journal of Applied
-Mechanics 60, 1993, doi:10.1115/1.2900803. The average over a step is of forces alone, that of inertia forces is of its
-end: alpha_m = 0, and alpha_f is their -alpha. At LEAST it is the generalised-alpha method of the same radius.
+Mechanics 60, 1993, doi:10.1115/1.2900803. Forces are averaged over a step, inertia forces are taken at its end:
+alpha_m = 0, and alpha_f is the authors' -alpha. At LEAST it equals the generalised-alpha method of the same radius.
 """
 
 from __future__ import annotations
@@ -17,6 +17,6 @@ LEAST = 0.5  # spectral radius at infinite frequency: alpha = -1/3
 
 @kernel
 def coefficients(radius):
-    """The method with spectral ``radius`` at infinite frequency, LEAST to 1 (the trapezoidal rule)."""
+    """Method with spectral ``radius`` at infinite frequency, from LEAST to 1 (trapezoidal rule)."""
     alpha_f = (1.0 - radius) / (1.0 + radius)
     return GeneralizedAlpha(0.0, alpha_f, 0.25 * (1.0 + alpha_f) ** 2, 0.5 + alpha_f)

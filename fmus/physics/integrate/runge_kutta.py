@@ -21,12 +21,12 @@ from fmus.jit import kernel
 
 
 class Tableau(NamedTuple):
-    """Butcher's coefficients of an explicit method with s stages."""
+    """Butcher coefficients of an explicit method with s stages."""
 
-    order: int  # of the global error, for smooth right-hand sides
-    a: NDArray[np.float64]  # (s, s), strictly lower triangular
-    b: NDArray[np.float64]  # (s,)
-    c: NDArray[np.float64]  # (s,), row sums of a
+    order: int  # global order for smooth right-hand sides
+    a: NDArray[np.float64]  # (s, s) stage weights, strictly lower triangular
+    b: NDArray[np.float64]  # (s,) weights of the step
+    c: NDArray[np.float64]  # (s,) stage times over the step, row sums of a
 
 
 RK4 = Tableau(
@@ -39,7 +39,7 @@ RK4 = Tableau(
 
 @kernel
 def stage(method, i, h, x, k, y):
-    """Write the argument of stage i, x + h sum_j a_ij k_j, into y; x, y are (n,), k is (s, n)."""
+    """Write the argument of stage i, x + h sum_j a_ij k_j, into y; x, y (n,), k (s, n), h in s."""
     for n in range(x.size):
         y[n] = x[n]
     for j in range(i):
@@ -50,7 +50,7 @@ def stage(method, i, h, x, k, y):
 
 @kernel
 def finish(method, h, x, k):
-    """Advance x (n,) in place by the step h with the slopes k (s, n)."""
+    """Advance x (n,) in place by the step h, s, with the stage rates k (s, n)."""
     for i in range(len(method.b)):
         for n in range(x.size):
             x[n] += h * method.b[i] * k[i, n]

@@ -1,1 +1,1 @@
-"""Rigid bodies on pins: kinematics, joints, the linear system of a chain."""
+"""Rigid bodies on pins: kinematics, joints and the linear systems of a chain."""

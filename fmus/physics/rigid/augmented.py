@@ -1,4 +1,4 @@
-"""The linear system of a Newton step of a pinned chain of rigid links, solved in O(n).
+"""Linear system of a Newton step of a pinned chain of rigid links, solved in O(n).
 
     [ K  -B^T ] [ dx ]     [ r ]
     [ B   D   ] [ dl ] = - [ C ]
@@ -7,13 +7,13 @@ K is block diagonal (6 x 6 a link), B the Jacobian of the pins (rigid/pin.py), D
 closing pin. Eliminating dx leaves B K^-1 B^T + D, block tridiagonal with one 5 x 5 block a pin and cyclic
 in a closed chain.
 
-Pin j joins link j - 1 with link j; a closed chain of n links has n pins, an open one n + 1 of which the
-first and the last hold it to the ground, or are absent (their blocks then hold ones). Pins all parallel
-close a chain by three equations too many (320 of rank 317 for 64 links): the closing pin, 0 of a closed
-chain and the last of an open one held at both ends, is compliant along its axis and in tilting. The others
-close the chain in these directions too, so that this spring stays unloaded.
-Paper 8.1 closes a chain by a stiff spring instead: the closing pin then gives way in its three position rows
-and has no others (``Spring``), or is no part of the system where the spring is an explicit force.
+Pin j joins link j - 1 with link j. A closed chain of n links has n pins, an open one n + 1; of these the first and the
+last hold it to the ground or are absent (their blocks are then identities). Parallel pins close a chain by three
+equations too many (320 of rank 317 for 64 links). Therefore the closing pin, 0 of a closed chain and the last of an
+open one held at both ends, is compliant along its axis and in tilting. The other pins close the chain in these
+directions too, so this spring stays unloaded.
+Paper 8.1 closes a chain by a stiff spring instead (``Spring``): the closing pin is then compliant in its three position
+rows and has no others, or it is left out of the system where the spring is an explicit force.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from fmus.physics.inverse import invert
 from fmus.physics.rigid import pin
 
 STIFFNESS = 1e9  # of the closing pin, N/m along its axis
-TILTING = 1e7  # and N m/rad
+TILTING = 1e7  # of the closing pin in tilting, N m/rad
 REGULAR = 1e7  # 1/s2: the compliance is then 0.01 1/kg, near that of a link
-SIX = (0,) * 6  # the size of a link's block, for the inversion
+SIX = (0,) * 6  # size of a link's block, for the inversion
 
 
 class System(NamedTuple):
@@ -38,28 +38,28 @@ class System(NamedTuple):
 
     A: np.ndarray  # (n, 3, 3) rotation matrices of the links
     WP: np.ndarray  # (p, 2, 3) axis rows of the link before each pin
-    WQ: np.ndarray  # (p, 2, 3) and of the one behind it
+    WQ: np.ndarray  # (p, 2, 3) axis rows of the link after each pin
     K: np.ndarray  # (n, 6, 6) diagonal blocks, inverted in place by ``factor``
     r: np.ndarray  # (n, 6) residual of the links, N and N m
     C: np.ndarray  # (p, 5) residual of the pins, m and rad
     dx: np.ndarray  # (n, 6) increments of the links, m and rad
     dl: np.ndarray  # (p, 5) increments of the multipliers, N and N m
     S: np.ndarray  # (3, p, 5, 5) Schur complement: diagonal, upper, lower
-    factors: block_cyclic.Factors
-    P: np.ndarray  # (10, 6) scratch, also of the inversion
+    factors: block_cyclic.Factors  # factors of the Schur complement
+    P: np.ndarray  # (10, 6) scratch, also for the inversion
 
 
 class Ends(NamedTuple):
-    """How the chain ends."""
+    """Ends of the chain."""
 
-    closed: bool
-    first: bool  # an open chain's first pin holds it to the ground
-    last: bool  # and its last
-    cut: bool = False  # the closing pin is no part of the system
+    closed: bool  # the chain is a loop
+    first: bool  # the first pin of an open chain holds it to the ground
+    last: bool  # the last pin of an open chain holds it to the ground
+    cut: bool = False  # the closing pin is left out of the system
 
 
 class Spring(NamedTuple):
-    """Between two points in the place of the closing pin: no moments. A stiffness of 0: there is a pin."""
+    """Spring and damper in place of the closing pin, without moments; stiffness 0 means a pin."""
 
     stiffness: float  # N/m
     damping: float  # N s/m
@@ -70,7 +70,7 @@ PIN = Spring(0.0, 0.0)
 
 @kernel
 def closing(ends, n):
-    """The closing pin of ``n`` links; -1 where none is held by all others."""
+    """Index of the closing pin of ``n`` links; -1 if an open chain has a free end."""
     if ends.closed:
         return 0
     return n if ends.first and ends.last else -1
@@ -78,12 +78,15 @@ def closing(ends, n):
 
 @kernel
 def give(spring, by_v):
-    """Compliance of the spring over a step, m/N, 0 of a pin; its damping pulls by ``by_v`` = d velocity / d place."""
+    """Compliance of the ``spring`` over a step, m/N; 0 for a pin.
+
+    ``by_v``, 1/s, is d velocity / d position, with which the damper contributes.
+    """
     return 1.0 / (spring.stiffness + by_v * spring.damping) if spring.stiffness > 0.0 else 0.0
 
 
 def system(n: int, closed: bool) -> System:
-    """Zeroed arrays for ``n`` links."""
+    """Return zeroed arrays for ``n`` links."""
     p = n if closed else n + 1
     return System(
         A=np.zeros((n, 3, 3)),
@@ -103,7 +106,7 @@ def system(n: int, closed: bool) -> System:
 @kernel
 @apart
 def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
-    """Add a link's B K^-1 B^T: its pin before (it is Q; rows 0-4 of P), its pin after (it is P; rows 5-9)."""
+    """Add B K^-1 B^T of a link between its first pin (as Q; rows 0-4 of P) and second (as P; rows 5-9)."""
     for k in range(3):
         y, z = -half * A[k, 2], half * A[k, 1]
         for c in range(6):
@@ -133,11 +136,11 @@ def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
 @kernel
 @apart
 def factor(half, ends, s, scale, spring=0.0):
-    """Factor the system whose A, WP, WQ and K are set. Returns -1, or the index of what is singular.
+    """Factor the system from its A, WP, WQ and K; return -1, or the index of the singular block.
 
-    ``scale`` multiplies the compliance of the closing pin: 1 where dl are forces of a spring; where K is the bare
-    mass, ``REGULAR`` makes it as large as the links' own, and the unloaded spring shows as little.
-    ``spring`` is the compliance of the spring that is there instead (``give``), 0 for a pin.
+    ``half``: half the pitch, m. ``scale`` multiplies the compliance of the closing pin: 1 where dl are forces of a
+    spring; where K is the bare mass, ``REGULAR`` makes it as large as the links' own compliance, so that the unloaded
+    spring has little effect. ``spring`` is the compliance of a spring instead of the pin (``give``), 0 for a pin.
     """
     n, p = s.K.shape[0], s.C.shape[0]
     SA, SU, SL = s.S[0], s.S[1], s.S[2]
@@ -159,7 +162,7 @@ def factor(half, ends, s, scale, spring=0.0):
             _absent(close, SA, SU, SL)
         elif spring > 0.0:
             for k in range(5):
-                SA[close, k, k] += spring if k < 3 else 1.0  # tilting is left out: its rows are empty
+                SA[close, k, k] += spring if k < 3 else 1.0  # the tilting rows are empty
         else:
             for i in range(3):
                 for k in range(3):
@@ -171,7 +174,7 @@ def factor(half, ends, s, scale, spring=0.0):
 
 @kernel
 def _absent(j, SA, SU, SL):
-    """Pin ``j`` holds nothing: ones on its diagonal, no coupling."""
+    """Remove pin ``j`` from the blocks: identity on its diagonal, no coupling."""
     p = SA.shape[0]
     SA[j] = 0.0
     for k in range(5):
@@ -184,7 +187,7 @@ def _absent(j, SA, SU, SL):
 
 @kernel
 def compliance(ends, s, lam):
-    """Add the give of the closing pin under its multipliers ``lam`` (p, 5) to the residual C."""
+    """Add the compliance of the closing pin under its multipliers ``lam`` (p, 5) to the residual C."""
     n = s.K.shape[0]
     if ends.closed or (ends.first and ends.last):
         link = 0 if ends.closed else n - 1
@@ -199,7 +202,7 @@ def compliance(ends, s, lam):
 @kernel
 @apart
 def solve(half, ends, s):
-    """Solve for dx and dl with the residuals r and C and what ``factor`` left."""
+    """Solve for dx and dl with the residuals r and C and the results of ``factor``; ``half`` in m."""
     n, p = s.K.shape[0], s.C.shape[0]
     dx, dl = s.dx, s.dl
     for j in range(p):
@@ -228,7 +231,7 @@ def solve(half, ends, s):
 
 @kernel
 def _apply(half, A, WQ, WP, x, before, after):
-    """Add a link's B x to the rows of the pins ``before`` and ``after`` (5)."""
+    """Add a link's B x, ``x`` (6), to the rows of the pins ``before`` and ``after`` it (5 each)."""
     for k in range(3):
         turning = half * (A[k, 1] * x[5] - A[k, 2] * x[4])
         before[k] += turning - x[k]
@@ -240,7 +243,7 @@ def _apply(half, A, WQ, WP, x, before, after):
 
 @kernel
 def rates(half, ends, s, v):
-    """Rates of the pins' equations for the velocities ``v`` (n, 6) of the links, into C."""
+    """Rates of the pin equations, m/s and rad/s, for the link velocities ``v`` (n, 6), into C."""
     n, p = s.K.shape[0], s.C.shape[0]
     for j in range(p):
         for k in range(5):
@@ -252,7 +255,7 @@ def rates(half, ends, s, v):
 
 @kernel
 def _nothing(ends, n, rows):
-    """Zero the rows (p, 5) of pins that hold nothing."""
+    """Zero the rows (p, 5) of absent pins."""
     close = closing(ends, n)
     for k in range(5):
         if not (ends.closed or ends.first):

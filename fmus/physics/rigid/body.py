@@ -1,8 +1,9 @@
-"""A rigid body in space: pose, its increments, gyroscopic torque, kinetic energy.
+"""Kinematics of a rigid body in space: pose, its increments, gyroscopic torque, kinetic energy.
 
-Pose: centre of mass r (3, world) and unit quaternion (4, body to world), together q (7). Velocity v (6): of the
-centre of mass in world axes, angular velocity in BODY axes; so are increments x (6) and accelerations. An increment
-turns from the right, A1 = A0 exp(x~): the rotations are a Lie group and no parametrisation becomes singular.
+Pose q (7): centre of mass r (3, world), m, and unit quaternion (4, body to world). Velocity v (6): of the centre of
+mass in world axes, m/s, and angular velocity in BODY axes, rad/s; increments x (6), m and rad, and accelerations
+likewise. An increment rotates from the right, A1 = A0 exp(x~): the rotations are a Lie group and no parametrisation
+becomes singular.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from fmus.jit import kernel
 
 @kernel
 def rotation(q, A):
-    """Rotation matrix of the pose ``q`` (7) into ``A`` (3, 3); its columns are the body axes, world."""
+    """Rotation matrix of the pose ``q`` (7) into ``A`` (3, 3); columns are the body axes in the world."""
     w, x, y, z = q[3], q[4], q[5], q[6]
     A[0, 0], A[0, 1], A[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     A[1, 0], A[1, 1], A[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
@@ -23,7 +24,7 @@ def rotation(q, A):
 
 @kernel
 def advance(q0, x, q1):
-    """The pose ``q0`` moved by the increment ``x`` (6), into ``q1``; normalised."""
+    """Move the pose ``q0`` (7) by the increment ``x`` (6) into ``q1`` (7), normalised."""
     for i in range(3):
         q1[i] = q0[i] + x[i]
     square = x[3] * x[3] + x[4] * x[4] + x[5] * x[5]
@@ -46,7 +47,7 @@ def advance(q0, x, q1):
 
 @kernel
 def pose_rate(q, v, k):
-    """Time derivative of the pose ``q`` (7) with the velocity ``v`` (6), into ``k``; the turning is from the right."""
+    """Time derivative of the pose ``q`` (7) at the velocity ``v`` (6) into ``k`` (7)."""
     w, x, y, z = q[3], q[4], q[5], q[6]
     a, b, c = 0.5 * v[3], 0.5 * v[4], 0.5 * v[5]
     for j in range(3):
@@ -59,10 +60,10 @@ def pose_rate(q, v, k):
 
 @kernel
 def turn_rate(x, d, out):
-    """``out`` (3) = T^-1(x) d: the change of the rotation vector ``x`` that turns its end by ``d``.
+    """Change ``out`` (3) = T^-1(x) d of the rotation vector ``x`` that rotates its end by ``d``, rad.
 
     T is the right tangent of the exponential, T^-1 d = d + x cross d / 2 + x cross (x cross d) / 12 + ...; the next
-    term is of order 4 (|x|^4/720), and an integrator's Newton converges to the same place without it.
+    term is of order 4 (|x|^4/720); an integrator's Newton iteration converges to the same solution without it.
     """
     a, b, c = x[1] * d[2] - x[2] * d[1], x[2] * d[0] - x[0] * d[2], x[0] * d[1] - x[1] * d[0]
     out[0] = d[0] + 0.5 * a + (x[1] * c - x[2] * b) / 12.0
@@ -72,7 +73,7 @@ def turn_rate(x, d, out):
 
 @kernel
 def gyroscopic(J, w, torque):
-    """``torque`` (3) = w cross J w, body axes, with principal inertias ``J`` (3)."""
+    """Gyroscopic torque w cross J w (3), N m, in body axes; principal inertias ``J`` (3), ``w`` (3) rad/s."""
     torque[0] = (J[2] - J[1]) * w[1] * w[2]
     torque[1] = (J[0] - J[2]) * w[2] * w[0]
     torque[2] = (J[1] - J[0]) * w[0] * w[1]
@@ -80,7 +81,7 @@ def gyroscopic(J, w, torque):
 
 @kernel
 def kinetic(m, J, v):
-    """Kinetic energy of one body, J."""
+    """Kinetic energy, J, of a body of mass ``m``, inertias ``J`` (3), velocity ``v`` (6)."""
     return 0.5 * (
         m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + J[0] * v[3] * v[3] + J[1] * v[4] * v[4] + J[2] * v[5] * v[5]
     )

@@ -1,7 +1,7 @@
-"""A pin between two links of a chain: five equations, their Jacobian, their velocity terms.
+"""Pin between two links of a chain: five equations, their Jacobian, their velocity terms.
 
-Every link's own axes are x along it, y its pins, z outwards; its pins lie at -+half along x. A pin joins the end of a
-link P with the beginning of the next one, Q:
+The axes of each link are x along it, y along its pins, z outwards; its pins are at -+half along x, m. A pin joins the
+end of a link P with the beginning of the next one, Q:
 
     C[0:3] = (r_P + half x_P) - (r_Q - half x_Q)        the pins meet, world axes, m
     C[3] = x_P . y_Q,   C[4] = z_P . y_Q                 the pins are parallel
@@ -20,7 +20,7 @@ from fmus.jit import kernel
 
 @kernel
 def equations(half, qP, AP, qQ, AQ, C):
-    """The five equations into ``C`` (5); poses (7) and rotation matrices (3, 3) of the two links."""
+    """Five equations of a pin into ``C`` (5), from poses (7) and rotation matrices (3, 3) of P and Q."""
     C[3] = 0.0
     C[4] = 0.0
     for i in range(3):
@@ -31,7 +31,7 @@ def equations(half, qP, AP, qQ, AQ, C):
 
 @kernel
 def axis_rows(AP, AQ, WP, WQ):
-    """Derivatives of the last two equations by the turning of P and of Q, into ``WP``, ``WQ`` (2, 3)."""
+    """Derivatives of C[3:5] by the rotations of P and of Q into ``WP``, ``WQ`` (2, 3)."""
     y0, y1, y2 = AQ[0, 1], AQ[1, 1], AQ[2, 1]
     a = AP[0, 0] * y0 + AP[1, 0] * y1 + AP[2, 0] * y2  # the axis of Q in body axes of P
     b = AP[0, 1] * y0 + AP[1, 1] * y1 + AP[2, 1] * y2
@@ -47,7 +47,7 @@ def axis_rows(AP, AQ, WP, WQ):
 
 @kernel
 def jacobian(half, AP, AQ, BP, BQ):
-    """The dense Jacobian, ``BP`` and ``BQ`` (5, 6): for tests and ranks, the solver uses its structure."""
+    """Dense Jacobian into ``BP``, ``BQ`` (5, 6), for tests and ranks; the solver uses its structure."""
     BP[:] = 0.0
     BQ[:] = 0.0
     axis_rows(AP, AQ, BP[3:, 3:], BQ[3:, 3:])
@@ -59,7 +59,7 @@ def jacobian(half, AP, AQ, BP, BQ):
 
 @kernel
 def velocity_terms(half, AP, wP, AQ, wQ, g):
-    """The part ``g`` (5) of the equations' second derivative that is quadratic in the velocities."""
+    """Part ``g`` (5) of the second derivative of C that is quadratic in the velocities wP, wQ (3), rad/s."""
     x, xx = _whirl(AP, wP, 0)
     z, zz = _whirl(AP, wP, 2)
     y, yy = _whirl(AQ, wQ, 1)
@@ -74,7 +74,7 @@ def velocity_terms(half, AP, wP, AQ, wQ, g):
 
 @kernel
 def _whirl(A, w, k):
-    """Rate w cross e and centripetal term w cross (w cross e) of the body axis ``k``, world; ``w`` in body axes."""
+    """World vectors w cross e and w cross (w cross e) of body axis ``k``; ``w`` (3) in body axes."""
     a, b = (k + 1) % 3, (k + 2) % 3
     u, v = w[b], -w[a]  # w cross e_k = w_b e_a - w_a e_b
     down = w[a] * w[a] + w[b] * w[b]
@@ -90,10 +90,10 @@ def _whirl(A, w, k):
 
 @kernel
 def reaction(half, A, before, after, WQ, WP, f):
-    """Add to ``f`` (6) the force on a link from its pins ``before`` (5, there it is Q) and ``after`` (5, P).
+    """Add the force on a link from its two pins to ``f`` (6): world force, N, body torque, N m.
 
-    World force, body torque: the transposed Jacobian times the multipliers. ``WQ``, ``WP`` (2, 3) are its
-    axis rows.
+    It is the transposed Jacobian times the multipliers (5) of the pin ``before`` (the link is Q) and ``after`` (it is
+    P); ``WQ``, ``WP`` (2, 3) are the link's axis rows.
     """
     s = (before[0] + after[0], before[1] + after[1], before[2] + after[2])
     for i in range(3):
@@ -105,9 +105,9 @@ def reaction(half, A, before, after, WQ, WP, f):
 
 @kernel
 def stiffness(half, A, before, after, K):
-    """Add to ``K`` (3, 3) the geometric stiffness of a link by the pull of its pins, -d(torque)/d(turning).
+    """Add the geometric stiffness of a link by its pin forces, -d(torque)/d(rotation), to ``K`` (3, 3).
 
-    torque = half x cross A^T (lambda_before + lambda_after); the axis multipliers' part is small and left out.
+    torque = half x cross A^T (lambda_before + lambda_after); the small part of the axis multipliers is left out.
     """
     s0, s1, s2 = before[0] + after[0], before[1] + after[1], before[2] + after[2]
     x = half * (A[0, 0] * s0 + A[1, 0] * s1 + A[2, 0] * s2)

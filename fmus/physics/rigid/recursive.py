@@ -1,16 +1,16 @@
-"""Accelerations of a chain of rigid links in joint coordinates, in O(n): the articulated-body algorithm.
+"""Accelerations of a chain of rigid links in joint coordinates in O(n), by articulated bodies.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, chapter 7, DOI 10.1007/978-1-4899-7560-7.
 
-Link i turns about its first pin against link i - 1; link 0 floats, or turns about a pin of the ground (``held``). All
-in a link's own axes (x along it, y its pin, z outwards) at its first pin P: accelerations (alpha, a_P), forces (moment
-about P, force), n links (n, 6). What a link and all beyond it answer at P is
+Link i turns about its first pin relative to link i - 1; link 0 floats, or turns about a pin of the ground (``held``).
+All quantities are in the link's own axes (x along it, y along its pin, z outwards) at its first pin P: accelerations
+(alpha, a_P), forces (moment about P, force), n links (n, 6). The response of a link and all beyond it at P is
 
     force = I^A acceleration + p                                                     (Featherstone (7.1))
 
 with the inertia at P of a link whose centre is c along x: force = m (a + alpha x c), moment = J alpha + c x force.
-Pins turn about y, links are a pitch along x and J is diagonal, so I^A never couples what is in the chain's plane
-(alpha_y, a_x, a_z) with what is across it (alpha_x, alpha_z, a_y): it is two symmetric matrices 3 x 3, and a joint
+Pins are along y, the next pin is one pitch along x, and J is diagonal, so I^A never couples motion in the chain's plane
+(alpha_y, a_x, a_z) with motion across it (alpha_x, alpha_z, a_y): it is two symmetric 3 x 3 matrices, and a joint
 acts on the first one alone.
 """
 
@@ -27,20 +27,20 @@ from fmus.physics.inverse import invert
 class Tree(NamedTuple):
     """Arrays of a chain of n links; angles and axes are set before ``factor``."""
 
-    turn: np.ndarray  # (n, 2) cosine and sine of the angle between a link and the one before
-    bias: np.ndarray  # (n, 6) accelerations of a link at P by the velocities alone
+    turn: np.ndarray  # (n, 2) cosine and sine of the angle between a link and the previous one
+    bias: np.ndarray  # (n, 6) accelerations of a link at P due to velocities, rad/s2 and m/s2
     pivot: np.ndarray  # (n, 3) I^A of alpha_y with alpha_y, a_x, a_z
-    slide: np.ndarray  # (n, 3) xx, xz, zz of I^a, what the joint passes on; it passes on no moment about y
+    slide: np.ndarray  # (n, 3) xx, xz, zz of I^a, passed on by the joint, which transmits no moment about y
     side: np.ndarray  # (n, 6) I^A across the plane: xx, xz, zz of alpha, alpha_x and alpha_z with a_y, a_y
-    root: np.ndarray  # (2, 3, 3) of a floating link 0, inverted: in the plane, across it
-    load: np.ndarray  # (3, n, 6) p: of all that acts, of a unit force in the closing pin along x and along z
-    answer: np.ndarray  # (3, n, 6) accelerations by them
-    mobility: np.ndarray  # (2, 2) of the closing pin's two sides by these unit forces, 1/kg
-    scratch: np.ndarray  # (3)
+    root: np.ndarray  # (2, 3, 3) inverse I^A of a floating link 0: in the plane, across it
+    load: np.ndarray  # (3, n, 6) p: of all loads; of a unit force in the closing pin along x; along z
+    answer: np.ndarray  # (3, n, 6) accelerations due to these loads
+    mobility: np.ndarray  # (2, 2) relative acceleration of the closing pin's sides due to these unit forces, 1/kg
+    scratch: np.ndarray  # (3) for the inversion
 
 
 def tree(n: int) -> Tree:
-    """Zeroed arrays for ``n`` links."""
+    """Return zeroed arrays for ``n`` links."""
     z = np.zeros
     return Tree(
         turn=z((n, 2)),
@@ -58,7 +58,10 @@ def tree(n: int) -> Tree:
 
 @kernel
 def factor(half, mass, J, held, t):
-    """Articulated inertias of all links, from the last to the first. Returns -1, or 0 where link 0 has none."""
+    """Articulated inertias of all links, from the last to the first; -1, or 0 if link 0 is singular.
+
+    ``half``: half the pitch, m; ``mass``, kg; ``J`` (3), kg m2; ``held``: link 0 turns about a pin of the ground.
+    """
     n, d, first = t.pivot.shape[0], 2.0 * half, mass * half
     second = first * half
     yy = yx = yz = xx = xz = zz = 0.0  # in the plane
@@ -70,10 +73,10 @@ def factor(half, mass, J, held, t):
         t.side[i, 0], t.side[i, 1], t.side[i, 2], t.side[i, 3], t.side[i, 4], t.side[i, 5] = lxx, lxz, lzz, lx, lz, my
         if i == 0:
             break
-        # the joint lets alpha_y go: I^a = I^A - U U^T / D
+        # the joint leaves alpha_y free: I^a = I^A - U U^T / D
         xx, xz, zz = xx - yx * yx / yy, xz - yx * yz / yy, zz - yz * yz / yy
         t.slide[i, 0], t.slide[i, 1], t.slide[i, 2] = xx, xz, zz
-        # along the axes of the link before, then at its P
+        # in the axes of the previous link, then at its P
         c, s = t.turn[i, 0], t.turn[i, 1]
         xx, xz, zz = _turned(c, s, xx, xz, zz)
         yy, yx, yz = d * d * zz, -d * xz, -d * zz
@@ -96,7 +99,7 @@ def factor(half, mass, J, held, t):
 
 @kernel
 def _turned(c, s, xx, xz, zz):
-    """A symmetric matrix in the axes of the link before."""
+    """Transform a symmetric matrix xx, xz, zz to the axes of the previous link."""
     a, b = c * xx + s * xz, c * xz + s * zz
     e, f = c * xz - s * xx, c * zz - s * xz
     return c * a + s * b, c * e + s * f, c * f - s * e
@@ -104,9 +107,9 @@ def _turned(c, s, xx, xz, zz):
 
 @kernel
 def solve(half, held, moving, t, p, acc):
-    """Accelerations ``acc`` (n, 6) by the loads ``p`` (n, 6), the reversed forces at P, which are used up.
+    """Accelerations ``acc`` (n, 6) by the loads ``p`` (n, 6), which are overwritten.
 
-    With ``moving`` also by the velocities.
+    ``p`` are the reversed forces at P. ``moving`` adds the velocity terms ``t.bias``.
     """
     n, d = p.shape[0], 2.0 * half
     for i in range(n - 1, 0, -1):
@@ -144,7 +147,7 @@ def solve(half, held, moving, t, p, acc):
     for i in range(1, n):
         x, c, s = acc[i - 1], t.turn[i, 0], t.turn[i, 1]
         a0, a1, a2 = x[0], x[1], x[2]
-        a3, a4, a5 = x[3], x[4] + d * a2, x[5] - d * a1  # at the end of the link before
+        a3, a4, a5 = x[3], x[4] + d * a2, x[5] - d * a1  # at the end of the previous link
         y = acc[i]
         y[0], y[2], y[3], y[4], y[5] = c * a0 - s * a2, s * a0 + c * a2, c * a3 - s * a5, a4, s * a3 + c * a5
         if moving:

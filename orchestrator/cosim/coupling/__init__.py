@@ -1,4 +1,4 @@
-"""Coupling algorithms, one a module: a class with ``NAME``, ``ORDER`` and ``advance(t, h)`` over given components."""
+"""Coupling algorithms, one per module: a class with ``NAME``, ``ORDER`` and ``advance(t, h)``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sequential: as tracks_first, but all inputs alike held ("constant") or extrapolated to the middle ("linear")."""
+"""Sequential coupling: inputs held ("constant") or extrapolated to the middle of the step ("linear")."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from orchestrator.log.wire import Rule
 
 
 class GaussSeidel(Scheme):
-    """Stage after stage; constant: the latest values, of order 1."""
+    """Stages step one after another; constant: on the latest values, of order 1."""
 
     NAME = "gauss_seidel"
 
@@ -19,7 +19,7 @@ class GaussSeidel(Scheme):
         self.ORDER = 2 if self.linear else 1
 
     def rule(self, feed: Feed, stepped: bool) -> Rule | None:
-        """Of peers that have stepped the mean or the latest; of others the latest, or what the past says."""
+        """Mean or latest value of a source that has stepped; else the value at t, or extrapolation."""
         if stepped:
             return input_hold.interpolated(feed) if self.linear else input_hold.at_end(feed)
         return None if self.linear and feed.carries != "state" else "start"

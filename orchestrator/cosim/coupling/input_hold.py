@@ -1,16 +1,16 @@
-"""Input hold: every input is held over [t, t + h], as its value at t + h/2 if that is known.
+"""Input hold: every input is constant over [t, t + h], at its value for t + h/2 if that is known.
 
-A hold of the value for the middle has no error in the mean, which is what makes a coupling of order 2:
+A constant input at the value of the middle has no error in the mean, which makes a coupling of order 2:
 
-| carries | held, of time t | extrapolated to the middle | when the peer has stepped |
+| carries | held, of time t | extrapolated to the middle | when the source has stepped |
 | --- | --- | --- | --- |
 | value | y | y + (y - y_past) h / (2 h_1), or y + y' h / 2 with rates | (y + y_after) / 2 |
 | mean | y | y + (y - y_past) (h + h_1) / (h_1 + h_2) | y_after |
-| state | y | y: the receiver moves it on with the rate beside it | y |
+| state | y | y: the receiver extrapolates with the rate | y |
 | rate | y | as a value | (y + y_after) / 2 |
 
-h_1 and h_2 are the lengths of the last steps: a mean belongs to the middle of its step. The first step has no past and
-is held as of time t. Means of the start are instantaneous, so h_2 = 0 in the second step.
+h_1 and h_2 are the lengths of the last two steps: a mean belongs to the middle of its step. The first step has no
+past and holds values at t. The means of the start are instantaneous, so h_2 = 0 in the second step.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Outputs = Mapping[str, Floats]  # y of every component by its name
 
 
 class Past(NamedTuple):
-    """What there was before the communication point t."""
+    """Past of the outputs before the communication point t."""
 
     outputs: Outputs  # y one step before; empty in the first step
     last: float  # h_1, s
@@ -33,12 +33,12 @@ class Past(NamedTuple):
 
 
 def constant(feed: Feed, now: Outputs) -> Floats:
-    """As the source shows it at t."""
+    """Outputs of the source at t."""
     return now[feed.source.name][feed.outputs]
 
 
 def extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
-    """For the middle of the step, from the past."""
+    """Outputs of the source extrapolated to the middle of the step."""
     y = constant(feed, now)
     if feed.carries == "state":
         return y
@@ -51,15 +51,15 @@ def extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
 
 
 def at_end(feed: Feed) -> Rule:
-    """As the source, which has stepped, shows it at t + h; a state is always of t."""
+    """Rule for the output at t + h of a source that has stepped; a state is always of t."""
     return "start" if feed.carries == "state" else "end"
 
 
 def interpolated(feed: Feed) -> Rule:
-    """For the middle of the step that the source has done."""
+    """Rule for the middle of the step of a source that has stepped."""
     return at_end(feed) if feed.carries in ("state", "mean") else "middle"
 
 
 def mean(feed: Feed, now: Outputs) -> Floats:
-    """What the source, which has stepped, shows in the middle of the step; ``now``: outputs at t."""
+    """Value of a source that has stepped for the middle of the step; ``now``: outputs at t."""
     return handed_over(interpolated(feed), constant(feed, now), feed.source.y[feed.outputs])

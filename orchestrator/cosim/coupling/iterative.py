@@ -1,8 +1,8 @@
-"""Iterated with rollback: every step is repeated until each input is the mean of what its peer shows over the step.
+"""Iterative coupling with rollback: a step is repeated until each input is its source's mean.
 
-Staged sweeps; only what a stage is told of later stages is unknown. Fixed-point iteration accelerated by
-D. G. Anderson, J. ACM 12, 1965, doi 10.1145/321296.321305 (type II, all in units of the largest value that each
-connection has carried), which also converges where plain repetition does not.
+The mean is that over the step. The sweeps follow the stages; only inputs from later stages are unknowns. The
+fixed-point iteration is accelerated by D. G. Anderson, J. ACM 12, 1965, doi 10.1145/321296.321305 (type II, scaled by
+the largest value that each connection has carried); it also converges where plain iteration does not.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, needs_sta
 from orchestrator.cosim.graph import Feed, Floats, Stages
 from orchestrator.log.wire import Rule
 
-KEPT = 6  # differences of earlier sweeps that the acceleration looks at
+KEPT = 6  # earlier differences that the acceleration uses
 
 
 class Iterative(Scheme):
-    """Converged when no unknown input changes by more than ``tolerance`` of the largest its connection has carried.
+    """Converged if no unknown changes by more than ``tolerance`` of the largest value of its connection.
 
-    :raises CouplingFailed: here where a component cannot save its state, in ``advance`` after ``iterations`` sweeps.
+    :raises CouplingFailed: here if a component cannot save its state, in ``advance`` after ``iterations`` sweeps.
     """
 
     NAME = "iterative"
@@ -33,7 +33,7 @@ class Iterative(Scheme):
         super().__init__(stages, threads)
         needs_states(self, "coupling 'iterative'")
         self.tolerance, self.iterations = tolerance, iterations
-        self.sweeps = 0  # in all
+        self.sweeps = 0  # total number
         feeds = [
             (member.component.name, feed)
             for member in self.members
@@ -47,9 +47,9 @@ class Iterative(Scheme):
         self._guess = np.zeros(int(ends[-1]))
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
-        """Sweeps until the unknown inputs repeat themselves."""
+        """Sweep until the unknown inputs converge; raises CouplingFailed."""
         z = self._collect(lambda feed: input_hold.extrapolated(feed, now, self.past, h))
-        if not len(z):  # no stage looks back
+        if not len(z):  # no input comes from a later stage
             super().exchange(t, h, now)
             return
         start = self.save()
@@ -72,21 +72,21 @@ class Iterative(Scheme):
         raise CouplingFailed(self._complaint(t, h, residual / scale))
 
     def rule(self, feed: Feed, stepped: bool) -> Rule | None:
-        """The mean; before that is known a state is as of t, and all else unknown."""
+        """Mean over the step if the source has stepped; None for an unknown; else the value at t."""
         if stepped:
             return input_hold.interpolated(feed)
         return None if id(feed) in self._place else "start"
 
     def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """The unknown."""
+        """Present guess of the unknown inputs of a feed."""
         return self._guess[self._place[id(feed)]]
 
     def memory(self) -> dict[str, Floats]:
-        """With the largest that each connection has carried."""
+        """Memory of the coupling, with the largest value of each connection."""
         return super().memory() | {"largest": self._largest}
 
     def remember(self, memory: Mapping[str, Floats]) -> None:
-        """With the largest that each connection has carried."""
+        """Restore the memory, with the largest value of each connection."""
         super().remember(memory)
         self._largest[:] = memory["largest"]
 
@@ -95,7 +95,7 @@ class Iterative(Scheme):
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def _scale(self, z: Floats) -> Floats:
-        """Of every unknown: the largest of its connection so far; 1 where nothing has come yet."""
+        """Scale of every unknown: the largest value of its connection so far, 1 if that is 0."""
         for k, (_, feed) in enumerate(self._feeds):
             self._largest[k] = max(self._largest[k], float(np.abs(z[self._place[id(feed)]]).max()))
         sizes = [len(feed.inputs) for _, feed in self._feeds]
@@ -117,7 +117,7 @@ class Iterative(Scheme):
 
 
 def anderson(history: list[tuple[Floats, Floats]]) -> Floats:
-    """The next guess from guesses and residuals (newest last): the combination of least residual, plus its residual."""
+    """Anderson's next guess from (guess, residual) pairs, newest last: least residual plus the residual."""
     z, r = history[-1]
     if len(history) == 1:
         return z + r

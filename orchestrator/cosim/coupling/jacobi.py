@@ -1,4 +1,4 @@
-"""Parallel: all components at once, on what their peers showed at t, held ("constant") or extrapolated ("linear")."""
+"""Parallel coupling on outputs at t, held ("constant") or extrapolated ("linear")."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from orchestrator.log.wire import Rule
 
 
 class Jacobi(Scheme):
-    """The stages play no part; constant: of order 1."""
+    """All members step at once, whatever their stage; constant: of order 1."""
 
     NAME = "jacobi"
 
@@ -18,13 +18,13 @@ class Jacobi(Scheme):
         self.ORDER = 2 if self.linear else 1
 
     def groups(self) -> Stages:
-        """One group of all."""
+        """A single group of all members."""
         return (self.members,)
 
     def stepped(self, member: Member) -> frozenset[str]:
-        """None: all step at once."""
+        """Empty: all components step at once."""
         return frozenset()
 
     def rule(self, feed: Feed, stepped: bool) -> Rule | None:
-        """As of t, or what the past says."""
+        """Value at t, or None for extrapolation."""
         return None if self.linear and feed.carries != "state" else "start"

@@ -1,17 +1,17 @@
-"""A variable communication step that follows the power residual of the bonds: no step is repeated, no state saved.
+"""Variable communication step controlled by the power residual of the bonds; no step is repeated.
 
 S. Sadjina, L. T. Kyllingstad, S. Skjong, E. Pedersen: Energy conservation and power bonds in co-simulations,
 Engineering with Computers 33, 2017, doi 10.1007/s00366-016-0492-8 (ECCO).
 
-Two components a and b share a bond when each shows what the other takes and the product is a power. Over a step from t
-to t + h each is given u, held, and shows y in the mean; the coupling loses the energy
+Components a and b share a bond if each has the other's input as an output and the product is a power. Over a step
+from t to t + h each holds an input u and has a mean output y; the coupling loses the energy
 
-    residual = h (y_a . u_a - y_b . u_b),    y_a . u_a: power that a felt it give, with u_a in place of y_b
+    residual = h (y_a . u_a - y_b . u_b),    y_a . u_a: power that a gives by its own balance, with u_a in place of y_b
 
-It is of order h^2 where an input is held as of time t (``tracks_first``, whose force passes unchanged: there it is
-force times the motion that was extrapolated less the motion that was made; a state that is sent anew gives part of it
-back), of order 3 where both are held for the middle of the step. The paper takes y at the end of the step; the mean
-over it is what the energy ledger books.
+It is of order h^2 if one input is held at its value of time t (``tracks_first``, whose force passes unchanged: the
+residual is force times the difference of extrapolated and actual motion; a state that is sent anew returns part of
+it), and of order 3 if both are held for the middle of the step. The paper takes y at the end of the step; here y is
+the mean over the step, as in the energy ledger.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from orchestrator.cosim.graph import Connection, Feed, Floats, Member, Miswired
 
 WATT = (1, 2, -3, 0, 0, 0, 0, 0)  # exponents of kg, m, s, A, K, mol, cd, 10
 SAFETY = 0.8
-I_GAIN, P_GAIN = 0.15, 0.2  # of the paper: 0.3 and 0.4 over the order
-LEAST, MOST = 0.2, 1.5  # change of the step from one to the next
-TINY = 1e-6  # of the tolerance: a smaller residual lets the step grow no faster
+I_GAIN, P_GAIN = 0.15, 0.2  # the paper's 0.3 and 0.4 over the order
+LEAST, MOST = 0.2, 1.5  # bounds of the ratio of two steps
+TINY = 1e-6  # of the tolerance: lower bound of the residual in the control law
 
 Dimension = tuple[float, ...]
 
 
 class Bond(NamedTuple):
-    """What two components exchange: ``there`` feeds b with what a shows, ``back`` feeds a with what b shows."""
+    """Pair of opposite feeds: ``there`` from a to b, ``back`` from b to a."""
 
     a: Member
     b: Member
@@ -56,9 +56,9 @@ def bonds(members: Sequence[Member]) -> tuple[Bond, ...]:
 
 
 def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dimension | None]) -> None:
-    """Raises Miswired unless bonds are pairs, there and back, of as many values whose products are powers.
+    """Raise Miswired unless bonds are pairs of opposite connections whose products are powers.
 
-    :param dimension: (instance, variable) -> its exponents as in ``WATT``, None where it is not known.
+    :param dimension: (instance, variable) -> exponents as in ``WATT``, None if unknown.
     """
     pairs: dict[str, list[Connection]] = {}
     for connection in connections:
@@ -77,35 +77,35 @@ def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dim
 
 
 def works(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
-    """J that went from a to b over the step just done: as a felt it, and as b did; ``now``: outputs at its start."""
+    """Energy, J, from a to b over the last step, by the balances of a and b; ``now``: y at its start."""
     shown, felt = input_hold.mean(bond.there, now), bond.b.component.u[bond.there.inputs]
     answer, seen = input_hold.mean(bond.back, now), bond.a.component.u[bond.back.inputs]
     return h * float(shown @ seen), h * float(felt @ answer)
 
 
 class Remembered(NamedTuple):
-    """What the next step follows from."""
+    """State of the step control."""
 
     t: float  # s, reached
-    h: float  # s, how long it is to be
-    size: float  # J, the largest energy that a bond has carried
-    before: float  # residual of the step before, over what is allowed
-    carried: Floats  # J, by bond
+    h: float  # s, next step
+    size: float  # J, largest energy that a bond has carried
+    before: float  # residual of the last step over the allowed one
+    carried: Floats  # J, net energy of each bond
 
 
 class PowerResidual:
-    """A pace that keeps the power residual of a step below a tolerance, by a PI controller.
+    """Pace that keeps the power residual of a step below a tolerance by a PI controller.
 
     :param stop: end, s.
     :param step: length of the first step, s.
-    :param tolerance: of the residual of a step, summed over the bonds, over the largest energy that a bond has carried
-        since the start, either way, or over ``energy``.
+    :param tolerance: of the residual of a step, summed over the bonds, relative to the largest energy, of either sign,
+        that a bond has carried since the start, or to ``energy`` if that is larger.
     :param shortest: s.
     :param longest: s.
-    :param energy: J; below it all is quiet.
+    :param energy: J, lower bound of the reference energy.
     """
 
-    rejected = 0  # steps are never taken back
+    rejected = 0  # steps are never repeated
 
     def __init__(
         self, stop: float, step: float, tolerance: float, shortest: float, longest: float, energy: float
@@ -116,19 +116,19 @@ class PowerResidual:
         self._start = self._now = Remembered(0.0, step, energy, 1.0, np.zeros(0))
 
     def memory(self, scheme: Scheme) -> dict[str, Floats]:
-        """What it remembers, by name."""
+        """State of the step control, by name."""
         *numbers, carried = self._now
         return {"pace": np.array([*numbers, self.forced]), "carried": carried}
 
     def remember(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
-        """Go on with that; raises LookupError, ValueError for what is none of this pace's."""
+        """Restore the state of the step control; raises LookupError, ValueError if it is not one of this pace."""
         t, h, size, before, forced = memory["pace"].tolist()
         self.forced, self._start = int(forced), Remembered(t, h, size, before, memory["carried"])
         if len(self._start.carried) != len(bonds(scheme.members)):
             raise ValueError("it has another number of bonds")
 
     def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
-        """Step after step to the end; raises CouplingFailed where there is no bond."""
+        """Step to the end; raises CouplingFailed without a bond."""
         found = bonds(scheme.members)
         if not found:
             raise CouplingFailed("no connection has a bond, whose power residual a variable step could follow")
@@ -139,7 +139,7 @@ class PowerResidual:
             left = math.ceil((self.stop - t) / h - 1e-9)
             if left <= 0:
                 return
-            if left <= 2:  # land on the end with even steps
+            if left <= 2:  # even steps up to the end
                 h = min(h, (self.stop - t) / left)
             scheme.advance(t, h)
             work = np.array([works(bond, scheme.past.outputs, h) for bond in found])

@@ -1,4 +1,4 @@
-"""What all couplings share: the past of the outputs, threads, states to go back to."""
+"""Base of all couplings: past outputs, step program, saved communication points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from orchestrator.cosim.program import Move, Program, Stage
 from orchestrator.cosim.tape import Tape
 from orchestrator.log.wire import Rule, handed_over
 
-TOGETHER = 3e-2  # s of wall time: who looks on a run waits no longer
+TOGETHER = 3e-2  # s of wall time, longest batch: observers wait no longer
 
 
 class CouplingFailed(RuntimeError):
@@ -27,18 +27,18 @@ class CouplingFailed(RuntimeError):
 
 
 class Saved(NamedTuple):
-    """Everything at a communication point: states in the order of the members, and the past."""
+    """Saved communication point: states in the order of the members, and the past."""
 
     states: tuple[Any, ...]
     past: Past
-    more: Any = None  # what else a coupling remembers
+    more: Any = None  # further memory of a coupling
 
 
 class Scheme:
-    """A coupling of given components; a context manager that owns the threads in which they step side by side.
+    """Coupling of components; a context manager that owns the threads of parallel steps.
 
-    :param stages: members by stage; those of a lower one step first where the coupling has an order of stepping.
-    :param threads: components that step at once do so in threads; without, one after the other with the same result.
+    :param stages: members by stage; lower stages step first if the coupling is sequential.
+    :param threads: components of a group step in parallel threads; False: one after another with the same result.
     """
 
     NAME: ClassVar[str]
@@ -54,9 +54,9 @@ class Scheme:
             self._stepped |= {member.component.name: before for member in stage}
         self._threads = threads
         self._program: Program | None = None
-        self.tape: Tape | None = None  # for the rows of many steps at once
-        self._failure: ComponentFailed | None = None  # of the step after the last one
-        self._seconds = math.inf  # a step has taken
+        self.tape: Tape | None = None  # memory for the rows of a batch of steps
+        self._failure: ComponentFailed | None = None  # of the step after the last batch
+        self._seconds = math.inf  # wall time of a step
 
     def __enter__(self) -> Scheme:
         loaded = {each.component.name: each.component for each in self.members if isinstance(each.component, Component)}
@@ -77,12 +77,12 @@ class Scheme:
         self._program = None
 
     def groups(self) -> Stages:
-        """Members that step at once, group after group."""
+        """Groups of members that step at once, in stepping order."""
         return self.stages
 
     @cached_property
     def _hands(self) -> list[tuple[Sequence[Member], list[tuple[Floats, Feed, Rule | None]]]]:
-        """Group after group its members, and all their inputs."""
+        """Members of each group with all their inputs and rules."""
         return [
             (
                 group,
@@ -100,11 +100,11 @@ class Scheme:
         return [(u, feed) for _, hands in self._hands for u, feed, rule in hands if rule is None]
 
     def march(self, k: int, n: int, h: float) -> int:
-        """The steps k + 1 to k + n of ``h`` s, or the first of them; returns how many.
+        """Do the steps k + 1 to k + n of ``h`` s, or the first of them; return their number.
 
-        They are many where machine code alone is between them, the ``tape`` has room and the time that they take is
-        short; the tape then holds their rows. Raises what ``advance`` raises, after the steps that were done were
-        returned.
+        Steps are done in one batch if machine code alone runs between them, the ``tape`` has room, and they take a
+        short time; the tape then holds their rows. Errors are those of ``advance``; an error in a batch is raised by
+        the next call, after the completed steps have been returned.
         """
         if self._failure is not None:
             raise self._failure
@@ -126,7 +126,7 @@ class Scheme:
 
     @cached_property
     def _alone(self) -> bool:
-        """Whether the program makes a step without the coupling."""
+        """True if the compiled program does a whole step without this class."""
         own = type(self)
         return own.advance is Scheme.advance and own.exchange is Scheme.exchange and not self._without_rule
 
@@ -134,13 +134,13 @@ class Scheme:
         return {member.component.name: member.component.y.copy() for member in self.members}
 
     def advance(self, t: float, h: float) -> None:
-        """Bring every component from t to t + h; raises what a component raises, and CouplingFailed."""
+        """Bring every component from t to t + h; raises the errors of components and CouplingFailed."""
         now = self._outputs()
         self.exchange(t, h, now)
         self.past = Past(now, h, self.past.last)
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
-        """The step itself; ``now`` holds the outputs at t. Inputs that need later ones are filled as these come."""
+        """Do the step; ``now`` holds the outputs at t. Inputs from later outputs are set when these are known."""
         for u, feed in self._without_rule:
             u[feed.inputs] = self.made(feed, now, h)
         if self._program is not None:
@@ -160,27 +160,27 @@ class Scheme:
                 member.component.read()
 
     def stepped(self, member: Member) -> frozenset[str]:
-        """Names of the components that have done the step when a member is given its inputs: the stages before."""
+        """Names of the components that have stepped when a member gets its inputs: those of earlier stages."""
         return self._stepped[member.component.name]
 
     def rule(self, feed: Feed, stepped: bool) -> Rule | None:
-        """How the inputs of a feed follow from outputs at t and, where its source has ``stepped``, at t + h.
+        """Rule by which inputs follow from outputs at t and, if the source has ``stepped``, at t + h.
 
-        None: the coupling makes them otherwise (``made``).
+        None: the coupling computes the inputs itself (``made``).
         """
         raise NotImplementedError
 
     def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """What a feed without a rule hands over: for the middle of the step, from the past."""
+        """Inputs of a feed without a rule: extrapolated to the middle of the step."""
         return input_hold.extrapolated(feed, now, self.past, h)
 
     def memory(self) -> dict[str, Floats]:
-        """What the coupling remembers at a communication point, by name: the past, and what else one needs."""
+        """Memory of the coupling at a communication point, by name."""
         outputs = {f"y:{name}": y for name, y in self.past.outputs.items()}
         return outputs | {"steps": np.array([self.past.last, self.past.older])}
 
     def remember(self, memory: Mapping[str, Floats]) -> None:
-        """Go on with that; raises LookupError, ValueError for what is none of this coupling's."""
+        """Restore the memory; raises LookupError, ValueError if it is not one of this coupling."""
         outputs = {name.removeprefix("y:"): memory[name] for name in memory if name.startswith("y:")}
         if outputs and set(outputs) != {member.component.name for member in self.members}:
             raise ValueError("it holds the past of other components")
@@ -188,23 +188,23 @@ class Scheme:
         self.past = Past(outputs, last, older)
 
     def save(self) -> Saved:
-        """The communication point, to be restored or freed."""
+        """Save the communication point, to be restored or freed."""
         return Saved(tuple(member.component.save() for member in self.members), self.past)
 
     def restore(self, saved: Saved) -> None:
-        """Back to a saved point, which stays good."""
+        """Restore a saved point, which stays valid."""
         for member, state in zip(self.members, saved.states, strict=True):
             member.component.restore(state)
         self.past = saved.past
 
     def free(self, saved: Saved) -> None:
-        """Forget a saved point."""
+        """Release a saved point."""
         for member, state in zip(self.members, saved.states, strict=True):
             member.component.free(state)
 
 
 def needs_states(scheme: Scheme, what: str) -> None:
-    """Raises CouplingFailed unless every component can go back in time."""
+    """Raise CouplingFailed unless every component can save its state."""
     for member in scheme.members:
         try:
             state = member.component.save()
@@ -214,6 +214,6 @@ def needs_states(scheme: Scheme, what: str) -> None:
 
 
 def gather(member: Member) -> None:
-    """Copy what the peers show now into the inputs."""
+    """Copy the present outputs of the sources into a member's inputs."""
     for feed in member.feeds:
         member.component.u[feed.inputs] = feed.source.y[feed.outputs]

@@ -1,8 +1,8 @@
-"""Force side first: with the motion of its peers moved on by their velocity; the other side with the mean force.
+"""Sequential coupling, force sides first on extrapolated motion, then motion sides on mean forces.
 
-A component whose peer steps later sees the peer's state at t and moves it on by the exchanged rates, or is given the
-value for the middle of the step where only the master can do so; one whose peer has stepped is given the mean over
-[t, t + h]. No rollback, and what leaves one component in a step enters the other in the same step.
+A component whose source steps later gets the state at t and extrapolates it with the exchanged rates, or gets the
+value for the middle of the step where only the master can extrapolate. A component whose source has stepped gets the
+mean over [t, t + h]. No rollback; momentum that leaves one component in a step enters the other in the same step.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from orchestrator.log.wire import Rule
 
 
 class TracksFirst(Scheme):
-    """Stages are force sides first."""
+    """Coupling whose first stages are force sides."""
 
     NAME = "tracks_first"
     ORDER = 2
 
     def rule(self, feed: Feed, stepped: bool) -> Rule | None:
-        """The mean of a peer that has stepped; else all but values as of t: the receiver moves on what has a rate."""
+        """Mean of a source that has stepped; else the value at t, or None for extrapolation of values."""
         if stepped:
             return input_hold.interpolated(feed)
         return None if feed.carries == "value" else "start"

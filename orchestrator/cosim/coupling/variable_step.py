@@ -1,8 +1,8 @@
-"""A variable communication step: every step is done twice, in one go and in two halves, and the difference judges it.
+"""Variable communication step by step doubling: two steps are compared with one of twice the length.
 
-The two halves are kept: a step of length 2 h in one go is thrown away, two steps of length h stay, so the error of the
-kept ones is the difference over 2^p - 1 with the coupling's order p. Works around any coupling whose components save
-their state, and with the coupling's own past at uneven steps.
+The pair of steps of length h is kept, the step of 2 h is discarded. With the coupling's order p the error of the pair
+is the difference over 2^p - 1. The method works with any coupling whose components save their state; the coupling's
+past may have uneven steps.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, Saved, Scheme
 from orchestrator.cosim.graph import Feed, Floats
 
 SAFETY = 0.9
-LEAST, MOST = 0.2, 2.0  # change of the step from one pair to the next
-Motion = tuple[str, str, int]  # source, taker, and which of its values, or -1
+LEAST, MOST = 0.2, 2.0  # bounds of the ratio of two steps
+Motion = tuple[str, str, int]  # source, receiver, and index of the value or -1
 
 
 class Remembered(NamedTuple):
-    """What the next pair follows from."""
+    """State of the step control."""
 
-    t: float  # s, where the last one has ended
-    h: float  # s, how long a step is to be
-    largest: dict[Motion, float]  # value that each motion has had
+    t: float  # s, end of the last pair
+    h: float  # s, next step
+    largest: dict[Motion, float]  # largest value of each motion
 
 
 class VariableStep:
-    """A pace that keeps the error of a step below a tolerance.
+    """Pace that keeps the error of a step below a tolerance.
 
     :param stop: end, s.
     :param step: length of the first step, s.
     :param tolerance: of the error of a step over the largest value that a connection has carried; poses and rates of
-        one motion are taken together, means are not looked at, being errors of motion over h.
+        one motion share a scale, means are left out because they are errors of motion over h.
     :param shortest: s; a step of this length is kept whatever its error is.
     :param longest: s.
     """
@@ -45,26 +45,26 @@ class VariableStep:
     def __init__(self, stop: float, step: float, tolerance: float, shortest: float, longest: float) -> None:
         self.stop, self.step, self.tolerance = stop, step, tolerance
         self.shortest, self.longest = shortest, longest
-        self.rejected = 0  # pairs of steps that were taken back
+        self.rejected = 0  # pairs of steps that were repeated
         self.forced = 0  # pairs kept with too large an error
         self._start = Remembered(0.0, step, {})
-        self._now: Remembered | None = None  # none between the steps of a pair
+        self._now: Remembered | None = None  # None between the steps of a pair
 
     def memory(self, scheme: Scheme) -> dict[str, Floats] | None:
-        """What it remembers, by name, of the point that was shown; None between two steps of a pair."""
+        """State of the step control at the shown point, by name; None between two steps of a pair."""
         if self._now is None:
             return None
         pace = np.array([self._now.t, self._now.h, self.rejected, self.forced])
         return {"pace": pace, "largest": np.array([self._now.largest.get(key, 0.0) for key in _motions(scheme)])}
 
     def remember(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
-        """Go on with that; raises LookupError, ValueError for what is none of this pace's."""
+        """Restore the state of the step control; raises LookupError, ValueError if it is not one of this pace."""
         t, h, rejected, forced = memory["pace"].tolist()
         self.rejected, self.forced = int(rejected), int(forced)
         self._start = Remembered(t, h, dict(zip(_motions(scheme), memory["largest"].tolist(), strict=True)))
 
     def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
-        """Pairs of steps to the end; both are shown when both are good."""
+        """Step to the end in pairs; both steps of a pair are shown when both are accepted."""
         t, h, largest = self._start
         largest = dict(largest)
         while True:
@@ -72,7 +72,7 @@ class VariableStep:
             pairs = math.ceil((self.stop - t) / (2.0 * h) - 1e-9)
             if pairs <= 0:
                 return
-            if pairs <= 2:  # land on the end with even steps, never longer ones by a rounding
+            if pairs <= 2:  # even steps up to the end, never longer by rounding
                 h = min(h, (self.stop - t) / (2.0 * pairs))
             start = scheme.save()
             middle = None
@@ -108,7 +108,7 @@ class VariableStep:
     def _pair(
         self, scheme: Scheme, start: Saved, t: float, h: float, largest: dict[Motion, float]
     ) -> tuple[float, Saved]:
-        """Both halves done: their error, and the point between them, to be freed."""
+        """Do both ways; return the error and the point in the middle of the pair, to be freed."""
         scheme.advance(t, 2.0 * h)
         coarse = _outputs(scheme)
         scheme.restore(start)
@@ -122,7 +122,7 @@ class VariableStep:
         return self._error(scheme, coarse, largest) / (2.0**scheme.ORDER - 1.0), middle
 
     def _error(self, scheme: Scheme, coarse: Outputs, largest: dict[Motion, float]) -> float:
-        """The largest difference of both ways over what each connection has carried so far."""
+        """Largest difference of both ways over the scale of each connection."""
         differences: dict[Motion, float] = {}
         for key, feed in _looked_at(scheme):
             fine = feed.source.y[feed.outputs]
@@ -144,7 +144,7 @@ def _motions(scheme: Scheme) -> list[Motion]:
 
 
 def _motion(taker: str, feed: Feed, place: int) -> Motion:
-    """What shares a size: all that one component tells another of its motion, and every connection of values."""
+    """Key of a scale: the motion that one component sends to another, or each value of its own."""
     return (feed.source.name, taker, place if feed.carries == "value" else -1)
 
 

@@ -1,1 +1,1 @@
-"""Analyses of a run, one a module: each has ``of(run, ...)``, a NamedTuple of arrays with ``table()`` for its rows."""
+"""Analyses of a run, one per module: ``of(run, ...)`` returns a NamedTuple of arrays with ``table()``."""

@@ -1,4 +1,4 @@
-"""When tracks are off the ground."""
+"""Intervals in which tracks are off the ground."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from orchestrator.results.run_data import BLOCK, EVER, RunData, Window
 
 
 def off_ground(run: RunData, window: Window = EVER) -> Spells:
-    """When tracks are off the ground (``spells.py``), by their names: by the vertical force of the ground on each."""
+    """Intervals without ground contact of each track (``spells.py``), by the vertical ground force."""
     names = tuple(track for track in run.tracks if run.has(f"{track}.ground.force.z"))
     wanted = {topic: [column] for topic, column in (run.log.find(f"{track}.ground.force.z") for track in names)}
 

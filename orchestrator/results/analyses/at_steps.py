@@ -1,4 +1,4 @@
-"""Signals that are recorded at the same steps, side by side."""
+"""Signals that are recorded at the same steps, as columns of one array."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ RECOVER = "'cotrack log recover' leaves those of all"
 
 
 def columns(run: RunData, names: Sequence[str]) -> dict[str, list[int]]:
-    """Topics and columns of signals by their names, "*" standing for anything; raises NoSuchSignal."""
+    """Topics and columns of signals by name, "*" for anything; raises NoSuchSignal."""
     chosen = run.log.choose(patterns) if (patterns := [name for name in names if "*" in name]) else {}
     for name in names:
-        if "*" not in name:  # a name alone need not be held against all others
+        if "*" not in name:  # a full name needs no pattern search
             topic, column = run.log.find(name)
             chosen.setdefault(topic, []).append(column)
     return {topic: sorted(set(chosen[topic])) for topic in run.log.topics if topic in chosen}
 
 
 def together(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats, Floats]:
-    """Times (m,) and values (m, names) of signals that are recorded at the same steps; raises Missing, NoSuchSignal."""
+    """Times (m,) and values (m, names) of signals with common steps; raises Missing, NoSuchSignal."""
     wanted = columns(run, names)
     found = run.log.select(wanted, window)
     t = next(iter(found.values())).t

@@ -1,8 +1,9 @@
-"""The analyses: what each says, its options, and an analysis of a log by its name.
+"""Catalogue of the analyses: description, options, and call by name.
 
-An analysis is a module of this folder that has its name, with ``of(run, window=..., OPTIONS...)``, whose result has a
-``table()``. It may have ``summary``, as quick as the table allows, and ``picture``; its result may have ``series()``,
-all numbers. The command ``cotrack analyse`` and ``analyse`` here are made of ``ANALYSES``.
+An analysis is the module of its name in this folder. Its function ``of(run, window=..., OPTIONS...)`` returns a
+result with ``table()``. The module may have ``summary``, which computes only the table, and ``picture``; the result
+may have ``series()`` with all numbers. ``ANALYSES`` defines the command ``cotrack analyse`` and the function
+``analyse``.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from orchestrator.results.run_data import EVER, RunData, Window
 
 
 class Option(NamedTuple):
-    """An argument of ``of``, and how the command line asks for it."""
+    """Argument of ``of`` and its option on the command line."""
 
-    name: str  # of the argument
+    name: str  # name of the argument
     kind: Any  # type on the command line
     flag: str
     metavar: str | None
@@ -28,16 +29,16 @@ class Option(NamedTuple):
 
 
 class Analysis(NamedTuple):
-    """What an analysis says, and what it is asked with."""
+    """Description and options of an analysis."""
 
     about: str
     options: tuple[Option, ...] = ()
-    of_picture: tuple[Option, ...] = ()  # asked of ``picture``
-    in_full: bool = False  # a file gets all numbers over time, frequency or length, not the table
+    of_picture: tuple[Option, ...] = ()  # options of ``picture``
+    in_full: bool = False  # a file gets all numbers over time, frequency or length instead of the table
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Its options on the command line."""
+        """Options on the command line."""
         return tuple(option.flag for option in (*self.options, *self.of_picture))
 
 
@@ -75,17 +76,17 @@ ANALYSES = {
 
 
 def module_of(name: str) -> Any:
-    """The module of an analysis; raises BadInput for a name that is none."""
+    """Module of an analysis; raises BadInput for an unknown name."""
     if name not in ANALYSES:
         raise BadInput(f"no analysis '{name}': one of {', '.join(ANALYSES)}")
     return import_module(f"orchestrator.results.analyses.{name.replace('-', '_')}")
 
 
 def analyse(path: str | os.PathLike[str], what: str, window: tuple[float, float] = EVER, **options: Any) -> Any:
-    """Analyse a log in a window of time, s; the result has arrays and ``table()`` with its ``frame()``.
+    """Analyse a log in a window of time, s; the result has arrays, ``table()`` and its ``frame()``.
 
-    ``options`` are those of its ``of``: ``track`` of most, ``signals`` of a spectrum, ``signal`` of an envelope.
-    Raises BadInput for a name that is none, Missing, LogUnreadable, NoSuchSignal.
+    ``options`` are the arguments of ``of``: ``track`` for most, ``signals`` of a spectrum, ``signal`` of an envelope.
+    Raises BadInput for an unknown name, Missing, LogUnreadable, NoSuchSignal.
     """
     analysis = module_of(what)
     with Log(path) as log:

@@ -1,8 +1,9 @@
 """Places on the circuit of a closed chain, in metres along it.
 
-The zero is fixed in the hull: where the chain crosses the line from the sprocket axle away from the middle of the
-circuit, in the middle of the wrap (without a sprocket: the line ahead of the middle). Places grow as links are
-numbered: from a sprocket in front down to the ground, rearwards along it, and ahead along the upper run.
+The zero is fixed in the hull: the middle of the wrap on the sprocket, where the chain crosses the line from the
+middle of the circuit through the sprocket axle (without a sprocket: the line ahead of the middle). Places grow with
+the numbers of links: from a sprocket in front down to the ground, rearwards along it, and forwards along the upper
+run.
 """
 
 from __future__ import annotations
@@ -18,21 +19,21 @@ from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 
 class Placed(NamedTuple):
-    """Some records of links with their places."""
+    """Link records with their places."""
 
     t: Floats  # (m,) s
     since: Floats  # (m,) s, time since the record before
-    length: Floats  # (m,) m, of the whole circuit
-    links: Floats  # (m, links) m, places of the middles of links
-    joints: Floats  # (m, joints) m, places of pins
-    centres: Floats  # (m, links, 2) m, middles of links ahead of and over the sprocket axle, in the axes of the hull
-    pins: Floats  # (m, joints, 3) m, world, for the axes of forces as in ``of_links``
-    axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, world
-    values: tuple[Floats, ...]  # of each signal (m, n) or (m, n, 3)
+    length: Floats  # (m,) m, whole circuit
+    links: Floats  # (m, links) m, middles of links
+    joints: Floats  # (m, joints) m, pins
+    centres: Floats  # (m, links, 2) m, middles of links ahead of and above the sprocket axle, in hull axes
+    pins: Floats  # (m, joints, 3) m, world; define the axes of forces as in ``of_links``
+    axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
+    values: tuple[Floats, ...]  # one per signal, (m, n) or (m, n, 3)
 
 
 def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[Placed]:
-    """Signals of links with the places of the links; raises Missing, also for chains that are open."""
+    """Signals of links with their places, in blocks; raises Missing, also for open chains."""
     away: Floats | None = None
     middle = np.zeros(2)
     port, count = hull.sprocket(run, track), of_links.count(run, track)
@@ -54,10 +55,10 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
 
 
 def places(pins: Floats, away: Floats) -> tuple[Floats, Floats, Floats]:
-    """Places of the middles of links (m, n) and of pins (m, n), and lengths (m,), of closed polygons (m, n, 2).
+    """Places of the middles of links and of pins (m, n), and lengths (m,), of closed polygons (m, n, 2).
 
-    The zero is where a polygon crosses the ray from the origin along ``away`` (2,), next to the origin.
-    Raises ValueError where one does not cross it.
+    The zero is the crossing of a polygon with the ray from the origin along ``away`` (2,) that is next to the origin.
+    Raises ValueError without a crossing.
     """
     after = np.roll(pins, -1, axis=1)
     sides = np.linalg.norm(after - pins, axis=2)

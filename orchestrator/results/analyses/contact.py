@@ -1,4 +1,4 @@
-"""Pressure of the ground under links: its force into a link over the area of a pad, pitch times width of the track."""
+"""Ground pressure under links: normal ground force over the area of a pad (pitch times track width)."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from orchestrator.results.link_axes import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 SIGNAL = "link[*].ground.force"
-BEARS = 1e-3  # of the largest pressure: a place with less of it is off the ground
+BEARS = 1e-3  # of the largest pressure; a place with less has no ground contact
 
 
 class Contact(NamedTuple):
-    """By place on the circuit (``circuit.py``), in as many bins as there are links."""
+    """Pressure by place on the circuit (``circuit.py``), in as many bins as there are links."""
 
     track: str
     place: Floats  # (bins,) m
-    mean: Floats  # (bins,) Pa, over time
+    mean: Floats  # (bins,) Pa, mean over time
     most: Floats  # (bins,) Pa
-    forward: Floats  # (bins,) m ahead of the sprocket axle, in the axes of the hull
-    peak: float  # Pa, of all links and records
+    forward: Floats  # (bins,) m ahead of the sprocket axle, in hull axes
+    peak: float  # Pa, largest of all links and records
     peak_link: int  # from 1
     peak_t: float  # s
-    force: float  # N, into all links together, mean over the window
-    area: float  # m2, of a pad
+    force: float  # N, sum over links, mean over the window
+    area: float  # m2, one pad
 
     def table(self) -> Table:
-        """A row for each place where links touch the ground."""
+        """Table with a row for each place with ground contact."""
         touched = self.most > BEARS * self.peak
         values = (self.place, self.forward, self.mean / 1e3, self.most / 1e3)
         rows = list(zip(*(each[touched].tolist() for each in values), strict=True))
@@ -45,12 +45,12 @@ class Contact(NamedTuple):
 
 
 def pad_area(run: RunData) -> float:
-    """Of a link on the ground, m2; raises Missing."""
+    """Area of a link's pad, m2; raises Missing."""
     return hull.number(run, "track", "pitch") * hull.number(run, "track", "width")
 
 
 def pressure(pins: Floats, axes: Floats, force: Floats, area: float) -> Floats:
-    """Under links (m, links), Pa: the part of the ground's force on them that points inwards, over their area.
+    """Pressure under links (m, links), Pa: inward component of the ground force over the area.
 
     ``pins`` (m, pins, 3), m, and ``force`` (m, links, 3), N, in world; ``axes`` (m, 3, 3) of the hull.
     """
@@ -59,7 +59,7 @@ def pressure(pins: Floats, axes: Floats, force: Floats, area: float) -> Floats:
 
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
-    """Of a track, by default the first; raises Missing."""
+    """Ground pressure of a track, by default the first; raises Missing."""
     track = hull.tracks(run, track)[0]
     if run.scene.get("assembly") != "vehicle":
         raise Missing(f"{run.log.path} holds no vehicle on the ground")

@@ -1,10 +1,10 @@
-"""How links are deformed along their length (figures 18 and 19 of the paper), in the tangent frame of section 8.3.
+"""Deformation of links along their length in tangent frames (paper, figures 18, 19, section 8.3).
 
-The frame of a link stands at its first pin, its longitudinal axis parallel to the position gradient there; its
-transverse axis points outwards, away from the wheels, and its lateral one along the pin. In it an undeformed link is
-(x, 0, 0). Between its pins the axis of an element is the cubic through both places and gradients; of rigid links the
-gradients are unit vectors along them, so they show no deformation but rounding. Of a loop that a spring closes the last
-link seems to reach to the first one: the gap of the cut is added to it.
+The frame of a link has its origin at the first pin and its longitudinal axis along the position gradient there; the
+transverse axis points outwards, away from the wheels, the lateral one along the pin. An undeformed link is (x, 0, 0).
+Between its pins the axis of an element is the cubic through positions and gradients. The gradients of rigid links are
+unit vectors along them, so these show rounding only. In a loop closed by a spring the gap of the cut is added to the
+last link.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from orchestrator.results.run_data import EVER, Missing, RunData, Window
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-POINTS = 21  # along a link, both pins among them
+POINTS = 21  # along a link, including both pins
 MAGNIFIED = 1e5  # in pictures, as in the paper's
 AXES = ("axial", "transverse", "lateral")
 
 
 class Deformation(NamedTuple):
-    """Displacements of the points of links from where they are without deformation, in the links' tangent frames."""
+    """Displacements of points of links from the undeformed position, in tangent frames."""
 
     track: str
     t: Floats  # (m,) s
@@ -39,7 +39,7 @@ class Deformation(NamedTuple):
     displacement: Floats  # (m, links, k, 3) m: axial, transverse (outwards), lateral (left)
 
     def table(self) -> Table:
-        """A row for each instant and link: at its far end, and the largest transverse one with its place."""
+        """Table with a row per instant and link: end displacement, largest transverse one and its place."""
         rows = []
         for t, links in zip(self.t, self.displacement, strict=True):
             at = np.abs(links[..., 1]).argmax(axis=1)
@@ -54,7 +54,7 @@ class Deformation(NamedTuple):
         return Table(f"Deformation of the links of {self.track} in their tangent frames", columns, rows)
 
     def series(self) -> Table:
-        """A row for each instant, link and point along it."""
+        """Table with a row per instant, link and point."""
         columns = (("at", "s"), ("link", ""), ("x", "m"), *((axis, "m") for axis in AXES))
         rows = [
             (float(t), i + 1, float(x), *(float(value) for value in point))
@@ -65,7 +65,7 @@ class Deformation(NamedTuple):
         return Table(f"Deformation along the links of {self.track}", columns, rows)
 
     def draw(self, panes: Sequence[Axes], link: int = 1, label: str = "", **style: object) -> None:
-        """Add link ``link`` (from 1), as it was at each instant, to two panes: axial and transverse, magnified."""
+        """Draw link ``link`` (from 1) at each instant into two panes: axial and transverse, magnified."""
         for t, links in zip(self.t, self.displacement, strict=True):
             axial, transverse, _ = MAGNIFIED * links[link - 1].T
             told = ", ".join(filter(None, [label, f"t = {t:g} s"]))
@@ -74,7 +74,7 @@ class Deformation(NamedTuple):
 
 
 def framed(panes: Sequence[Axes], length: float) -> None:
-    """The undeformed link of ``length``, m, and the words of two panes."""
+    """Draw the undeformed link of ``length``, m, and the labels of two panes."""
     along = np.array([0.0, length])
     panes[0].plot(along, along, "k--", linewidth=1, label="undeformed")
     panes[1].plot(along, np.zeros(2), "k--", linewidth=1, label="undeformed")
@@ -85,9 +85,9 @@ def framed(panes: Sequence[Axes], length: float) -> None:
 
 
 def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float] = ()) -> Deformation:
-    """Of a track, by default the first, at the records nearest to ``at``, s, by default the last one of the window.
+    """Deformation of a track, by default the first, at the records nearest to ``at``, s.
 
-    Raises Missing where it has no place or gradient of links.
+    The default of ``at`` is the last record of the window. Raises Missing without positions or gradients.
     """
     track = hull.tracks(run, track)[0]
     length = hull.number(run, "track", "pitch")
@@ -113,7 +113,7 @@ def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float]
 
 
 def picture(found: Deformation, output: Path, link: int) -> None:
-    """Figures 18 and 19 of one link, at each instant; raises BadInput."""
+    """Draw figures 18 and 19 for one link at each instant; raises BadInput."""
     from matplotlib.figure import Figure
 
     from orchestrator.results.picture import saved
@@ -131,7 +131,7 @@ def picture(found: Deformation, output: Path, link: int) -> None:
 
 
 def _cubic(x: Floats, length: float) -> Floats:
-    """Shape functions (4, k) of place and gradient at both ends of an element of ``length`` at ``x``, m. Paper 2."""
+    """Cubic shape functions (4, k) of position and gradient at both ends, at ``x``, m. Paper 2."""
     s = x / length
     return np.stack(
         [1 - 3 * s**2 + 2 * s**3, length * (s - 2 * s**2 + s**3), 3 * s**2 - 2 * s**3, length * (s**3 - s**2)]
@@ -141,7 +141,7 @@ def _cubic(x: Floats, length: float) -> Floats:
 def _nearest(
     run: RunData, track: str, window: Window, at: Sequence[float], signals: Sequence[str]
 ) -> tuple[Floats, list[Floats]]:
-    """Times (m,) and signals of the records nearest to the instants ``at``, or of the last one; raises Missing."""
+    """Times (m,) and signals of the records nearest to ``at``, or of the last one; raises Missing."""
     best: dict[float, tuple[float, tuple[Floats, ...]]] = {}
     last = -np.inf
     for block in of_links.records(run, track, window, *signals):

@@ -1,4 +1,4 @@
-"""What links feel by their place on the circuit: least, mean and largest of a signal at each place over a window."""
+"""Envelope of a link signal by place on the circuit: least, mean and largest value over a window."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 
 class Envelope(NamedTuple):
-    """Over all records of the window; places without a record are NaN."""
+    """Statistics over all records of a window; NaN for places without a record."""
 
-    signal: str  # "left_track.link[*].tension"; of a vector its size
+    signal: str  # "left_track.link[*].tension"; a vector counts by its norm
     unit: str
-    place: Floats  # (bins,) m along the circuit (``circuit.py``), middles of the bins
+    place: Floats  # (bins,) m along the circuit (``circuit.py``), centres of bins
     least: Floats  # (bins,)
     mean: Floats  # (bins,)
     most: Floats  # (bins,)
-    records: Floats  # (bins,) how many of links there are
-    forward: Floats  # (bins,) m, mean place ahead of the sprocket axle, in the axes of the hull
-    up: Floats  # (bins,) m, over the axle
+    records: Floats  # (bins,) number of link records
+    forward: Floats  # (bins,) m, mean place ahead of the sprocket axle, in hull axes
+    up: Floats  # (bins,) m, above the axle
 
     def table(self) -> Table:
-        """A row for each place."""
+        """Table with a row for each place."""
         columns = (
             ("place", "m"), ("least", self.unit), ("mean", self.unit), ("largest", self.unit), ("ahead", "m"),
             ("up", "m"), ("records", ""),
@@ -39,7 +39,7 @@ class Envelope(NamedTuple):
 
 
 class Bins:
-    """Values gathered by place."""
+    """Statistics of values by place."""
 
     def __init__(self, bins: int, columns: int = 1) -> None:
         self.least = np.full((bins, columns), np.inf)
@@ -49,7 +49,7 @@ class Bins:
         self.count = np.zeros(bins)
 
     def add(self, since: Floats, share: Floats, values: Floats) -> None:
-        """Values (m, ..., columns) at places (m, ...), shares of the circuit, of records with their times (m,), s."""
+        """Add values (m, ..., columns) at places (m, ...), as shares of the circuit, with durations (m,), s."""
         at = np.minimum((share * len(self.count)).astype(int), len(self.count) - 1).ravel()
         flat = values.reshape(len(at), -1)
         np.minimum.at(self.least, at, flat)
@@ -60,7 +60,7 @@ class Bins:
         self.count += np.bincount(at, minlength=len(self.count))
 
     def of(self, column: int) -> tuple[Floats, Floats, Floats]:
-        """Least, mean over time and largest (bins,); NaN where there is nothing."""
+        """Least value, mean over time and largest value (bins,); NaN for empty bins."""
         empty = self.count == 0
         mean = self.total[:, column] / np.where(empty, np.nan, self.time)
         return np.where(empty, np.nan, self.least[:, column]), mean, np.where(empty, np.nan, self.most[:, column])
@@ -73,9 +73,10 @@ def of(
     window: Window = EVER,
     bins: int = 0,
 ) -> Envelope:
-    """Of a signal of each link or pin of a track, by default the first, in as many bins as it has links or ``bins``.
+    """Envelope of a signal of links or pins of a track, by default the first.
 
-    The signal may begin with the name of its track. Raises Missing, BadInput for several signals.
+    The number of bins is ``bins`` or the number of links. The signal may begin with the name of its track. Raises
+    Missing, BadInput for several signals.
     """
     signal, *more = [signal] if isinstance(signal, str) else signal
     if more:

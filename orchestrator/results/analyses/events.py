@@ -1,4 +1,4 @@
-"""What happened in a run, in order of time, from what was recorded."""
+"""Events of a run in order of time, from its records."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from orchestrator.results.energy import Port, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 from orchestrator.results.validity.ledger import validity
 
-STANDS = 0.1  # rad/s: a sprocket that turns more slowly stands: there brakes fade, by default, and creep
-TURNS = 0.2  # rad/s: one that turns faster is let go
+STANDS = 0.1  # rad/s: a slower sprocket stands; default speed below which brakes fade
+TURNS = 0.2  # rad/s: a faster sprocket is released
 
 
-REJECTED = "solver.rejected"  # of the statistics of a component
-WARNINGS = ("step", "warning", "validity")  # kinds that tell of the simulation, not of the vehicle
+REJECTED = "solver.rejected"  # variable of a component's statistics
+WARNINGS = ("step", "warning", "validity")  # kinds about the simulation, not the vehicle
 
 
 class Event(NamedTuple):
-    """Something that happened."""
+    """Event at one time."""
 
     t: float  # s
     component: str  # "left_track.road_wheel[1]"
@@ -36,17 +36,17 @@ class Event(NamedTuple):
 
 
 class Events(NamedTuple):
-    """In order of time."""
+    """Events in order of time."""
 
     events: tuple[Event, ...]
-    teeth: dict[str, int]  # by drive, how many teeth passed
+    teeth: dict[str, int]  # number of teeth passed, by drive
 
     def of(self, *kinds: str) -> tuple[Event, ...]:
-        """Those of some kinds."""
+        """Events of some kinds."""
         return tuple(event for event in self.events if event.kind in kinds)
 
     def table(self) -> Table:
-        """A row for each event."""
+        """Table with a row for each event."""
         columns = (("time", "s"), ("component", ""), ("kind", ""), ("what", ""))
         notes = [f"{count} teeth of {drive} passed" for drive, count in self.teeth.items()]
         return Table(f"{len(self.events)} events", columns, [tuple(event) for event in self.events], tuple(notes))
@@ -55,10 +55,10 @@ class Events(NamedTuple):
 def of(
     run: RunData, window: Window = EVER, teeth: bool = False, warned: Sequence[Mapping[str, Any]] | None = None
 ) -> Events:
-    """Wheels that lift off, tracks that leave the ground, sprockets that lock, steps that solvers took back, warnings.
+    """Events: wheels and tracks without contact, locked sprockets, halved steps, warnings.
 
-    ``teeth`` lists also each tooth that passes; ``warned`` are the warnings of a run whose log is not closed yet.
-    Raises LogUnreadable.
+    ``teeth`` adds an event for each tooth that passes; ``warned``: warnings of a run whose log is still open. Raises
+    LogUnreadable.
     """
     run.hold(_signals(run), window)
     found = [*_borne(run, window), *_locks(run, window), *_steps(run, window), *warnings(run, window, warned)]
@@ -73,7 +73,7 @@ def of(
 
 
 def _signals(run: RunData) -> Iterator[str]:
-    """What is read of drives and solvers."""
+    """Signals of drives and solvers that are needed."""
     for _, prefix, name in _drives(run):
         wanted = f"{prefix}angle", f"{prefix}speed", f"{name.partition('.')[0]}.energy.dissipated"
         yield from filter(run.has, wanted)
@@ -84,7 +84,7 @@ def _signals(run: RunData) -> Iterator[str]:
 
 
 def _borne(run: RunData, window: Window) -> Iterator[Event]:
-    """Wheels that lift off and touch again, and tracks that leave the ground."""
+    """Events of wheels and tracks that lose and regain contact."""
     try:
         wheels = wheel_loads.lifted(run, window)
     except Missing:
@@ -102,7 +102,7 @@ def _borne(run: RunData, window: Window) -> Iterator[Event]:
 
 
 def _drives(run: RunData) -> Iterator[tuple[Port, str, str]]:
-    """Ports into what turns on a shaft, what its variables begin with, and its name: "left_drive.", "left_drive"."""
+    """Ports to sprockets on shafts, with variable prefix and name: "left_drive.", "left_drive"."""
     for port in ports(run):
         prefix = f"{port.taker}.{port.taken.removesuffix('sprocket')}"
         if port.taken.endswith("sprocket") and run.has(f"{prefix}angle"):
@@ -110,7 +110,7 @@ def _drives(run: RunData) -> Iterator[tuple[Port, str, str]]:
 
 
 def _turned(run: RunData, window: Window) -> Iterator[tuple[str, Floats, Floats]]:
-    """Of each sprocket its drive, times (m,), s, and how many teeth have passed (m,)."""
+    """Drive, times (m,), s, and number of teeth passed (m,), for each sprocket."""
     for port, prefix, name in _drives(run):
         if port.connector == "sprocket" and "vehicle" in run.scene:
             t, angle = run.signal(f"{prefix}angle", window)
@@ -119,9 +119,9 @@ def _turned(run: RunData, window: Window) -> Iterator[tuple[str, Floats, Floats]
 
 
 def _teeth(name: str, t: Floats, passed: Floats, moves: Floats) -> Iterator[Event]:
-    """An event for each step in which one tooth or more take the place of another."""
+    """Event for each step in which teeth pass."""
     for at in np.flatnonzero(moves):
-        edge = np.floor(passed[at + 1]) + (moves[at] < 0.0)  # the last that is passed
+        edge = np.floor(passed[at + 1]) + (moves[at] < 0.0)  # last tooth passed
         share = (edge - passed[at]) / (passed[at + 1] - passed[at])
         size, way = int(abs(moves[at])), "ahead" if moves[at] > 0.0 else "back"
         text = f"{'a tooth' if size == 1 else f'{size} teeth'} {way}"
@@ -129,7 +129,7 @@ def _teeth(name: str, t: Floats, passed: Floats, moves: Floats) -> Iterator[Even
 
 
 def _locks(run: RunData, window: Window) -> Iterator[Event]:
-    """Of a sprocket that stands while its brake takes energy, be it from the start."""
+    """Events of sprockets that stand while their brake dissipates energy, from the start too."""
     for _, prefix, name in _drives(run):
         lost = f"{name.partition('.')[0]}.energy.dissipated"
         if not run.has(lost):
@@ -138,7 +138,7 @@ def _locks(run: RunData, window: Window) -> Iterator[Event]:
         if not len(t):
             continue
         size = np.abs(speed)
-        ends = [*switches(size < STANDS, size > TURNS, False)]  # one that stands at first stood before
+        ends = [*switches(size < STANDS, size > TURNS, False)]  # a sprocket that stands at first stood before
         stood = [at for at, stands in ends if stands]
         went = [at for at, stands in ends if not stands]
         before = 0
@@ -152,9 +152,9 @@ def _locks(run: RunData, window: Window) -> Iterator[Event]:
 
 
 def rejections(run: RunData, window: Window = EVER) -> Iterator[tuple[str, Floats, Floats]]:
-    """Of each component whose solver took back steps, and halved them, when this was counted (k,), s, and how often.
+    """Component, times (k,), s, and numbers of steps that its solver rejected and halved.
 
-    The first record counts from the start of the run, so that in a window that begins later it counts nothing.
+    The first record counts from the start of the run, so a window that begins later does not count it.
     """
     for name in run.instances:
         try:
@@ -179,7 +179,7 @@ def _validity(run: RunData, window: Window) -> Iterator[Event]:
 
 
 def warnings(run: RunData, window: Window = EVER, warned: Sequence[Mapping[str, Any]] | None = None) -> Iterator[Event]:
-    """What components warned of, as the closing record has it."""
+    """Warnings of components, from the closing record."""
     for told in (run.log.closing or {}).get("warnings", ()) if warned is None else warned:
         if within(np.array(told["time"]), window):
             times = f", {told['count']} times" if told["count"] > 1 else ""

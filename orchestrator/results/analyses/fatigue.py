@@ -1,7 +1,7 @@
-"""Fatigue of links: rainflow cycles of the stress at their outer and inner fibres, summed by Palmgren and Miner.
+"""Fatigue of links: rainflow cycles of the stress at outer and inner fibres, with Miner's rule.
 
-Stress is the mean along a link at the two faces of the section, axial and in bending; notches are in the S-N line that
-is asked for. Ranges are taken as they are: nothing is done about mean stress.
+Damage sums are those of Palmgren and Miner. The stress is the mean along a link at the two faces of the section,
+axial and bending. Notches must be in the given S-N line. Mean stress has no influence.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ FIBRES = ("outer", "inner")
 
 
 class Line(NamedTuple):
-    """An S-N line: N cycles of the range S break a part, N = cycles (stress / S) ** slope."""
+    """S-N line: N cycles of range S break a part, N = cycles (stress / S) ** slope."""
 
     stress: float = 100e6  # Pa: reference range, peak to peak
-    cycles: float = 2e6  # that the reference range allows
+    cycles: float = 2e6  # allowed at the reference range
     slope: float = 3.0
 
     @classmethod
     def read(cls, text: str) -> Line:
-        """Of "stress,cycles,slope"; raises BadInput."""
+        """Parse "stress,cycles,slope"; raises BadInput."""
         try:
             stress, cycles, slope = map(float, text.split(","))
         except ValueError:
@@ -38,23 +38,23 @@ class Line(NamedTuple):
 
 
 class Fatigue(NamedTuple):
-    """By link and fibre (outer, inner)."""
+    """Damage by link and fibre (outer, inner)."""
 
     track: str
-    window: Window  # what was recorded of it, s
+    window: Window  # recorded time, s
     line: Line
-    damage: Floats  # (links, 2) share of life used in the window
-    cycles: Floats  # (links, 2) counted, half cycles as 0.5
+    damage: Floats  # (links, 2) share of life consumed in the window
+    cycles: Floats  # (links, 2) number, half cycles as 0.5
     largest: Floats  # (links, 2) Pa, largest range
 
     @property
     def life(self) -> float:
-        """Hours until the first link breaks, the window being repeated; infinite without damage."""
+        """Hours until the first link breaks if the window repeats; infinite without damage."""
         most = float(self.damage.max())
         return (self.window.end - self.window.start) / 3600.0 / most if most else float("inf")
 
     def table(self) -> Table:
-        """A row for each link: its worse fibre."""
+        """Table with a row for each link: its worse fibre."""
         worse = self.damage.argmax(axis=1)
         rows = [
             (i + 1, FIBRES[k], float(self.damage[i, k]), float(self.cycles[i, k]), float(self.largest[i, k]) / 1e6)
@@ -71,7 +71,7 @@ class Fatigue(NamedTuple):
 
 
 def of(run: RunData, track: str = "", window: Window = EVER, line: Line | str | None = None) -> Fatigue:
-    """Of each link of a track, by default the first; raises Missing, BadInput, NotInstalled."""
+    """Fatigue of each link of a track, by default the first; raises Missing, BadInput, NotInstalled."""
     line = Line.read(line) if isinstance(line, str) else line or Line()
     for name, value in line._asdict().items():
         if not 0.0 < value < np.inf:
@@ -96,18 +96,18 @@ def of(run: RunData, track: str = "", window: Window = EVER, line: Line | str | 
 
 
 def turning(values: Floats) -> Floats:
-    """Ends and turning points of a record (m,): cycles do not depend on what lies between."""
+    """End points and turning points of a record (m,); only these affect cycles."""
     if len(values) < 3:
         return values
     steps = np.diff(values)
-    kept = np.flatnonzero(np.append(True, steps != 0.0))  # of equal neighbours the first
+    kept = np.flatnonzero(np.append(True, steps != 0.0))  # first of equal neighbours
     values = values[kept]
     turns = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
     return values[np.unique(np.concatenate([[0], turns, [len(values) - 1]]))]
 
 
 def cycles(values: Floats) -> tuple[Floats, Floats]:
-    """Ranges (k,) of a record (m,) and how often each was counted, 1 or 0.5, by ASTM E1049-85; raises NotInstalled."""
+    """Ranges (k,) of a record (m,) and their counts, 1 or 0.5, by ASTM E1049-85; raises NotInstalled."""
     if not np.ptp(values):
         return np.empty(0), np.empty(0)
     found = [(size, count) for size, _, count, _, _ in library("rainflow").extract_cycles(values.tolist())]

@@ -1,4 +1,4 @@
-"""The motion of the hull and of what is mounted on it, and which sprocket a track runs on."""
+"""Motion of the hull and of its mounts, and the sprocket of each track."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from orchestrator.results.run_data import BEFORE, Missing, RunData, Window
 
 
 class Pose(NamedTuple):
-    """Where something is."""
+    """Position and axes."""
 
     origin: Floats  # (m, 3) m, world
-    axes: Floats  # (m, 3, 3) columns ahead, left and up of the hull, world
+    axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
 
 
 def matrices(q: Floats) -> Floats:
@@ -30,14 +30,14 @@ def matrices(q: Floats) -> Floats:
 
 
 def sprocket(run: RunData, track: str) -> Port | None:
-    """The port between a track and its sprocket; None for one that has none."""
+    """Port between a track and its sprocket; None without one."""
     return next((port for port in ports(run) if port.giver == track and port.connector == "sprocket"), None)
 
 
 def sprocket_speed(run: RunData, instance: str) -> str:
-    """Name of the signal of the sprocket's speed against the hull, rad/s, for a track or a drive; else of the first.
+    """Signal of the sprocket's speed in the hull, rad/s, for a track or drive, else for the first one.
 
-    Raises Missing where nothing has a sprocket.
+    Raises Missing without a sprocket.
     """
     found = [port for port in ports(run) if port.connector == "sprocket"]
     if not found:
@@ -47,9 +47,9 @@ def sprocket_speed(run: RunData, instance: str) -> str:
 
 
 def poses(run: RunData, track: str, t: Floats) -> Pose:
-    """The sprocket axle of a track, with the axes of the hull, at the times (m,).
+    """Sprocket axle of a track, with the axes of the hull, at times (m,), s.
 
-    Without a hull the axes are those of the start, without a sprocket the origin is the start.
+    Without a hull the axes are those of the start; without a sprocket the origin is the start.
     """
     port = sprocket(run, track)
     around = Window(float(t[0]) - BEFORE, float(t[-1]) + BEFORE)
@@ -66,14 +66,14 @@ def poses(run: RunData, track: str, t: Floats) -> Pose:
 
 
 def _at(t: Floats, times: Floats, values: Floats) -> Floats:
-    """Values at the times, by straight lines."""
+    """Values at given times, linearly interpolated; raises Missing."""
     if not len(times):
         raise Missing(f"the log holds no pose of the hull near {t[0]:g} s")
     return np.stack([np.interp(t, times, column) for column in values.T], axis=1)
 
 
 def tracks(run: RunData, of: str = "") -> tuple[str, ...]:
-    """Names of the tracks, or of the one that is asked for; raises Missing."""
+    """Names of all tracks, or of the given one; raises Missing."""
     if not run.tracks:
         raise Missing(f"{run.log.path} holds no track")
     if of and of not in run.tracks:
@@ -82,7 +82,7 @@ def tracks(run: RunData, of: str = "") -> tuple[str, ...]:
 
 
 def number(run: RunData, *keys: str) -> float:
-    """A number of the vehicle table of the run's scene, SI units; raises Missing where there is none above 0."""
+    """Positive number of the run's vehicle table, SI units; raises Missing."""
     found: Any = run.scene.get("vehicle")
     for key in keys:
         found = found.get(key) if isinstance(found, dict) else None

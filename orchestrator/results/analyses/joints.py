@@ -1,4 +1,4 @@
-"""The largest forces in joints, in the axes of the link that begins at the pin: which one, and when."""
+"""Extreme joint forces in the axes of the link that begins at the pin, with joint and time."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 
 class Joints(NamedTuple):
-    """Of each track, along, across, outwards and in size: least and largest force on the link that begins at a pin."""
+    """Least and largest force on the link, by track: along, across, outwards, norm."""
 
     tracks: tuple[str, ...]
-    least: Floats  # (tracks, 4) N: along, across, outwards, size
+    least: Floats  # (tracks, 4) N: along, across, outwards, norm
     most: Floats  # (tracks, 4) N
-    least_joint: Floats  # (tracks, 4) numbers of the pins, from 1
+    least_joint: Floats  # (tracks, 4) pin numbers, from 1
     most_joint: Floats  # (tracks, 4)
     least_t: Floats  # (tracks, 4) s
     most_t: Floats  # (tracks, 4) s
-    interval: float  # s, over which forces are means; 0: they are those of instants
+    interval: float  # s, averaging interval of the forces; 0: instantaneous
 
     def table(self) -> Table:
-        """A row for each track and axis."""
+        """Table with a row for each track and axis."""
         rows = [
             (
                 track, axis, float(self.least[i, k]) / 1e3, int(self.least_joint[i, k]), float(self.least_t[i, k]),
@@ -43,7 +43,7 @@ class Joints(NamedTuple):
 
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> Joints:
-    """Of every track or one; raises Missing."""
+    """Extreme joint forces of all tracks or one; raises Missing."""
     names = hull.tracks(run, track)
     found = np.array([_extremes(run, name, window) for name in names])
     steps = max(of_links.interval(run, name) for name in names)
@@ -51,14 +51,14 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Joints:
 
 
 def _step(run: RunData) -> float:
-    """Communication step, s; 0 where the log does not say."""
+    """Communication step, s; 0 if the log does not state it."""
     asked = run.scene.get("run")
     step = asked.get("step") if isinstance(asked, dict) else None
     return float(step) if isinstance(step, int | float) else 0.0
 
 
 def _extremes(run: RunData, track: str, window: Window) -> Floats:
-    """Least, largest, their joints and times (6, 4)."""
+    """Least and largest forces, their joints and times (6, 4)."""
     best = np.array([np.full(4, np.inf), np.full(4, -np.inf), *np.zeros((4, 4))])
     for block in links.blocks(run, track, window):
         if not block.joint.size:

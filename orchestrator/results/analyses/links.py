@@ -1,7 +1,7 @@
-"""What acts on links, in their own axes: along from pin to pin, across along the pins, outwards from the wheels.
+"""Forces on links in their own axes: along from pin to pin, across along the pins, outwards.
 
-Axial force and bending moment come from the stress at both fibres and the section of the vehicle table: of flexible
-links, means along each. A moment is positive where it stretches the inner fibre.
+Outwards is away from the wheels. Axial force and bending moment follow from the stress at both fibres and the section
+of the vehicle table; they are means along flexible links. A positive moment stretches the inner fibre.
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ AXES = ("along", "across", "outwards")
 
 
 class LinkForces(NamedTuple):
-    """Forces on links, one array for each kind that was recorded; of joints on the link that begins there."""
+    """Forces on links, one array per recorded kind; a joint force acts on the link that begins there."""
 
     track: str
     t: Floats  # (m,) s
     since: Floats  # (m,) s, time since the record before
-    joint: Floats  # (m, links, 3) N, along, across, outwards; (m, 0, 3) where not recorded, as below
+    joint: Floats  # (m, links, 3) N, along, across, outwards; (m, 0, 3) if not recorded, as below
     ground: Floats  # (m, links, 3) N
-    wheels: Floats  # (m, links, 3) N, of the wheels on the link and on the pin where it ends
+    wheels: Floats  # (m, links, 3) N, of the wheels on the link and on its last pin
     axial: Floats  # (m, links) N; (m, 0) without fibres
     moment: Floats  # (m, links) N m
-    axes: Floats  # (m, links, 3, 3) columns along, across, outwards, world
+    axes: Floats  # (m, links, 3, 3) columns along, across, outwards, in world
 
     def table(self) -> Table:
-        """Least, mean and largest of each component over all links and records."""
+        """Table of least, mean and largest value of each component over all links and records."""
         return _gathered([self]).table()
 
 
 class Summary(NamedTuple):
-    """Least, mean and largest over all links and records."""
+    """Least, mean and largest values over all links and records."""
 
     track: str
     rows: list[tuple[str, str, str, float, float, float]]  # force, axis, unit, least, mean, largest
 
     def table(self) -> Table:
-        """A row for each component."""
+        """Table with a row for each component."""
         columns = (("of a link", ""), ("axis", ""), ("unit", ""), ("least", ""), ("mean", ""), ("largest", ""))
         return Table(f"Forces on the links of {self.track} in their axes", columns, self.rows)
 
 
 def summary(run: RunData, track: str = "", window: Window = EVER) -> Summary:
-    """Of a track, by default the first, a few records at a time; raises Missing."""
+    """Summary for a track, by default the first, computed in blocks of records; raises Missing."""
     return _gathered(blocks(run, hull.tracks(run, track)[0], window))
 
 
@@ -78,9 +78,9 @@ def _gathered(parts: Iterable[LinkForces]) -> Summary:
 
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> LinkForces:
-    """Of a track, by default the first: all records of the window at once, 160 bytes for each link and record.
+    """Forces on the links of a track, by default the first, in all records of the window.
 
-    Raises Missing.
+    Needs 160 bytes per link and record. Raises Missing.
     """
     track = hull.tracks(run, track)[0]
     parts = [*blocks(run, track, window)]
@@ -89,7 +89,7 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> LinkForces:
 
 
 def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForces]:
-    """The same some records at a time, so that long runs need no more memory; raises Missing."""
+    """Forces on links in blocks of records, so long runs need no more memory; raises Missing."""
     kinds = [kind for kind, signal in KINDS.items() if of_links.has(run, track, signal)]
     fibres = of_links.has(run, track, "link[*].fibre.outer")
     if not kinds and not fibres:
@@ -105,7 +105,7 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
     for block in of_links.records(run, track, window, *wanted):
         found = dict(zip(wanted, block.values, strict=True))
         across = found.get("joint[*].axis")
-        if across is None:  # pins stay across the hull but for the play of the guides
+        if across is None:  # pins stay across the hull within the play of the guides
             across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], block.pins.shape[1], axis=1)
         axes = link_axes(block.pins, across, links)
         if any(found[KINDS[kind]][:, :links].shape != axes.shape[:3] for kind in kinds):

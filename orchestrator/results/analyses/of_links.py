@@ -1,4 +1,4 @@
-"""What was recorded of the links and pins of a track, some records at a time."""
+"""Recorded signals of the links and pins of a track, in blocks of records."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
 
 POSITION = "joint[*].position"
-SIZE = 200  # records that are in memory at once
-GROUPS = {  # signals by the groups of ``track.link_outputs`` that record them
+SIZE = 200  # records in memory at once
+GROUPS = {  # signals by the group of ``track.link_outputs`` that contains them
     "link[*].tension": "tension",
     "link[*].stress": "stress",
     "joint[*].position": "position",
@@ -32,18 +32,18 @@ GROUPS = {  # signals by the groups of ``track.link_outputs`` that record them
 
 
 class Records(NamedTuple):
-    """Some records one after the other."""
+    """Block of records."""
 
     t: Floats  # (m,) s
     since: Floats  # (m,) s, time since the record before
-    values: tuple[Floats, ...]  # of each signal (m, links or pins), of a vector (m, links or pins, 3)
-    pins: Floats  # (m, pins, 3) m, for the axes of forces (``midway``); (m, 0, 3) where positions are not asked for
+    values: tuple[Floats, ...]  # one per signal, (m, links or pins), vectors (m, links or pins, 3)
+    pins: Floats  # (m, pins, 3) m, for the axes of forces (``midway``); (m, 0, 3) without positions
 
 
 def interval(run: RunData, track: str) -> int:
-    """Communication steps over which recorded forces of links are means; 0 of logs in which joint forces are instants.
+    """Communication steps over which link forces are means; 0 for logs with instantaneous joint forces.
 
-    In those the other forces of links are means over one step.
+    In these older logs the other forces of links are means over one step.
     """
     for instance in run.system["instances"]:
         if instance["name"] == track:
@@ -52,37 +52,39 @@ def interval(run: RunData, track: str) -> int:
 
 
 def midway(pins: Floats, before: Floats | None) -> Floats:
-    """Places of pins (m, pins, 3), m, in the middle between each record and the one before; ``before`` (1, pins, 3).
+    """Positions of pins (m, pins, 3), m, midway between each record and the last; ``before`` (1, pins, 3).
 
-    Forces that are means since the record before are seen in axes of these: links turn on the way.
+    Forces that are means since the last record are resolved in axes of these positions, because links rotate
+    meanwhile.
     """
     return 0.5 * (pins + np.concatenate([pins[:1] if before is None else before, pins[:-1]]))
 
 
 def has(run: RunData, track: str, signal: str) -> bool:
-    """Whether a signal of links was recorded, as "link[*].tension"."""
+    """True if a signal of links was recorded, as "link[*].tension"."""
     names = run.log.topics[f"/{track}/links"].names if f"/{track}/links" in run.log.topics else ()
     first = signal.replace("*", "1")
     return first in names or f"{first}.x" in names
 
 
 def count(run: RunData, track: str) -> int:
-    """How many links of a track were recorded, by their signals; 0 without any."""
+    """Number of links of a track by its recorded signals; 0 without any."""
     topic = run.log.topics.get(f"/{track}/links")
     found = [family(name) for name in topic.names] if topic else []
     return max((number for key, number in found if number and key.startswith("link[*]")), default=0)
 
 
 def unit(run: RunData, track: str, signal: str) -> str:
-    """Unit of a signal of links; raises Missing."""
+    """Unit of a link signal; raises Missing."""
     column = int(_columns(run, track, signal).flat[0])
     return run.log.topics[f"/{track}/links"].units[column]
 
 
 def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[Records]:
-    """Signals of all links or pins, as "link[*].tension" or, of a vector, "joint[*].position".
+    """Signals of all links or pins, as "link[*].tension" or, for a vector, "joint[*].position".
 
-    A block holds some SIZE records; nothing is kept. Raises Missing where one was not recorded, or not in the window.
+    A block holds about SIZE records; nothing is cached. Raises Missing if a signal was not recorded, or not in the
+    window.
     """
     topic = f"/{track}/links"
     places = [_columns(run, track, signal) for signal in signals]
@@ -105,7 +107,7 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
 
 
 def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
-    """Columns (n,) or, of a vector, (n, 3); raises Missing."""
+    """Columns of a signal (n,), of a vector (n, 3); raises Missing."""
     topic = f"/{track}/links"
     found = columns(run.log.topics[topic].names if topic in run.log.topics else (), signal)
     if not found.size:
@@ -116,7 +118,7 @@ def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
 
 
 def columns(names: Sequence[str], signal: str) -> np.ndarray:
-    """Where names of a topic hold a signal of links 1, 2, ...: (n,) or, of a vector, (n, 3); empty for none."""
+    """Columns of a signal of links 1, 2, ... among names of a topic: (n,), of a vector (n, 3), or empty."""
     of = {name: column for column, name in enumerate(names)}
     parts = [""] if signal.replace("*", "1") in of else [".x", ".y", ".z"]
     found: list[list[int]] = []

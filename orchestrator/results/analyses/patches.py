@@ -1,7 +1,7 @@
-"""Contact patches of wheels: the part of the links' inner faces that lies inside a rim, and how deep.
+"""Contact patches of wheels: length and depth of the links' inner faces inside a rim.
 
-A face is straight from pin to pin, moved inwards from the pins (the vehicle table's ``track.face``): of flexible links,
-whose faces bend between their pins, the depth is some per cent of itself off.
+A face is taken as straight from pin to pin, offset inwards from the pins (``track.face`` of the vehicle table). Faces
+of flexible links bend, which changes the depth by a few per cent.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, means
 from orchestrator.results.views.bodies import Bodies
 
-GAUSS = 0.5 / np.sqrt(3.0)  # two points on a unit interval lie so far off its middle
-FASTEST = 1e6  # records a second: all of them
-KINDS = ("road_wheel", "idler")  # smooth ones
+GAUSS = 0.5 / np.sqrt(3.0)  # offset of the two Gauss points on a unit interval from its middle
+FASTEST = 1e6  # records a second: no limit
+KINDS = ("road_wheel", "idler")  # smooth wheels
 
 
 class Patches(NamedTuple):
-    """Of each wheel at each record of links."""
+    """Contact patch of each wheel at each link record."""
 
     wheels: tuple[str, ...]  # "left_track.road_wheel[1]"
     t: Floats  # (m,) s
-    length: Floats  # (m, wheels) m, along the links
-    depth: Floats  # (m, wheels) m, mean over the patch; 0 without one
-    links: Floats  # (m, wheels) how many links have a part in it
+    length: Floats  # (m, wheels) m, along the chain
+    depth: Floats  # (m, wheels) m, mean over the patch; 0 without contact
+    links: Floats  # (m, wheels) number of links in contact
 
     def table(self) -> Table:
-        """A row for each wheel: over the records of the window."""
+        """Table with a row for each wheel over the records of the window."""
         values = (
             1e3 * means(self.t, self.length), 1e3 * self.length.max(axis=0), 1e3 * means(self.t, self.depth),
             1e3 * self.depth.max(axis=0), means(self.t, self.links),
@@ -44,11 +44,11 @@ class Patches(NamedTuple):
 
 
 def patch(pins: Floats, normals: Floats, centre: Floats, radius: float, face: float) -> tuple[Floats, Floats]:
-    """Length of the part of each link's inner face inside a rim (m, links), m, and its mean depth there (m, links), m.
+    """Length of each link's inner face inside a rim (m, links), m, and its mean depth (m, links), m.
 
-    ``pins`` (m, nodes, 3), as many nodes as links in a closed chain; ``normals`` (m, links, 3) of the faces, outwards;
-    ``centre`` (m, 3) of the wheel. Stiffness times length over pitch times depth is the force of a linear contact
-    (``fmus/physics/contact/wheel.py``: two Gauss points).
+    ``pins`` (m, nodes, 3), as many nodes as links in a closed chain; ``normals`` (m, links, 3) of the faces,
+    outwards; ``centre`` (m, 3) of the wheel. Stiffness times length over pitch times depth is the force of a linear
+    contact (``fmus/physics/contact/wheel.py``: two Gauss points).
     """
     links = normals.shape[1]
     along = np.roll(pins, -1, axis=1)[:, :links] - pins[:, :links]
@@ -65,7 +65,7 @@ def patch(pins: Floats, normals: Floats, centre: Floats, radius: float, face: fl
 
 
 def of(run: RunData, window: Window = EVER) -> Patches:
-    """Of all road wheels and idlers; raises Missing."""
+    """Contact patches of all road wheels and idlers; raises Missing."""
     bodies = Bodies(run, FASTEST, window=window)
     wheels = [wheel for wheel in bodies.wheels if wheel.kind in KINDS and wheel.track in run.tracks]
     if not wheels or not bodies.tracks:

@@ -1,16 +1,16 @@
 """Phases of a run: rest, acceleration, steady motion, turn and braking, with figures for each.
 
-Speed and yaw rate of the hull are each taken as a line with few breaks (``results/broken_line.py``), which follows a
-ramp and leaves out ringing. Each piece has a state:
+Speed and yaw rate of the hull are approximated by straight pieces (``results/broken_line.py``), which follow a ramp
+and leave out ringing. Each piece has a state:
 
     speed      grows or falls: its size changes by more than RATE; else the vehicle rests or moves on
     yaw rate   left, right: the mean is beyond TURNS and the heading changes by more than TURNED; else straight
 
-A growth or fall counts from CHANGE of the largest speed on; a quick one, shorter than QUICK, from LARGE on: less is the
-hull's own nodding, which dies out within some half seconds. A line through zero is two pieces. A phase is a time in
-which both states stay: ``steady`` where the speed is held, ``turn`` where it is held and the vehicle turns;
-``acceleration`` and ``braking`` say in ``turning`` to which side they turn. What is shorter than SHORTEST belongs to
-the phase beside it.
+A growth or fall needs a change of CHANGE of the largest speed, or of LARGE if it is shorter than QUICK: less is pitch
+oscillation of the hull, which decays within a few half seconds. A piece through zero is split in two. A phase is an
+interval in which both states are constant: ``steady`` at constant speed; ``turn`` at constant speed with a yaw rate;
+``acceleration`` and ``braking`` give their turn in ``turning``. An interval shorter than SHORTEST joins its
+neighbour.
 """
 
 from __future__ import annotations
@@ -26,51 +26,51 @@ from orchestrator.results.analyses.table import Table
 from orchestrator.results.broken_line import Lines, breaks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
 
-PRECISION = 0.02  # of the largest speed or yaw rate: the line is that near to the signal, RMS
-LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: nearer it need not be
-RATE = 0.1  # m/s2: a speed that changes more slowly is held
-CHANGE, LARGE = 0.1, 0.25  # of the largest speed: what an acceleration changes at least, and a quick one
+PRECISION = 0.02  # of the largest speed or yaw rate: tolerance of the pieces, RMS
+LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: lower bounds of the tolerance
+RATE = 0.1  # m/s2: a smaller rate of change counts as constant speed
+CHANGE, LARGE = 0.1, 0.25  # of the largest speed: least change of an acceleration, and of a quick one
 QUICK = 1.0  # s
-SWING = 0.5  # of one end: a line through zero whose other end is beyond is ringing about zero
-STANDS, STAYS = 0.02, 0.1  # m/s, m: at rest it is slower, or goes less far
+SWING = 0.5  # ratio of the end values: pieces through zero with a larger one are ringing
+STANDS, STAYS = 0.02, 0.1  # m/s, m: rest is slower, or covers less distance
 TURNS, TURNED = 0.02, 0.05  # rad/s, rad
 SHORTEST = 0.25  # s
-ALIKE = 1e-3  # m/s: slips of both sides are told once
-SAME = 1e-6  # of a tension: of sides that are equal but for rounding the first one
-HELD = 0.5  # s: over which the largest yaw rate is a mean
+ALIKE = 1e-3  # m/s: one figure for slips of both sides that differ by less
+SAME = 1e-6  # of a tension: sides that differ by less count as equal
+HELD = 0.5  # s: averaging time of the largest yaw rate
 SIDES = {1: "left", -1: "right", 0: ""}
 MOTION = ("speed", "yaw", "chassis.angular_velocity.z", "chassis.velocity.x", "chassis.velocity.y")
 
 
 class Phase(NamedTuple):
-    """A part of a run; NaN is what the log does not hold."""
+    """Phase of a run; NaN for figures that the log lacks."""
 
     kind: str  # "rest", "acceleration", "steady", "turn", "braking"
     turning: str  # "left", "right" or ""
     start: float  # s
     end: float  # s
-    way: float  # m, of the hull's centre of mass, on the level
-    speed: float  # m/s, ahead, mean
+    way: float  # m, of the hull's centre of mass, horizontal
+    speed: float  # m/s, forward, mean
     speed_start: float  # m/s
     speed_end: float  # m/s
     yaw_rate: float  # rad/s, change of heading over time
-    yaw_rate_most: float  # rad/s, the largest mean over HELD, with its sign
-    radius: float  # m, way over change of heading; NaN where it does not turn
+    yaw_rate_most: float  # rad/s, largest mean over HELD, with its sign
+    radius: float  # m, way over change of heading; NaN if straight
     power: float  # W, work of the drives over time
     slip_left: float  # m/s, of the links on the ground, mean
     slip_right: float  # m/s
-    tension: float  # N, the largest of all links
+    tension: float  # N, largest of all links
     tension_t: float  # s
-    tension_track: str  # that bore it
+    tension_track: str  # track with this tension
 
 
 class Phases(NamedTuple):
-    """In order of time, without gaps."""
+    """Phases in order of time, without gaps."""
 
     phases: tuple[Phase, ...]
 
     def table(self) -> Table:
-        """A row for each phase."""
+        """Table with a row for each phase."""
         rows = [
             (
                 called(one), one.start, one.end, one.way, one.speed, one.speed_start, one.speed_end, one.yaw_rate,
@@ -88,7 +88,7 @@ class Phases(NamedTuple):
 
 
 def sentence(one: Mapping[str, Any]) -> str:
-    """A phase, as ``Phase`` or JSON names its figures, in words."""
+    """Sentence for a phase, given as ``Phase`` or as a JSON object."""
     figures: dict[str, Any] = {name: float("nan") if value is None else value for name, value in one.items()}
     known = Phase(**figures)
     return "; ".join(filter(None, (_moves(known), _turns(known), _works(known))))
@@ -104,7 +104,7 @@ def _moves(one: Phase) -> str:
 
 
 def near(speed: float) -> str:
-    """To a hundredth, without a sign where that is 0."""
+    """Speed to a hundredth, without a sign if that is 0."""
     return f"{round(speed, 2) + 0.0:.2f}"
 
 
@@ -130,21 +130,21 @@ def _works(one: Phase) -> str:
 
 
 class _Motion(NamedTuple):
-    """Outputs of all steps, columns of the same length."""
+    """Outputs at all steps, columns of equal length."""
 
     t: Floats
     of: Mapping[str, Floats]
 
 
 def called(one: Phase) -> str:
-    """A phase in words."""
+    """Name of a phase in words."""
     if one.kind == "turn":
         return f"turn {one.turning}"
     return f"{one.kind}, turning {one.turning}" if one.turning else one.kind
 
 
 def of(run: RunData, window: Window = EVER) -> Phases:
-    """Of a vehicle; raises Missing where the log holds no motion of a hull."""
+    """Phases of a vehicle; raises Missing without the motion of a hull."""
     motion = _read(run, window)
     t, v, yaw_rate = motion.t, motion.of["chassis.speed"], motion.of["chassis.chassis.angular_velocity.z"]
     speeds, turns = _speed_states(t, v), _yaw_states(t, yaw_rate)
@@ -155,7 +155,7 @@ def of(run: RunData, window: Window = EVER) -> Phases:
 
 
 def _read(run: RunData, window: Window) -> _Motion:
-    """Up to the last step that all components have, or the first number that is none; raises Missing."""
+    """Read the motion up to the last common step or the first non-finite value; raises Missing."""
     names = [f"chassis.{name}" for name in MOTION]
     if not all(map(run.has, names)):
         raise Missing(f"{run.log.path} holds no motion of a hull: there are no phases")
@@ -181,10 +181,10 @@ def _read(run: RunData, window: Window) -> _Motion:
 
 
 class _Piece(NamedTuple):
-    """Of a broken line, with its values at both ends."""
+    """Straight piece with its values at both ends."""
 
     start: int
-    end: int  # the first record after it
+    end: int  # first record after it
     time: float
     first: float
     last: float
@@ -195,7 +195,7 @@ class _Piece(NamedTuple):
 
 
 def _pieces(t: Floats, y: Floats, least: float, crossing: float) -> Iterator[_Piece]:
-    """Of the broken line of a signal; one with both ends beyond ``crossing`` on either side of zero is two."""
+    """Straight pieces of a signal; pieces with ends beyond ``crossing`` on both sides of zero are split."""
     edges, lines = breaks(t, y, max(least, PRECISION * float(np.abs(y).max())))
     for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         one = _piece(lines, a, b)
@@ -216,7 +216,7 @@ def _piece(lines: Lines, a: int, b: int) -> _Piece:
 
 
 def _speed_states(t: Floats, v: Floats) -> dict[int, str]:
-    """By the record where it begins: "acceleration", "braking" or, where it is held, ""."""
+    """States by their first record: "acceleration", "braking" or, at constant speed, ""."""
     top = float(np.abs(v).max())
     parts = [(p, _trend(p)) for p in _pieces(t, v, LEAST_SPEED, CHANGE * top)]
     states: dict[int, str] = {}
@@ -231,7 +231,7 @@ def _speed_states(t: Floats, v: Floats) -> dict[int, str]:
 
 
 def _held(t: Floats, v: Floats, a: int, b: int) -> str:
-    """Whether it rests in records a to b - 1, "rest", or moves on, "steady"."""
+    """State "rest" or "steady" of records a to b - 1."""
     own, top = since(t)[a:b], float(np.abs(v).max())
     time, way = float(own.sum()), abs(float(own @ v[a:b]))
     still = way < STAYS or way < STANDS * time or (time < QUICK and way < CHANGE * top * time)
@@ -239,7 +239,7 @@ def _held(t: Floats, v: Floats, a: int, b: int) -> str:
 
 
 def _trend(piece: _Piece) -> int:
-    """1 where its size grows, -1 where it falls, 0 where it is held or goes to and fro about zero."""
+    """Trend of the size of a piece: 1 grows, -1 falls, 0 constant or ringing about zero."""
     sizes = abs(piece.first), abs(piece.last)
     swings = piece.first * piece.last < 0.0 and min(sizes) > SWING * max(sizes)
     change = sizes[1] - sizes[0]
@@ -247,7 +247,7 @@ def _trend(piece: _Piece) -> int:
 
 
 def _yaw_states(t: Floats, yaw_rate: Floats) -> dict[int, int]:
-    """By the record where it begins: 1 to the left, -1 to the right, 0 straight."""
+    """States by their first record: 1 left, -1 right, 0 straight."""
     parts = [
         (p, int(np.sign(p.middle)) if abs(p.middle) > TURNS else 0) for p in _pieces(t, yaw_rate, LEAST_YAW_RATE, TURNS)
     ]
@@ -258,7 +258,7 @@ def _yaw_states(t: Floats, yaw_rate: Floats) -> dict[int, int]:
 
 
 def _grouped(parts: list[tuple[_Piece, int]]) -> list[list[tuple[_Piece, int]]]:
-    """Neighbours of one label together."""
+    """Groups of neighbours with the same label."""
     groups: list[list[tuple[_Piece, int]]] = []
     for part in parts:
         if groups and groups[-1][-1][1] == part[1]:
@@ -268,7 +268,7 @@ def _grouped(parts: list[tuple[_Piece, int]]) -> list[list[tuple[_Piece, int]]]:
     return groups
 
 
-_Part = tuple[int, int, tuple[str, int]]  # records from, to, and both states
+_Part = tuple[int, int, tuple[str, int]]  # first and last record, and both states
 
 
 def _latest(states: Mapping[int, Any], at: int) -> Any:
@@ -276,7 +276,7 @@ def _latest(states: Mapping[int, Any], at: int) -> Any:
 
 
 def _without_slivers(t: Floats, parts: list[_Part]) -> list[_Part]:
-    """Parts shorter than SHORTEST join a neighbour: one whose speed does the same, else the longer one."""
+    """Join parts shorter than SHORTEST to a neighbour: one of the same speed state, else the longer one."""
 
     def length(part: _Part) -> float:
         return float(t[min(part[1], len(t) - 1)] - t[part[0]])
@@ -292,7 +292,7 @@ def _without_slivers(t: Floats, parts: list[_Part]) -> list[_Part]:
 
 
 def _really_turning(t: Floats, yaw: Floats, parts: list[_Part]) -> list[_Part]:
-    """A part of a turn in which the mean yaw rate itself is none goes straight."""
+    """Make parts of turns straight whose own mean yaw rate is too small."""
     found = []
     for a, b, (speed, turn) in parts:
         end = min(b, len(t) - 1)
@@ -301,7 +301,7 @@ def _really_turning(t: Floats, yaw: Floats, parts: list[_Part]) -> list[_Part]:
 
 
 def _merged(parts: list[_Part]) -> list[_Part]:
-    """Neighbours of the same states as one."""
+    """Merge neighbours of equal states."""
     found: list[_Part] = []
     for a, b, state in parts:
         if found and found[-1][2] == state:
@@ -315,7 +315,7 @@ def _merged(parts: list[_Part]) -> list[_Part]:
 
 
 def _figures(run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: int) -> Phase:
-    """From record a to record b."""
+    """Figures of the phase from record a to record b."""
     t, of = motion.t[a : b + 1], {name: values[a : b + 1] for name, values in motion.of.items()}
     time, yaw, v = float(t[-1] - t[0]), np.unwrap(of["chassis.yaw"]), of["chassis.speed"]
     way = float(np.trapezoid(np.hypot(of["chassis.chassis.velocity.x"], of["chassis.chassis.velocity.y"]), t))
@@ -344,7 +344,7 @@ def _figures(run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: in
 
 
 def _largest_rate(t: Floats, yaw: Floats) -> float:
-    """The largest mean over HELD, or over all of it where it is shorter."""
+    """Largest mean over HELD, or over the whole interval if that is shorter."""
     held = min(HELD, float(t[-1] - t[0]))
     begin = t[t <= t[-1] - held + 1e-9]
     rates = (np.interp(begin + held, t, yaw) - yaw[: len(begin)]) / held
@@ -352,12 +352,12 @@ def _largest_rate(t: Floats, yaw: Floats) -> float:
 
 
 def _slip(values: Floats | None, t: Floats) -> float:
-    """Mean over the steps that end in it: each value is that of a step."""
+    """Mean over the steps that end in the interval."""
     return float("nan") if values is None else float(np.average(values[1:], weights=since(t)[1:]))
 
 
 def _largest_tension(run: RunData, motion: _Motion, a: int, b: int) -> tuple[float, float, str]:
-    """Of all links, when and in which track, in records a to b - 1."""
+    """Largest tension of all links, its time and track, in records a to b - 1."""
     names = [track for track in run.tracks if f"{track}.tension.max" in motion.of]
     if not names:
         return float("nan"), float("nan"), ""

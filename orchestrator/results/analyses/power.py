@@ -1,11 +1,11 @@
-"""Power through the ports of the hull and of the drives, as the hull sees it.
+"""Power through the ports of the hull and of the drives, relative to the hull.
 
-A wrench on a wheel that moves with the vehicle works on the vehicle's speed too: between ports these parts go round
-in circles, and they hide what passes. So the power of each port is split:
+The wrench on a wheel also does work on the motion of the whole vehicle; these parts circulate between ports and mask
+the transmitted power. So the power of each port is split:
     F.v + T.w = [F.(v - v_h) + T.(w - w_h)] + [F.v_h + T.w_h],
-with the motion v, w of the wheel and v_h, w_h of the hull where the wheel is. The first part is the power relative to
-the hull, the second is what the wrench does to the hull as a whole. Their sums over a run are the works of the ledger
-(``results/energy.py``). Without a hull all of it is relative: axles are fixed.
+with the motion v, w of the wheel and v_h, w_h of the hull at the wheel. The first part is the power relative to the
+hull, the second is the power of the wrench on the hull as a whole. Their sums over a run are the works of the ledger
+(``results/energy.py``). Without a hull all power is relative, because axles are fixed.
 """
 
 from __future__ import annotations
@@ -26,57 +26,57 @@ MOTION = ("position", "velocity", "angular_velocity")
 
 
 class Power(NamedTuple):
-    """Means over each step; positive goes into the wheel, for motors into the sprocket."""
+    """Mean powers over each step; positive into the wheel, for motors into the sprocket."""
 
     t: Floats  # (m,) s, ends of the steps
     h: Floats  # (m,) s, their lengths
-    ports: tuple[str, ...]  # "left_track.sprocket": what gives the wrench, and the wheel
-    relative: Floats  # (m, ports) W, on the motion against the hull
+    ports: tuple[str, ...]  # "left_track.sprocket": source of the wrench, and wheel
+    relative: Floats  # (m, ports) W, on the motion relative to the hull
     carried: Floats  # (m, ports) W, on the motion of the hull
-    drives: tuple[str, ...]  # "left_drive.power": of the motor; a differential has those of half shafts and motors
+    drives: tuple[str, ...]  # "left_drive.power", of the motor; a differential has half shafts and motors
     drive: Floats  # (m, drives) W, into the sprocket
-    halves: int  # 2 where each of these stands for two: the other side of a symmetric vehicle mirrors this one
+    halves: int  # 2 if each value stands for both sides of a symmetric vehicle
 
     @property
     def energy(self) -> Floats:
-        """Through each port relative to the hull (ports,), J."""
+        """Energy through each port relative to the hull (ports,), J."""
         return self.h @ self.relative
 
     @property
     def energy_carried(self) -> Floats:
-        """Of each port on the motion of the hull (ports,), J."""
+        """Energy of each port on the motion of the hull (ports,), J."""
         return self.h @ self.carried
 
     @property
     def energy_drive(self) -> Floats:
-        """Of each motor (drives,), J."""
+        """Energy of each motor (drives,), J."""
         return self.h @ self.drive
 
     def series(self) -> Table:
-        """All of it over time."""
+        """Table of all powers over time."""
         heads = [(f"{name} {part}", "W") for part in ("relative", "on hull's motion") for name in self.ports]
         columns = (("t", "s"), ("h", "s"), *heads, *((name, "W") for name in self.drives))
         rows = np.column_stack([self.t, self.h, self.relative, self.carried, self.drive]).tolist()
         return Table("Power over time", columns, rows)
 
     def table(self) -> Table:
-        """Mean power and energy of each port and motor."""
+        """Table of mean power and energy of each port and motor."""
         return _summed([self]).table()
 
 
 class Energies(NamedTuple):
-    """Energies over a window; positive goes into the wheel, for motors into the sprocket."""
+    """Energies over a window; positive into the wheel, for motors into the sprocket."""
 
     window: Window  # s, of the steps
     ports: tuple[str, ...]
-    relative: Floats  # (ports,) J, on the motion against the hull
+    relative: Floats  # (ports,) J, on the motion relative to the hull
     carried: Floats  # (ports,) J, on the motion of the hull
     drives: tuple[str, ...]
     drive: Floats  # (drives,) J
     halves: int
 
     def table(self) -> Table:
-        """Mean power and energy of each port and motor."""
+        """Table of mean power and energy of each port and motor."""
         begin, end = self.window
         every = [*zip(self.ports, self.relative.tolist(), self.carried.tolist(), strict=True)]
         every += [(name, energy, float("nan")) for name, energy in zip(self.drives, self.drive.tolist(), strict=True)]
@@ -94,7 +94,7 @@ class Energies(NamedTuple):
 
 
 def of(run: RunData, window: Window = EVER) -> Power:
-    """Power of every port and motor over time; raises Missing where not every step is recorded."""
+    """Power of every port and motor over time; raises Missing unless every step is recorded."""
     parts = [*blocks(run, window)]
     t, h, relative, carried, drive = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "h", "relative", "carried", "drive")
@@ -103,7 +103,7 @@ def of(run: RunData, window: Window = EVER) -> Power:
 
 
 def summary(run: RunData, window: Window = EVER) -> Energies:
-    """The energies alone, so that long runs need no more memory; raises as ``of``."""
+    """Energies only, so long runs need no more memory; raises as ``of``."""
     return _summed(blocks(run, window))
 
 
@@ -123,7 +123,7 @@ def _summed(parts: Iterable[Power]) -> Energies:
 
 
 def blocks(run: RunData, window: Window = EVER) -> Iterator[Power]:
-    """The same some steps at a time; raises as ``of``."""
+    """Powers in blocks of steps; raises as ``of``."""
     found = [port for port in ports(run) if run.has(f"{port.taker}.{port.taken}.velocity.x")]
     turning = {port.taker for port in found if port.connector == "sprocket"} - {"chassis"}
     drives = [name for name in run.log.signals if name.endswith(".power") and name.partition(".")[0] in turning]
@@ -155,7 +155,7 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[Power]:
 
 
 def _in_block(block: Block, found: list[Port], drives: list[str], hull: bool) -> tuple[Floats, ...]:
-    """Times, lengths, relative and carried power and that of motors, of the steps in a block."""
+    """Times, step lengths, relative and carried power, and power of motors, for a block."""
     series = next(iter(block.values()))
     t, h = series.t[1:], np.diff(series.t)
     c, v_c, w_c = (
@@ -178,5 +178,5 @@ def _in_block(block: Block, found: list[Port], drives: list[str], hull: bool) ->
 
 
 def _mid(values: Floats) -> Floats:
-    """Means of the ends of each step: wrenches are means over it."""
+    """Midpoint values of each step, because wrenches are means over it."""
     return 0.5 * (values[1:] + values[:-1])

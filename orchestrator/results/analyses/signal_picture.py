@@ -1,7 +1,7 @@
-"""Signals of logs as pictures: over time, by frequency or tooth order, or a family of them as a map.
+"""Pictures of signals: over time, frequency or tooth order, or as a map of a family.
 
-A picture has room for some thousand instants: of longer records it shows the least and the largest value of equal
-intervals of time (curves, by ``thinned.py``) or the mean of so many records (maps). So a long log needs little memory.
+A picture shows some thousand instants. Longer records are reduced to the least and largest value of equal intervals
+of time (curves, ``thinned.py``) or to means of several records (maps), so a long log needs little memory.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KINDS = (".png", ".svg", ".pdf")
-CURVE, MAP = 2000, 1500  # intervals of time, and instants, that a picture shows
+CURVE, MAP = 2000, 1500  # intervals of time of a curve, instants of a map
 PLACE = "along the chain from the sprocket, m"
 STYLES = (("-", "solid"), ("--", "dashed"), (":", "dotted"), ("-.", "dash-dotted"))  # by log
-INSIDE, LEGEND, BESIDE = 4, 10, 24  # curves: a legend in the pane, thick lines, a legend beside it; of more, none
-DECADES = 1e-4  # of the largest amplitude: smaller ones are below the picture
+INSIDE, LEGEND, BESIDE = 4, 10, 24  # most curves for: legend inside, thick lines, legend beside; more: none
+DECADES = 1e-4  # of the largest amplitude: lower limit of the axis
 LARGE = {"N": ("kN", 1e3), "W": ("kW", 1e3), "J": ("kJ", 1e3), "Pa": ("MPa", 1e6)}
 
 
 class Curve(NamedTuple):
-    """A signal of a log."""
+    """Signal of a log."""
 
     label: str
     unit: str
@@ -47,10 +47,10 @@ class Curve(NamedTuple):
 
 
 class Map(NamedTuple):
-    """A family of signals of a log."""
+    """Family of signals of a log."""
 
     title: str
-    label: str  # of y
+    label: str  # label of y
     x: Floats  # (k,)
     y: Floats  # (n,)
     values: Floats  # (n, k)
@@ -68,7 +68,7 @@ def draw(
     waterfall: bool = False,
     place: bool = False,
 ) -> None:
-    """Draw signals ("*" stands for anything) of one log or several.
+    """Draw signals ("*" stands for anything) of one or more logs.
 
     :param frequency: amplitudes over frequency, Hz, instead of values over time.
     :param order: over tooth orders.
@@ -105,7 +105,7 @@ def draw(
 
 
 def _chosen(run: RunData, signals: Sequence[str], window: Window) -> Iterator[tuple[str, list[int], Floats]]:
-    """Topic, columns and times (m,) of the signals; raises Missing where there are no records."""
+    """Topic, columns and times (m,) of the signals; raises Missing without records."""
     for topic, columns in run.log.choose(signals).items():
         t = run.log.select({topic: []}, window)[topic].t
         if not len(t):
@@ -118,7 +118,7 @@ def _chosen(run: RunData, signals: Sequence[str], window: Window) -> Iterator[tu
 def _curves(
     run: RunData, signals: Sequence[str], window: Window, frequency: bool, order: bool, number: int, several: bool
 ) -> Iterator[Curve]:
-    """A log's signals over time or frequency."""
+    """Signals of a log over time or frequency."""
     for topic, columns, t in _chosen(run, signals, window):
         names = [run.log.name(topic, column) for column in columns]
         labels = [f"{name}, {run.log.path.stem}" if several else name for name in names]
@@ -134,7 +134,7 @@ def _curves(
 
 
 def _thinned(run: RunData, topic: str, columns: list[int], window: Window, t: Floats) -> list[tuple[Floats, Floats]]:
-    """Of each column times and values; ``t`` (m,): of all records in the window, s."""
+    """Times and values of each column, thinned; ``t`` (m,): times of all records in the window, s."""
     envelope = Envelope(float(t.min()), float(t.max()), len(columns), CURVE)
     for block in run.log.blocks({topic: columns}, BLOCK, window=window):
         envelope.add(block[topic].t, block[topic].values)
@@ -144,7 +144,7 @@ def _thinned(run: RunData, topic: str, columns: list[int], window: Window, t: Fl
 def _maps(
     run: RunData, signals: Sequence[str], window: Window, frequency: bool, order: bool, place: bool, several: bool
 ) -> Iterator[Map]:
-    """A log's families; raises BadInput for what is none."""
+    """Families of a log as maps; raises BadInput for a signal without a family."""
     for wanted in signals:
         for topic, columns, t in _chosen(run, [wanted], window):
             names = [run.log.name(topic, column) for column in columns]
@@ -169,7 +169,7 @@ def _maps(
 
 
 def _means(run: RunData, topic: str, columns: list[int], window: Window, stride: int) -> tuple[Floats, Floats]:
-    """Times and means of so many records at a time."""
+    """Times and means of ``stride`` records at a time."""
     times, values = [], []
     for block in run.log.blocks({topic: columns}, stride * 100, window=window):
         if len(block[topic].t):
@@ -186,7 +186,7 @@ def _grouped(t: Floats, values: Floats, stride: int) -> tuple[Floats, Floats]:
 
 
 def _by_place(run: RunData, name: str, window: Window, stride: int) -> tuple[Floats, Floats, Floats]:
-    """Times (k,), places (n,), m, and values (n, k) of a family of links or pins, given by one of its signals."""
+    """Times (k,), places (n,), m, and values (n, k) of the family of a signal of links or pins."""
     track, _, rest = name.partition(".")
     signal = family(rest)[0]
     if track not in run.tracks or not signal.startswith(("link[", "joint[")):
@@ -206,14 +206,14 @@ def _by_place(run: RunData, name: str, window: Window, stride: int) -> tuple[Flo
 
 
 def _round(share: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Places of a circuit in order, the first and the last on either side again."""
+    """Sorted places and values of a circuit, with the first and last one repeated at the other end."""
     at = np.argsort(share)
     x, y = share[at], values[at]
     return np.concatenate([[x[-1] - 1.0], x, [x[0] + 1.0]]), np.concatenate([[y[-1]], y, [y[0]]])
 
 
 def _draw_curves(figure: Figure, curves: list[Curve], x_label: str, frequency: bool) -> None:
-    """A pane for each unit."""
+    """Draw curves in one pane per unit."""
     units = list(dict.fromkeys(curve.unit for curve in curves))
     figure.set_size_inches(9.0, 1.2 + 3.0 * len(units))
     panes = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
@@ -223,7 +223,7 @@ def _draw_curves(figure: Figure, curves: list[Curve], x_label: str, frequency: b
 
 
 def _pane(figure: Figure, pane: Axes, curves: list[Curve], unit: str, frequency: bool) -> None:
-    """Curves of one unit."""
+    """Draw the curves of one unit."""
     top = max(_largest(curve.y) for curve in curves)
     shown, size = _size(unit, top)
     names = list(dict.fromkeys(curve.signal for curve in curves))
@@ -256,7 +256,7 @@ def _pane(figure: Figure, pane: Axes, curves: list[Curve], unit: str, frequency:
 
 
 def _common(names: Sequence[str]) -> str:
-    """What the names of signals have in common: a family, or how they end; else nothing."""
+    """Common part of the names of signals: a family or an ending; else empty."""
     families = {family(name)[0] for name in names}
     if len(names) == 1 or len(families) == 1:
         return names[0] if len(names) == 1 else families.pop()
@@ -272,7 +272,7 @@ def _colours(count: int) -> list[Any]:
 
 
 def _bar(figure: Figure, pane: Axes, names: list[str]) -> bool:
-    """Colours of a family by number; False where the signals are none."""
+    """Draw a colour bar for the members of a family; False if the signals are not one family."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
@@ -285,12 +285,12 @@ def _bar(figure: Figure, pane: Axes, names: list[str]) -> bool:
 
 
 def _member(name: str) -> str:
-    """What a family is of: "link"."""
+    """Name of the members of a family: "link"."""
     return name.partition("[")[0].rpartition(".")[2].replace("_", " ")
 
 
 def _draw_maps(figure: Figure, maps: list[Map], x_label: str, frequency: bool) -> None:
-    """A pane for each, with one scale for each unit."""
+    """Draw maps in one pane each, with one scale per unit."""
     from matplotlib.colors import LogNorm, Normalize
 
     figure.set_size_inches(9.0, 0.8 + 3.4 * len(maps))
@@ -314,7 +314,7 @@ def _draw_maps(figure: Figure, maps: list[Map], x_label: str, frequency: bool) -
 
 
 def _size(unit: str, largest: float) -> tuple[str, float]:
-    """The unit in which it is read well, and its size."""
+    """Display unit and its size."""
     shown, size = LARGE.get(unit, (unit, 1.0))
     return (shown, size) if largest >= size else ("" if unit == "1" else unit, 1.0)
 

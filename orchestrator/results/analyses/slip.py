@@ -1,4 +1,4 @@
-"""Slip and thrust of tracks: how fast their links slide on the ground, and how it pushes them ahead."""
+"""Slip and thrust of tracks: sliding velocity of links on the ground, and propulsive force."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from orchestrator.results.analyses.at_steps import together
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 
-SLOWEST = 0.05  # m/s of the chain: below, slip over its speed says nothing
+SLOWEST = 0.05  # m/s of the chain: at lower speed the slip ratio is meaningless
 
 
 class Slip(NamedTuple):
-    """Of each track over time; vectors of the ground in the axes of the hull on the level."""
+    """Slip and forces of each track over time; ground forces in horizontal hull axes."""
 
     tracks: tuple[str, ...]
     t: Floats  # (m,) s
-    slip: Floats  # (m, tracks) m/s, velocity of the links over the ground, rearwards is positive
-    ratio: Floats  # (m, tracks) slip over the speed of the chain; NaN where that is below SLOWEST
-    thrust: Floats  # (m, tracks) N, force of the ground ahead
+    slip: Floats  # (m, tracks) m/s, velocity of links over the ground, rearwards positive
+    ratio: Floats  # (m, tracks) slip over chain speed; NaN below SLOWEST
+    thrust: Floats  # (m, tracks) N, forward ground force
     lateral: Floats  # (m, tracks) N, to the left
     load: Floats  # (m, tracks) N, up
 
     def series(self) -> Table:
-        """All of it over time."""
+        """Table of all values over time."""
         kinds = (("slip", "m/s"), ("slip ratio", ""), ("thrust", "N"), ("to the left", "N"), ("load", "N"))
         columns = (("t", "s"), *((f"{track} {kind}", unit) for kind, unit in kinds for track in self.tracks))
         values = [self.t, self.slip, self.ratio, self.thrust, self.lateral, self.load]
         return Table("Slip and thrust over time", columns, np.column_stack(values).tolist())
 
     def table(self) -> Table:
-        """Means over the window, and the largest thrust."""
+        """Table of means over the window, and the largest thrust."""
         rows = []
         for k, track in enumerate(self.tracks):
             whole = [mean(self.t, each[:, k]) for each in (self.slip, self.thrust, self.lateral, self.load)]
@@ -55,7 +55,7 @@ class Slip(NamedTuple):
 
 
 def of(run: RunData, window: Window = EVER) -> Slip:
-    """Of every track; raises Missing where there is no ground."""
+    """Slip of every track; raises Missing without a ground."""
     if run.scene.get("assembly") != "vehicle" or not run.has("chassis.yaw"):
         raise Missing(f"{run.log.path} holds no vehicle on the ground")
     names = hull.tracks(run)

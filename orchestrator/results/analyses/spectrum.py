@@ -1,7 +1,7 @@
-"""Amplitudes of signals by frequency, in Hz or in tooth orders: multiples of the rate at which teeth pass.
+"""Amplitude spectra of signals, in Hz or in tooth orders: multiples of the tooth passing frequency.
 
-Windows are scaled so that a sine shows its own amplitude (not a density): a Hann window tells near frequencies apart,
-a flat top reads the amplitude of a sine between two bins to 0.1 %, a Hann window to 15 %.
+Windows are scaled so that a sine shows its own amplitude (not a density). A Hann window separates near frequencies
+and reads the amplitude of a sine between two bins to 15 %, a flat-top window to 0.1 %.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from orchestrator.results.analyses import at_steps, hull
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 
-SHAPES = {  # windows as sums of cosines, without importing scipy.signal for them, which takes a second
+SHAPES = {  # sums of cosines; importing scipy.signal takes a second
     "hann": (0.5, 0.5),
     "flat-top": (0.21557895, 0.41663158, 0.277263158, 0.083578947, 0.006947368),
 }
-FEWEST = 16  # samples
-EVEN = 1e-6  # of a step: records that differ by less are evenly spaced
+FEWEST = 16  # least number of samples
+EVEN = 1e-6  # of a step: tolerance of even spacing
 PEAKS = 8  # in the table
-LOBE = 4  # bins: a sine shows in so many on either side
+LOBE = 4  # bins on either side in which a sine shows
 
 
 class Spectrum(NamedTuple):
-    """Amplitudes; of a record at 0 Hz the size of its mean."""
+    """Amplitude spectrum; at 0 Hz the magnitude of the mean."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     frequency: Floats  # (k,) Hz
     amplitude: Floats  # (k, signals) of a sine, in the unit of the signal
-    teeth: float  # Hz: teeth per second, mean over the window; NaN where no teeth were asked for
-    window: Window  # what the samples span, s
+    teeth: float  # Hz: mean tooth passing frequency; NaN if not requested
+    window: Window  # time span of the samples, s
     shape: str  # "hann" or "flat-top"
-    resampled: bool  # records were not evenly spaced
+    resampled: bool  # the records were not evenly spaced
 
     @property
     def order(self) -> Floats:
-        """Tooth orders (k,): frequency over the rate of teeth."""
+        """Tooth orders (k,): frequency over tooth passing frequency."""
         return self.frequency / self.teeth
 
     def peak(self, above: float = 0.0, signal: int = 0) -> tuple[float, float]:
-        """Frequency, Hz, and amplitude of the largest one above a frequency; raises Missing above all of them."""
+        """Frequency, Hz, and amplitude of the largest peak above a frequency; raises Missing."""
         inside = np.flatnonzero(self.frequency > above)
         if not len(inside):
             raise Missing(f"the spectrum ends at {self.frequency[-1]:g} Hz: it has nothing above {above:g} Hz")
@@ -53,14 +53,14 @@ class Spectrum(NamedTuple):
         return float(self.frequency[at]), float(self.amplitude[at, signal])
 
     def series(self) -> Table:
-        """All of it."""
+        """Table of all amplitudes."""
         orders = (("tooth order", ""),) if self.teeth == self.teeth else ()
         columns = (("frequency", "Hz"), *orders, *zip(self.names, self.units, strict=True))
         rows = np.column_stack([self.frequency, *([self.order] if orders else []), self.amplitude]).tolist()
         return Table("Amplitudes", columns, rows)
 
     def table(self) -> Table:
-        """The largest peaks of each signal."""
+        """Table of the largest peaks of each signal."""
         rows = []
         for k, name in enumerate(self.names):
             a = self.amplitude[:, k]
@@ -81,8 +81,8 @@ def of(
 ) -> Spectrum:
     """Spectra of signals ("*" stands for anything) of one topic over a window of time.
 
-    ``orders`` asks also for the rate of the teeth of the sprocket that belongs to the signals, or the log's first.
-    Raises BadInput, Missing, NoSuchSignal.
+    ``orders`` adds the tooth passing frequency of the sprocket that belongs to the signals, or of the log's first
+    one. Raises BadInput, Missing, NoSuchSignal.
     """
     if not signals:
         raise BadInput("a spectrum needs --signal NAME: 'cotrack log info --signals LOG' says which there are")
@@ -110,7 +110,7 @@ def of(
 
 
 def teeth_rate(run: RunData, instance: str, window: Window) -> float:
-    """Teeth per second of the sprocket of an instance (or the first), Hz, mean over the window; raises Missing."""
+    """Mean tooth passing frequency of an instance's sprocket, or the first, Hz; raises Missing."""
     signal = hull.sprocket_speed(run, instance)
     t, speed = run.signal(signal, window)
     rate = hull.number(run, "sprocket", "teeth") * abs(mean(t, speed)) / (2.0 * np.pi)
@@ -120,7 +120,7 @@ def teeth_rate(run: RunData, instance: str, window: Window) -> float:
 
 
 def evenly(t: Floats, values: Floats) -> tuple[Floats, Floats, bool]:
-    """Samples (m, n) at evenly spaced times, and whether they had to be made, by straight lines."""
+    """Samples (m, n) at evenly spaced times, and whether they were interpolated."""
     steps = np.diff(t)
     if np.ptp(steps) <= EVEN * steps.mean():
         return t, values, False
@@ -129,7 +129,7 @@ def evenly(t: Floats, values: Floats) -> tuple[Floats, Floats, bool]:
 
 
 def amplitudes(t: Floats, values: Floats, shape: str = "hann") -> tuple[Floats, Floats]:
-    """Frequencies (k,), Hz, and amplitudes of sines (k, n) of evenly spaced samples (m, n); raises Missing."""
+    """Frequencies (k,), Hz, and amplitudes (k, n) of evenly spaced samples (m, n); raises Missing."""
     if shape not in SHAPES:
         raise Missing(f"a window '{shape}' is not known: there is {', '.join(SHAPES)}")
     m = len(t)
@@ -139,5 +139,5 @@ def amplitudes(t: Floats, values: Floats, shape: str = "hann") -> tuple[Floats, 
     found = 2.0 * np.abs(np.fft.rfft((values - middle) * weights[:, None], axis=0)) / weights.sum()
     found[0] = np.abs(middle)
     if m % 2 == 0:
-        found[-1] *= 0.5  # the last one has no twin at a negative frequency
+        found[-1] *= 0.5  # the Nyquist frequency has no negative twin
     return np.fft.rfftfreq(m, (t[-1] - t[0]) / (m - 1)), found

@@ -1,7 +1,8 @@
-"""Times in which something bears next to nothing: the one rule for wheels that are lifted and tracks off the ground.
+"""Intervals without load: one rule for lifted wheels and tracks off the ground.
 
-It is off from the step in which it bears less than LIFTED of the mean load of all of its kind, to the step in which it
-bears more than TOUCHES times that. What lies between changes nothing, so that a load near one value counts once.
+An interval begins with the step in which the load is below LIFTED of the mean load of all members, and ends with the
+step in which it exceeds TOUCHES times that threshold. Loads between do not change the state, so a load near one value
+counts once.
 """
 
 from __future__ import annotations
@@ -15,50 +16,50 @@ from numpy.typing import NDArray
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import RunData, since
 
-LIFTED = 0.02  # of the mean load of all: what bears less is off
-TOUCHES = 2.0  # times the load below which it is off: what bears more is on again
-SETTLING = 0.1  # s: as drawn, a vehicle does not rest on its tracks yet, nor its wheels
+LIFTED = 0.02  # threshold over the mean load of all members
+TOUCHES = 2.0  # upper over lower threshold
+SETTLING = 0.1  # s: a vehicle that starts as drawn does not rest on its tracks and wheels yet
 
-Blocks = Iterator[tuple[Floats, Floats]]  # times (m,), s, and loads (m, members), N, some steps at a time
+Blocks = Iterator[tuple[Floats, Floats]]  # times (m,), s, and loads (m, members), N, in blocks
 
 
 class Spell(NamedTuple):
-    """A time in which something is off."""
+    """Interval without load."""
 
-    start: float  # s, of the step with which it begins
-    end: float  # s, of the step with which it ends, or the last one
-    time: float  # s, of all of its steps
-    begins: bool  # not at the first step
-    ends: bool  # before the run does
-    load: float  # N, with which it ends; NaN where it does not
+    start: float  # s, of its first step
+    end: float  # s, of its last step, or of the end of the run
+    time: float  # s, total of its steps
+    begins: bool  # False if it begins with the first step
+    ends: bool  # False if it lasts until the end of the run
+    load: float  # N, at its end; NaN without one
 
 
 class Spells(NamedTuple):
-    """Of all that bear a load of the same kind."""
+    """Intervals of all members."""
 
-    threshold: float  # N: what bears less is off
+    threshold: float  # N, lower threshold
     of: dict[str, list[Spell]]  # by name, in order of time
 
 
 def switches(low: NDArray[np.bool_], high: NDArray[np.bool_], state: bool) -> Iterator[tuple[int, bool]]:
-    """Where a state begins, at ``low``, and ends, at ``high``, of samples (m,); what lies between keeps the state."""
+    """Begin (``low``) and end (``high``) of a state in samples (m,); samples between keep the state."""
     known = np.flatnonzero(low | high)
     changes = np.diff(low[known], prepend=state)
     yield from zip(known[changes].tolist(), low[known[changes]].tolist(), strict=True)
 
 
 def drops(run: RunData) -> bool:
-    """Whether a vehicle starts as drawn, not in equilibrium."""
+    """True if a vehicle starts as drawn, not in equilibrium."""
     return run.scene.get("assembly") == "vehicle" and run.scene.get("start", {}).get("state") != "equilibrium"
 
 
 def settling(run: RunData, t: float) -> bool:
-    """Whether a vehicle is just coming to rest on its tracks at a time, s."""
+    """True if a vehicle still settles on its tracks at a time, s."""
     return drops(run) and t <= SETTLING
 
 
 def spells(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> Spells:
-    """Of the loads of ``names``, which ``blocks`` gives twice; numbers that are none are passed over."""
+    """Intervals of the loads ``names``; ``blocks`` is called twice; non-finite loads are left out."""
     total, duration = np.zeros(len(names)), np.zeros(len(names))
     for _, weights, loads in _weighed(blocks()):
         known = np.isfinite(loads) & np.isfinite(weights)[:, None]
@@ -70,7 +71,7 @@ def spells(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> Spells:
     found: dict[str, list[Spell]] = {name: [] for name in names}
     if not least > 0.0:
         return Spells(least, found)
-    off: dict[str, Spell] = {}  # those that go on
+    off: dict[str, Spell] = {}  # intervals that still last
     first = True
     for t, weights, loads in _weighed(blocks()):
         for name, values in zip(names, loads.T, strict=True):
@@ -94,7 +95,7 @@ def spells(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> Spells:
 
 
 def _weighed(blocks: Blocks) -> Iterator[tuple[Floats, Floats, Floats]]:
-    """Times, what they weigh (m,), s, and loads."""
+    """Times, weights (m,), s, and loads."""
     last: float | None = None
     for t, loads in blocks:
         if len(t):

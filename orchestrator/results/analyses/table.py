@@ -1,4 +1,4 @@
-"""What an analysis says, as rows: printed, written as CSV, given to pandas or to JSON."""
+"""Table of an analysis: printed, as CSV, as a pandas frame or as JSON."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from typing import Any, NamedTuple
 from orchestrator.log.extra import library
 
 DIGITS = 5
-LEAST = 1e-100  # what is smaller is shown as 0
+LEAST = 1e-100  # smaller numbers are shown as 0
 
 
 class Table(NamedTuple):
-    """Rows under named columns; a number that is not there is NaN."""
+    """Rows under named columns; NaN for missing numbers."""
 
     title: str
-    columns: tuple[tuple[str, str], ...]  # name and unit; no unit is ""
+    columns: tuple[tuple[str, str], ...]  # name and unit, "" for none
     rows: list[tuple[Any, ...]]
     notes: tuple[str, ...] = ()
 
     @property
     def heads(self) -> list[str]:
-        """Names of the columns with their units."""
+        """Column names with units."""
         return [f"{name}, {unit}" if unit else name for name, unit in self.columns]
 
     def records(self) -> list[dict[str, Any]]:
-        """Rows as dicts by the names of the columns."""
+        """Rows as dicts by column name."""
         names = [name for name, _ in self.columns]
         return [dict(zip(names, row, strict=True)) for row in self.rows]
 
     def csv(self) -> str:
-        """A line of heads, then the rows with all digits; NaN is empty."""
+        """CSV text: a header line, then rows with all digits; NaN is empty."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.heads)
@@ -39,7 +39,7 @@ class Table(NamedTuple):
         return text.getvalue()
 
     def frame(self) -> Any:
-        """A DataFrame of pandas with units in its ``attrs``; raises NotInstalled."""
+        """DataFrame of pandas with units in ``attrs``; raises NotInstalled."""
         frame = library("pandas").DataFrame(self.rows, columns=[name for name, _ in self.columns])
         frame.attrs["units"] = dict(self.columns)
         return frame

@@ -1,4 +1,4 @@
-"""Where a run stops being valid: the ledger of ``results/validity`` as an analysis."""
+"""Validity of a run: the ledger of ``results/validity`` as an analysis."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from orchestrator.results.validity.ledger import Validity, validity
 
 
 def of(run: RunData, window: Window = EVER) -> Validity:
-    """All limits that were passed, as far as the signals of the log go; raises LogUnreadable."""
+    """Limits that the run passed, as far as its log has the signals; raises LogUnreadable."""
     return validity(run, window)

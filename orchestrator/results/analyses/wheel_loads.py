@@ -1,4 +1,4 @@
-"""How a track loads its road wheels: the force on each of them that points up in the hull."""
+"""Loads of road wheels: upward force of the track on each, in hull axes."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window,
 
 
 class WheelLoads(NamedTuple):
-    """Over the window, weighed by time."""
+    """Loads over a window, weighted by time."""
 
     wheels: tuple[str, ...]  # "left_track.road_wheel[1]"
     mean: Floats  # (wheels,) N
     least: Floats  # (wheels,) N
     most: Floats  # (wheels,) N
-    rms: Floats  # (wheels,) N, about the mean
-    lifted: Floats  # (wheels,) share of the time
-    threshold: float  # N: what carries less is lifted off (``spells.py``)
+    rms: Floats  # (wheels,) N, deviation from the mean
+    lifted: Floats  # (wheels,) share of time without load
+    threshold: float  # N, a smaller load counts as lifted (``spells.py``)
 
     def table(self) -> Table:
-        """A row for each wheel."""
+        """Table with a row for each wheel."""
         values = (self.mean / 1e3, self.least / 1e3, self.most / 1e3, self.rms / 1e3, 100.0 * self.lifted)
         rows = list(zip(self.wheels, *(each.tolist() for each in values), strict=True))
         columns = (
@@ -40,7 +40,7 @@ class WheelLoads(NamedTuple):
 
 
 def names(run: RunData) -> tuple[str, ...]:
-    """Of the road wheels whose forces were recorded, "left_track.road_wheel[1]"."""
+    """Names of the road wheels whose forces were recorded, "left_track.road_wheel[1]"."""
     return tuple(
         f"{track}.{name.removesuffix('.force.x')}"
         for track in run.tracks
@@ -50,9 +50,9 @@ def names(run: RunData) -> tuple[str, ...]:
 
 
 def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats]]:
-    """Times (m,), s, and loads of the road wheels (m, wheels), N, some steps at a time; raises Missing.
+    """Times (m,), s, and loads of the road wheels (m, wheels), N, in blocks; raises Missing.
 
-    Of a log that was cut off, the steps that all components have.
+    In a log that was cut off only steps of all components count.
     """
     wheels = names(run)
     if not wheels:
@@ -78,12 +78,12 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats
 
 
 def lifted(run: RunData, window: Window = EVER) -> Spells:
-    """When road wheels are lifted off (``spells.py``), by their names; raises Missing."""
+    """Intervals in which road wheels are lifted (``spells.py``), by wheel; raises Missing."""
     return run.once(f"lifted wheels, {window}", lambda run: spells(names(run), lambda: blocks(run, window)))
 
 
 def of(run: RunData, window: Window = EVER) -> WheelLoads:
-    """Of every road wheel; raises Missing."""
+    """Loads of all road wheels; raises Missing."""
     t, load = (np.concatenate(parts) for parts in zip(*blocks(run, window), strict=True))
     if not len(t):
         raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")

@@ -1,1 +1,1 @@
-"""Where a run stops being valid: one kind of entry a module, its limits in ``limits.py``."""
+"""Validity of a run: one kind of entry per module, limits in ``limits.py``."""

@@ -1,4 +1,4 @@
-"""Links that push."""
+"""Entries for links under compression."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ from orchestrator.results.validity.piece import Piece
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """The least tension of every step."""
+    """Signals of the least tension."""
     yield from (f"{track}.tension.min" for track in run.tracks)
 
 
 def find(piece: Piece) -> Iterator[Entry]:
-    """Tracks of vehicles whose links push more than their weight holds down, for longer than HELD; raises Missing."""
+    """Entries for tracks whose links are under more thrust than their weight holds down; raises Missing.
+
+    The thrust must last longer than HELD.
+    """
     limit = thrust(piece.run)
     for track in piece.run.tracks:
         t, tension = piece.signal(f"{track}.tension.min")
@@ -29,7 +32,7 @@ def find(piece: Piece) -> Iterator[Entry]:
 
 
 def thrust(run: RunData) -> float:
-    """What links between two road wheels bear without lifting, N; raises Missing."""
+    """Thrust that links between two road wheels bear without lifting, N; raises Missing."""
     weight = hull.number(run, "track", "mass") * hull.number(run, "gravity") / hull.number(run, "track", "pitch")
     x = run.scene["vehicle"]["road_wheel"]["x"]
     if run.scene.get("assembly") != "vehicle" or len(x) < 2:
@@ -39,7 +42,7 @@ def thrust(run: RunData) -> float:
 
 
 def held(t: Floats, values: Floats, time: float) -> tuple[Floats, Floats]:
-    """The least value over the ``time``, s, before each instant: what lasts as long; without the first of them."""
+    """Minimum over the ``time``, s, before each instant; the first instants have no value."""
     if len(t) < 2 or t[-1] - t[0] < time:
         return t[:0], values[:0]
     count = max(1, round(time / float(np.median(np.diff(t)))))

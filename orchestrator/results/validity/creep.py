@@ -1,4 +1,4 @@
-"""Vehicles that stand and creep, by the regularisation of friction."""
+"""Entries for standing vehicles that creep, because friction is regularised."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from orchestrator.results.validity.entry import WARNING, Entry
 from orchestrator.results.validity.on_sprocket import shaft, toothed
 from orchestrator.results.validity.piece import Piece
 
-STANDS = 0.1  # rad/s of a sprocket: below it brakes fade
-TURNS = 0.02  # rad/s of the hull: a vehicle that turns slides sideways
+STANDS = 0.1  # rad/s of a sprocket: brakes fade below
+TURNS = 0.02  # rad/s of the hull: a turning vehicle slides sideways
 YAW = "chassis.chassis.angular_velocity.z"
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """Slip and force of the ground, speeds of sprockets, turning of the hull."""
+    """Signals: slip and ground force, sprocket speeds, yaw rate of the hull."""
     yield YAW
     for track in toothed(run):
         yield f"{shaft(run, track)}speed"
@@ -28,7 +28,10 @@ def signals(run: RunData) -> Iterator[str]:
 
 
 def find(piece: Piece) -> Iterator[Entry]:
-    """Tracks of a vehicle that stands for STANDING seconds, while friction could hold it; raises Missing."""
+    """Entries for tracks that slide though friction could hold them; raises Missing.
+
+    The vehicle must stand for STANDING seconds.
+    """
     friction = hull.number(piece.run, "contact", "ground", "friction")
     _, yaw = piece.signal(YAW)
     for track in toothed(piece.run):

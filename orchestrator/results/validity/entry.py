@@ -15,19 +15,19 @@ WARNING, FAILURE = "warning", "failure"
 
 
 class Entry(NamedTuple):
-    """A limit that was passed."""
+    """Limit that a run passed."""
 
-    what: str  # a key of ``limits.KINDS``
+    what: str  # key of ``limits.KINDS``
     component: str
-    time: float  # s, when it was passed first
-    place: str  # on the component, "road_wheel[3]"; empty for all of it
-    value: float  # the worst, SI
+    time: float  # s, first time
+    place: str  # on the component, "road_wheel[3]"; empty for the whole
+    value: float  # worst value, SI
     limit: float  # SI
     severity: str  # WARNING or FAILURE
 
     @property
     def sentence(self) -> str:
-        """What a reader is told."""
+        """Sentence for the reader."""
         kind = KINDS[self.what]
         value, limit = (f"{each / kind.size:.3g}" for each in (self.value, self.limit))
         at = f" at {self.place}" if self.place else ""
@@ -35,7 +35,7 @@ class Entry(NamedTuple):
 
 
 def recorded(results: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Entries in the results of a closing record, as ``Entry`` takes them; what is none of them is left out."""
+    """Entries in the results of a closing record, as arguments of ``Entry``; invalid ones are left out."""
     try:
         found = json.loads(results.get("validity", "[]"))
     except (ValueError, RecursionError):
@@ -47,7 +47,7 @@ def recorded(results: Mapping[str, str]) -> list[dict[str, Any]]:
 
 
 def passed(t: Floats, values: Floats, limit: float) -> tuple[float, float, float] | None:
-    """Of values (m,) at times (m,), s: when the limit was first passed, the largest value, and when that was."""
+    """First time above the limit, largest value and its time, of values (m,) at times (m,), s; else None."""
     beyond = values > limit  # false for a NaN
     if not beyond.any():
         return None
@@ -58,7 +58,7 @@ def passed(t: Floats, values: Floats, limit: float) -> tuple[float, float, float
 def levels(
     what: str, component: str, t: Floats, values: Floats, warning: float, failure: float
 ) -> list[tuple[Entry, float]]:
-    """A warning and a failure where values pass their limits, without a place, and when they were worst, s."""
+    """Warning and failure of values above their limits, without a place, with times of the worst, s."""
     return [
         (Entry(what, component, one[0], "", one[1], limit, severity), one[2])
         for limit, severity in ((warning, WARNING), (failure, FAILURE))

@@ -1,4 +1,4 @@
-"""Idlers that move further than their tensioner can."""
+"""Entries for idlers that leave the travel of their tensioner."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from orchestrator.results.validity.entry import WARNING, Entry, passed
 from orchestrator.results.validity.on_sprocket import HULL
 from orchestrator.results.validity.piece import Piece
 
-TRAVEL = 0.1  # m, of vehicles that were written down before tensioners had one
+TRAVEL = 0.1  # m, for older vehicle tables without this key
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """Places of the idlers and the attitude of the hull."""
+    """Signals: positions of the idlers, pose of the hull."""
     yield from (f"{HULL}.{part}" for part in "wxyz")
     for name in ("chassis.chassis.position", *_idlers(run)):
         yield from (f"{name}.{axis}" for axis in "xyz")
 
 
 def find(piece: Piece) -> Iterator[Entry]:
-    """How far each idler is from where it stood at the start, against the travel; raises Missing."""
+    """Entries for idlers that are further from their start position than the travel; raises Missing."""
     run = piece.run
     try:
         travel = hull.number(run, "tensioner", "travel")

@@ -1,4 +1,4 @@
-"""The validity ledger: all entries of a run, from what was recorded."""
+"""Validity ledger: all entries of a run, from its records."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from orchestrator.results.validity.piece import pieces
 
 KINDS = (contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift)
 
-# what a log lacks, or a scene of another kind or origin
+# errors of logs that lack signals, and of scenes of another kind or origin
 UNFIT = (Missing, LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
 
 
 class Validity(NamedTuple):
-    """What a run says of its own limits."""
+    """Entries of a run."""
 
     entries: tuple[Entry, ...]  # in order of time
-    unseen: dict[str, str]  # by module of this room, why it could not look
+    unseen: dict[str, str]  # reason by module that could not look
 
     @property
     def failures(self) -> tuple[Entry, ...]:
-        """Those that end the model's meaning, unless the scene allows them."""
+        """Failures, which end the model's validity unless the scene allows them."""
         return tuple(entry for entry in self.entries if entry.severity == FAILURE)
 
     def table(self) -> Table:
-        """A row for each entry."""
+        """Table with a row for each entry."""
         columns = (("time", "s"), ("component", ""), ("kind", ""), ("severity", ""), ("what", ""))
         rows = [(entry.time, entry.component, entry.what, entry.severity, entry.sentence) for entry in self.entries]
         notes = tuple(f"not looked at, {name.replace('_', ' ')}: {reason}" for name, reason in self.unseen.items())
@@ -47,7 +47,7 @@ class Validity(NamedTuple):
 
 
 def validity(run: RunData, window: Window = EVER) -> Validity:
-    """Of a log, as far as its signals go; raises LogUnreadable."""
+    """Validity of a log as far as it has the signals; raises LogUnreadable."""
     return run.once(f"validity, {window}", lambda _: _validity(run, window))
 
 
@@ -67,14 +67,14 @@ def _validity(run: RunData, window: Window) -> Validity:
 
 
 def softened(entries: Iterable[Entry], allowed: Sequence[str]) -> list[Entry]:
-    """Failures of kinds that the scene allows become warnings."""
+    """Turn failures of allowed kinds into warnings."""
     return [entry._replace(severity=WARNING) if entry.what in allowed else entry for entry in entries]
 
 
 def merged(entries: Iterable[Entry]) -> list[Entry]:
-    """One entry for each kind, part, limit and severity, with its first time and place and its worst value.
+    """Merge entries of equal kind, part, limit and severity: first time and place, worst value.
 
-    Where there is a failure of a part, the warning that came before it is left out.
+    A failure of a part replaces its earlier warning.
     """
     found: dict[tuple[str, str, str, float, str], Entry] = {}
     for entry in sorted(entries, key=lambda entry: entry.time):

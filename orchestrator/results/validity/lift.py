@@ -1,4 +1,4 @@
-"""Tracks that are off the ground and road wheels that are off their track."""
+"""Entries for tracks off the ground and road wheels off their track."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from orchestrator.results.validity.piece import Piece
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """None: ``spells.py`` goes through the loads itself, once for all that ask."""
+    """No signals: ``spells.py`` reads the loads itself, once for all users."""
     return iter(())
 
 
 def find(piece: Piece) -> Iterator[Entry]:
-    """What bears nothing for longer than LIFT and is so within the piece."""
+    """Entries for members without load for longer than LIFT, within the piece."""
     run = piece.run
     found = dict(off_ground(run, EVER).of)
     with suppress(Missing):

@@ -1,4 +1,4 @@
-"""Pins as their sprocket sees them."""
+"""Position of pins relative to their sprocket."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity.piece import Piece
 
 HULL = "chassis.chassis.orientation"
-REACH = 1.2  # of the radius of the teeth: pins that are further away touch none
+REACH = 1.2  # of the radius of the teeth: pins further away have no contact
 
 
 def toothed(run: RunData) -> tuple[str, ...]:
-    """Names of the tracks that have a sprocket."""
+    """Names of the tracks with a sprocket."""
     return tuple(track for track in run.tracks if hull.sprocket(run, track) is not None)
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """Places of the axles, angles of the sprockets, travel of the chains, attitude of the hull."""
+    """Signals: positions of the axles, sprocket angles, chain travel, pose of the hull."""
     yield from (f"{HULL}.{part}" for part in "wxyz")
     for track in toothed(run):
         port = _port(run, track)
@@ -33,9 +33,9 @@ def signals(run: RunData) -> Iterator[str]:
 
 
 def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
-    """Times (m,), s, and teeth (m,) by which the travel of a chain and the turning of its sprocket have parted.
+    """Times (m,), s, and difference of chain travel and sprocket rotation in teeth (m,).
 
-    Stretch of spans and the way of the idler part them by 0.4, sprockets that lock at speed by 0.6; a jump by 1. Raises
+    Stretch of the spans and motion of the idler make up to 0.4, sprockets that lock at speed 0.6, a jump 1. Raises
     Missing.
     """
     pitch, teeth = hull.number(piece.run, "track", "pitch"), hull.number(piece.run, "sprocket", "teeth")
@@ -44,21 +44,21 @@ def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
     if len(travel) != len(angle) or not len(angle):
         raise Missing("the log holds different steps of its components")
     turned = angle * teeth / (2.0 * np.pi)
-    parted = travel / pitch - turned, travel / pitch + turned  # links count one way or the other
+    parted = travel / pitch - turned, travel / pitch + turned  # links are numbered in either direction
     least = min(parted, key=lambda each: float(np.ptp(each)))
     return t, least - least[0]
 
 
 class Polar(NamedTuple):
-    """Pins near a sprocket in each record."""
+    """Polar coordinates of pins near a sprocket in each record."""
 
     t: Floats  # (m,) s
-    distance: Floats  # (m, pins) m, from the axle; infinite for pins that are far
-    angle: Floats  # (m, pins) rad, against the sprocket; grows as that turns ahead; NaN for pins that are far
+    distance: Floats  # (m, pins) m, from the axle; infinite for distant pins
+    angle: Floats  # (m, pins) rad, on the sprocket, in its forward direction; NaN for distant pins
 
 
 def polar(piece: Piece, track: str) -> Polar:
-    """Pins of a track; raises Missing. The seam of their angles is opposite of the wrap."""
+    """Polar coordinates of the pins of a track; the angle jumps opposite the wrap. Raises Missing."""
     return piece.once(f"polar, {track}", lambda: _polar(piece, track))
 
 
@@ -76,7 +76,7 @@ def _polar(piece: Piece, track: str) -> Polar:
     distance, angle = np.full(x.shape, np.inf), np.full(x.shape, np.nan)
     distance[record, pin] = np.hypot(near_x, near_z)
     away = np.arctan2(z[0].mean(), -x[0].mean())  # from the middle of the chain
-    turn = np.arctan2(-near_z, near_x) - away  # about +y, as a sprocket turns ahead
+    turn = np.arctan2(-near_z, near_x) - away  # about +y, the direction of forward rotation
     angle[record, pin] = (turn + np.pi) % (2.0 * np.pi) - np.pi - turned[record]
     return Polar(t, distance, angle)
 
@@ -89,13 +89,13 @@ def _port(run: RunData, track: str) -> Port:
 
 
 def shaft(run: RunData, track: str) -> str:
-    """What the variables of the shaft of a track's sprocket begin with; raises Missing."""
+    """Prefix of the shaft variables of a track's sprocket; raises Missing."""
     port = _port(run, track)
     return f"{port.taker}.{port.taken.removesuffix('sprocket')}"
 
 
 def _axes(piece: Piece, t: Floats) -> tuple[Floats, Floats]:
-    """Unit vectors ahead and up of the hull (m, 3) each; without a hull those of the start."""
+    """Unit vectors ahead and up of the hull, (m, 3) each; without a hull those of the start."""
     try:
         q = _at(t, *piece.vector(HULL, "wxyz"))
     except Missing:
@@ -107,7 +107,7 @@ def _axes(piece: Piece, t: Floats) -> tuple[Floats, Floats]:
 
 
 def _at(t: Floats, times: Floats, values: Floats) -> Floats:
-    """Values (m, k) at the times (m,), by straight lines."""
+    """Values (m, k) at times (m,), s, linearly interpolated; raises Missing."""
     if not len(times):
         raise Missing("nothing was recorded in this window")
     return np.stack([np.interp(t, times, column) for column in values.T], axis=1)

@@ -1,4 +1,4 @@
-"""How deep bodies are in each other, against their own sizes."""
+"""Entries for deep penetration, relative to the sizes of the bodies."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from orchestrator.results.validity import limits
 from orchestrator.results.validity.entry import Entry, levels
 from orchestrator.results.validity.piece import Piece
 
-NEAR = 0.25  # s: pins are recorded more often than that
-EXPLAINS = 0.85  # of a depth: a rim or the ground that is this deep at the last record of pins made it
+NEAR = 0.25  # s: longest interval between records of pins
+EXPLAINS = 0.85  # of a depth: a rim or the ground this deep at the nearest record of pins is its cause
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """The depth of every step."""
+    """Signals of the largest depth."""
     yield from (f"{track}.penetration.max" for track in run.tracks)
 
 
 def find(piece: Piece) -> Iterator[Entry]:
-    """Contacts of each track against the thickness of its links; raises Missing."""
+    """Entries for contacts that are deep relative to the thickness of a link; raises Missing."""
     face = hull.number(piece.run, "track", "face")
     for track in piece.run.tracks:
         t, depth = piece.signal(f"{track}.penetration.max")
@@ -34,9 +34,9 @@ def find(piece: Piece) -> Iterator[Entry]:
 
 
 def deepest(run: RunData, track: str, t: float, depth: float) -> str:
-    """Which wheel or the ground is ``depth`` m deep in links at a time, s; empty where no pins were recorded.
+    """Wheel or ground with penetration ``depth``, m, at a time, s; empty without records of pins.
 
-    What neither rims nor the ground explain is the sprocket, whose teeth have an outline of their own.
+    Depths that neither rims nor ground explain belong to the sprocket, whose teeth have their own outline.
     """
     try:
         found = depths(run, track, t)
@@ -47,7 +47,7 @@ def deepest(run: RunData, track: str, t: float, depth: float) -> str:
 
 
 def depths(run: RunData, track: str, t: float) -> dict[str, float]:
-    """Depth, m, of rims and the ground in the links at the record of pins nearest to a time, s; raises Missing."""
+    """Depths, m, of rims and ground in the links at the record nearest to a time, s; raises Missing."""
     blocks = list(of_links.records(run, track, Window(t - NEAR, t + NEAR), "joint[*].position"))
     times = np.concatenate([block.t for block in blocks])
     at = int(np.abs(times - t).argmin())
@@ -66,7 +66,7 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
 
 
 def wheels(run: RunData, track: str) -> list[str]:
-    """Names of the wheels with rims that a track runs on."""
+    """Names of a track's wheels with rims."""
     names = [name.removesuffix(".position.x") for name in run.log.topics[f"/{track}/in"].names]
     return [name for name in dict.fromkeys(names) if name == "idler" or (name[-1] == "]" and "road_wheel[" in name)]
 

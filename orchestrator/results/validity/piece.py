@@ -1,4 +1,4 @@
-"""A piece of a run: the signals that the ledger looks at, in a window of time, read in one pass."""
+"""Piece of a run: signals of the ledger in a window of time, read in one pass."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from orchestrator.results.run_data import Missing, RunData, Window
 
 Made = TypeVar("Made")
 LENGTH = 10.0  # s
-OVERLAP = 1.0  # s that two pieces share: what lasts shorter is whole in one of them
+OVERLAP = 1.0  # s that two pieces share: shorter events are whole in one of them
 
 
 class Piece:
-    """Signals within a window; what lasts no longer than OVERLAP is in one piece from its beginning to its end."""
+    """Signals in a window; events no longer than OVERLAP are whole in one piece."""
 
     def __init__(self, run: RunData, window: Window, found: Mapping[str, Series]) -> None:
         self.run, self.window, self._found = run, window, found
         self._made: dict[str, Any] = {}
 
     def once(self, name: str, make: Callable[[], Made]) -> Made:
-        """What ``make`` makes of this piece; asked again by that name, the same."""
+        """Result of ``make`` for this piece, cached by name."""
         if name not in self._made:
             self._made[name] = make()
         return self._made[name]
@@ -48,7 +48,7 @@ class Piece:
         return series.t, series.values[:, [series.names.index(each) for each in variables]]
 
     def pins(self, track: str) -> tuple[Floats, Floats]:
-        """Times (m,) and places of the pins of a track (m, pins, 3), m, world: read when asked for; raises Missing."""
+        """Times (m,) and positions of pins (m, pins, 3), m, world; read on demand; raises Missing."""
         blocks = [*of_links.records(self.run, track, self.window, "joint[*].position")]
         return np.concatenate([block.t for block in blocks]), np.concatenate([block.values[0] for block in blocks])
 
@@ -62,7 +62,7 @@ def place(run: RunData, name: str) -> tuple[str, int]:
 
 
 def pieces(run: RunData, names: Iterable[str], window: Window) -> Iterator[Piece]:
-    """The run piece by piece, with the signals of ``names`` that there are."""
+    """Pieces of the run with the signals of ``names`` that the log has."""
     wanted: dict[str, list[int]] = {}
     for name in dict.fromkeys(names):
         try:
@@ -80,6 +80,6 @@ def pieces(run: RunData, names: Iterable[str], window: Window) -> Iterator[Piece
 
 
 def _span(run: RunData, wanted: Mapping[str, list[int]], window: Window) -> tuple[float, float]:
-    """First and last time that is looked at, s."""
+    """First and last time of the pieces, s."""
     t = np.concatenate([run.log.ends(topic).t for topic in wanted])
     return max(window.start, float(t.min(initial=0.0))), min(window.end, float(t.max(initial=0.0)))

@@ -1,4 +1,4 @@
-"""How deep pins sit in the teeth of a sprocket, against the size of a pin."""
+"""Entries for pins deep in the teeth of a sprocket, relative to the size of a pin."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ __all__ = ["find", "signals"]
 
 
 def find(piece: Piece) -> Iterator[Entry]:
-    """Pins of each track, where they are recorded; raises Missing."""
+    """Entries for pins of tracks with recorded pins; raises Missing."""
     radius = hull.number(piece.run, "sprocket", "pin_radius")
     seated = pitch_radius(piece.run.scene["vehicle"])
     most = radius * limits.PIN_WARNING, radius * limits.PIN_FAILURE
     for track in toothed(piece.run):
-        if not (piece.signal(f"{track}.penetration.max")[1] > most[0]).any():  # nothing is deeper than that
+        if not (piece.signal(f"{track}.penetration.max")[1] > most[0]).any():  # no contact is deeper
             continue
         t, distance, _ = polar(piece, track)
         deepest = distance.argmin(axis=1)

@@ -1,4 +1,4 @@
-"""Chains that jump over teeth: the number of a seated pin against that of its gap changes."""
+"""Entries for chains that jump over teeth: the numbers of seated pins against their gaps change."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from orchestrator.results.validity.on_sprocket import drift, polar, signals, too
 from orchestrator.results.validity.piece import Piece
 
 __all__ = ["find", "signals"]
-SUSPECT, CERTAIN = 0.4, 1.0  # teeth: see ``drift``
-SEATED = 0.5  # of the height of a tooth over the pitch circle: pins that are nearer to the axle sit in a gap
+SUSPECT, CERTAIN = 0.4, 1.0  # teeth, see ``drift``
+SEATED = 0.5  # of the height of a tooth above the pitch circle: closer pins sit in a gap
 
 
 def find(piece: Piece) -> Iterator[Entry]:
-    """The first jump of each track, and the most teeth that it was off; raises Missing.
+    """First jump of each track, and its largest shift in teeth; raises Missing.
 
-    Pins are read where travel says that there may be one; where they were not recorded, travel decides.
+    Pins are read where the travel suggests a jump; without records of pins the travel decides.
     """
     for track in toothed(piece.run):
         t, parted = drift(piece, track)
@@ -46,12 +46,11 @@ def _by_pins(piece: Piece, track: str) -> Iterator[Entry]:
 
 
 def jumps(gaps: Floats, distance: Floats, seated: float) -> Iterator[tuple[int, int, float]]:
-    """Of pins (m, n) by the numbers of the gaps that they are at: record and deepest pin after each jump, and by how
-    many teeth the chain is then off its first seat.
+    """Record, deepest pin and shift in teeth after each jump of pins (m, n), given their gap numbers.
 
-    The number of a pin against that of its gap is one and the same for all seated pins, as a chain turns with its
-    sprocket. In each record the deepest pin decides, if its distance from the axle, m, is less than ``seated``. Pins
-    are numbered round the chain.
+    The number of a pin less that of its gap is equal for all seated pins, as a chain turns with its sprocket. In each
+    record the deepest pin decides, if its distance from the axle, m, is less than ``seated``. Pins are numbered round
+    the chain.
     """
     pins = gaps.shape[1]
     deepest = distance.argmin(axis=1)
@@ -62,6 +61,6 @@ def jumps(gaps: Floats, distance: Floats, seated: float) -> Iterator[tuple[int, 
     beside = gaps[rows[0], [(pin[0] + 1) % pins, pin[0] - 1]]
     along = np.sign(np.nanmean((beside - gaps[rows[0], pin[0]]) * [1.0, -1.0]))
     apart = gaps[rows, pin] - along * pin
-    number = np.unwrap(np.round(apart - apart[0]), period=pins)  # a chain ends where it begins
+    number = np.unwrap(np.round(apart - apart[0]), period=pins)  # modulo the closed chain
     for k in np.flatnonzero(np.diff(number)) + 1:
         yield int(rows[k]), int(pin[k]), float(abs(number[k] - number[0]))

@@ -1,7 +1,7 @@
-"""Other codes on the same motion; each is known by one module and runs in a process of its own.
+"""Other codes (peers) on the same motion, one per module, each in a process of its own.
 
-A peer has ``measure(case, quick, repeats)``: one dict a run with ``code``, ``step`` (s), ``cpu`` (s over the whole
-motion), and ``pins`` at its end.
+A peer has ``measure(case, quick, repeats)``, which returns one dict per run with ``code``, ``step`` (s), ``cpu`` (s,
+whole motion) and ``pins`` at the end.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ class Peer(NamedTuple):
 
     name: str
     package: str  # to be installed
-    module: str  # of this folder
+    module: str  # module of this folder
 
 
 PEERS = (Peer("Exudyn", "exudyn", "exudyn_loops"), Peer("MuJoCo", "mujoco", "mujoco_loops"))
 
 
 def runs(peer: Peer, case: str, quick: bool, repeats: int) -> tuple[list[dict[str, Any]], str]:
-    """What a peer did of a case, or why there is nothing."""
+    """Runs of a case by a peer, or the reason why there are none."""
     if find_spec(peer.package) is None:
         return [], f"{peer.name} is not installed: pip install 'cotrack[benchmark]'"
     try:

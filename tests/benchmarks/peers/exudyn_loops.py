@@ -1,7 +1,7 @@
-"""The loop in Exudyn: ANCF cables or rigid bodies in the plane, joined by pins of two equations each.
+"""Loop in Exudyn: planar ANCF cables or rigid bodies, joined by pins of two equations each.
 
-Generalised-alpha of index 3 with our own spectral radius, a sparse matrix whose pattern is reused, the build without
-range checks, one thread; tolerances as they come. A modified Newton keeps its matrix over steps.
+Generalised-alpha of index 3 with our spectral radius, a sparse matrix with a reused pattern, the build without range
+checks, one thread, default tolerances. Modified Newton keeps its matrix over several steps.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ STEPS = (2e-3, 1e-3, 5e-4)  # s
 QUICK_STEPS = (1e-3,)
 NEWTON = {"modified Newton": True, "full Newton": False}
 
-Assembled = tuple[Any, Callable[[], Floats]]  # the system, and where its pins are now (n, 2)
+Assembled = tuple[Any, Callable[[], Floats]]  # system, and function of the pin positions (n, 2)
 
 
 def measure(case: str, quick: bool, repeats: int) -> list[dict[str, Any]]:
@@ -51,7 +51,7 @@ def run(case: str, stop: float, step: float, newton: str) -> tuple[float, Floats
 
 
 def settings(stop: float, step: float, modified: bool) -> Any:
-    """Of a run that writes nothing."""
+    """Settings of a run without output files."""
     exudyn, _ = _imported()
     chosen = exudyn.SimulationSettings()
     time = chosen.timeIntegration
@@ -67,7 +67,7 @@ def settings(stop: float, step: float, modified: bool) -> Any:
 
 
 def cables(loop: Loop) -> Assembled:
-    """ANCF cables, each on two nodes of its own with position and slope."""
+    """Chain of ANCF cables, each on two nodes of its own with position and slope."""
     exudyn, item = _imported()
 
     mbs, n, links = exudyn.SystemContainer().AddSystem(), len(loop.pins), []
@@ -104,7 +104,7 @@ def cables(loop: Loop) -> Assembled:
 
 
 def rods(loop: Loop) -> Assembled:
-    """Rigid bodies, thin rods."""
+    """Chain of rigid bodies, thin rods."""
     exudyn, item = _imported()
 
     mbs, n, half, bodies = exudyn.SystemContainer().AddSystem(), len(loop.pins), 0.5 * loop.pitch, []
@@ -131,7 +131,7 @@ def _pin(mbs: Any, markers: list[Any]) -> None:
 
 
 def _imported() -> tuple[Any, Any]:
-    """Exudyn, and its items."""
+    """Import Exudyn; return it and its items."""
     sys.exudynFast = True  # type: ignore[attr-defined]  # without range checks; read when it is first imported
     warnings.simplefilter("ignore", DeprecationWarning)
     import exudyn

@@ -1,9 +1,9 @@
-"""The loop in MuJoCo: a tree of hinges from one body that slides and turns in the plane, closed by a soft constraint.
+"""Loop in MuJoCo: a tree of hinges from a planar free body, closed by a soft constraint.
 
-``connect`` closes it over two steps (``solref``), at 0.9999 of full stiffness (``solimp``): softer is further off, not
-faster. On the ground contact points and friction are ours, the points spheres of 1 mm; MuJoCo takes stiffness and
-damping of a contact over the mass that it moves, and gets those of the soil over the mass of one link. That is another
-law, so its distance from our reference there is no error of its integration.
+``connect`` closes it over two steps (``solref``), at 0.9999 of full stiffness (``solimp``): a softer one is less
+accurate, not faster. On the ground contact points and friction are ours, with points as spheres of 1 mm. MuJoCo
+relates stiffness and damping of a contact to the mass that it moves; it gets those of the soil over the mass of one
+link. This is another law, so the distance from our reference is no integration error.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tests.benchmarks import motion
 from tests.benchmarks.motion import GRAVITY, Case, Floats, Loop
 from tests.benchmarks.timing import cpu, least
 
-STEPS = {  # s, by integrator; the second one is of first order, and the one that is meant for contact
+STEPS = {  # s, by integrator; the second is of first order and recommended for contact
     "RK4": (10e-3, 5e-3, 1e-3),
     "implicitfast": (1e-3, 2.5e-4),
 }
@@ -24,7 +24,7 @@ GROUND_STEPS = {"RK4": (1e-3, 2.5e-4), "implicitfast": (1e-3, 2.5e-4)}
 QUICK_STEPS = {"RK4": (1e-3,), "implicitfast": (1e-3,)}
 STIFF = "0.9999 0.9999 0.001"
 POINT = 1e-3  # m, radius of a contact point
-GAUSS = 1.0 / np.sqrt(12.0)  # of the pitch, from the middle of a link
+GAUSS = 1.0 / np.sqrt(12.0)  # of the pitch: distance of Gauss points from the middle of a link
 
 
 def measure(case: str, quick: bool, repeats: int) -> list[dict[str, Any]]:
@@ -42,21 +42,21 @@ def measure(case: str, quick: bool, repeats: int) -> list[dict[str, Any]]:
 
 
 def run(case: Case, stop: float, step: float, integrator: str) -> tuple[float, tuple[Floats, float]]:
-    """CPU time, s; pins and energy, J, at ``stop``. Raises RuntimeError with what MuJoCo warned of."""
+    """CPU time, s; pins and energy, J, at ``stop``. Raises RuntimeError with MuJoCo's warning."""
     import mujoco
 
     loop = motion.loop(case)
     model = mujoco.MjModel.from_xml_string(xml(loop, case.ground, step, integrator))
     data = mujoco.MjData(model)
-    c, s = np.cos(loop.angle[0]), np.sin(loop.angle[0])  # of the first link, along and across which it slides
+    c, s = np.cos(loop.angle[0]), np.sin(loop.angle[0])  # of the first link: longitudinal and transverse slide
     vx, vz = loop.velocity[0]
     data.qvel[:2] = c * vx + s * vz, c * vz - s * vx
     data.qvel[2:] = np.diff(loop.rate, prepend=0.0)
     warned: list[str] = []
-    mujoco.set_mju_user_warning(warned.append)  # else it writes them into a file here
+    mujoco.set_mju_user_warning(warned.append)  # default: a file in the current folder
     spent, _ = cpu(lambda: mujoco.mj_step(model, data, nstep=round(stop / step)))
     mujoco.mj_kinematics(model, data)
-    if warned:  # and starts anew where a run blows up
+    if warned:  # MuJoCo resets an unstable run
         raise RuntimeError(f"steps of {step:g} s: {warned[0]}")
     mujoco.mj_energyPos(model, data)
     mujoco.mj_energyVel(model, data)
@@ -65,7 +65,7 @@ def run(case: Case, stop: float, step: float, integrator: str) -> tuple[float, t
 
 
 def xml(loop: Loop, ground: bool, step: float, integrator: str) -> str:
-    """The model; a hinge turns from x towards z."""
+    """XML model; hinges turn from x towards z."""
     n, p, inertia = len(loop.pins), loop.pitch, loop.mass * loop.pitch**2 / 12.0
     soil = loop.soil
     touch = (

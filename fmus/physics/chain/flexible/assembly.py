@@ -1,4 +1,4 @@
-"""A chain of flexible links, link by link, whatever they are made of: residual and iteration matrix; what is shown."""
+"""Assembly of a chain of flexible links of any element: residual, iteration matrix and outputs."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from fmus.physics.chain.touch import roll
 @kernel
 @apart
 def evaluate(links, contacts, env, x, by, w, fresh):
-    """Residual M vdot + Q - Q_ext of the whole chain in the motion ``x``, condensed to the pins, into ``w.b``; with
-    ``fresh`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``, the derivatives of rates and
-    accelerations being ``by``. Contact sums and wrenches on the wheels at ``w.moved``.
+    """Residual M vdot + Q - Q_ext of the chain in the motion ``x``, condensed to the pins, into ``w.b``.
 
-    Returns the largest entry of the residual, N, and the link it belongs to.
+    With ``fresh`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``; ``by`` (Slopes) are the
+    derivatives of rates and accelerations. Contact sums, and wrenches on the wheels at ``w.moved``, go to ``w``.
+    Returns the largest entry of the residual, N, and its link.
     """
     n, c, rows, dims, at = links.n, links.element, vectors(links.element), axes(links.element), layout(links)
     weight, whole = matter(c) * env.gravity, rows * dims + len(at.common)

@@ -1,7 +1,8 @@
-"""The door to the axes in which a chain's coordinates are written: fixed ones, or axes that turn with the chain.
+"""Dispatch to the axes of a chain's coordinates, fixed or turning, by the class of ``links``.
 
-The class of the links says which: ``free_axes`` for those that turn, ``fixed_axes`` for all others. A chain's motion
-``x`` holds the axes as ``x.axes``, empty where they are fixed.
+The modules are ``free_axes`` for axes that turn and ``fixed_axes`` for all others. The axes are in the motion as
+``x.axes`` (``axes_state``), empty if fixed. Functions on one link use its coordinates ``w.e`` (rows, axes), rates
+``w.v``, accelerations ``w.dv`` and matrix ``w.K``.
 """
 
 from __future__ import annotations
@@ -23,112 +24,118 @@ def _of(links: type) -> Any:
 
 @door(_of)
 def outside(links, x, w, tangent):
-    """Before an evaluation: what the axes make of the wheels, and of accelerations."""
+    """Prepare an evaluation: the wheels ``w.moved`` relative to the axes into ``w.flat``; zero the border."""
 
 
 @door(_of)
 def homeward(links, x, w):
-    """After the contacts: the wrenches on the wheels as others see them."""
+    """Transform the wrenches on the wheels from the axes to the frame of the start, after the contacts."""
 
 
 @door(_of)
 def burden(links, x, w, weight, r):
-    """Inertia forces and ``weight``, N, of the link in ``w.e``, ``w.v``, ``w.dv``, written to ``r`` (rows, axes)."""
+    """Write inertia forces and ``weight``, N, of the link to ``r`` (rows, axes)."""
 
 
 @door(_of)
 def sideways(links, w, r, tangent):
-    """Bending of the link in ``w.e`` about the normal, as far as its element leaves it out: into ``r`` and ``w.K``."""
+    """Add the bending of the link about the normal, as far as its element lacks it, to ``r`` and ``w.K``."""
 
 
 @door(_of)
 def lean(links, w, by_acceleration):
-    """What the turning of the axes does to the inertia of the link in ``w.e``: its rows and columns of ``w.K``."""
+    """Write the rows and columns of ``w.K`` that couple the link's inertia with the rotation of the axes."""
 
 
 @door(_of)
 def border(links, w, i, j):
-    """What the turning of the axes does to the pins ``i`` and ``j``, after the link between them was condensed."""
+    """Add the condensed coupling of the pins ``i``, ``j`` with the rotation of the axes to the border."""
 
 
 @door(_of)
 def foresee(links, method, h, s, w):
-    """The axes at the end of a step of ``h`` s, as Newton's iteration begins with them."""
+    """Predict the axes at the end of a step of ``h`` s."""
 
 
 @door(_of)
 def resolve(links, w, fresh):
-    """Solve for the pins, ``w.b``; with ``fresh`` factors also what they answer to the turning of the axes."""
+    """Solve for the pins, ``w.b``; with ``fresh`` factors also for their response to the axes' rotation."""
 
 
 @door(_of)
 def bend(links, x, w, by):
-    """Take the Newton step of the axes out of the solutions of pins and links, which it amends; its size, m."""
+    """Take the Newton step of the axes and correct the solutions of pins and links for it.
+
+    Returns the size of the step, m.
+    """
 
 
 @door(_of)
 def arrive(links, method, s, w):
-    """The axes at the end of a step that was found."""
+    """Update the axes at the end of a converged step."""
 
 
 @door(_of)
 def follow(links, x, w):
-    """Before accelerations are asked for: that of the origin; the axes have none that is known."""
+    """Acceleration of the axes' origin before an explicit evaluation; zero their angular acceleration."""
 
 
 @door(_of)
 def swing(links, x, w):
-    """After an evaluation with the mass factored: accelerations of pins and axes, and what those do to the links'."""
+    """Accelerations of pins, axes and links after an evaluation with the mass factored."""
 
 
 @door(_of)
 def rates(links, x, k, at):
-    """Time derivative of the axes, into ``k`` from ``at`` on."""
+    """Time derivative of the axes into ``k`` from ``at`` on."""
 
 
 @door(_of)
 def square(links, s):
-    """Make the axes orthogonal again after an explicit step."""
+    """Orthogonalise the axes after an explicit step."""
 
 
 @door(_of)
 def sideways_frequency(links):
-    """Of the chain, the highest in the bending that ``sideways`` knows, rad/s; not for kernels."""
+    """Highest frequency of the chain in the bending of ``sideways``, rad/s; not for kernels."""
 
 
 @door(_of)
 def absolute(links, x, w):
-    """Rates ``w.v`` of the link in ``w.e`` against the ground."""
+    """Convert the rates ``w.v`` of the link to those relative to the ground."""
 
 
 @door(_of)
 def accelerated(links, s, w, i, j):
-    """Accelerations against the ground of the link between the pins ``i`` and ``j``, along the axes, into ``w.dv``."""
+    """Accelerations of the link between pins ``i`` and ``j`` relative to the ground into ``w.dv``.
+
+    They are components along the axes.
+    """
 
 
 @door(_of)
 def lagging(links, s, w, i, j):
-    """The part of them that an evaluation without accelerations leaves out."""
+    """Part of ``accelerated`` that an evaluation without accelerations leaves out."""
 
 
 @door(_of)
 def upwards(links, s):
-    """The vertical, along the axes."""
+    """Unit vector of the vertical along the axes."""
 
 
 @door(_of)
 def risen(links, x, w):
-    """Height of the link in ``w.e``, m."""
+    """Height of the centre of mass of the link, m."""
 
 
 @door(_of)
 def placed(links, s, p):
-    """The place ``p`` along the axes, in the frame of the start."""
+    """Position in the frame of the start of the position ``p`` along the axes, m."""
 
 
 @door(_of)
 def directed(links, s, v):
-    """The vector ``v`` along the axes, in the frame of the start."""
+    """Components in the frame of the start of the vector ``v`` along the axes."""
 
 
 @door(_of)
@@ -138,4 +145,4 @@ def sideways_energy(links, w):
 
 @door(_of)
 def turning_energy(links, x):
-    """Kinetic energy of what the links weigh beside their lines, J."""
+    """Kinetic energy of the links' mass beside their centrelines, J."""

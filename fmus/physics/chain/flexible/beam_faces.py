@@ -1,7 +1,7 @@
 """Faces of beams; see ``faces``. Motion: q, v (nodes, 18), see ``beam_nodes``.
 
 A material point of a beam is linear in its coordinates, x = S(xi, y, z) e, so a contact force f acts as S^T f and its
-derivatives as S^T g S: no moment is left out, whichever way the link is turned. The points are those of rigid links.
+derivatives as S^T g S, without any moment left out, at any rotation. The points are those of rigid links.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from fmus.jit import kernel
 from fmus.physics.ancf.beam import shape
 from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.link_layout import ends
-from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
+from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
     begin,
     count,
     enter,
@@ -32,7 +32,7 @@ def across(links):
 
 @kernel
 def lift(links, x, i):
-    """A pin's ends hang by the rise of its axis."""
+    """See ``faces``; the ends of a pin hang by the inclination of its axis."""
     first, second = ends(layout(links), x.q.shape[0], i)
     lean = links.lateral * max(abs(x.q[first, 5]), abs(x.q[second, 5]))
     return lean + 1.1 * links.face + 0.1 * links.element.l
@@ -46,7 +46,7 @@ def section(links, x, w, i, xi, z):
 
 @kernel
 def locate(links, x, w, i, at, y):
-    """Leaves shape functions in ``w.S``."""
+    """See ``faces``; leaves shape functions in ``w.S``."""
     S, e, de = w.S, w.e, w.v
     shape(links.element, at[0], y, at[1], S)
     p0 = p1 = p2 = v0 = v1 = v2 = 0.0
@@ -62,14 +62,14 @@ def locate(links, x, w, i, at, y):
 
 @kernel
 def along(links, x, w, i):
-    """Of the pins, of the link's bending nothing."""
+    """See ``faces``; by the pins, without the link's bending."""
     first, last = pins(links, x, w, i)
     return add(last, scale(-1.0, first))
 
 
 @kernel
 def push(links, w, i, push, tangent):
-    """Force on residual and matrix of the link: R -= S^T f, K -= S^T g S."""
+    """Add a force to residual and matrix of the link: R -= S^T f, K -= S^T g S."""
     S, R, K, f, g = w.S, w.load[i], w.stiffening[i], push.f, push.g
     for a in range(8):
         R[a, 0] -= S[a] * f[0]
@@ -93,7 +93,7 @@ def push(links, w, i, push, tangent):
 
 @kernel
 def resist(links, w, i, push, by_rate, foot, side):
-    """K -= S^T r (d rate / d pins) with r = df / d rate; the rate falls as the face moves along its normal."""
+    """Add K -= S^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
     S, K, r = w.S, w.stiffening[i], push.by_rate
     for a in range(8):
         for k in range(3):
@@ -112,7 +112,7 @@ def locate_pin(links, x, w, i, y):
 
 @kernel
 def push_pin(links, x, w, i, y, push, tangent):
-    """Residual into ``w.b``, matrix into ``w.A``."""
+    """Add a force to residual ``w.b`` and matrix ``w.A`` of the pin."""
     f, g = push.f, push.g
     for a in range(3):
         w.b[i, a] -= f[a]

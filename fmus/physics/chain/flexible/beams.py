@@ -1,10 +1,10 @@
-"""A chain of fully parameterised beams joined by pins: the element's 24 coordinates to a pin's 18, what a link shows.
+"""Chain of fully parameterised beams joined by pins: coordinates of pins and outputs of links.
 
 A node (pin) has 18 coordinates, vectors of three: position r and gradient r_y along the pin, which both links share;
 r_x and r_z of the link that ends there; r_x and r_z of the link that begins there. That is the pin of paper (3),
-eliminated: its axis is a vector of the links' own, so it turns with them. The twelve of r_x and r_z belong to a link
-alone, so each Newton step condenses them link by link and leaves a cyclic block tridiagonal system of 6 x 6 blocks.
-The sibling ``cables`` has the same names for cables; the door is ``elements``.
+eliminated: its axis is a vector of the links' own, so it turns with them. The twelve of r_x and r_z belong to one link
+each, so every Newton step condenses them link by link and leaves a cyclic block tridiagonal system of 6 x 6 blocks.
+Sibling with the same names: ``cables``; dispatched by ``elements``.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ LAYOUT = arranged(
     outer=[0, 1, 2, 6, 7, 8, 12, 13, 14, 18, 19, 20],
     fixed=6,
 )
-ELEMENT = (8, 3)  # vectors of a link, components of a vector
-AXES = np.arange(3)  # of the three axes: those that a vector of this chain has
-FREE = 0  # numbers that say where the axes of the coordinates are: they stay
-PLANE = np.arange(NODE).reshape(6, 3)[:, [0, 2]]  # of a pin: components along x and z of each of its vectors
-PIN_AXIS = [4]  # of a pin that of its axis along y: 1 in a chain at rest
+ELEMENT = (8, 3)  # (rows, axes): vectors of a link, components of a vector
+AXES = np.arange(3)  # axes of space that a vector of this chain has
+FREE = 0  # size of the state of the axes: fixed
+PLANE = np.arange(NODE).reshape(6, 3)[:, [0, 2]]  # indices in a pin of the x and z components of each of its vectors
+PIN_AXIS = [4]  # index in a pin of its axis' y component, 1 at rest
 
 
 class Beams(NamedTuple):
-    """The links of a chain, all alike."""
+    """Parameters of a chain of equal links."""
 
-    n: int  # how many
-    closed: int
-    element: Beam
-    face: float  # contact faces from the pin line, m
-    lateral: float  # of the contact points from the middle, m
-    outer_fibre: float  # m
-    area: float  # m2
+    n: int  # number of links
+    closed: int  # 1: a closed mesh, 0: an open one
+    element: Beam  # parameters of an element
+    face: float  # distance of the contact faces from the pin line, m
+    lateral: float  # distance of the contact points from the middle, m
+    outer_fibre: float  # distance of the outer fibre from the axis, m
+    area: float  # area of the section, m2
     young: float  # Young's modulus, Pa
-    closing: Spring | None = None  # of a loop whose mesh is open
+    closing: Spring | None = None  # spring of a loop whose mesh is open
 
 
 @kernel
@@ -64,19 +64,19 @@ def layout(links):
 
 @kernel
 def lever(links):
-    """See ``elements``: a pin changes by its middle, or by its ends as they turn and stretch."""
+    """See ``elements``: by the pin's middle, or by its ends as they rotate and stretch."""
     half = 0.5 * links.element.width
     return 1.0, 1.0, 1.0, half, half, half
 
 
 @kernel
 def flatten(links, w):
-    """See ``elements``: as they are."""
+    """See ``elements``: unchanged."""
 
 
 @allocating
 def axial(links, w):
-    """See ``elements``; stress by Green's strains at the Gauss points of the axis and the corners of the section."""
+    """See ``elements``; stress from Green's strains at the axis' Gauss points and the section's corners."""
     N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), radii(links.element)
     y, z = 0.5 * links.element.width / across, links.outer_fibre / up
     stress = 0.0
@@ -94,7 +94,7 @@ def axial(links, w):
 
 @allocating
 def outer_and_inner(links, w):
-    """See ``elements``; in the middle of the width."""
+    """See ``elements``; at the middle of the width."""
     N, G, up = np.empty((5, 8)), np.empty((5, 3)), links.outer_fibre / radii(links.element)[1]
     outer = inner = 0.0
     for p in range(GAUSS):

@@ -1,7 +1,7 @@
-"""Faces of cable elements, in space or in their own plane; see ``faces``. Motion: q, v (nodes, 8 or 6).
+"""Faces of cable elements, in space or in their own plane; see ``faces``.
 
-In the plane all is as in space where y is zero, and what a force does along y is left out: ``up`` is the axis of z.
-Contact points lie on the faces of a link, outside or inside the centreline along the normal r_x x e_y; the change of
+Motion: q, v (nodes, 8 or 6). In the plane y is zero and forces along y are left out; ``up`` is the index of z. Contact
+points are on the faces of a link, outside or inside the centreline along the normal r_x x e_y. The change of
 that normal with the slopes is part of the virtual work: with B = S - C t n^T a point moves by B de.
 """
 
@@ -13,7 +13,7 @@ from fmus.jit import kernel
 from fmus.physics.ancf.cable import axes, shape, shape_slope
 from fmus.physics.chain.flexible.elements import in_space, layout
 from fmus.physics.chain.flexible.link_layout import node
-from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
+from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
     begin,
     count,
     enter,
@@ -40,7 +40,7 @@ def lift(links, x, i):
 
 @kernel
 def section(links, x, w, i, xi, z):
-    """Leaves shape functions in ``w.S``, z x slopes / |r_x| in ``w.C``, the tangent along x and z in ``w.t``."""
+    """See ``faces``; leaves shapes in ``w.S``, z x slopes / |r_x| in ``w.C``, tangent (x, z) in ``w.t``."""
     S, C, e, de, up = w.S, w.C, w.e, w.v, axes(links.element) - 1
     shape(links.element, xi, S)
     shape_slope(links.element, xi, C)
@@ -68,7 +68,7 @@ def section(links, x, w, i, xi, z):
 
 @kernel
 def locate(links, x, w, i, at, y):
-    """See ``faces``: on a line there is one."""
+    """See ``faces``; a cable has one point, in its middle."""
     return at
 
 
@@ -81,7 +81,7 @@ def along(links, x, w, i):
 
 @kernel
 def push(links, w, i, push, tangent):
-    """Force on residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - C t n^T."""
+    """Add a force to residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - C t n^T."""
     S, C, R, K, dims = w.S, w.C, w.load[i], w.stiffening[i], axes(links.element)
     t0, t2, f, up = w.t[0], w.t[2], push.f, dims - 1
     a = f[0] * t0 + f[2] * t2
@@ -120,7 +120,7 @@ def push(links, w, i, push, tangent):
 
 @kernel
 def resist(links, w, i, push, by_rate, foot, side):
-    """K -= B^T r (d rate / d pins) with r = df / d rate; the rate falls as the face moves along its normal."""
+    """Add K -= B^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
     S, C, K, t0, t2, r, dims = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], push.by_rate, axes(links.element)
     a = r[0] * t0 + r[2] * t2
     for k in range(4):
@@ -134,7 +134,7 @@ def resist(links, w, i, push, by_rate, foot, side):
 
 @kernel
 def _axis(k, dims):
-    """The axis of space of a vector's component ``k``: x and z in the plane."""
+    """Axis of space of a vector's component ``k``: x or z in the plane."""
     return k if dims == 3 else 2 * k
 
 
@@ -147,7 +147,7 @@ def locate_pin(links, x, w, i, y):
 
 @kernel
 def push_pin(links, x, w, i, y, push, tangent):
-    """Residual into ``w.b``, matrix into ``w.A``."""
+    """Add a force to residual ``w.b`` and matrix ``w.A`` of the pin."""
     f, g, dims, i = push.f, push.g, axes(links.element), node(layout(links), x.q.shape[0], i)
     for a in range(dims):
         w.b[i, a] -= f[_axis(a, dims)]

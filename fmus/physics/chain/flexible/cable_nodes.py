@@ -1,4 +1,4 @@
-"""How the coordinates of pins (nodes, 8) make those of links (4, 3): the pin of paper (2)."""
+"""Coordinates of cables (4, 3) from those of pins (nodes, 8): the pin of paper (2)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ NODE = 8  # position 3, slope of the ending link (x, z), slope of the beginning 
 
 @kernel
 def gather(q, i, j, e):
-    """Element coordinates (4, 3) of the link from pin ``i`` to pin ``j``."""
+    """Element coordinates ``e`` (4, 3) of the link from pin ``i`` to pin ``j`` of ``q`` (nodes, 8)."""
     for k in range(3):
         e[0, k] = q[i, k]
         e[2, k] = q[j, k]

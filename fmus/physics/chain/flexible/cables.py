@@ -1,8 +1,8 @@
-"""A chain of cable elements joined by pins: the element's twelve coordinates to a pin's eight; what a link shows.
+"""Chain of cable elements joined by pins: coordinates of pins and outputs of links.
 
-The siblings ``planar`` and ``beams`` have the same names; the door is ``elements``.
+Siblings with the same names: ``planar`` and ``beams``; dispatched by ``elements``.
 
-A node (pin) has 8 coordinates: position x, y, z; slope of the link that ends there along x and z; slope of the link
+A node (pin) has 8 coordinates: position x, y, z, m; slope of the link that ends there along x and z; slope of the link
 that begins there along x and z; the shared slope along the joint axis y. That is the pin of paper (2), eliminated.
 The four slopes along x and z of a link belong to it alone, so each Newton step condenses them link by link and leaves
 a cyclic block tridiagonal system of 4 x 4 blocks (x, y, z and the shared slope of each pin).
@@ -17,30 +17,30 @@ import numpy as np
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
-from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.closing import Spring
 from fmus.physics.chain.flexible.link_layout import arranged
 
 LAYOUT = arranged(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10], fixed=3)
-ELEMENT = (4, 3)  # vectors of a link, components of a vector
-AXES = np.arange(3)  # of the three axes: those that a vector of this chain has
-FREE = 0  # numbers that say where the axes of the coordinates are: they stay
-PLANE = np.array([[0, 2], [3, 4], [5, 6]])  # of a pin: components along x and z of each of its vectors
-PIN_AXIS: list[int] = []  # of a pin that of its axis along y, where it has one: 1 in a chain at rest
+ELEMENT = (4, 3)  # (rows, axes): vectors of a link, components of a vector
+AXES = np.arange(3)  # axes of space that a vector of this chain has
+FREE = 0  # size of the state of the axes: fixed
+PLANE = np.array([[0, 2], [3, 4], [5, 6]])  # indices in a pin of the x and z components of each of its vectors
+PIN_AXIS: list[int] = []  # index in a pin of its axis' y component, 1 at rest; none for cables
 
 
 class Cables(NamedTuple):
-    """The links of a chain, all alike."""
+    """Parameters of a chain of equal links."""
 
-    n: int  # how many
-    closed: int
-    element: Cable  # its class is the elasticity, see ``ancf/element.py``
-    face: float  # contact faces from the pin line, m
-    outer_fibre: float  # m
-    area: float  # m2
-    second_moment: float  # m4
-    closing: Spring | None = None  # of a loop whose mesh is open
+    n: int  # number of links
+    closed: int  # 1: a closed mesh, 0: an open one
+    element: Cable  # parameters; their class is the elasticity, see ``ancf/element.py``
+    face: float  # distance of the contact faces from the pin line, m
+    outer_fibre: float  # distance of the outer fibre from the axis, m
+    area: float  # area of the section, m2
+    second_moment: float  # second moment of area about the pin, m4
+    closing: Spring | None = None  # spring of a loop whose mesh is open
 
 
 @kernel
@@ -57,13 +57,13 @@ def layout(links):
 
 @kernel
 def lever(links):
-    """See ``elements``: a correction is as large as it moves the pins."""
+    """See ``elements``: the size of a correction is the motion of the pin."""
     return 1.0, 1.0, 1.0, 0.0
 
 
 @kernel
 def flatten(links, w):
-    """See ``elements``: as they are."""
+    """See ``elements``: unchanged."""
 
 
 @kernel
@@ -77,7 +77,7 @@ def axial(links, w):
 
 @kernel
 def outer_and_inner(links, w):
-    """See ``elements``; a cable's curvature is linear along it, so its mean is that of the middle."""
+    """See ``elements``; a cable's curvature is linear, so its mean is that at the middle."""
     at = tension(links.element, w.e) / links.area
     bend = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
     return at - bend, at + bend

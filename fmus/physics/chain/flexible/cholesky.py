@@ -1,4 +1,4 @@
-"""A chain of flexible links that moves in Cholesky coordinates, behind the door ``kinds``; sibling: ``dynamics``.
+"""Flexible links in Cholesky coordinates for ``kinds``; sibling: ``dynamics``.
 
 With the constant mass M = B B^T of the mesh, p = B^T q has the mass 1 (paper, section 6; Yakoub, Shabana, Use of
 Cholesky coordinates and the absolute nodal coordinate formulation in the computer simulation of flexible multibody
@@ -6,12 +6,12 @@ systems, Nonlinear Dyn. 20, 1999):
 
     p'' = B^-1 Q(q, q'),   q = B^-T p,   q' = B^-T p'
 
-Of a link's coordinates those of its own, x, come first, then those that it shares with its pins, y. With the mass
-(X C; C^T Y) of a link, X = L L^T, and the condensed mass of the pins T T^T (``condensation``, ``cholesky_cyclic``),
+A link's own coordinates, x, come first, then those that it shares with its pins, y. With the mass (X C; C^T Y) of a
+link, X = L L^T, and the condensed mass of the pins T T^T (``condensation``, ``cholesky_cyclic``),
 
     p_x = L^T (x + X^-1 C y),   p_y = T^T y;      L a_x = Q_x,   T a_y = Q_y - C^T X^-1 Q_x
 
-so all is O(n), and B is lower triangular in this order. Nodal coordinates and rates follow p in the state.
+so all is O(n), and B is lower triangular in this order. Nodal coordinates and rates follow from p.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from fmus.physics.chain.on_links import JOINT
 
 
 class CholeskyLinks(NamedTuple):
-    """The links of a chain that moves in Cholesky coordinates; m coordinates are shared a pin, n are a link's own."""
+    """Links in Cholesky coordinates; m coordinates shared a pin, n a link's own."""
 
-    links: Any
-    root: np.ndarray  # (n, n) L, that of all links, which are alike
+    links: Any  # parameters of the links
+    root: np.ndarray  # (n, n) L, equal for all links
     inverse: np.ndarray  # (n, n) L^-1
-    side: np.ndarray  # (nodes, m) scratch, rates of the pins
+    side: np.ndarray  # (nodes, m) scratch: rates of the pins
 
 
 def transformed(links: Any, own: int, shared: tuple[int, int]) -> CholeskyLinks:
-    """``links`` with so many coordinates of their own, pins with those ``shared`` (nodes, m); then ``factor``."""
+    """Return ``links`` with zeroed factors of ``own`` and ``shared`` (nodes, m) sizes; then ``factor``."""
     return CholeskyLinks(links, np.zeros((own, own)), np.zeros((own, own)), np.zeros(shared))
 
 
 @kernel
 def factor(links, env, s, w):
-    """Factor the mass into ``w`` and ``links``. Returns -1, or the pin or the link where it is singular."""
+    """Factor the mass into ``w`` and ``links``; return -1, or the pin or link where it is singular."""
     one = links.links
     condense_mass(one, env, s, w)
     keep_symmetric(one, env, w)
@@ -64,7 +64,7 @@ def factor(links, env, s, w):
 
 @kernel
 def fold(links, s, w):
-    """Cholesky coordinates and rates ``s.p`` of the nodal ones."""
+    """Cholesky coordinates and rates ``s.p`` (2, nodes, width) from the nodal ones."""
     one = links.links
     at, right, side = layout(one), w.right[0], links.side
     m, n = len(at.shared), len(at.own)
@@ -90,13 +90,13 @@ def fold(links, s, w):
 
 @kernel
 def unfold(links, s, w):
-    """Nodal coordinates and rates of ``s.p``."""
+    """Nodal coordinates and rates from ``s.p``."""
     _nodal(links, s.p[0], s.p[1], s.q, s.v, w)
 
 
 @kernel
 def _nodal(links, p, rates, q, v, w):
-    """Into ``q`` B^-T p, and into ``v`` that of ``rates``."""
+    """Write B^-T ``p`` to ``q`` and B^-T ``rates`` to ``v``, all (nodes, width)."""
     one = links.links
     at, right, inverse, b, side = layout(one), w.right[0], links.inverse, w.b, links.side
     m, n = len(at.shared), len(at.own)
@@ -124,7 +124,7 @@ def _nodal(links, p, rates, q, v, w):
 
 @kernel
 def accelerations(links, contacts, env, s, w):
-    """Those of p (nodes, width) that belong to nodal coordinates and rates, into ``w.change[1]``."""
+    """Accelerations of p (nodes, width) from nodal coordinates and rates into ``w.change[1]``."""
     one = links.links
     evaluate(one, contacts, env, Motion(s.q, s.v, w.still, s.axes), NOTHING, w, False)
     cholesky_cyclic.forward(w.A, w.L, w.factors, one.closed == 1, w.b)
@@ -173,7 +173,7 @@ def stage_joints(links, env, s, w):
 
 @kernel
 def close(links, s, w):
-    """See ``kinds``: no equation is open, nodal coordinates are those of the step's end."""
+    """See ``kinds``: no equation is open; updates the nodal coordinates to the end of the step."""
     unfold(links, s, w)
     return -1
 

@@ -1,11 +1,11 @@
-"""A loop whose mesh is open (paper 8.1): its first and its last pin are joined by a very stiff spring and a damper.
+"""Closed loop of an open mesh (paper 8.1): a stiff spring and damper join its first and last pin.
 
 The mesh of n links has n + 1 pins, of which the first and the last are one pin of the loop. Spring and damper act
-between the two points alike in all directions: they carry no moment, and of the four equations (2) the one between the
-slopes along the joint axis stays open, which no motion in the plane of the chain feels. (As the gap g turns at w, the
-damper resists by c w g, a moment of c w g^2: 1e-5 N m at 20 rad/s and 1e9 N/m.) The first and the last block row of the
-chain's system are coupled by them, as those of a closed mesh are by a link. What touches the cut pin touches its first
-half; the spring hands it on.
+between the two points alike in all directions and carry no moment. Of the four equations (2) the one between the
+slopes along the joint axis stays open, which has no effect on motion in the plane of the chain. (As the gap g turns at
+w, the damper resists with c w g, a moment of c w g^2: 1e-5 N m at 20 rad/s and 1e9 N/m.) They couple the first and the
+last block row of the chain's system, as a link does in a closed mesh. Contacts of the cut pin act on its first half;
+the spring transmits them.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from fmus.physics.chain.sums import JOINTS
 
 
 class Spring(NamedTuple):
-    """What closes a loop."""
+    """Spring and damper that close a loop."""
 
-    stiffness: float  # N/m
-    damping: float  # N s/m
+    stiffness: float  # stiffness, N/m
+    damping: float  # damping, N s/m
 
 
 @kernel
 def pull(spring, at, dims, x, w, by_rate, tangent):
-    """The ``spring``, or None, on the residuals ``w.b`` of the two pins; with ``tangent`` on the matrix.
+    """Add the ``spring``, or None, to the residuals ``w.b`` of the two pins; with ``tangent`` the matrix.
 
-    ``at``: the links' Layout, ``dims``: components of a place, the first coordinates of a pin. Books the power of the
-    damper. Links that share no pins keep the matrix in the corners alone, see ``constrained_joints``.
+    ``at``: the links' Layout; ``dims``: components of a position, the first coordinates of a pin. Adds the damper's
+    power to ``w.sums``. For links that share no pins the matrix has the corners only, see ``constrained_joints``.
     """
     if spring is not None:
         last = x.q.shape[0] - 1
@@ -52,7 +52,7 @@ def pull(spring, at, dims, x, w, by_rate, tangent):
 
 @kernel
 def stored(spring, dims, q):
-    """Energy of the ``spring``, J."""
+    """Energy of the ``spring``, or None, J; ``q`` (nodes, width)."""
     energy = 0.0
     if spring is not None:
         for k in range(dims):
@@ -62,10 +62,10 @@ def stored(spring, dims, q):
 
 
 def square_of_frequency(spring: Spring | None, element: Any) -> float:
-    """By how much the spring raises the square of a chain's highest frequency at most, 1/s2; not for kernels.
+    """Bound of the spring's effect on the square of a chain's highest frequency, 1/s2; not for kernels.
 
-    After Weyl the bounds of two stiffnesses add up; that of the spring alone is k (1/m + 1/m') with what the ends of
-    two free elements weigh. A damper that is faster counts by its rate.
+    By Weyl's inequality the bounds of two stiffnesses add up; that of the spring alone is k (1/m + 1/m') with the
+    effective masses of the ends of two free elements. A damper that is faster counts by its rate.
     """
     if spring is None:
         return 0.0

@@ -1,12 +1,12 @@
-"""A link's own coordinates are eliminated link by link, whatever its element: Schur complement, scatter, back again.
+"""Condensation of a link's own coordinates: Schur complement, scatter, back-substitution.
 
-Of an element's coordinates those of its own, x, meet no other link; those shared, y, are m of each of its two pins:
+Of an element's coordinates its own, x, couple with no other link; those shared, y, are m of each of its two pins:
 
     K_xx x + K_xy y = r_x,   K_yx x + K_yy y = r_y   =>   (K_yy - K_yx K_xx^-1 K_xy) y = r_y - K_yx K_xx^-1 r_x
 
-The chain of pins is left, cyclic and block tridiagonal with blocks of m x m. What all links have in common, as the
-turning of their axes, is shared too, and makes a border of that. What tells ``cables``, ``planar`` and
-``beams`` apart is their ``link_layout``; its sizes travel as lengths of tuples, as in ``block_cyclic``.
+The remaining system of the pins is cyclic and block tridiagonal with m x m blocks. Unknowns common to all links, as the
+rotation of their axes, are shared too and form a border of it. ``cables``, ``planar`` and ``beams`` differ in their
+``link_layout``; its sizes are lengths of tuples, as in ``block_cyclic``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fmus.physics.inverse import invert
 
 @kernel
 def clear(w, tangent):
-    """Zero what an evaluation sums up."""
+    """Zero the sums of an evaluation."""
     w.b[:] = 0.0
     w.sums[:] = 0.0
     w.wrench[:] = 0.0
@@ -38,7 +38,7 @@ def clear(w, tangent):
 @kernel
 @apart
 def eliminate(links, w, i):
-    """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``, what is left goes into ``w.rest``.
+    """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``; the rest goes into ``w.rest``.
 
     Leaves the inverse of its own part in ``w.inner``, that times the coupling in ``w.right``, and the coupling in
     ``w.left``.
@@ -72,7 +72,7 @@ def eliminate(links, w, i):
 @kernel
 @apart
 def condense(links, w, link, i, j):
-    """``eliminate``, and scatter what is left to the pins ``i``, ``j`` of the ``link``."""
+    """``eliminate``, then scatter the rest to the pins ``i``, ``j`` of the ``link``."""
     eliminate(links, w, link)
     m, rest = len(layout(links).shared), w.rest
     for a in range(m):
@@ -85,9 +85,9 @@ def condense(links, w, link, i, j):
 
 @kernel
 def _spread(at, R, inner, own, b, x):
-    """Residuals of all links ``R`` (links, rows, axes) on their pins ``b``; what is their own, solved, into ``own``.
+    """Add the residuals ``R`` (links, rows, axes) to the pins ``b``; solve the own parts into ``own``.
 
-    Returns the largest entry of the latter, N, and the link it belongs to; ``x`` is scratch.
+    Returns the largest entry of the own parts, N, and its link; ``x`` is scratch.
     """
     links, nodes, m, n = R.shape[0], b.shape[0], len(at.shared), len(at.own)
     flat = R.reshape(links, R.shape[1] * R.shape[2])
@@ -111,9 +111,9 @@ def _spread(at, R, inner, own, b, x):
 
 @kernel
 def _reduce(at, env, left, own, b, worst, where):
-    """Condense the residual ``b`` of the pins; what pinned ends have from the ground has none.
+    """Condense the residual ``b`` of the pins; entries that the ground supports at pinned ends are zeroed.
 
-    Returns the largest entry, N, before that and of ``worst``, and the link it belongs to.
+    Returns the largest entry, N, before that and of ``worst``, and its link.
     """
     links, nodes, m, n = left.shape[0], b.shape[0], len(at.shared), len(at.own)
     for i in range(nodes):
@@ -137,10 +137,7 @@ def _reduce(at, env, left, own, b, worst, where):
 
 @kernel
 def reduce(links, env, x, w, by_rate, tangent):
-    """Residuals of all links and what acts on the pins, condensed.
-
-    Returns the largest entry, N, and the link it belongs to.
-    """
+    """Condense the residuals of all links and pin loads; return the largest entry, N, and its link."""
     at = layout(links)
     worst, where = _spread(at, w.R, w.inner, w.own, w.b, w.swap)
     pin_loads(links, env, x, w, by_rate, tangent)
@@ -154,9 +151,9 @@ def reduce(links, env, x, w, by_rate, tangent):
 
 @kernel
 def correct(links, w, x, by, longest):
-    """Take the Newton step from the solution ``w.b``, at most ``longest`` m; returns the largest change of a pin, m.
+    """Take the Newton step from the solution ``w.b``; return the largest change of a pin, m.
 
-    A change of a shared coordinate counts by its lever (m).
+    A change of a shared coordinate counts by its lever, m. The step is scaled down to ``longest``, m.
     """
     at, levers, right, own, b = layout(links), lever(links), w.right, w.own, w.b
     links, nodes, m, n = own.shape[0], b.shape[0], len(at.shared), len(at.own)

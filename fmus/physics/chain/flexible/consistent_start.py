@@ -1,9 +1,10 @@
-"""A chain let go from a shape: its links are deformed as that instant deforms them, so that no wave is born with it.
+"""Consistent start of a released chain: links deformed in balance with their initial accelerations.
 
-At that instant each link moves as a rigid body. Its weight and its inertia then load it, and it takes the deformation
-that balances them: of its own coordinates, of those that it shares with its neighbours besides the positions, and of
-the length of its chord. The chords keep their directions or, where both ends are pinned, have them scaled by the one
-factor that keeps the distance of the ends. Elements and elasticities are seen through their residuals alone.
+At that instant each link moves as a rigid body. Its weight and inertia load it, and it takes the deformation that
+balances them, so the release starts no wave. The deformation consists of its own coordinates, of those that it shares
+with its neighbours besides the positions, and of the length of its chord. The chords keep their directions or, where
+both ends are pinned, have them scaled by the one factor that keeps the distance of the ends. Elements and elasticities
+enter by their residuals alone.
 """
 
 from __future__ import annotations
@@ -20,18 +21,19 @@ from scipy.sparse.linalg import spsolve
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.places import across, in_plane, places
 
-PROBE = 1e-7  # deformation by which the response of a link is found
-LONGEST = 0.05  # largest deformation of one step of Newton's iteration
+PROBE = 1e-7  # deformation of a link in the difference quotients
+LONGEST = 0.05  # largest deformation in a step of Newton's iteration
 ROUNDS = 50
 
-# of the chain at rest, (links, rows, axes), by its accelerations (nodes, width)
+# residuals of the chain at rest (links, rows, axes) by its accelerations (nodes, width)
 Residuals = Callable[[Floats], Floats]
 
 
 class Chain:
-    """An open chain of equal links at rest, link by link; changes the coordinates ``q`` (nodes, width) in place.
+    """Open chain of equal links at rest; changes the coordinates ``q`` (nodes, width) in place.
 
-    ``kit`` is the module of its links, ``mass`` (rows, rows) that of one; ``pinned``: at both ends, else at the first.
+    ``kit``: module of its links; ``mass`` (rows, rows): mass matrix of one, kg; ``pitch``, m; ``pinned``: at both ends,
+    else at the first.
     """
 
     def __init__(self, kit: Any, q: Floats, mass: Floats, pitch: float, pinned: bool) -> None:
@@ -40,11 +42,11 @@ class Chain:
         at = places(kit, q, len(mass), n)
         parts = kit.LAYOUT.inner, kit.LAYOUT.outer[axes:m], kit.LAYOUT.outer[m + axes :]
         self.order = np.concatenate(parts)
-        self.own, *self.shared = (at.reshape(n, -1)[:, part] for part in parts)  # shared at each pin
-        self.free = np.ones((n + 1, m - axes), dtype=bool)  # of the shared coordinates of each pin
+        self.own, *self.shared = (at.reshape(n, -1)[:, part] for part in parts)  # shared coordinates at each pin
+        self.free = np.ones((n + 1, m - axes), dtype=bool)  # which shared coordinates of each pin are free
         self.free[[0, -1] if pinned else 0] = axes == kit.LAYOUT.fixed
         self.plane, self.second = at[:, :, [0, axes - 1]], len(mass) // 2
-        self.shift = np.zeros(len(mass))  # of a link's vectors those that are positions
+        self.shift = np.zeros(len(mass))  # 1 for the vectors of a link that are positions
         self.shift[[0, self.second]] = 1.0
         self.ends = self.flat[self.plane[0, 0]].copy(), self.flat[self.plane[-1, self.second]].copy()
         chord = self.vectors()[:, self.second]
@@ -60,12 +62,12 @@ class Chain:
         return np.stack([np.cos(self.factor * self.angles), np.sin(self.factor * self.angles)], axis=1)
 
     def lay(self, lengths: Floats) -> None:
-        """Put the pins at chords of these lengths, m."""
+        """Place the pins at chords of the ``lengths`` (links), m."""
         steps = np.cumsum(lengths[:, None] * self.along(), axis=0)
         self.flat[self.plane[:, self.second]] = self.ends[0] + steps
 
     def rigid(self, residuals: Residuals) -> tuple[Floats, Floats]:
-        """Accelerations (nodes, width) of links that move as rigid bodies, and the force on the last pin (2), N."""
+        """Accelerations (nodes, width) of links moving as rigid bodies; force on the last pin (2), N."""
         r = self.vectors()
         turning = across(r)
         n, chord, swing = len(r), r[:, self.second], turning[:, self.second]
@@ -86,29 +88,32 @@ class Chain:
         return a, x[n:] if self.pinned else np.zeros(2)
 
     def beyond(self, R: Floats, last: Floats | float = 0.0) -> Floats:
-        """The force of each link's second pin on what follows (links, 2), N, ``last`` being that on the last pin.
+        """Force of each link's second pin on the rest of the chain (links, 2), N.
 
-        R (links, rows, 2): residuals in the plane.
+        R (links, rows, 2): residuals in the plane; ``last`` (2): force on the last pin.
         """
         whole = R[:, 0] + R[:, self.second]
         return np.cumsum(whole[::-1], axis=0)[::-1] - whole - last
 
     def balance(self, R: Floats, beyond: Floats) -> Floats:
-        """What each link lacks (links, size): on its own coordinates, on those shared at both pins, along its chord."""
+        """Imbalance of each link (links, size): own coordinates, those shared at both pins, along its chord.
+
+        R (links, rows, axes): residuals; ``beyond`` (links, 2) as above.
+        """
         pull = np.sum((in_plane(R)[:, self.second] + beyond) * self.along(), axis=1)
         return np.hstack([R.reshape(len(R), -1)[:, self.order], pull[:, None]])
 
     def numbers(self) -> NDArray[np.int64]:
-        """Which unknown of the chain stands where in ``balance`` (links, size); -1: held."""
+        """Index of the chain's unknown for each entry of ``balance`` (links, size); -1: held."""
         n, own = self.own.shape
         links = np.arange(n * (own + 1)).reshape(n, own + 1)
         pins = np.where(self.free.ravel(), links.size + np.cumsum(self.free) - 1, -1).reshape(self.free.shape)
         return np.hstack([links[:, :-1], pins[:-1], pins[1:], links[:, -1:]])
 
     def response(self, residuals: Residuals, a: Floats, beyond: Floats) -> Floats:
-        """How ``balance`` answers the deformations of each link (links, size, size), all links probed at once.
+        """Derivative (links, size, size) of ``balance`` by the deformations of each link, by differences.
 
-        Of a coordinate that links share, every other pin is probed at a time.
+        All links are probed at once; for a coordinate that links share, every other pin at a time.
         """
         kept, now = self.flat.copy(), self.balance(residuals(a), beyond)
         n, size = now.shape
@@ -134,7 +139,7 @@ class Chain:
         return K
 
     def deform(self, change: Floats) -> None:
-        """Take a step (links, size), in the order of ``balance``, and lay the chain between its ends."""
+        """Take a step ``change`` (links, size), in the order of ``balance``; lay the chain between its ends."""
         own, s = self.own.shape[1], self.free.shape[1]
         self.flat[self.own] += change[:, :own]
         self.flat[self.shared[0]] += change[:, own : own + s]
@@ -152,7 +157,7 @@ class Chain:
 
 
 def tighten(chain: Chain, residuals: Residuals, tolerance: float) -> bool:
-    """Deform the links until they lack less than ``tolerance``, N, of moving as rigid bodies. False: not found."""
+    """Deform the links until their imbalance is below ``tolerance``, N; False if that fails."""
     numbers = chain.numbers()
     there, size = numbers >= 0, int(numbers.max()) + 1
     rows, columns = np.broadcast_arrays(numbers[:, :, None], numbers[:, None])

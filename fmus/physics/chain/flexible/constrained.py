@@ -1,8 +1,8 @@
-"""A chain of cable elements with coordinates of their own, as in conventional codes; the door is ``elements``.
+"""Chain of cable elements with coordinates of their own, as in conventional codes.
 
 Link i has the twelve coordinates of its element: position and slope at its first pin, node 2 i, and at its second one,
-node 2 i + 1. That positions and slopes along y are the same in the links that a pin joins, paper (2), is what
-``constrained_joints`` sees to. All else is as in ``cables``.
+node 2 i + 1. The links at a pin have equal positions and slopes along y, paper (2), by the equations of
+``constrained_joints``. All else is as in ``cables``; dispatched by ``elements``.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.chain.flexible import cables
-from fmus.physics.chain.flexible.cables import (  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
     AXES,
     ELEMENT,
     FREE,
@@ -25,20 +25,20 @@ from fmus.physics.chain.flexible.cables import (  # noqa: F401 - of the kit
 )
 from fmus.physics.chain.flexible.link_layout import arranged
 
-NODE = 6  # position, slope
+NODE = 6  # coordinates of a node: position (3), slope (3)
 LAYOUT = arranged([0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5], cables.LAYOUT.outer.tolist(), 3, pins=2)
-PLANE = np.array([[0, 2], [3, 5]])  # of a pin: components along x and z of each of its vectors
+PLANE = np.array([[0, 2], [3, 5]])  # indices in a node of the x and z components of each of its vectors
 
 
 class ConstrainedCables(Cables):
-    """The links of a chain, all alike, each with its own pins."""
+    """Parameters of a chain of equal links that share no pins."""
 
     __slots__ = ()
 
 
 @kernel
 def coordinates(q, i, j, e):
-    """Element coordinates (4, 3) of the link with the nodes ``i`` and ``j``."""
+    """Element coordinates ``e`` (4, 3) of the link with the nodes ``i`` and ``j`` of ``q`` (nodes, 6)."""
     for k in range(3):
         e[0, k], e[1, k], e[2, k], e[3, k] = q[i, k], q[i, 3 + k], q[j, k], q[j, 3 + k]
 

@@ -1,15 +1,15 @@
-"""Pins as equations beside multipliers, the conventional way; see ``joints``; sibling: ``eliminated_joints``.
+"""Pin equations with multipliers, as usual; see ``joints``; sibling: ``eliminated_joints``.
 
-Each link has the coordinates of its own two pins, y (2 m, its other ones are condensed), and pin j joins the second
-pin of link P = j - 1 to the first one of link Q = j by the m equations (2) of the paper, B y = y_Q1 - y_P2 = 0:
+Each link has the coordinates of its own two pins, y (2 m, the others are condensed). Pin j joins the second pin of link
+P = j - 1 to the first one of link Q = j by the m equations (2) of the paper, B y = y_Q1 - y_P2 = 0:
 
     K y + B^T lambda = b,   B y = g   =>   S lambda = B K^-1 b - g,   S = B K^-1 B^T
 
 K is block diagonal link by link, so S is (cyclic) block tridiagonal with one m x m block a pin: O(n). In an explicit
 step K is the mass, factored once, and g the misfit of the accelerations. The equations are linear: B is constant, and
-what rounding leaves of them in positions and velocities is taken back with the same factors after each step. The pin
-that an open chain has not, and the cut one of a loop that a spring closes, have no equation; in an implicit step the
-spring, of stiffness k, is an equation that gives way, B y - mu / k = 0.
+rounding errors in positions and velocities are removed with the same factors after each step. The absent pin of an open
+chain and the cut one of a loop that a spring closes have no equation. In an implicit step the spring, of stiffness k,
+is a compliant equation, B y - mu / k = 0.
 """
 
 from __future__ import annotations
@@ -29,25 +29,28 @@ from fmus.physics.chain.speed import chain_speed
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.inverse import invert
 
-AS_THEY_ARE = Slopes(0.0, 0.0, 0.0)  # corrections that nothing follows
+AS_THEY_ARE = Slopes(0.0, 0.0, 0.0)  # corrections that change no rates
 
 
 class Joints(NamedTuple):
-    """Arrays for n links with m coordinates a pin; pin j joins link j - 1 to link j, the first one the last link."""
+    """Arrays for n links with m coordinates a pin.
+
+    Pin j joins link j - 1 to link j, pin 0 the last link to link 0.
+    """
 
     W: np.ndarray  # (n, 2 m, 2 m) inverse of each link's matrix
-    S: np.ndarray  # (3, n, m, m) blocks: diagonal, to the next pin, to the previous one
-    factors: Factors
-    multipliers: np.ndarray  # (n, m) N: what a pin pulls the link with that begins there, reversed
-    gap: np.ndarray  # (n, m) misfit
-    y: np.ndarray  # (2 m)
-    whole: tuple[int, ...]  # of length 2 m
-    places: np.ndarray  # (n + 1, 3) of the pins, each once
-    rates: np.ndarray  # (n + 1, 3) their velocities
+    S: np.ndarray  # (3, n, m, m) blocks of S: diagonal, to the next pin, to the previous one
+    factors: Factors  # factors of S
+    multipliers: np.ndarray  # (n, m) forces of the pins on the links that begin there, reversed, N
+    gap: np.ndarray  # (n, m) misfit of the equations
+    y: np.ndarray  # (2 m) scratch
+    whole: tuple[int, ...]  # length 2 m
+    places: np.ndarray  # (n + 1, 3) positions of the pins, m, each pin once
+    rates: np.ndarray  # (n + 1, 3) their velocities, m/s
 
 
 def joints(links: int, m: int) -> Joints:
-    """Zeroed."""
+    """Return zeroed arrays for ``links`` links with ``m`` coordinates a pin."""
     z = np.zeros
     return Joints(
         z((links, 2 * m, 2 * m)), z((3, links, m, m)), workspace(links, m), z((links, m)), z((links, m)), z(2 * m),
@@ -57,7 +60,7 @@ def joints(links: int, m: int) -> Joints:
 
 @kernel
 def _first(links):
-    """The first pin with equations."""
+    """Index of the first pin with equations."""
     return 0 if links.closed == 1 and links.closing is None else 1
 
 
@@ -83,7 +86,7 @@ def factor(links, w):
                 L[j, r, c] = -P[m + r, c]
     if _first(links) == 1:
         for k in range(m):
-            stiff = -w.U[last, k, k] if links.closed == 1 else 0.0  # of the spring, in the corner; none: no equation
+            stiff = -w.U[last, k, k] if links.closed == 1 else 0.0  # of the spring, in the corner; 0: no equation
             for c in range(m):
                 if stiff == 0.0:
                     D[0, k, c] = D[0, c, k] = U[0, k, c] = L[0, k, c] = L[1 % n, c, k] = U[n - 1, c, k] = 0.0

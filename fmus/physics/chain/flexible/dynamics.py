@@ -1,4 +1,4 @@
-"""Flexible links behind the door ``kinds``; sibling: ``rigid.dynamics``."""
+"""Flexible links for ``kinds``; sibling: ``rigid.dynamics``."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from fmus.physics.chain.flexible.axes import directed, placed
 from fmus.physics.chain.flexible.elements import gather, in_space, layout, outer_and_inner, pin_axis
 from fmus.physics.chain.flexible.explicit import accelerate, close, derivative, stage_joints  # noqa: F401
 from fmus.physics.chain.flexible.link_layout import ends, node
-from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - behind the door
-from fmus.physics.chain.flexible.pin_forces import newton_joints  # noqa: F401 - behind the door
+from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - reached by dispatch
+from fmus.physics.chain.flexible.pin_forces import newton_joints  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.report import SPEED, write
 from fmus.physics.vector import put
 
 
 @kernel
 def end_work(links, env, h, s, w):
-    """See ``kinds``; by the paths of the ends."""
+    """See ``kinds``; by the displacements of the ends."""
     work, q, q0 = 0.0, s.q, w.before.q
     if env.ends == PULLED:
         for k in range(env.pull.shape[1]):
@@ -36,7 +36,7 @@ def speed(links, env, s, w):
 
 @kernel
 def first_speed(links, env, s, w, report):
-    """See ``kinds``; as reported, so over the carrier as it was extrapolated to now."""
+    """See ``kinds``; as reported, so relative to the carrier as it was extrapolated to the present time."""
     return report[SPEED]
 
 

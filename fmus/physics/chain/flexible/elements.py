@@ -1,6 +1,7 @@
-"""The door from a flexible chain to what it is made of: cables, planar cables or beams.
+"""Dispatch from a flexible chain to its elements by the class of ``links``.
 
-The class of the links says which, and only that one is imported.
+The modules are ``cables``, ``planar``, ``turning``, ``constrained`` and ``beams``; only the chosen one is imported.
+Coordinates of a link: ``w.e``, ``w.v``, ``w.dv`` (rows, axes); of the pins: ``q`` (nodes, width).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from fmus.physics.ancf.element import axes
 
 
 def kit(links: type) -> Any:
-    """The module of a class of links."""
+    """Module of a class of links."""
     if links.__name__ == "Beams":
         from fmus.physics.chain.flexible import beams
 
@@ -36,7 +37,7 @@ def kit(links: type) -> Any:
 
 @door(kit)
 def gather(links, q, i, j, e):
-    """Coordinates ``e`` (rows, axes) of the link from pin ``i`` to pin ``j``."""
+    """Element coordinates ``e`` (rows, axes) of the link from pin ``i`` to pin ``j``."""
 
 
 @door(kit, shared=True)
@@ -51,25 +52,25 @@ def outer_and_inner(links, w):
 
 @door(kit)
 def pin_axis(links, q):
-    """The unit vector along the pin with the coordinates ``q``."""
+    """Unit vector (3) along the pin with the coordinates ``q`` (width)."""
 
 
 @door(kit)
 def flatten(links, w):
-    """The wheels ``w.moved`` as the chain sees them, into ``w.flat``."""
+    """Wheels ``w.moved`` (m, 15) as seen by the chain, into ``w.flat`` (m, 15)."""
 
 
 @door(kit)
 def layout(links):
-    """Where a link's coordinates lie, see ``condensation``."""
+    """Layout of a link's coordinates, see ``link_layout``."""
 
 
 @door(kit)
 def lever(links):
-    """By how much the pin moves with each of its shared coordinates, m: the size of a correction."""
+    """Motion of the pin per unit of each shared coordinate, m: the weight of a correction."""
 
 
 @kernel
 def in_space(links, a):
-    """The vector at the beginning of ``a``: of a chain in the plane without y."""
+    """Vector (3) at the start of ``a``; in a plane y is 0."""
     return (a[0], a[1], a[2]) if axes(links.element) == 3 else (a[0], 0.0, a[1])

@@ -1,4 +1,4 @@
-"""Links that share the coordinates of their pins: no equation is left; see ``joints``."""
+"""Links that share the coordinates of their pins, so that no equations remain; see ``joints``."""
 
 from __future__ import annotations
 

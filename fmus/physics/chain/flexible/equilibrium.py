@@ -1,4 +1,4 @@
-"""Static equilibrium of a chain of flexible links on wheels that stand still."""
+"""Static equilibrium of a chain of flexible links on wheels at rest."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from fmus.physics.wheels import move
 
 @allocating
 def settle(links, contacts, env, rows, tolerance, longest, s, w):
-    """Bring ``s.q`` to static equilibrium on the wheels ``rows`` (m, 15), by pseudo-time steps that grow.
+    """Bring ``s.q`` to static equilibrium on the wheels ``rows`` (m, 15) by growing pseudo-time steps.
 
-    Friction and damping are left out. It ends with a residual below ``tolerance``, N, after a step of ``longest`` s,
-    where one is possible: what resists little has come to rest then too. Returns an Outcome.
+    Friction and damping are left out. The iteration ends with a residual below ``tolerance``, N, after a step of
+    ``longest`` s where possible, so that motions of little stiffness have come to rest too. Returns an Outcome.
     """
     x = Motion(s.q, w.still, w.change[0], s.axes)
     move(rows, 0.0, w.moved)
@@ -38,7 +38,7 @@ def settle(links, contacts, env, rows, tolerance, longest, s, w):
             last, size = size, correct(links, w, x, by, 2e-2)
             if not size < 0.5:
                 break
-            if size < 1e-10 or (worst < tolerance and size > 0.5 * last):  # or rounding corrects it to and fro
+            if size < 1e-10 or (worst < tolerance and size > 0.5 * last):  # or rounding errors alternate
                 converged = True
                 break
         if not converged:

@@ -1,6 +1,6 @@
-"""Accelerations of a chain of flexible links: the constant mass matrix is factored once.
+"""Accelerations of a chain of flexible links, with a constant mass matrix that is factored once.
 
-Where the axes of the coordinates turn, it has a border for their accelerations, which is made at each evaluation.
+Where the axes of the coordinates turn, it has a border for their accelerations, computed at each evaluation.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from fmus.physics.integrate.generalized_alpha import Slopes
 
 # step times highest frequency, within the stability region of the method for lightly damped modes
 LIMIT = 2.4
-NOTHING = Slopes(0.0, 0.0, 0.0)  # no matrix is asked for
+NOTHING = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix
 
 
 def stable(links: Any) -> float:
-    """The longest step of the explicit method, s, contacts apart."""
+    """Longest stable step of the explicit method, s, contacts apart."""
     fastest = max(highest_frequency(links.element), float(sideways_frequency(links)))
     return LIMIT / float(np.hypot(fastest, np.sqrt(square_of_frequency(links.closing, links.element))))
 
 
 @kernel
 def accelerations(links, contacts, env, s, w):
-    """Accelerations (nodes, width) of the chain into ``w.change[0]``; ``w`` holds the factored mass and the wheels."""
+    """Accelerations (nodes, width) into ``w.change[0]``; ``w`` has the factored mass and the wheels."""
     change, x = w.change[0], Motion(s.q, s.v, w.still, s.axes)
     follow(links, x, w)
     evaluate(links, contacts, env, x, NOTHING, w, False)

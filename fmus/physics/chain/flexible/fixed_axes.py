@@ -1,4 +1,4 @@
-"""Coordinates along the axes of the track's start; see ``axes``; sibling: ``free_axes``."""
+"""Coordinates along the fixed axes of the track's start; see ``axes``; sibling: ``free_axes``."""
 
 from __future__ import annotations
 
@@ -141,5 +141,5 @@ def sideways_energy(links, w):
 
 @kernel
 def turning_energy(links, x):
-    """See ``axes``: the elements have it."""
+    """See ``axes``: zero, the elements contain it."""
     return 0.0

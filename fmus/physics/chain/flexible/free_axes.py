@@ -1,12 +1,12 @@
-"""Axes that turn with a chain of cables, and the two unknowns of their yaw and roll; see ``axes``.
+"""Axes that turn with a chain of cables, and the unknowns of their yaw and roll; see ``axes``.
 
-The pins of a chain share their direction, the y axis. Where nothing but contacts turns the chain, the virtual work of a
-rotation of all that the axes carry is none: the moment of inertia forces, weight and contacts about x and z of the axes
-vanishes. Internal forces have no part in it. Newton's iteration gets a border of two columns and two rows. The turn of
-a step, the angular velocity and its derivative run through the generalised-alpha method as coordinates, rates and
-accelerations do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels, and
-no force depends on it. Explicitly, accelerations follow from the same border with the mass alone. Wheels are seen from
-the axes, ground forces act in the frame of the start.
+The pins of a chain share their direction, the y axis. Only contacts turn the chain, so the virtual work of a rotation
+of all that the axes carry is zero: the moment of inertia forces, weight and contacts about x and z of the axes
+vanishes, and internal forces do not contribute. Newton's iteration has a border of two columns and two rows. The
+rotation of a step, the angular velocity and its derivative follow the generalised-alpha method as coordinates, rates
+and accelerations do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels,
+and no force depends on it. In an explicit step, accelerations follow from the same border with the mass alone. Wheels
+are transformed to the axes; ground forces act in the frame of the start.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from fmus.physics.chain.on_links import WHEELS
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
-FOLLOW = 200.0  # 1/s, of the origin after the wheels, critically damped
-ARM = 2.0  # m: a correction of the axes moves the pins by about so much
+FOLLOW = 200.0  # rate at which the origin follows the wheels, critically damped, 1/s
+ARM = 2.0  # motion of the pins per radian of the axes, m: the weight of a correction
 
 
 @kernel
 def outside(links, x, w, tangent):
-    """Wheels ``w.moved`` as the axes see them into ``w.flat``."""
+    """See ``axes``: wheels ``w.moved`` relative to the axes into ``w.flat``."""
     f, a = x.axes, w.axes
     o, ov, rate = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, RATE)
     for k in range(w.moved.shape[0]):
@@ -64,7 +64,7 @@ def outside(links, x, w, tangent):
 
 @kernel
 def homeward(links, x, w):
-    """See ``axes``: those on the wheels; the ground's are in the frame of the start."""
+    """See ``axes``: the wrenches on the wheels; those of the ground already are in that frame."""
     for k in range(w.wrench.shape[0] - 1):
         put(w.wrench[k], 0, from_axes(x.axes, vector(w.wrench[k], 0)))
         put(w.wrench[k], 3, from_axes(x.axes, vector(w.wrench[k], 3)))
@@ -75,7 +75,7 @@ def homeward(links, x, w):
 
 @kernel
 def burden(links, x, w, weight, r):
-    """See ``axes``; books their moment."""
+    """See ``axes``; adds their moment to the balance."""
     f, a, l = x.axes, w.axes, links.element.l
     _whirl(f, w)
     inertia.inertia(4, 3, w.M, w.dv, r)
@@ -92,7 +92,7 @@ def burden(links, x, w, weight, r):
 
 @kernel
 def _whirl(f, w):
-    """What the motion of the axes adds to the accelerations ``w.dv`` of the link in ``w.e``, ``w.v``."""
+    """Add the accelerations due to the motion of the axes to ``w.dv`` of the link in ``w.e``, ``w.v``."""
     drift, roll, yaw, d_roll, d_yaw = vector(w.axes.drift, 0), f[RATE], f[RATE + 2], f[GROWTH], f[GROWTH + 2]
     square = roll * roll + yaw * yaw
     for n in range(4):
@@ -119,7 +119,7 @@ def accelerated(links, s, w, i, j):
 
 @kernel
 def lagging(links, s, w, i, j):
-    """See ``axes``: of the coordinates, and by the growing rate of the axes."""
+    """See ``axes``: accelerations of the coordinates, and those by the axes' angular acceleration."""
     gather(links, s.q, i, j, w.e)
     gather(links, s.vdot, i, j, w.dv)
     for n in range(4):
@@ -200,10 +200,10 @@ def foresee(links, method, h, s, w):
         w.axes.psi[k] = h * rate[2 * k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
         f[RATE + 2 * k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
     _turn(f, w.before.axes, w.axes.psi)
-    # the origin likewise, so that forces make the chain's momentum; it follows where it comes to: stable at any step
+    # the origin by the same method, so that forces balance the chain's momentum; implicit: stable at any step
     o, v, a, a0 = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION), vector(f, CARRIED)
     a1 = auxiliary(c, a0[0], a[0], 0.0), auxiliary(c, a0[1], a[1], 0.0), auxiliary(c, a0[2], a[2], 0.0)
-    more = auxiliary(c, 0.0, 0.0, 1.0)  # of a1, by the acceleration at the end
+    more = auxiliary(c, 0.0, 0.0, 1.0)  # derivative of a1 by the acceleration at the end
     there = add(o, add(scale(h, v), scale(h * h, add(scale(0.5 - c.beta, a0), scale(c.beta, a1)))))
     going = add(v, scale(h, add(scale(1.0 - c.gamma, a0), scale(c.gamma, a1))))
     by_place, by_rate = more * c.beta * h * h, more * c.gamma * h
@@ -217,7 +217,7 @@ def foresee(links, method, h, s, w):
 
 @kernel
 def _after_wheels(f, w, o, v):
-    """Acceleration of the origin at ``o`` with the velocity ``v``, critically damped."""
+    """Acceleration (3) of the origin at ``o`` with the velocity ``v`` (3), critically damped, m/s2."""
     wheels, m0 = w.moved.shape[0], vector(f, MIDDLE)
     off, slow = add(o, from_axes(f, m0)), add(v, from_axes(f, cross(vector(f, RATE), m0)))
     for k in range(wheels):
@@ -228,7 +228,7 @@ def _after_wheels(f, w, o, v):
 
 @kernel
 def _turn(f, before, psi):
-    """R = R(before) exp(psi), Rodrigues."""
+    """Write R = R(before) exp(psi) to ``f``, Rodrigues' formula; ``psi`` (2) rad about x and z."""
     x, z = psi[0], psi[1]
     square = x * x + z * z
     s, c = 1.0 - square / 6.0, 0.5 - square / 24.0  # sin(a)/a, (1 - cos a)/a^2; a step turns by milliradians
@@ -237,7 +237,7 @@ def _turn(f, before, psi):
         s, c = np.sin(a) / a, (1.0 - np.cos(a)) / square
     for i in range(3):
         r0, r1, r2 = before[3 * i], before[3 * i + 1], before[3 * i + 2]
-        # of r: r + s (r x-matrix) + c of its square, with psi = (x, 0, z)
+        # row r: r + s r [psi x] + c r [psi x]^2 with psi = (x, 0, z)
         f[3 * i] = r0 * (1.0 - c * z * z) + r1 * s * z + r2 * c * x * z
         f[3 * i + 1] = r1 * (1.0 - c * square) - r0 * s * z + r2 * s * x
         f[3 * i + 2] = r2 * (1.0 - c * x * x) + r0 * c * x * z - r1 * s * x
@@ -263,7 +263,7 @@ def resolve(links, w, fresh):
 
 @kernel
 def _bent(links, x, w, by_acceleration):
-    """The step of roll and yaw, taken out of the solutions of the pins and of the links."""
+    """Solve for the step of roll and yaw, rad, and correct the solutions of the pins and of the links."""
     a, y, own, edge, Z = w.axes, w.b, w.own, w.axes.edge, w.axes.answer
     t0, t1 = a.moment[0] + links.twist * x.axes[GROWTH], a.moment[1] + links.twist * x.axes[GROWTH + 2]
     s00, s11 = a.corner[0, 0] + links.twist * by_acceleration, a.corner[1, 1] + links.twist * by_acceleration
@@ -302,7 +302,7 @@ def bend(links, x, w, by):
 
 @kernel
 def arrive(links, method, s, w):
-    """See ``axes``."""
+    """See ``axes``: the auxiliary accelerations."""
     c, f, before = method.alpha, s.axes, w.before.axes
     for k in range(2):
         f[AUXILIARY + k] = auxiliary(c, before[AUXILIARY + k], before[GROWTH + 2 * k], f[GROWTH + 2 * k])
@@ -318,7 +318,7 @@ def follow(links, x, w):
 
 @kernel
 def swing(links, x, w):
-    """See ``axes``: the border of the mass hangs on the coordinates."""
+    """See ``axes``: the border of the mass depends on the coordinates."""
     f, nodes = x.axes, x.q.shape[0]
     w.axes.edge[:] = 0.0
     w.axes.corner[:] = 0.0
@@ -360,7 +360,7 @@ def square(links, s):
 
 
 def sideways_frequency(links):
-    """See ``axes``: of cubic elements that share their slopes, all in phase; one alone (the ends) is stiffer."""
+    """See ``axes``: of elements with shared slopes, all in phase; a single one (the ends) is stiffer."""
     c, M = links.element, np.zeros((4, 4))
     mass(c, M)
     K = np.array(linear(c._replace(EI=c.EI + links.sideways), 0.0, 0.0))
@@ -372,7 +372,7 @@ def sideways_frequency(links):
 
 @kernel
 def absolute(links, x, w):
-    """See ``axes``; along the axes."""
+    """See ``axes``; components along the axes."""
     f = x.axes
     rate, drift = vector(f, RATE), to_axes(f, vector(f, VELOCITY))
     for n in range(4):

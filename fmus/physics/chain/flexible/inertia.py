@@ -1,4 +1,4 @@
-"""Inertia, weight, energies of a link, whatever its element: the centreline is cubic, the mass matrix constant."""
+"""Inertia, weight and kinetic energy of a link with a cubic centreline and a constant mass matrix."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from fmus.jit import kernel
 
 @kernel
 def inertia(rows, axes, M, a, r):
-    """Inertia forces of a link with mass ``M`` (rows, rows) at accelerations ``a`` (rows, axes), written to ``r``."""
+    """Write M a, with ``M`` (rows, rows) and accelerations ``a`` (rows, axes), to ``r`` (rows, axes)."""
     for i in range(rows):
         for k in range(axes):
             r[i, k] = 0.0
@@ -17,7 +17,7 @@ def inertia(rows, axes, M, a, r):
 
 @kernel
 def add_mass(rows, axes, M, factor, K):
-    """``factor`` 1/s2 times the mass ``M`` (rows, rows), added to the matrix ``K`` (rows axes, rows axes)."""
+    """Add ``factor``, 1/s2, times the mass ``M`` (rows, rows) to the matrix ``K`` (rows axes, rows axes)."""
     for i in range(rows):
         for j in range(rows):
             for k in range(axes):
@@ -26,9 +26,9 @@ def add_mass(rows, axes, M, factor, K):
 
 @kernel
 def weigh(weight, l, last, up, r):
-    """A link's ``weight``, N, on its residual ``r`` (rows, axes): the integral of its shape functions.
+    """Add a link's ``weight``, N, to its residual ``r`` (rows, axes), by shape functions.
 
-    ``l`` m is its length, ``last`` the first row of its second node, ``up`` the axis of z.
+    ``l``, m, is its length, ``last`` the first row of its second node, ``up`` the index of the z axis.
     """
     r[0, up] += 0.5 * weight
     r[1, up] += weight * l / 12.0
@@ -38,13 +38,13 @@ def weigh(weight, l, last, up, r):
 
 @kernel
 def height(l, last, up, e):
-    """Of the centre of mass, m, at coordinates ``e``; the others as in ``weigh``."""
+    """Height of the centre of mass, m, at coordinates ``e`` (rows, axes); other arguments as in ``weigh``."""
     return 0.5 * (e[0, up] + e[last, up]) + l / 12.0 * (e[1, up] - e[last + 1, up])
 
 
 @kernel
 def add_kinetic(energy, M, v):
-    """``energy`` and that of a link with mass ``M`` (rows, rows) at rates ``v`` (rows, axes), J."""
+    """Sum of ``energy`` and that of a link with mass ``M`` (rows, rows), rates ``v`` (rows, axes), J."""
     for a in range(M.shape[0]):
         for b in range(M.shape[0]):
             s = 0.0

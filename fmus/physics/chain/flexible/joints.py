@@ -1,7 +1,7 @@
-"""The door to how a chain of flexible links meets the equations of its pins: eliminated, or kept beside multipliers.
+"""Dispatch to the formulation of the pin equations by the class of ``links``.
 
-The class of the links says which: ``constrained_joints`` for links with coordinates of their own, ``eliminated_joints``
-for those that share the coordinates of their pins.
+``constrained_joints`` has multipliers, for links with coordinates of their own; ``eliminated_joints`` is for links that
+share the coordinates of their pins.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ def _of(links: type) -> Any:
 
 @door(_of)
 def factor(links, w):
-    """Factor the matrix of the pins, ``w.A``, ``w.U``, ``w.L``. Returns -1, or the pin or link where it is singular."""
+    """Factor the pins' matrix ``w.A``, ``w.U``, ``w.L``; -1, or the pin or link where it is singular."""
 
 
 @door(_of)
 def solve(links, w):
-    """The correction of the pins, ``w.b``, from their residuals there; it takes what ``misfit`` found with it."""
+    """Solve for the correction of the pins in ``w.b``, from residuals there and the gap of ``misfit``."""
 
 
 @door(_of)
 def misfit(links, q, w):
-    """What the coordinates, rates or accelerations ``q`` leave open in the equations of the pins."""
+    """Misfit of the pin equations by the coordinates, rates or accelerations ``q`` (nodes, width)."""
 
 
 @door(_of)
 def close(links, s, w):
-    """Take coordinates and rates back onto the equations of the pins, along what their forces would do."""
+    """Project coordinates and rates onto the pin equations, in the directions of the pin forces."""
 
 
 @door(_of)
 def speed(links, carried, s, w):
-    """Of the chain along itself over its carrier ``carried``, m/s: ``chain_speed`` of its pins, each once."""
+    """``chain_speed``, m/s, of the pins relative to the carrier ``carried``, each pin counted once."""

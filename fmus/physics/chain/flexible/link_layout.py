@@ -1,4 +1,4 @@
-"""Where the coordinates of a link lie: which it shares with its pins, which are its own."""
+"""Layout of the coordinates of a link: shared with its pins, or its own."""
 
 from __future__ import annotations
 
@@ -10,46 +10,48 @@ from fmus.jit import kernel
 
 
 class Layout(NamedTuple):
-    """Where an element's coordinates lie, in its own order and in its pins'; there are m shared ones a pin, n own."""
+    """Indices of an element's coordinates, in its own order and in its pins'; m shared a pin, n own."""
 
-    outer: np.ndarray  # (2 m) of an element's: those shared, first pin, second pin; after them those of ``common``
-    inner: np.ndarray  # (n) those of its own, likewise
-    pin: np.ndarray  # (m) of a pin's: those shared
-    slope: np.ndarray  # (n) of a pin's: those of one link; first pin, second pin
-    shared: tuple[int, ...]  # of length m
-    own: tuple[int, ...]  # of length n
-    common: tuple[int, ...]  # of the length of what all links share, after an element's coordinates
-    fixed: int  # of the shared ones those that a pinned end has from the ground, the first of them
-    pins: tuple[int, ...]  # of the length of how many pins of the mesh a link brings: 1 that it shares, or its own 2
+    outer: np.ndarray  # (2 m + c) indices in an element: shared ones of first and second pin, then ``common``
+    inner: np.ndarray  # (n) indices in an element: its own
+    pin: np.ndarray  # (m) indices in a pin: the shared ones
+    slope: np.ndarray  # (n) indices in a pin: those of one link; first pin, second pin
+    shared: tuple[int, ...]  # length m
+    own: tuple[int, ...]  # length n
+    common: tuple[int, ...]  # length c, the number of unknowns common to all links, after an element's coordinates
+    fixed: int  # number of shared coordinates, the first ones, that a pinned end has from the ground
+    pins: tuple[int, ...]  # length: nodes of the mesh that a link adds, 1 shared one, or its own 2
 
 
 def arranged(begin: list[int], end: list[int], outer: list[int], fixed: int, pins: int = 1) -> Layout:
-    """The layout of an element whose first half lies in its first pin at ``begin``, the second in the other at ``end``.
+    """Return the Layout of an element from the indices of its halves in its first and second pin.
 
-    What is not ``outer`` is its own; ``pins``: 2 of links that share none.
+    The first half is in the first pin at ``begin``, the second in the other pin at ``end``. Coordinates not in
+    ``outer`` are its own; the first ``fixed`` shared ones are held at a pinned end; ``pins``: 2 for links that share
+    none.
     """
     places = [*begin, *end]
     inner = [k for k in range(len(places)) if k not in outer]
     m = len(outer) // 2
-    # unsigned where nothing is folded away: an index that may be negative costs a tenth of ``correct``
+    # unsigned: an index that may be negative costs a tenth of the time of ``correct``
     pin, slope = (np.array([places[k] for k in part], dtype=np.uintp) for part in (outer[:m], inner))
     return Layout(np.array(outer), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner), (), fixed, (0,) * pins)
 
 
 def joined(layout: Layout, common: int) -> Layout:
-    """The layout of links that have so many unknowns in common besides."""
+    """Return the Layout of links that have ``common`` additional unknowns in common."""
     first = len(layout.outer) + len(layout.inner)
     return layout._replace(outer=np.append(layout.outer, first + np.arange(common)), common=(0,) * common)
 
 
 @kernel
 def ends(at, nodes, i):
-    """Of the ``nodes`` pins of the mesh those where link ``i`` begins and ends; ``at``: its Layout."""
+    """Indices of the pins, of ``nodes`` in the mesh, where link ``i`` begins and ends; ``at``: its Layout."""
     first = len(at.pins) * i
     return first, first + 1 if first + 1 < nodes else 0
 
 
 @kernel
 def node(at, nodes, i):
-    """Of the pins of the mesh the one that stands for pin ``i`` of the chain."""
+    """Index of the node of the mesh for pin ``i`` of the chain."""
     return min(len(at.pins) * i, nodes - 1)

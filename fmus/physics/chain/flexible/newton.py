@@ -1,4 +1,4 @@
-"""One implicit step of a chain of flexible links: Newton's iteration on the condensed equations of the pins."""
+"""Implicit step of a chain of flexible links: Newton's iteration on the condensed pin equations."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
 from fmus.physics.point import sharpen
 
-CHORD = 1e-5  # m: below such a correction the iteration matrix is kept
-FASTEST = 10.0  # m: a correction beyond is no correction
-SLOW = 0.5  # a correction larger than this part of the last one: friction is sharp
-MOST = 20  # iterations before a step is given up
+CHORD = 1e-5  # correction below which the iteration matrix is kept, m
+FASTEST = 10.0  # correction beyond which the iteration has diverged, m
+SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
+MOST = 20  # iterations before a step is rejected
 
 
 @allocating
@@ -37,7 +37,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
     sharp = w.contact.sharp
     sharp[0] = 0
     for _ in range(MOST):
-        fresh = size > CHORD or sharp[0] == 1  # close to the solution the last matrix serves once more
+        fresh = size > CHORD or sharp[0] == 1  # near the solution the last matrix is reused
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)
         counters[EVALUATIONS] += 1
         if fresh and factor(links, w) >= 0:

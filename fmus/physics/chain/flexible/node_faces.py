@@ -1,4 +1,4 @@
-"""What the faces of all links with pins as nodes have in common; see ``faces``. Motion: q, v (nodes, ...)."""
+"""Common part of the faces of links with pins as nodes; see ``faces``. Motion: q, v (nodes, ...)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def begin(links, x, w):
 
 @kernel
 def enter(links, x, w, i):
-    """Coordinates and rates of the link into ``w.e``, ``w.v``; its loads are zeroed at its first contact."""
+    """See ``faces``: coordinates, rates into ``w.e``, ``w.v``; zeroes the loads at the first contact."""
     first, second = ends(layout(links), x.q.shape[0], i)
     gather(links, x.q, first, second, w.e)
     gather(links, x.v, first, second, w.v)

@@ -1,14 +1,14 @@
-"""Force of each pin on the link that begins there, as the integrator's momentum has it; behind the door ``kinds``.
+"""Force of each pin on the link that begins there, consistent with the momentum; for ``kinds``.
 
-A link's residual at its first pin is that force, but for what Newton's last correction, after which nothing is
-evaluated, did to it: of steel 20 N a nanometre. The evaluation knows what forces left open at every pin, b, and the
-link's acceleration after the correction what its own forces then were, D. With F, E a link's residuals at its two ends,
+A link's residual at its first pin is that force, except for the effect of Newton's last correction, after which nothing
+is evaluated: 20 N a nanometre for steel. The evaluation leaves an imbalance b at every pin; the link's acceleration
+after the correction gives the sum of its own forces, D. With F, E a link's residuals at its two ends,
 
 (1) F~_i = F_i + x_i,   E~_i = D_i - F~_i,   E~_(i-1) + F~_i - (E_(i-1) + F_i) = -b_i
     =>   x_(i+1) = x_i - b_(i+1) - (D_i - F_i - E_i)
 
-so forces on links and pins balance to rounding. Nothing is known of a force that all pins have in common: in a loop the
-x have no mean (a tension all round has none either), and what the loop does not close by is spread over its pins.
+so forces on links and pins balance to rounding. A force common to all pins is not determined: in a loop the x are given
+zero mean (a uniform tension has no mean either), and the closure error is spread over the pins.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from fmus.physics.vector import add, put, scale, vector
 
 @kernel
 def newton_joints(links, env, s, w):
-    """See ``kinds``; of a last pin, on what holds it."""
+    """See ``kinds``; at a last pin, the force on its support."""
     found = w.on_links
     if found.shape[1] <= JOINT:
         return
@@ -68,13 +68,13 @@ def newton_joints(links, env, s, w):
 
 @kernel
 def _taken(t, dims):
-    """The vector of so many components in ``t``, in space."""
+    """Vector (3) in space of the ``dims`` components in ``t``."""
     return (t[0], t[1], t[2]) if dims == 3 else (t[0], 0.0, t[1])
 
 
 @kernel
 def stage_joints(links, env, s, w):
-    """See ``kinds``: residuals of an evaluation without accelerations, and what inertia adds to them."""
+    """See ``kinds``: residuals of an evaluation without accelerations, plus the inertia forces."""
     found, n, half = w.on_links, links.n, vectors(links.element) // 2
     if found.shape[1] <= JOINT:
         return
@@ -88,7 +88,7 @@ def stage_joints(links, env, s, w):
 
 @kernel
 def _end(links, w, i, row):
-    """Residual of link ``i`` at the node whose place is its vector ``row``."""
+    """Residual (3), N, of link ``i`` at the node whose position is its vector ``row``."""
     for k in range(axes(links.element)):
         w.t[k] = w.R[i, row, k]
         for a in range(vectors(links.element)):

@@ -1,4 +1,4 @@
-"""What acts on the pins of a chain from outside: damping across it, forces on its ends, ends that are held."""
+"""Loads on the pins of a chain: transverse damping, end loads, supports."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from fmus.physics.chain.sums import END_POWER, JOINTS
 
 @kernel
 def pin_loads(links, env, x, w, by_rate, tangent):
-    """Transverse damping and end loads on the pins; the residual goes into ``w.b``, the matrix into ``w.A``.
+    """Add transverse damping, end loads and supports of the pins to ``w.b``, with ``tangent`` to ``w.A``.
 
-    A pin whose position is held by two coordinates moves in the plane x, z, else in space.
+    A pin whose position has two coordinates moves in the plane x, z, else in space; ``by_rate``, 1/s.
     """
     at, q, v, nodes = layout(links), x.q, x.v, x.q.shape[0]
     held, pins = at.fixed, links.n if links.closed == 1 else links.n + 1
@@ -61,7 +61,7 @@ def pin_loads(links, env, x, w, by_rate, tangent):
 
 @kernel
 def keep_symmetric(links, env, w):
-    """The columns of coordinates that are held, too: nothing moves along them, and the matrix is symmetric."""
+    """Zero the columns of held coordinates too, which do not move, so that the matrix is symmetric."""
     nodes, size = w.A.shape[0], w.A.shape[1]
     for i in (0, nodes - 1):
         if env.ends == PINNED or (env.ends == HELD and i == 0):

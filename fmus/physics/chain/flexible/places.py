@@ -1,4 +1,4 @@
-"""The links of a chain seen at once: where their coordinates lie among those of the pins; vectors in their plane."""
+"""Indices of all links' coordinates among those of the pins, and vectors in the plane of the chain."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmus.physics.chain.flexible.link_layout import ends
 
 
 def places(kit: Any, q: Floats, rows: int, links: int) -> NDArray[np.int64]:
-    """Where in the flat ``q`` (nodes, width) the coordinates of the links lie (links, rows, axes): ``gather`` of all.
+    """Indices in the flat ``q`` (nodes, width) of the coordinates of all links (links, rows, axes).
 
     ``kit`` is the module of the links, ``rows`` the number of their vectors.
     """
@@ -24,19 +24,19 @@ def places(kit: Any, q: Floats, rows: int, links: int) -> NDArray[np.int64]:
 
 
 def across(vectors: Floats) -> Floats:
-    """Vectors (..., 2) of x and z, turned by a quarter from x towards z."""
+    """Vectors (..., 2) of x and z, rotated by a quarter turn from x towards z."""
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
 
 def in_plane(vectors: Floats) -> Floats:
-    """The components along x and z of vectors (..., axes)."""
+    """Components along x and z (..., 2) of vectors (..., axes)."""
     return vectors[..., [0, -1]]
 
 
 def straight(kit: Any, links: Any, pins: Floats, q: Floats) -> None:
-    """Straight links between the pins (nodes, 2) of x and z, pins along y, into ``q`` (nodes, width)."""
+    """Straight links between ``pins`` (nodes, 2) of x and z, m, pins along y, into ``q`` (nodes, width)."""
     n, (place, *vectors) = links.n, kit.PLANE
-    own = len(vectors) // 2  # of each of the two links that a pin joins
+    own = len(vectors) // 2  # number of vectors of each link at a pin
     q[:, place], q[:, kit.PIN_AXIS] = pins, 1.0
     chord = (np.roll(pins, -1, axis=0) - pins)[:n] / links.element.l
     for ending, beginning, vector in zip(vectors[-2 * own :], vectors[-own:], (chord, across(chord)), strict=False):

@@ -1,8 +1,9 @@
-"""A chain of cable elements in its own plane: ``cables`` without the lateral dofs; the door is ``elements``.
+"""Chain of cable elements in its own plane: ``cables`` without the lateral coordinates.
 
-A node (pin) has 6 coordinates: position x, z; slope of the link that ends there; slope of the link that begins there.
-The slopes belong to one link each and are condensed link by link, which leaves blocks of 2 x 2 (x and z of each pin).
-In the plane the cable's y coordinates are zero and stay so: this is the same chain, equal to rounding.
+A node (pin) has 6 coordinates: position x, z, m; slope of the link that ends there; slope of the link that begins
+there. The slopes belong to one link each and are condensed link by link, which leaves 2 x 2 blocks (x and z of each
+pin). In the plane the cable's y coordinates are zero and stay so: this is the same chain, to rounding. Dispatched by
+``elements``.
 """
 
 from __future__ import annotations
@@ -10,20 +11,20 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
 from fmus.physics.chain.flexible.link_layout import arranged
-from fmus.physics.chain.flexible.planar_nodes import NODE  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.planar_nodes import NODE  # noqa: F401 - interface
 from fmus.physics.chain.flexible.planar_nodes import gather as coordinates
 
 LAYOUT = arranged(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5], fixed=2)
-ELEMENT = (4, 2)  # vectors of a link, components of a vector
-AXES = np.array([0, 2])  # of the three axes: those that a vector of this chain has
-FREE = 0  # numbers that say where the axes of the coordinates are: they stay
-PLANE = np.array([[0, 1], [2, 3], [4, 5]])  # of a pin: components along x and z of each of its vectors
+ELEMENT = (4, 2)  # (rows, axes): vectors of a link, components of a vector
+AXES = np.array([0, 2])  # axes of space that a vector of this chain has
+FREE = 0  # size of the state of the axes: fixed
+PLANE = np.array([[0, 1], [2, 3], [4, 5]])  # indices in a pin of the x and z components of each of its vectors
 
 
 class PlanarCables(Cables):
-    """The links of a chain, all alike, of elements with two axes."""
+    """Parameters of a chain of equal links of elements with two axes."""
 
     __slots__ = ()
 
@@ -42,13 +43,13 @@ def layout(links):
 
 @kernel
 def lever(links):
-    """See ``elements``: a correction is as large as it moves the pins."""
+    """See ``elements``: the size of a correction is the motion of the pin."""
     return 1.0, 1.0
 
 
 @kernel
 def flatten(links, w):
-    """See ``elements``: the middle and the axis of a wheel are taken to keep the plane."""
+    """See ``elements``: centre and axis of a wheel are projected onto the plane."""
     rows, flat = w.moved, w.flat
     for k in range(rows.shape[0]):
         for i in range(rows.shape[1]):

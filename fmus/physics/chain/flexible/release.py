@@ -1,4 +1,4 @@
-"""How a chain of flexible links begins: at rest or let go, with its accelerations, and what it shows then."""
+"""Start of a chain of flexible links, at rest or let go: its initial accelerations and outputs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LET_GO, REST, EVALUATE = range(3)  # tasks of ``release``
 
 @kernel
 def condense_mass(links, env, s, w):
-    """The mass of a chain on its pins into ``w``; its stiffness and what it touches play no part."""
+    """Condense the mass of a chain to its pins into ``w``, without stiffness and contacts."""
     c, rows, dims = links.element, vectors(links.element), axes(links.element)
     clear(w, True)
     mass(c, w.M)
@@ -37,16 +37,17 @@ def condense_mass(links, env, s, w):
 
 @kernel
 def factor_mass(links, env, s, w):
-    """Factor it into ``w``. Returns -1, or the link where it is singular."""
+    """Factor the condensed mass into ``w``; return -1, or the link where it is singular."""
     condense_mass(links, env, s, w)
     return factor(links, w)
 
 
 @kernel
 def let_go(links, contacts, env, rows, s, w, report):
-    """Accelerations, on which the integrator's order rests, wrenches, pin forces and report of the state as it stands.
+    """Initial accelerations, wrenches, pin forces and report of the present state.
 
-    ``rows`` (m, 15): the wheels. Returns -1, or the link where the mass is singular.
+    The integrator's order depends on these accelerations. ``rows`` (m, 15): the wheels. Returns -1, or the link where
+    the mass is singular.
     """
     failed = factor_mass(links, env, s, w)
     if failed >= 0:
@@ -67,10 +68,10 @@ def let_go(links, contacts, env, rows, s, w, report):
 
 @allocating
 def release(links, smooth, contacts, env, task, x, by, fresh, rows, tolerance, longest, s, w, report):
-    """One kernel for all that Python wants of a chain before it runs: what it is made of is compiled once.
+    """Do one ``task`` on a chain before it runs, all in one kernel: its elements are compiled once.
 
-    LET_GO; REST: the same after ``settle``, then on contacts that are ``smooth``; EVALUATE: ``evaluate`` the motion x.
-    Returns an Outcome, SINGULAR where the mass is.
+    LET_GO: ``let_go``; REST: the same after ``settle`` on the contacts ``smooth``; EVALUATE: ``evaluate`` the motion x.
+    Returns an Outcome, SINGULAR if the mass is.
     """
     if task == EVALUATE:
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)

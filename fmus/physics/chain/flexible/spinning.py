@@ -1,9 +1,9 @@
-"""A free loop that spins: the deformation that its links share, in equilibrium relative to the spin.
+"""Free loop that spins: the common deformation of its links in equilibrium relative to the spin.
 
-A regular polygon stays one, its links all alike, so a few unknowns are all: the radius, the coordinates that are one
-link's own, and those that links share besides the positions. Shapes that nothing resists are not among them: rounding
-would let a long or slow loop wander along them. Where a spring closes the loop, it gives way and the links are no
-longer alike: Newton's iteration then goes over all coordinates in the plane.
+A regular polygon stays regular and its links equal, so a few unknowns suffice: the radius, one link's own coordinates,
+and those that links share besides the positions. Shapes without resistance are excluded: rounding would let a long or
+slow loop drift along them. Where a spring closes the loop, it is compliant and the links are no longer equal: Newton's
+iteration then has all coordinates in the plane as unknowns.
 """
 
 from __future__ import annotations
@@ -18,17 +18,18 @@ from scipy.sparse.linalg import spsolve
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.places import across, in_plane, places
 
-PROBE = 1e-7  # change of an unknown by which the response is found
-LONGEST = 0.05  # largest change in a step of Newton's iteration, of the radius relative to it
+PROBE = 1e-7  # change of an unknown in the difference quotients
+LONGEST = 0.05  # largest change in a step of Newton's iteration; relative for the radius
 ROUNDS = 60
 
-Residuals = Callable[[Floats], Floats]  # of the loop (links, rows, axes), by its accelerations (nodes, width)
+Residuals = Callable[[Floats], Floats]  # residuals of the loop (links, rows, axes) by its accelerations (nodes, width)
 
 
 def stretch(kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: Residuals, tolerance: float) -> bool:
-    """Deform a regular polygon of straight links ``q`` (nodes, width) about the origin until Q = spin^2 M q.
+    """Deform a regular polygon of straight links ``q`` (nodes, width) about the origin to Q = spin^2 M q.
 
-    To ``tolerance``, N; ``kit`` is the module of the links, ``rows`` the number of their vectors. False: not found.
+    ``kit``: module of the links; ``rows``: number of their vectors; ``spin``, rad/s; ``tolerance``, N. Returns False if
+    the iteration fails.
     """
     at, flat, plane = places(kit, q, rows, links), q.reshape(-1), kit.PLANE.ravel()
     axes, m, second = len(kit.AXES), len(kit.LAYOUT.shared), rows // 2
@@ -46,7 +47,7 @@ def stretch(kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: 
         return link
 
     def lacks(link: Floats) -> Floats:
-        """What the first pin and the first link lack of equilibrium when all links are as this one."""
+        """Imbalance of the first pin and the first link if all links are equal to ``link``."""
         flat[at] = link
         flat[at[..., [0, -1]]] = np.cos(turn) * in_plane(link) + np.sin(turn) * across(in_plane(link))
         a = np.zeros_like(q)
@@ -63,7 +64,7 @@ def stretch(kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: 
         answers = [(lacks(deformed(link, probe)) - now) / PROBE for probe in PROBE * np.eye(size)]
         change = np.linalg.solve(np.stack(answers, axis=1), -now)
         link = deformed(link, change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST)))
-        if np.abs(now).max() < tolerance:  # the step above was the last: pins of a long loop turn by little
+        if np.abs(now).max() < tolerance:  # the step above was the last: pins of a long loop rotate little
             lacks(link)
             return True
     return False
@@ -79,13 +80,14 @@ def part(
     residuals: Residuals,
     tolerance: float,
 ) -> bool:
-    """The same of a loop whose first and last pin a spring of ``stiffness``, N/m, joins, from where ``stretch`` ends.
+    """Same for a loop whose first and last pin a spring of ``stiffness``, N/m, joins.
 
-    The answers of the links are found by probing every third pin at a time. No turn about the origin is taken.
+    It starts from the result of ``stretch``. The responses of the links are found by probing every third pin at a time.
+    No rotation about the origin is taken.
     """
     at, flat, plane = places(kit, q, rows, links), q.reshape(-1), kit.PLANE
     width, place, pins = q.shape[1], plane[0], np.arange(links + 1)
-    ends = np.stack([place, links * width + place])  # of the spring, in ``flat``
+    ends = np.stack([place, links * width + place])  # of the spring, indices into ``flat``
     there = np.intersect1d(at, (width * pins[:, None] + plane.ravel()))
     spring = coo_array(
         (np.tile([stiffness, -stiffness, -stiffness, stiffness], 2),

@@ -1,4 +1,4 @@
-"""State of a chain of flexible links; what all States have: ``chain.state``."""
+"""State of a chain of flexible links; the common part: ``chain.state``."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from fmus.physics.chain import state
 from fmus.physics.chain.on_links import NONE, Felt
 from fmus.physics.chain.sums import SUMS
 
-FIXED = np.zeros(0)  # axes of coordinates that do not turn
+FIXED = np.zeros(0)  # state of axes that do not turn
 
 
 class State(NamedTuple):
-    """Views into the flat state: pins with ``width`` coordinates."""
+    """Views into the flat state; pins (nodes) with ``width`` coordinates, m wheels."""
 
-    flat: np.ndarray
-    p: np.ndarray  # (2, nodes, width) Cholesky coordinates and rates, which q and v follow from; (0, ...): none
-    q: np.ndarray  # (nodes, width) coordinates
-    v: np.ndarray  # (nodes, width) rates
-    axes: np.ndarray  # that of ``axes_state``; (0) where the axes of the coordinates are fixed
-    a: np.ndarray  # (nodes, width) auxiliary accelerations
-    vdot: np.ndarray  # (nodes, width) accelerations
-    wrench: np.ndarray  # (m + 1, 6) on each wheel now, and on the ground
-    aux: np.ndarray  # (m + 1, 6) auxiliary wrenches
-    mean: np.ndarray  # (m + 1, 6) over the communication step
-    on_links: np.ndarray  # (k, c) forces on each link now, see ``on_links``; none where nobody asks
-    on_links_aux: np.ndarray  # (k, c) auxiliary
+    flat: np.ndarray  # (size) all of the following
+    p: np.ndarray  # (2, nodes, width) Cholesky coordinates and rates, from which q and v follow; (0, ...) if unused
+    q: np.ndarray  # (nodes, width) coordinates: positions, m, and gradients
+    v: np.ndarray  # (nodes, width) rates of ``q``, m/s and 1/s
+    axes: np.ndarray  # (SIZE) see ``axes_state``; (0) where the axes of the coordinates are fixed
+    a: np.ndarray  # (nodes, width) auxiliary accelerations, m/s2 and 1/s2
+    vdot: np.ndarray  # (nodes, width) accelerations, m/s2 and 1/s2
+    wrench: np.ndarray  # (m + 1, 6) present wrench on each wheel and, last, on the ground, N and N m
+    aux: np.ndarray  # (m + 1, 6) auxiliary wrenches, N and N m
+    mean: np.ndarray  # (m + 1, 6) mean wrenches over the communication step, N and N m
+    on_links: np.ndarray  # (k, c) present forces on each link, see ``on_links``; k = 0 without a request
+    on_links_aux: np.ndarray  # (k, c) auxiliary forces
     on_links_sum: np.ndarray  # (k, c) impulses since the interval began
-    span: np.ndarray  # (2) how long that was, s, and steps left of the interval
-    sums: np.ndarray  # (SUMS) of the last evaluation
+    span: np.ndarray  # (2) time since then, s, and steps left of the interval
+    sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
 
 
 class Motion(NamedTuple):
-    """What an evaluation looks at, each (nodes, width)."""
+    """Arguments of an evaluation, each (nodes, width)."""
 
     q: np.ndarray  # coordinates
     v: np.ndarray  # rates
     vdot: np.ndarray  # accelerations
-    axes: np.ndarray = FIXED  # those of the coordinates, see ``State``
+    axes: np.ndarray = FIXED  # state of the axes of the coordinates, see ``State``
 
 
 def shapes(
@@ -51,9 +51,9 @@ def shapes(
     felt: Felt = NONE,
     cholesky: bool = False,
 ) -> state.Shapes:
-    """Of the views; ``width``: coordinates of a pin.
+    """Shapes of the views; ``width``: coordinates of a pin.
 
-    ``felt``: of the forces on each link; ``cholesky``: whether it moves in these coordinates.
+    ``axes``: size of the axes' state; ``felt``: shape of the forces on each link; ``cholesky``: Cholesky coordinates.
     """
     pins, on = (nodes, width), (wheels + 1, 6)
     return {
@@ -64,6 +64,6 @@ def shapes(
 
 
 def views(flat: Floats, sizes: state.Shapes) -> State:
-    """A State that looks into the flat array; ``sizes`` from ``shapes``."""
+    """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
     found: State = state.views(State, sizes, flat)
     return found

@@ -1,8 +1,8 @@
-"""A chain of cables that can leave its plane: ``cables`` in axes that turn with the chain; the door is ``elements``.
+"""Chain of cables that can leave its plane: ``cables`` in axes that turn with the chain.
 
-All pins point along the y axis of these axes, whose yaw and roll are two unknowns of the chain (``free_axes``). Its
-faces are those of links with a width (``turning_faces``). Cables bend alike about both axes; what a section is stiffer
-about the normal than about the pin acts between the links and the axes.
+All pins are along the y axis of these axes, whose yaw and roll are two unknowns of the chain (``free_axes``). Its
+faces are those of links with a width (``turning_faces``). Cables have the same bending stiffness about both axes; the
+excess stiffness of a section about its normal acts between the links and the axes. Dispatched by ``elements``.
 """
 
 from __future__ import annotations
@@ -13,30 +13,30 @@ from fmus.jit import kernel
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.axes_state import SIZE
-from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
-from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever, pin_axis  # noqa: F401 - of the kit
+from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever, pin_axis  # noqa: F401 - interface
 from fmus.physics.chain.flexible.closing import Spring
 from fmus.physics.chain.flexible.link_layout import joined
 
-LAYOUT = joined(cables.LAYOUT, 2)  # the turning of the axes: roll and yaw
-FREE = SIZE  # numbers that say where the axes of the coordinates are
+LAYOUT = joined(cables.LAYOUT, 2)  # roll and yaw of the axes
+FREE = SIZE  # size of the state of the axes
 
 
 class TurningCables(NamedTuple):
-    """The links of a chain, all alike."""
+    """Parameters of a chain of equal links."""
 
-    n: int  # how many
-    closed: int
-    element: Cable  # its class is the elasticity, see ``ancf/element.py``
-    face: float  # contact faces from the pin line, m
-    outer_fibre: float  # m
-    area: float  # m2
-    second_moment: float  # m4
-    lateral: float  # of the contact points from the middle, m
-    sideways: float  # bending stiffness about the normal beyond that about the pin, N m2
+    n: int  # number of links
+    closed: int  # 1: a closed mesh, 0: an open one
+    element: Cable  # parameters; their class is the elasticity, see ``ancf/element.py``
+    face: float  # distance of the contact faces from the pin line, m
+    outer_fibre: float  # distance of the outer fibre from the axis, m
+    area: float  # area of the section, m2
+    second_moment: float  # second moment of area about the pin, m4
+    lateral: float  # distance of the contact points from the middle, m
+    sideways: float  # excess of the bending stiffness about the normal over that about the pin, N m2
     twist: float  # second moment of mass of all links along their pins, kg m2
-    closing: Spring | None = None  # of a loop whose mesh is open
+    closing: Spring | None = None  # spring of a loop whose mesh is open
 
 
 @kernel
@@ -53,7 +53,7 @@ def layout(links):
 
 @kernel
 def flatten(links, w):
-    """See ``elements``: the axes see to that."""
+    """See ``elements``: done by ``axes.outside``."""
 
 
 @kernel

@@ -1,8 +1,9 @@
-"""Faces of cables that turn with their axes; see ``faces``. Motion: q, v (nodes, 8), axes; vectors along the axes.
+"""Faces of cables in turning axes; see ``faces``.
 
-A link has a width: a point lies at r + z n + y (j - b t), with the tangent t in the plane of the axes, the normal
-n = t x j, the pin axis j and the yaw b = r_x.j / |r_x| of the link against it. With m = z n + y j and c the slopes of
-the shape functions over |r_x| it moves by (S - c t m^T) de; the change of t with the yaw is left out.
+Motion: q, v (nodes, 8), axes; vectors are along the axes. A link has a width: a point is at r + z n + y (j - b t), with
+the tangent t in the plane of the axes, the normal n = t x j, the pin axis j and the yaw b = r_x.j / |r_x| of the link
+relative to it. With m = z n + y j and c the slopes of the shape functions over |r_x| it moves by (S - c t m^T) de; the
+change of t with the yaw is left out.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import numpy as np
 from fmus.jit import apart, kernel
 from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.chain.flexible.axes_state import ORIGIN, RATE, ROLL, VELOCITY, YAW, from_axes, to_axes
-from fmus.physics.chain.flexible.cable_faces import along  # noqa: F401 - behind the door
-from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the door
+from fmus.physics.chain.flexible.cable_faces import along  # noqa: F401 - reached by dispatch
+from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
     begin,
     count,
     enter,
@@ -24,9 +25,9 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - behind the 
 from fmus.physics.contact.face import Push
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
-# sums over the points of a section, each by powers 0 and 1 of y: how many, f, g = df / d place + by_rate df / d rate
+# sums over the points of a section, each times y to 0 and 1: number, f, g = df / d position + by_rate df / d rate
 HITS, FORCE, MATRIX = 0, 1, 7
-# and the damper's df / d rate; how a rim hears of that rate: by rates of the pins, where along the link, on which side
+# the damper's df / d rate; by_rate of that rate, its place along the link as a fraction, the outward normal there
 RATES, HEARD, FOOT, OUTWARDS = 25, 31, 32, 33
 
 
@@ -52,7 +53,7 @@ def to_ground(links, x, w, p, v):
 
 @kernel
 def from_ground(links, x, w, push, tangent):
-    """See ``faces``; that the point's velocity turns with the axes is left out of the matrix."""
+    """See ``faces``; the turn of the point's velocity with the axes is left out of the matrix."""
     f = x.axes
     energies = push.energy, push.friction, push.damping
     if not tangent:
@@ -66,7 +67,10 @@ def from_ground(links, x, w, push, tangent):
 
 @kernel
 def section(links, x, w, i, xi, z):
-    """Leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``, m without y, place and j - b t in ``w.axes``."""
+    """See ``faces``; leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``.
+
+    ``w.axes`` receives m without y, the position and j - b t.
+    """
     S, C, e, de, lever = w.S, w.C, w.e, w.v, w.axes.lever
     shape(links.element, xi, S)
     shape_slope(links.element, xi, C)
@@ -92,7 +96,7 @@ def section(links, x, w, i, xi, z):
 
 @kernel
 def locate(links, x, w, i, at, y):
-    """Leaves y in ``w.axes``."""
+    """See ``faces``; leaves y in ``w.axes``."""
     p, v, sideways, sway = at
     w.axes.lever[1] = y
     return add(p, scale(y, sideways)), (v[0] - y * sway * w.t[0], v[1], v[2] - y * sway * w.t[2])
@@ -100,7 +104,7 @@ def locate(links, x, w, i, at, y):
 
 @kernel
 def push(links, w, i, push, tangent):
-    """Sum up what the points of a section feel, by powers of y, for ``pushed``."""
+    """Sum the forces on the points of a section, weighted by powers of y, for ``pushed``."""
     s, y, f, g = w.axes.sums, w.axes.lever[1], push.f, push.g
     s[HITS] += 1.0
     for j in range(3):
@@ -114,7 +118,7 @@ def push(links, w, i, push, tangent):
 
 @kernel
 def resist(links, w, i, push, by_rate, foot, side):
-    """Sum up df / d rate for ``pushed``; the rate falls as a face moves outwards."""
+    """Sum df / d rate for ``pushed``; the rate falls as a face moves outwards."""
     s, r, y = w.axes.sums, push.by_rate, w.axes.lever[1]
     s[HEARD], s[FOOT] = by_rate, foot
     for j in range(3):
@@ -125,31 +129,34 @@ def resist(links, w, i, push, by_rate, foot, side):
 
 @kernel
 def _rows(s, i):
-    """Of a matrix that lies in ``s`` from ``i`` on."""
+    """Rows of the 3 x 3 matrix in ``s`` from index ``i``."""
     return vector(s, i), vector(s, i + 3), vector(s, i + 6)
 
 
 @kernel
 def _times(rows, a):
-    """A matrix of these rows times the vector ``a``."""
+    """Product of a matrix with these ``rows`` and the vector ``a``."""
     return dot(rows[0], a), dot(rows[1], a), dot(rows[2], a)
 
 
 @kernel
 def about_x(a):
-    """How the axes' roll moves what is at ``a``."""
+    """Motion of a point at ``a`` per radian of roll, x cross a."""
     return 0.0, -a[2], a[1]
 
 
 @kernel
 def about_z(a):
-    """How their yaw does."""
+    """Motion of a point at ``a`` per radian of yaw, z cross a."""
     return -a[1], a[0], 0.0
 
 
 @kernel
 def _carried(w, h, h_y):
-    """A force h that acts with the leverage y as h_y, along the normal, the pin axis and the tangent: what B^T adds."""
+    """Part of B^T h by the leverage, for a force ``h`` whose moment arm y makes ``h_y``.
+
+    Components along the normal, the pin axis and the tangent.
+    """
     t0, t2, lever = w.t[0], w.t[2], w.axes.lever
     pull = h[0] * t0 + h[2] * t2
     return pull * lever[0], h_y[0] * t0 + h_y[2] * t2, pull * lever[2]
@@ -157,7 +164,7 @@ def _carried(w, h, h_y):
 
 @kernel
 def pushed(links, w, i, tangent):
-    """Force on residual and matrix of the link, R -= B^T f, K -= B^T g B with B = S - c t m^T; moment; border."""
+    """Add the section's forces, R -= B^T f, K -= B^T g B with B = S - c t m^T; moment balance; border."""
     S, C, R, s, moment = w.S, w.C, w.load[i], w.axes.sums, w.axes.moment
     if s[HITS] == 0.0:
         return
@@ -176,10 +183,10 @@ def pushed(links, w, i, tangent):
 @kernel
 @apart
 def _stiffen(w, i, p, d):
-    """K -= N^T g N: a point moves by N, with B for the coordinates and axis x (p + y d) for the turning of the axes.
+    """Add K -= N^T g N, with N = B for the coordinates and axis x (p + y d) for the rotation of the axes.
 
-    Thus roll and yaw have columns, what they do to the residual, and rows, what the coordinates do to their balance.
-    That forces turn with the axes is left out.
+    So roll and yaw have columns, their effect on the residual, and rows, the effect of the coordinates on their
+    balance. The rotation of forces with the axes is left out.
     """
     S, C, s, K, e, (m0, y, m2), t0, t2 = w.S, w.C, w.axes.sums, w.stiffening[i], w.e, w.axes.lever, w.t[0], w.t[2]
     f, f_y, carried = w.axes.given[0], w.axes.given[1], w.axes.carried
@@ -216,7 +223,7 @@ def _stiffen(w, i, p, d):
 
 @kernel
 def _hear(s, f, f_y, e):
-    """Add the damper's force by the rate of the face, which hangs on the pins and on the turning of the axes."""
+    """Add the damper's force by the rate of the face, which depends on the pins and the axes' rotation."""
     side, rate, rate_y = vector(s, OUTWARDS), vector(s, RATES), vector(s, RATES + 3)
     one, other = s[HEARD] * (1.0 - s[FOOT]), s[HEARD] * s[FOOT]
     place = add(scale(one, vector(e[0], 0)), scale(other, vector(e[2], 0)))
@@ -235,7 +242,7 @@ def _hear(s, f, f_y, e):
 
 @kernel
 def _answer(g, g_y, y2, a, a_y):
-    """Of the points at p + y d to a motion a + y a_y: the sums of g (a + y a_y), and of y times that."""
+    """Sums over points p + y d of g (a + y a_y), and of y times that, for a motion a + y a_y."""
     return add(_times(g, a), _times(g_y, a_y)), add(_times(g_y, a), scale(y2, _times(g, a_y)))
 
 
@@ -250,7 +257,7 @@ def locate_pin(links, x, w, i, y):
 
 @kernel
 def push_pin(links, x, w, i, y, push, tangent):
-    """Residual into ``w.b``, matrix into ``w.A``; what the turning of the axes does to the pin into their border."""
+    """Add a force to ``w.b``, ``w.A`` of the pin, and its coupling with the axes' rotation to the border."""
     p, f, g, edge, corner = vector(w.axes.point, 0), push.f, push.g, w.axes.edge[i], w.axes.corner
     for a in range(3):
         w.b[i, a] -= f[a]

@@ -1,4 +1,4 @@
-"""Arrays that the mechanics of a flexible chain works in, made once; what all have: ``chain.state``."""
+"""Work arrays of a flexible chain, allocated once; the common part: ``chain.state``."""
 
 from __future__ import annotations
 
@@ -17,49 +17,52 @@ from fmus.physics.point import Memory, memory, points
 
 
 class Work(NamedTuple):
-    """For elements of ``rows`` vectors along ``axes`` axes; m shared coordinates a pin, n own ones a link."""
+    """Arrays for elements of ``rows`` vectors along ``axes`` axes.
 
-    before: State  # at the beginning of a step
-    A: np.ndarray  # (nodes, m, m) diagonal blocks
-    U: np.ndarray  # (nodes, m, m) to the next pin
-    L: np.ndarray  # (nodes, m, m) to the previous pin
-    factors: Factors
-    b: np.ndarray  # (nodes, m)
-    K: np.ndarray  # (whole, whole) iteration matrix of one link, whole = rows axes + c with c unknowns common to all
-    R: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external
+    m coordinates are shared a pin, n are a link's own.
+    """
+
+    before: State  # state at the beginning of a step
+    A: np.ndarray  # (nodes, m, m) diagonal blocks of the condensed matrix
+    U: np.ndarray  # (nodes, m, m) blocks to the next pin
+    L: np.ndarray  # (nodes, m, m) blocks to the previous pin
+    factors: Factors  # factors of A, U, L
+    b: np.ndarray  # (nodes, m) residual of the pins, then their correction
+    K: np.ndarray  # (whole, whole) iteration matrix of one link; whole = rows axes + c, c unknowns common to all links
+    R: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external, N and N m
     inner: np.ndarray  # (links, n, n) inverse of its own part
-    right: np.ndarray  # (links, n, 2 m + c) inner^-1 times the coupling to the pins and what is common
+    right: np.ndarray  # (links, n, 2 m + c) inner^-1 times the coupling to pins and common unknowns
     left: np.ndarray  # (links, 2 m + c, n) coupling of these to its own part
-    coupling: np.ndarray  # (n, 2 m + c) of one link's own part to them
-    rest: np.ndarray  # (2 m + c, 2 m + c) what is left of one link's matrix on them
+    coupling: np.ndarray  # (n, 2 m + c) coupling of one link's own part to them
+    rest: np.ndarray  # (2 m + c, 2 m + c) condensed matrix of one link
     own: np.ndarray  # (links, n) inner^-1 times its own residual
-    swap: np.ndarray  # (n)
-    e: np.ndarray  # (rows, axes)
-    v: np.ndarray  # (rows, axes)
-    dv: np.ndarray  # (rows, axes)
-    M: np.ndarray  # (rows, rows)
+    swap: np.ndarray  # (n) scratch
+    e: np.ndarray  # (rows, axes) coordinates of one link
+    v: np.ndarray  # (rows, axes) their rates, m/s and 1/s
+    dv: np.ndarray  # (rows, axes) their accelerations, m/s2 and 1/s2
+    M: np.ndarray  # (rows, rows) mass of one link, kg
     S: np.ndarray  # (rows) shape functions
     C: np.ndarray  # (rows) their slopes
     t: np.ndarray  # (3) tangent at a contact point
     moved: np.ndarray  # (wheels, 15) wheels at the time of evaluation
-    flat: np.ndarray  # (wheels, 15) as the chain sees them: a planar one in its plane
-    touched: np.ndarray  # (links) whether a link touches a wheel or the ground
-    load: np.ndarray  # (links, rows, axes) residual of its contacts, where touched
-    stiffening: np.ndarray  # (links, whole, whole) and their iteration matrix
-    wrench: np.ndarray  # (wheels + 1, 6) on the wheels, and on the ground
+    flat: np.ndarray  # (wheels, 15) wheels as the chain sees them: in its plane or axes
+    touched: np.ndarray  # (links) bool: the link touches a wheel or the ground
+    load: np.ndarray  # (links, rows, axes) residual of a link's contacts, if touched
+    stiffening: np.ndarray  # (links, whole, whole) their iteration matrix
+    wrench: np.ndarray  # (wheels + 1, 6) wrenches on the wheels and, last, on the ground, N and N m
     on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
-    imbalance: np.ndarray  # (nodes, axes) forces at the pins as they were evaluated last, N
-    sums: np.ndarray  # (SUMS)
-    contact: Memory
-    near: Near
-    axes: Axes | None  # of coordinates along axes that turn
-    joints: Any  # the ``Joints`` of links that share no pins, else None
+    imbalance: np.ndarray  # (nodes, axes) forces at the pins in the last evaluation, N
+    sums: np.ndarray  # (SUMS) see ``sums``
+    contact: Memory  # memory of sharp friction
+    near: Near  # distances of links from a wheel
+    axes: Axes | None  # arrays of turning axes, else None
+    joints: Any  # ``Joints`` of links that share no pins, else None
     still: np.ndarray  # (nodes, width) zeros
-    change: np.ndarray  # (2, nodes, width) accelerations that are looked for; what comes with them and is not
+    change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
 
 
 def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Work:
-    """Zeroed; ``kit`` is the module of the links."""
+    """Return zeroed arrays; ``kit``: module of the links; ``felt``: shape of the forces on each link."""
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)

@@ -1,6 +1,6 @@
-"""Points of rigid links, and forces there.
+"""Points of rigid links, and forces on them.
 
-A point at the lever l turns with its link: N = d(point)/d(turning about body axis k) = axis cross l, so a force f acts
+A point at the lever l turns with its link: N = d(point)/d(rotation about body axis k) = axis cross l, so a force f acts
 as (f, N^T f) and its derivatives as (1, N)^T g (1, N).
 """
 
@@ -12,19 +12,19 @@ from fmus.physics.vector import add, scale, vector
 
 @kernel
 def axis(A, k):
-    """Body axis ``k`` in the world."""
+    """World vector (3) of the body axis ``k`` of the rotation matrix ``A`` (3, 3)."""
     return A[0, k], A[1, k], A[2, k]
 
 
 @kernel
 def lever(A, lx, ly, lz):
-    """From a link's middle to its point (lx, ly, lz) in body axes."""
+    """World vector (3) from a link's centre to its point (lx, ly, lz), m, in body axes."""
     return add(scale(lx, axis(A, 0)), add(scale(ly, axis(A, 1)), scale(lz, axis(A, 2))))
 
 
 @kernel
 def rate(A, v, lx, ly, lz):
-    """Velocity of that point; ``v`` (6) is the link's."""
+    """Velocity (3), m/s, of that point of a link with the velocity ``v`` (6)."""
     # body velocity of the point: w cross l
     u0, u1, u2 = v[4] * lz - v[5] * ly, v[5] * lx - v[3] * lz, v[3] * ly - v[4] * lx
     return add(vector(v, 0), lever(A, u0, u1, u2))
@@ -32,9 +32,9 @@ def rate(A, v, lx, ly, lz):
 
 @kernel
 def act(A, l, share, f, g, tangent, N, r, K):
-    """Put ``share`` of a force ``f`` (3) with its matrix ``g`` (9) on a link at the lever ``l``: residual r, tangent K.
+    """Apply ``share`` of a force ``f`` (3) with its matrix ``g`` (9) to a link at the lever ``l`` (3).
 
-    Leaves N (3, 3).
+    Adds to the residual r (6) and, with ``tangent``, to the matrix K (6, 6); leaves N (3, 3).
     """
     for k in range(3):
         n0, n1, n2 = A[1, k] * l[2] - A[2, k] * l[1], A[2, k] * l[0] - A[0, k] * l[2], A[0, k] * l[1] - A[1, k] * l[0]

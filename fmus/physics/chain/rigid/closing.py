@@ -1,8 +1,8 @@
-"""The stiff spring that may close a chain of rigid links in the place of its last pin (paper 8.1).
+"""Stiff spring that closes a chain of rigid links in place of its last pin (paper 8.1).
 
 It acts between the end of a link P and the beginning of the next one Q, or of the ground: f = -(k gap + c gap'), with
-gap = C[0:3] of the pin (``physics.rigid.pin``). All other pins being parallel, the gap lies in the chain's plane.
-Implicitly f is the multiplier of the pin, C + (c C' + lambda) / k = 0; explicitly it is a load.
+gap = C[0:3] of the pin (``physics.rigid.pin``). All other pins are parallel, so the gap is in the chain's plane.
+In an implicit step f is the multiplier of the pin, C + (c C' + lambda) / k = 0; in an explicit step it is a load.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fmus.physics.vector import add, dot, scale, vector
 
 @kernel
 def opening(links, s, w):
-    """The gap, m, and its rate, m/s (3 each), of the closing pin."""
+    """Gap of the closing pin, m, and its rate, m/s (3 each)."""
     n = s.q.shape[0]
     A, half, last = w.system.A, links.half, n - 1
     body.rotation(s.q[last], A[last])
@@ -34,7 +34,7 @@ def opening(links, s, w):
 
 @kernel
 def untilted(links, y):
-    """The closing pin has no axis: empty rows of tilting in the system ``y``."""
+    """Zero the tilting rows of the closing pin in the system ``y``: a spring carries no moments."""
     j = closing(links.ends, y.K.shape[0])
     for k in range(2):
         y.C[j, 3 + k] = 0.0
@@ -44,7 +44,10 @@ def untilted(links, y):
 
 @kernel
 def stretch(links, s, w, by_v):
-    """The equations of the spring, over what it gives way in a step, in the place of those of the closing pin."""
+    """Replace the position equations of the closing pin in C by those of the spring, over its stiffness.
+
+    ``by_v``, 1/s, is d velocity / d position. Adds the power of the damper.
+    """
     y, (k, c) = w.system, links.spring
     j = closing(links.ends, y.K.shape[0])
     _, opens = opening(links, s, w)
@@ -55,7 +58,10 @@ def stretch(links, s, w, by_v):
 
 @kernel
 def load(links, s, w):
-    """The force of the spring on P (3), into its multiplier, which ``links.loads`` takes for that of a pin."""
+    """Force of the spring on P (3), N, also written to the multiplier of the closing pin.
+
+    ``links.loads`` then applies it as that of a pin.
+    """
     j, (gap, opens) = closing(links.ends, s.q.shape[0]), opening(links, s, w)
     f = scale(-links.spring.stiffness, gap)
     f = add(f, scale(-links.spring.damping, opens))
@@ -65,7 +71,7 @@ def load(links, s, w):
 
 @kernel
 def strain(links, s, w):
-    """Energy in the spring, J."""
+    """Energy of the spring, J."""
     if links.spring.stiffness == 0.0:
         return 0.0
     gap, _ = opening(links, s, w)
@@ -74,6 +80,6 @@ def strain(links, s, w):
 
 @kernel
 def unclosed(links):
-    """The ends of the chain for a system in which the spring is a load."""
+    """Ends of the chain for a system in which the spring is a load."""
     e = links.ends
     return Ends(e.closed, e.first, e.last, links.spring.stiffness > 0.0)

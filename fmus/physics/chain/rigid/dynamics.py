@@ -1,4 +1,4 @@
-"""Rigid links behind the door ``kinds``; sibling: ``flexible.dynamics``. And what is shown of each link."""
+"""Rigid links for ``kinds``, and their outputs; sibling: ``flexible.dynamics``."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid.closing import strain
-from fmus.physics.chain.rigid.explicit import accelerate, close, derivative  # noqa: F401 - behind the door
-from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - behind the door
+from fmus.physics.chain.rigid.explicit import accelerate, close, derivative  # noqa: F401 - reached by dispatch
+from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.speed import chain_speed
 from fmus.physics.chain.state import put
 from fmus.physics.chain.sums import END_POWER
@@ -19,7 +19,7 @@ from fmus.physics.rigid import body
 
 @kernel
 def end_work(links, env, h, s, w):
-    """See ``kinds``; by the powers at the beginning and at the end of the step."""
+    """See ``kinds``; by the powers at the start and at the end of the step."""
     return 0.5 * h * (s.sums[END_POWER] + w.sums[END_POWER])
 
 
@@ -53,7 +53,7 @@ def observe(links, env, s, w, report):
 
 @kernel
 def tension(links, env, s, w, i):
-    """Of link ``i``, N: mean along a uniform rod of the pull between its two parts; equation (9) of its README."""
+    """Mean tension of link ``i`` as a uniform rod, N; equation (9) of the README of its track."""
     o1, o2 = s.v[i, 4], s.v[i, 5]
     pull = s.along[i, 0] + links.mass * links.half * (o1 * o1 + o2 * o2) / 6.0
     for k in range(3):
@@ -64,7 +64,7 @@ def tension(links, env, s, w, i):
 
 @kernel
 def tensions(links, env, s, w, tension_of):
-    """Of all links into ``tension_of`` (n)."""
+    """Tensions of all links into ``tension_of`` (n), N."""
     for i in range(s.q.shape[0]):
         body.rotation(s.q[i], w.system.A[i])
         tension_of[i] = tension(links, env, s, w, i)
@@ -72,9 +72,9 @@ def tensions(links, env, s, w, tension_of):
 
 @kernel
 def stretching(links, env, s, i, k):
-    """Along the axis ``k`` the forces that stretch link ``i``, N: of its first pin, reversed, and of its last one.
+    """Forces along the axis ``k`` that stretch link ``i``, N: at its first pin, reversed, and at its last.
 
-    A pin passes on what teeth and damping do to it: half to either link, all of it at an end.
+    A pin passes on half of the loads of teeth and damping on it to either link, at an end all of it.
     """
     n, j = s.q.shape[0], (i + 1) % s.lam.shape[0]
     first, last = i == 0 and not links.ends.closed, i == n - 1 and not links.ends.closed
@@ -85,7 +85,7 @@ def stretching(links, env, s, i, k):
 
 @kernel
 def newton_joints(links, env, s, w):
-    """See ``kinds``; of a last pin, on what holds it."""
+    """See ``kinds``; at a last pin, the force on its support."""
     n, force = s.q.shape[0], w.on_links
     if force.shape[1] > JOINT:
         for i in range(n):
@@ -104,7 +104,7 @@ def stage_joints(links, env, s, w):
 
 @kernel
 def pin_motion(links, s, w):
-    """Positions and velocities of the pins, seen from the links that begin there, into ``w.pins`` (2, nodes, 3)."""
+    """Positions, m, and velocities, m/s, of the pins into ``w.pins`` (2, nodes, 3)."""
     n, nodes = s.q.shape[0], w.pins.shape[1]
     for j in range(nodes):
         i = min(j, n - 1)
@@ -119,7 +119,7 @@ def pin_motion(links, s, w):
 
 @kernel
 def pin_axes(links, s, w, axis):
-    """See ``kinds``: of the link that begins there."""
+    """See ``kinds``: the axes of the links that begin there."""
     n = s.q.shape[0]
     for j in range(axis.shape[0]):
         A = w.system.A[min(j, n - 1)]
@@ -140,7 +140,7 @@ def slopes(links, s, w, found):
 
 @kernel
 def fibres(links, s, w, stress):
-    """See ``kinds``: rigid links have none."""
+    """See ``kinds``: zero, rigid links have none."""
     for i in range(stress.shape[0]):
         for k in range(2):
             stress[i, k] = 0.0

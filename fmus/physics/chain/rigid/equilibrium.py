@@ -1,4 +1,4 @@
-"""Static equilibrium of a chain of rigid links on wheels that stand still."""
+"""Static equilibrium of a chain of rigid links on wheels at rest."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ STILL = 1e-11  # largest movement over it at equilibrium, m and rad
 
 @allocating
 def settle(links, contacts, env, method, rows, s, w, counters):
-    """Bring ``s`` to static equilibrium on the wheels ``rows`` (m, 15): implicit steps from rest, ever longer.
+    """Bring ``s`` to static equilibrium on the wheels ``rows`` (m, 15) by implicit steps that grow.
 
-    Long steps of a ``method`` that is backward Euler are Newton's method on the static equations; the inertia over the
-    step squared keeps what has no stiffness (an unloaded link's roll, a loop that could slide) in place. Friction is
-    viscous at rest and fades. Returns an Outcome.
+    Each step starts at rest. Long steps of backward Euler (``method``) are Newton's method on the static equations; the
+    inertia over the step squared keeps motions without stiffness (an unloaded link's roll, a loop that could slide) in
+    place. Friction is viscous at rest and fades. Returns an Outcome.
     """
     move(rows, 0.0, w.moved)
     w.moved[:, 3:9] = 0.0

@@ -1,7 +1,7 @@
-"""Accelerations of a chain of rigid links, and what an explicit step does to its pins.
+"""Accelerations of a chain of rigid links, and the projection of its pins after an explicit step.
 
-Each stage solves for accelerations and pin forces together (index 1); what the pins drift in a step is taken back by
-a projection of poses and velocities, along the accelerations that pin forces cause, so that momentum stays.
+Each stage solves for accelerations and pin forces together (index 1). The drift of the pins in a step is removed by a
+projection of poses and velocities along the accelerations that pin forces cause, so that momentum is kept.
 Rigid links have no fast modes of their own: the step is bounded by contact, most of all by regularised friction
 under a loaded link, mu N / (v_reg m) = 2e4 1/s.
 """
@@ -20,14 +20,17 @@ from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import Spring
 
 LIMIT = 5e-5  # largest step, s
-CORRECTIONS = 4  # of the projection at most
-OPEN = 1e-8  # misfit of a pin after the projection that is a failure, m and rad
+CORRECTIONS = 4  # most corrections of the projection
+OPEN = 1e-8  # misfit of a pin after the projection that counts as a failure, m and rad
 STABLE = 2.4  # step times the highest rate of a closing spring
-ANY = Slopes(0.0, 0.0, 0.0)  # no matrix is asked for
+ANY = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix
 
 
 def longest(spring: Spring, half: float, mass: float, inertia: float) -> float:
-    """The longest step, s, that a closing spring bears: two free links that lie across it give way most."""
+    """Longest stable step of a closing ``spring``, s; infinite for a pin.
+
+    The bound is that of two free links normal to the spring. ``half``, m; ``mass``, kg; ``inertia``, kg m2.
+    """
     if spring.stiffness == 0.0:
         return np.inf
     gives = 2.0 * (1.0 / mass + half * half / inertia)  # acceleration by a force, 1/kg
@@ -36,8 +39,9 @@ def longest(spring: Spring, half: float, mass: float, inertia: float) -> float:
 
 @allocating
 def accelerations(links, contacts, env, s, w):
-    """Accelerations and multipliers that belong to poses and velocities; wrenches with them. Returns -1, or the link
-    where the system is singular.
+    """Accelerations and multipliers of the state's poses and velocities, with the wrenches.
+
+    Returns -1, or the link where the system is singular.
     """
     n, y, ends = s.q.shape[0], w.system, closing.unclosed(links)
     s.vdot[:] = 0.0
@@ -83,7 +87,7 @@ def derivative(links, contacts, env, s, w, k):
 
 @kernel
 def rates(s, k):
-    """Time derivative of poses and velocities, into ``k`` (13 n)."""
+    """Time derivative of poses and velocities into ``k`` (13 n)."""
     n = s.q.shape[0]
     for i in range(n):
         body.pose_rate(s.q[i], s.v[i], k[7 * i : 7 * i + 7])
@@ -93,7 +97,7 @@ def rates(s, k):
 
 @kernel
 def normalise(s):
-    """Quaternions of length 1."""
+    """Normalise all quaternions."""
     for i in range(s.q.shape[0]):
         norm = np.sqrt(s.q[i, 3] ** 2 + s.q[i, 4] ** 2 + s.q[i, 5] ** 2 + s.q[i, 6] ** 2)
         for j in range(3, 7):
@@ -107,7 +111,7 @@ def accelerate(links, contacts, env, s, w):
 
 @kernel
 def displace(s, w):
-    """Move the links by the increments of the system."""
+    """Move the links by the increments dx of the system."""
     for i in range(s.q.shape[0]):
         body.advance(s.q[i], w.system.dx[i], w.before.q[i])
         copy(w.before.q[i], s.q[i])

@@ -1,4 +1,4 @@
-"""Faces of rigid links; see ``faces``. Motion: a ``State``, rotations in ``w.system.A``."""
+"""Faces of rigid links; see ``faces``. Motion ``x``: a ``State``, rotation matrices in ``w.system.A``."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def section(links, x, w, i, xi, z):
 
 @kernel
 def locate(links, x, w, i, at, y):
-    """Leaves the lever in ``w.lever``."""
+    """See ``faces``; leaves the lever (3) in ``w.lever``."""
     A, (lx, z) = w.system.A[i], at
     l = lever(A, lx, y, z)
     w.lever[0], w.lever[1], w.lever[2] = l
@@ -95,7 +95,7 @@ def along(links, x, w, i):
 
 @kernel
 def push(links, w, i, push, tangent):
-    """Force on residual and matrix of the link, and what it adds to the mean tension along it."""
+    """Add a force to residual and matrix of the link, and its part in the mean tension to ``w.along``."""
     y, l = w.system, vector(w.lever, 0)
     along = axis(y.A[i], 0)
     w.along[i, 0] += dot(push.f, along) * dot(l, along) / (2.0 * links.half)
@@ -104,7 +104,7 @@ def push(links, w, i, push, tangent):
 
 @kernel
 def resist(links, w, i, push, by_rate, foot, side):
-    """K -= (r, N^T r) (d rate / d link) with r = df / d rate and N of the point that was pushed."""
+    """Add K -= (r, N^T r) (d rate / d link), r = df / d rate, with N of the last pushed point."""
     A, K, N, r = w.system.A[i], w.system.K[i], w.N, push.by_rate
     at = (2.0 * foot - 1.0) * links.half
     for j in range(6):
@@ -123,14 +123,14 @@ def resist(links, w, i, push, by_rate, foot, side):
 
 @kernel
 def _joined(x, i):
-    """The links that pin ``i`` joins, -1 where there is none."""
+    """Links that pin ``i`` joins, -1 for none."""
     n, nodes = x.q.shape[0], x.lam.shape[0]
     return (i - 1 if i > 0 or nodes > n else n - 1), (i if i < n else -1)
 
 
 @kernel
 def locate_pin(links, x, w, i, y):
-    """Of the link that begins there, of the last pin of the one that ends there."""
+    """See ``faces``: a point of the link that begins there; for the last pin, of the one that ends there."""
     before, after = _joined(x, i)
     k, end = (after, -links.half) if after >= 0 else (before, links.half)
     A = w.system.A[k]
@@ -139,7 +139,7 @@ def locate_pin(links, x, w, i, y):
 
 @kernel
 def push_pin(links, x, w, i, y, push, tangent):
-    """Half of the force on each of the pin's links."""
+    """Apply half of the force to each link of the pin; all of it at an end."""
     before, after = _joined(x, i)
     share = 1.0 if before < 0 or after < 0 else 0.5
     for a in range(3):

@@ -1,8 +1,8 @@
-"""Rigid links in joint coordinates behind the door ``kinds``: the recursive formulation; sibling: ``dynamics``.
+"""Rigid links in joint coordinates for ``kinds``: the recursive formulation; sibling: ``dynamics``.
 
 A pin that closes the chain is a constraint between its first and its last link. Of its five equations two are
-independent: all pins being parallel, the gap along the pins and the two tilts are zero in any joint coordinates. The
-two in the plane of link 0 (or of the ground) are solved for by what unit forces there do (``recursive.mobility``).
+independent: all pins are parallel, so the gap along the pins and the two tilts are zero in any joint coordinates. The
+two in the plane of link 0 (or of the ground) are solved by the response to unit forces there (``recursive.mobility``).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from fmus.physics.vector import dot
 
 
 class JointedLinks(NamedTuple):
-    """The links of a chain that moves in joint coordinates."""
+    """Parameters of links that move in joint coordinates."""
 
-    rigid: RigidLinks
+    rigid: RigidLinks  # parameters of the links
 
 
 @kernel
@@ -41,7 +41,10 @@ def derivative(links, contacts, env, s, w, k):
 
 @kernel
 def accelerations(links, contacts, env, s, w):
-    """Accelerations and pin forces that belong to poses and velocities; wrenches with them. Returns -1, or a link."""
+    """Accelerations and pin forces of the state's poses and velocities, with the wrenches.
+
+    Returns -1, or the link where an inertia is singular.
+    """
     half, ends, t = links.half, links.ends, w.tree
     pin = augmented.closing(ends, s.q.shape[0])
     spring = pin >= 0 and links.spring.stiffness > 0.0
@@ -66,7 +69,7 @@ def accelerations(links, contacts, env, s, w):
 
 @kernel
 def _gather(links, s, w):
-    """What acts on the links, from the residuals of links without acceleration, as loads at their first pins."""
+    """Collect the loads at the first pins of the links from residuals without accelerations."""
     half, m, A, r, p = links.half, links.mass, w.system.A, w.system.r, w.tree.load[0]
     for i in range(s.q.shape[0]):
         ox, oy, oz = s.v[i, 3], s.v[i, 4], s.v[i, 5]
@@ -80,7 +83,10 @@ def _gather(links, s, w):
 
 @kernel
 def _axes(ends, w):
-    """Along x and z of what the closing pin holds the last link to, in the axes of the last link: x and z of each."""
+    """Axes x and z of the closing pin's support (link 0 or the ground) in the axes of the last link.
+
+    Each is given by its components along x and z.
+    """
     A, n = w.system.A, w.system.A.shape[0]
     B, P = (A[0] if ends.closed else w.still), A[n - 1]
     return (
@@ -91,7 +97,7 @@ def _axes(ends, w):
 
 @kernel
 def _opens(half, ends, x, axes, w):
-    """Accelerations ``x`` (n, 6) of the last link's end against what holds it, along the two ``axes``."""
+    """Relative acceleration of the closing pin along its two ``axes``, by the accelerations ``x`` (n, 6)."""
     last = x[x.shape[0] - 1]
     e0, e2 = last[3], last[5] - 2.0 * half * last[1]
     a, b = axes[0][0] * e0 + axes[0][1] * e2, axes[1][0] * e0 + axes[1][1] * e2
@@ -102,7 +108,7 @@ def _opens(half, ends, x, axes, w):
 
 @kernel
 def _hold(links, pin, s, w):
-    """Add what the closing pin does: its two forces by which its sides accelerate alike."""
+    """Add the two forces of the closing pin that give both its sides the same acceleration."""
     half, ends, t, n = links.half, links.ends, w.tree, s.q.shape[0]
     axes = _axes(ends, w)
     for k in range(2):
@@ -114,7 +120,7 @@ def _hold(links, pin, s, w):
         recursive.solve(half, ends.first, False, t, p, t.answer[1 + k])
         t.mobility[0, k], t.mobility[1, k] = _opens(half, ends, t.answer[1 + k], axes, w)
     a, b = _opens(half, ends, t.answer[0], axes, w)
-    # the end of the last link goes round too
+    # centripetal acceleration of the last link's end
     ox, oy, oz = s.v[n - 1, 3], s.v[n - 1, 4], s.v[n - 1, 5]
     e0, e2 = -2.0 * half * (oy * oy + oz * oz), 2.0 * half * ox * oz
     f = _against(t.mobility, a + axes[0][0] * e0 + axes[0][1] * e2, b + axes[1][0] * e0 + axes[1][1] * e2)
@@ -126,14 +132,14 @@ def _hold(links, pin, s, w):
 
 @kernel
 def _against(mobility, a, b):
-    """The two forces (or impulses) that take the motion (a, b) back."""
+    """Two forces (or impulses) that cancel the relative motion (a, b)."""
     det = mobility[0, 0] * mobility[1, 1] - mobility[0, 1] * mobility[1, 0]
     return (mobility[0, 1] * b - mobility[1, 1] * a) / det, (mobility[1, 0] * a - mobility[0, 0] * b) / det
 
 
 @kernel
 def _add(f, t):
-    """Accelerations by the two forces onto those without them."""
+    """Add the accelerations by the two forces ``f``."""
     x, a, b = t.answer[0], t.answer[1], t.answer[2]
     for i in range(x.shape[0]):
         for k in range(6):
@@ -142,14 +148,14 @@ def _add(f, t):
 
 @kernel
 def _centre(half, A, x):
-    """World acceleration of a link's centre by that of its first pin ``x`` (6), without what goes round."""
+    """World acceleration (3) of a link's centre, less centripetal terms, by that of its first pin (6)."""
     e = x[3], x[4] + half * x[2], x[5] - half * x[1]
     return dot((A[0, 0], A[0, 1], A[0, 2]), e), dot((A[1, 0], A[1, 1], A[1, 2]), e), dot((A[2, 0], A[2, 1], A[2, 2]), e)
 
 
 @kernel
 def _show(links, s, w):
-    """Accelerations of the links' centres, and from them what the pins pass on, from the last link to the first."""
+    """Accelerations of the links' centres and, from the last link to the first, the forces in the pins."""
     half, m, n, p, x = links.half, links.mass, s.q.shape[0], s.lam.shape[0], w.tree.answer[0]
     for i in range(n):
         A, ox, oy, oz = w.system.A[i], s.v[i, 3], s.v[i, 4], s.v[i, 5]
@@ -168,14 +174,14 @@ def _show(links, s, w):
         j = (i + 1) % p
         for k in range(3):
             s.lam[i, k] = s.lam[j, k] - m * s.vdot[i, k] - w.system.r[i, k]
-            # the residual holds the spring's pull already
+            # the residual already contains the spring's force
             if sprung and i == n - 1:
                 s.lam[i, k] -= s.lam[j, k]
 
 
 @kernel
 def _rates(links, s, w, k):
-    """Time derivative of the joint coordinates and their rates, into ``k``."""
+    """Time derivative of the joint coordinates and their rates into ``k``."""
     n, held, x = s.q.shape[0], links.ends.first, s.joints
     angle, rates, rate = places(held, n)
     if not held:
@@ -189,9 +195,9 @@ def _rates(links, s, w, k):
 
 @kernel
 def close(links, s, w):
-    """Close the loop in position, then in velocity, by impulses in its pin at the last stage; see ``kinds``.
+    """Close the loop in position, then in velocity, by impulses in its pin; see ``kinds``.
 
-    Joint coordinates close all other pins by themselves.
+    They use the mobility of the last stage. Joint coordinates keep all other pins closed.
     """
     one = links.rigid
     unfold(one, s, w)
@@ -216,20 +222,20 @@ def close(links, s, w):
 
 @kernel
 def _in_plane(ends, g, w):
-    """A world vector along the two axes of the closing pin's forces."""
+    """Components of the world vector ``g`` along the two axes of the closing pin's forces."""
     B = w.system.A[0] if ends.closed else w.still
     return dot(axis(B, 0), g), dot(axis(B, 2), g)
 
 
 @kernel
 def _answer(f, t, i, k):
-    """What the two impulses do to row ``k`` of link ``i``."""
+    """Response of entry ``k`` of link ``i`` to the two impulses ``f``."""
     return f[0] * t.answer[1, i, k] + f[1] * t.answer[2, i, k]
 
 
 @kernel
 def _base(links, f, w):
-    """And to the centre of link 0, in w.x[0]: as an increment of its pose or of its velocity."""
+    """Response of the centre of link 0 to the two impulses, into w.x[0] (6)."""
     t, x = w.tree, w.x[0]
     for k in range(6):
         x[k] = _answer(f, t, 0, k)
@@ -241,7 +247,7 @@ def _base(links, f, w):
 
 @kernel
 def _move(links, f, s, w):
-    """The coordinates by the two impulses ``f``."""
+    """Change the joint coordinates by the two impulses ``f``."""
     n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.tree
     angle, _, _ = places(held, n)
     if not held:
@@ -253,7 +259,7 @@ def _move(links, f, s, w):
 
 @kernel
 def _push(links, f, s, w):
-    """And their rates."""
+    """Change the rates of the joint coordinates by the two impulses ``f``."""
     n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.tree
     _, rates, rate = places(held, n)
     if not held:

@@ -1,8 +1,9 @@
-"""Joint coordinates of a chain of rigid links: the numbers, and the poses and velocities of the links by them.
+"""Joint coordinates of a chain of rigid links, and poses and velocities of the links from them.
 
-A chain that floats has the pose (7) of link 0, then the angles of the pins 1 to n - 1 about y, each of a link against
-the one before; then the velocity (6) of link 0 and the rates of the angles. A chain whose first pin holds to the
-ground has no pose, but the angle of link 0. A closed chain is cut at pin 0, one held at both ends at its last pin.
+A floating chain has the pose (7) of link 0, then the angles of the pins 1 to n - 1 about y, rad, each of a link
+relative to the previous one; then the velocity (6) of link 0 and the rates of the angles, rad/s. A chain whose first
+pin holds to the ground has the angle of link 0 instead of a pose. A closed chain is cut at pin 0, one held at both ends
+at its last pin.
 """
 
 from __future__ import annotations
@@ -14,19 +15,19 @@ from fmus.physics.rigid import body
 
 
 def count(links: int, held: bool) -> int:
-    """How many numbers there are, rates included."""
+    """Number of joint coordinates and rates of ``links`` links."""
     return 2 * links if held else 2 * links + 11
 
 
 @kernel
 def places(held, n):
-    """Where the angle of link 0 would stand, where the rates begin, and where the rate of that angle would stand."""
+    """Indices of the angle of link 0 (real or fictitious), of the first rate, and of that angle's rate."""
     return (0, n, n) if held else (6, n + 6, n + 11)
 
 
 @kernel
 def fold(links, s):
-    """Joint coordinates and rates of poses and velocities whose pins are closed."""
+    """Joint coordinates and rates ``s.joints`` from poses and velocities whose pins are closed."""
     n, held, x = s.q.shape[0], links.ends.first, s.joints
     angle, rates, rate = places(held, n)
     if not held:
@@ -38,7 +39,7 @@ def fold(links, s):
         w, y, w0, y0, x0, z0, spin = s.q[i, 3], s.q[i, 5], 1.0, 0.0, 0.0, 0.0, 0.0
         if i > 0:
             w0, x0, y0, z0, spin = s.q[i - 1, 3], s.q[i - 1, 4], s.q[i - 1, 5], s.q[i - 1, 6], s.v[i - 1, 4]
-        # of the product conj(before) after: its part about y and its real part
+        # part about y and real part of the product conj(before) after
         real = w0 * w + x0 * s.q[i, 4] + y0 * y + z0 * s.q[i, 6]
         about = w0 * y - y0 * w - z0 * s.q[i, 4] + x0 * s.q[i, 6]
         x[angle + i] = 2.0 * np.arctan2(about, real)
@@ -47,7 +48,7 @@ def fold(links, s):
 
 @kernel
 def unfold(links, s, w):
-    """Poses and velocities of the links, their rotation matrices, and what the recursive formulation needs of them."""
+    """Poses, velocities, rotation matrices and terms of the recursive formulation from ``s.joints``."""
     n, half, held, x, t = s.q.shape[0], links.half, links.ends.first, s.joints, w.tree
     angle, rates, rate = places(held, n)
     q, v = s.q, s.v
@@ -76,14 +77,14 @@ def unfold(links, s, w):
         v[i, 3], v[i, 4], v[i, 5] = ux, wy + spin, uz
         body.rotation(q[i], A)
         for k in range(3):
-            # to the pin, from the centre of the link before or the ground's pin, and on
+            # from the centre of the previous link, or the ground's pin, to the pin and on
             at, by = w.ground[0, k] + (half if k == 0 else 0.0), 0.0
             if i > 0:
                 B = w.system.A[i - 1]
                 at, by = q[i - 1, k] + half * B[k, 0], v[i - 1, k] + half * (B[k, 1] * wz - B[k, 2] * wy)
             q[i, k] = at + half * A[k, 0]
             v[i, k] = by + half * (A[k, 1] * uz - A[k, 2] * v[i, 4])
-        # what the velocities make of the accelerations: turning axes, and the end of the link before
+        # acceleration terms of the velocities: turning axes, and the end of the previous link
         e, g = -2.0 * half * (wy * wy + wz * wz), 2.0 * half * wx * wz
         t.bias[i, 0], t.bias[i, 1], t.bias[i, 2] = -uz * spin, 0.0, ux * spin
         t.bias[i, 3], t.bias[i, 4], t.bias[i, 5] = c1 * e - s1 * g, 2.0 * half * wx * wy, s1 * e + c1 * g

@@ -1,4 +1,4 @@
-"""Chains of rigid links: residuals of the equations of motion and of the pins, of all links at once.
+"""Residuals of the equations of motion and of the pins of a chain of rigid links.
 
     M vdot + w cross J w - f(t, q, v) - B(q)^T lambda = 0,    C(q) + D lambda = 0
 
@@ -27,22 +27,22 @@ NONE = (0.0,) * 9  # the matrix of a constant force
 
 
 class RigidLinks(NamedTuple):
-    """The links of a chain, all alike."""
+    """Parameters of a chain of equal links."""
 
     half: float  # half the pitch, m
-    face: float  # from the pin line to the inner and to the outer face, m
-    lateral: float  # of the contact points from the middle, m
-    mass: float  # kg
-    inertia: np.ndarray  # (3) about a link's own axes, kg m2
-    ends: Ends  # what the chain is joined to
-    spring: Spring = PIN  # what closes it, if it is no pin
+    face: float  # distance of the inner and of the outer face from the pin line, m
+    lateral: float  # distance of the contact points from the middle, m
+    mass: float  # mass of a link, kg
+    inertia: np.ndarray  # (3) principal inertias about a link's own axes, kg m2
+    ends: Ends  # connections of the ends
+    spring: Spring = PIN  # closing spring, or PIN
 
 
 def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:
-    """Put the links between ``pins`` (nodes, 2; x and z) at rest, and the ground's pins where the chain ends."""
+    """Lay the links at rest between ``pins`` (nodes, 2; x and z), m, and the ground's pins at the ends."""
     n = len(s.q)
     chord = (np.roll(pins, -1, axis=0) - pins)[:n]
-    angle = np.arctan2(chord[:, 1], chord[:, 0])  # from x towards z, that is about -y
+    angle = np.arctan2(chord[:, 1], chord[:, 0])  # from x towards z: a rotation about -y
     s.q[:] = 0.0
     s.q[:, [0, 2]] = pins[:n] + 0.5 * chord
     s.q[:, 3], s.q[:, 5] = np.cos(0.5 * angle), -np.sin(0.5 * angle)
@@ -94,7 +94,7 @@ def _pull(links, env, s, w):
 
 @kernel
 def pins(links, s, w):
-    """Rotation matrices of the links, equations and axis rows of the pins."""
+    """Rotation matrices of the links, equations and axis rows of the pins, into ``w.system``."""
     y, n, p = w.system, s.q.shape[0], s.lam.shape[0]
     for i in range(n):
         body.rotation(s.q[i], y.A[i])
@@ -115,7 +115,7 @@ def pins(links, s, w):
 
 @kernel
 def _inertia(links, gravity, s, w, by, tangent):
-    """Inertia less weight less pins into the residual of the links, and their tangent."""
+    """Inertia minus weight minus pin forces into the residual of the links, and their tangent."""
     J, m, p = links.inertia, links.mass, s.lam.shape[0]
     A, R, KK, WP, WQ = w.system.A, w.system.r, w.system.K, w.system.WP, w.system.WQ
     vdot, v, lam, xx = s.vdot, s.v, s.lam, w.x
@@ -144,7 +144,7 @@ def _inertia(links, gravity, s, w, by, tangent):
         for a in range(3):
             K[a, a] = m * by.vdot
             K[3 + a, 3 + a] = J[a] * by.vdot
-        # gyroscopic part, then J T^-1(x) to first order: the increment turns the end of the step
+        # gyroscopic part, then J T^-1(x) to first order: the increment rotates the end of the step
         K[3, 4] = g0 * o2 * by.v - h * J[0] * x2
         K[3, 5] = g0 * o1 * by.v + h * J[0] * x1
         K[4, 3] = g1 * o2 * by.v + h * J[1] * x2
@@ -169,7 +169,7 @@ def residual(links, contacts, env, s, w, by, tangent):
 @kernel
 @apart
 def loads(links, contacts, env, s, w, by, tangent):
-    """The residuals of the links alone, with the rotations and axis rows in the system."""
+    """Residuals of the links alone, with the rotations and axis rows that are in the system."""
     w.sums[:] = 0.0
     w.wrench[:] = 0.0
     s.load[:] = 0.0

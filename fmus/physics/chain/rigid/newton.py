@@ -1,7 +1,7 @@
-"""One implicit step of a chain of rigid links: index-3 generalised-alpha on the Lie group of their poses.
+"""Implicit step of a chain of rigid links: index-3 generalised-alpha on the Lie group of poses.
 
 The equations of motion and the pins' position equations hold at the end of every step, to the tolerances below.
-Unknowns of Newton are the links' increments over the step and the multipliers (``physics.rigid.augmented``).
+Newton's unknowns are the links' increments over the step and the multipliers (``physics.rigid.augmented``).
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from fmus.physics.point import sharpen
 from fmus.physics.rigid import augmented, body
 
 GAP = 1e-11  # largest misfit of a pin, m and rad: 1e-12 of the length of a track
-# largest residual of a link, relative to weight and pull; what is left goes into the accelerations
+# largest residual of a link, relative to weight and pull; the rest goes into the accelerations
 FORCE = 1e-6
-MOST = 15  # iterations before a step is given up
-SLOW = 0.5  # a new tangent that leaves more than this of it: friction is sharp
-REUSE = 0.1  # keep the tangent while an iteration leaves less than this of the residual
-LOST = 1e15  # misfit over its tolerance from which on there is no way back
+MOST = 15  # iterations before a step is rejected
+SLOW = 0.5  # friction is sharp if a new tangent leaves more than this part of the residual
+REUSE = 0.1  # keep the tangent while an iteration leaves less than this part of the residual
+LOST = 1e15  # misfit over its tolerance beyond which the iteration has diverged
 
 
 @allocating
@@ -69,7 +69,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
 
 @kernel
 def _largest(r):
-    """Absolute entry of the residuals (n, 6)."""
+    """Largest absolute entry of the residuals (n, 6)."""
     most = 0.0
     for i in range(r.shape[0]):
         for k in range(6):
@@ -80,7 +80,7 @@ def _largest(r):
 
 @kernel
 def _update(s, w, by):
-    """Apply the increments of a Newton iteration to everything that hangs on the positions."""
+    """Apply the increments of a Newton iteration to positions, velocities, accelerations and multipliers."""
     y, d = w.system, w.lever
     for i in range(s.q.shape[0]):
         body.turn_rate(w.x[i, 3:], y.dx[i, 3:], d)
@@ -98,7 +98,7 @@ def _update(s, w, by):
 
 @kernel
 def settle_rates(links, s, w, by):
-    """Give what is left of the residual to the accelerations: momentum is then balanced to rounding."""
+    """Add the remaining residual to the accelerations: momentum is then balanced to rounding."""
     for i in range(s.q.shape[0]):
         for k in range(6):
             d = -w.system.r[i, k] / (links.mass if k < 3 else links.inertia[k - 3])

@@ -1,4 +1,4 @@
-"""A chain of rigid links is let go, or has come to rest: the accelerations that it begins with, what it shows then."""
+"""Start of a chain of rigid links, let go or at rest: its initial accelerations and outputs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmus.physics.rigid import augmented
 
 @kernel
 def show(links, env, s, w, report):
-    """Wrenches and report of the state as it was evaluated last."""
+    """Write wrenches and report of the state from its last evaluation."""
     newton_joints(links, env, s, w)
     begin(s, w)
     observe(links, env, s, w, report)
@@ -23,10 +23,10 @@ def show(links, env, s, w, report):
 
 @allocating
 def stretch(pinned, links, contacts, env, s, w):
-    """Open the closing pin by what it carries over the stiffness of the spring that takes its place.
+    """Open the closing pin by its force over the stiffness of the spring that replaces it.
 
-    ``pinned``: the ``links`` with the pin. The spring then begins with its force and does not ring. Returns as
-    ``let_go``.
+    ``pinned``: the ``links`` with the pin. The spring then starts with the force of the pin and does not ring. Returns
+    as ``let_go`` does.
     """
     failed = accelerations(pinned, contacts, env, s, w)
     if failed >= 0:
@@ -40,7 +40,7 @@ def stretch(pinned, links, contacts, env, s, w):
             y.C[j, k] += s.lam[j, k] / links.spring.stiffness
         augmented.solve(pinned.half, pinned.ends, y)
         displace(s, w)
-    for _ in range(2):  # the second time with the factors of where it has come to
+    for _ in range(2):  # the second time with the factors of the moved state
         failed = accelerations(links, contacts, env, s, w)
         if failed < 0:
             failed = close(links, s, w)
@@ -51,7 +51,7 @@ def stretch(pinned, links, contacts, env, s, w):
 
 @allocating
 def let_go(links, contacts, env, s, w, report):
-    """Accelerations, and what they show, with the wheels in ``w.moved``. Returns -1, or the link where they fail."""
+    """Initial accelerations and outputs, wheels at ``w.moved``; returns -1, or the link where it failed."""
     failed = accelerations(links, contacts, env, s, w)
     if failed >= 0:
         return failed

@@ -1,4 +1,4 @@
-"""State of a chain of rigid links; what all States have: ``chain.state``."""
+"""State of a chain of rigid links; the common part: ``chain.state``."""
 
 from __future__ import annotations
 
@@ -15,27 +15,30 @@ from fmus.physics.chain.sums import SUMS
 class State(NamedTuple):
     """Views into the flat state: n links, p pins, m wheels."""
 
-    flat: np.ndarray
+    flat: np.ndarray  # (size) all of the following
     joints: np.ndarray  # (k) joint coordinates and their rates (``joints``), k = 0 in the augmented formulation
-    q: np.ndarray  # (n, 7) poses: centre of mass, quaternion
-    v: np.ndarray  # (n, 6) velocity, angular velocity in body axes
-    a: np.ndarray  # (n, 6) auxiliary accelerations
-    vdot: np.ndarray  # (n, 6) accelerations
-    wrench: np.ndarray  # (m + 1, 6) on each wheel now, and on the ground
-    aux: np.ndarray  # (m + 1, 6) auxiliary wrenches
-    mean: np.ndarray  # (m + 1, 6) over the communication step
-    on_links: np.ndarray  # (k, c) forces on each link now, see ``on_links``; none where nobody asks
-    on_links_aux: np.ndarray  # (k, c) auxiliary
+    q: np.ndarray  # (n, 7) poses: centre of mass, m, quaternion
+    v: np.ndarray  # (n, 6) velocity, m/s, angular velocity in body axes, rad/s
+    a: np.ndarray  # (n, 6) auxiliary accelerations, m/s2 and rad/s2
+    vdot: np.ndarray  # (n, 6) accelerations, m/s2 and rad/s2
+    wrench: np.ndarray  # (m + 1, 6) present wrench on each wheel and, last, on the ground, N and N m
+    aux: np.ndarray  # (m + 1, 6) auxiliary wrenches, N and N m
+    mean: np.ndarray  # (m + 1, 6) mean wrenches over the communication step, N and N m
+    on_links: np.ndarray  # (k, c) present forces on each link, see ``on_links``; k = 0 without a request
+    on_links_aux: np.ndarray  # (k, c) auxiliary forces
     on_links_sum: np.ndarray  # (k, c) impulses since the interval began
-    span: np.ndarray  # (2) how long that was, s, and steps left of the interval
-    sums: np.ndarray  # (SUMS) of the last evaluation
-    lam: np.ndarray  # (p, 5) multipliers of the pins
-    load: np.ndarray  # (p, 3) force of teeth and damping on each pin now: half of it on either of its links, N
-    along: np.ndarray  # (n, 1) what contacts between the pins add to the tension of a link, N
+    span: np.ndarray  # (2) time since then, s, and steps left of the interval
+    sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
+    lam: np.ndarray  # (p, 5) multipliers of the pins, N and N m
+    load: np.ndarray  # (p, 3) present force of teeth and damping on each pin, N: half on either link
+    along: np.ndarray  # (n, 1) tension of a link due to contacts between its pins, N
 
 
 def shapes(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int = 0) -> state.Shapes:
-    """Of the views; ``felt``: of the forces on each link; ``joints``: numbers of the joint coordinates."""
+    """Shapes of the views.
+
+    ``felt``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
+    """
     pins, on = (links if closed else links + 1), (wheels + 1, 6)
     motion = links, 6
     return {
@@ -47,6 +50,6 @@ def shapes(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int
 
 
 def views(flat: Floats, sizes: state.Shapes) -> State:
-    """A State that looks into the flat array; ``sizes`` from ``shapes``."""
+    """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
     found: State = state.views(State, sizes, flat)
     return found

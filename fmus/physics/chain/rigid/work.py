@@ -1,4 +1,4 @@
-"""Arrays that the mechanics of a rigid chain works in, made once; what all have: ``chain.state``."""
+"""Work arrays of a rigid chain, allocated once; the common part: ``chain.state``."""
 
 from __future__ import annotations
 
@@ -19,28 +19,31 @@ from fmus.physics.wheels import WIDTH
 
 
 class Work(NamedTuple):
-    """For n links, p pins, m wheels."""
+    """Arrays for n links, p pins, m wheels."""
 
-    before: State  # at the beginning of a step
-    system: System
-    tree: Tree  # of the recursive formulation; without links in the augmented one
-    contact: Memory
-    near: Near
-    x: np.ndarray  # (n, 6) increments over the step
+    before: State  # state at the beginning of a step
+    system: System  # linear system
+    tree: Tree  # arrays of the recursive formulation; without links in the augmented one
+    contact: Memory  # memory of sharp friction
+    near: Near  # distances of links from a wheel
+    x: np.ndarray  # (n, 6) increments over the step, m and rad
     moved: np.ndarray  # (m, 15) wheels at the time of evaluation
-    wrench: np.ndarray  # (m + 1, 6) on the wheels, and on the ground
+    wrench: np.ndarray  # (m + 1, 6) wrenches on the wheels and, last, on the ground, N and N m
     on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
-    along: np.ndarray  # (n, 1) what contacts between the pins add to the tension of a link, N
-    sums: np.ndarray  # (SUMS)
-    pins: np.ndarray  # (2, p, 3) their positions and velocities
-    lever: np.ndarray  # (3) of a contact point
-    N: np.ndarray  # (3, 3) its derivative by the link's turning
-    ground: np.ndarray  # (2, 7) poses of the bodies that hold the first and the last pin
-    still: np.ndarray  # (3, 3) their rotation matrix, ones
+    along: np.ndarray  # (n, 1) tension of a link due to contacts between its pins, N
+    sums: np.ndarray  # (SUMS) see ``sums``
+    pins: np.ndarray  # (2, p, 3) positions, m, and velocities, m/s, of the pins
+    lever: np.ndarray  # (3) lever of a contact point, m
+    N: np.ndarray  # (3, 3) derivative of the contact point by the link's rotation, m
+    ground: np.ndarray  # (2, 7) poses of the supports of the first and the last pin
+    still: np.ndarray  # (3, 3) rotation matrix of the supports, the identity
 
 
 def work(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int = 0) -> Work:
-    """Zeroed."""
+    """Return zeroed arrays.
+
+    ``felt``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
+    """
     z, pins = np.zeros, links if closed else links + 1
     sizes, ground = shapes(links, closed, wheels, felt, joints), z((2, 7))
     ground[:, 3] = 1.0
