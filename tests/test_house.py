@@ -63,7 +63,6 @@ GENERIC = (
     "log/stream.py",
     "log/reader.py",
     "log/extra.py",
-    "log/parquet_footer.py",
     "log/export.py",
     "log/frames.py",
     "log/bitwise.py",
