@@ -2,7 +2,7 @@
 
 A folder ``cache/kind/key`` has the mode 0700. A file ends with a checksum over its name and content and is replaced as
 a whole. Nothing is read from a folder that others can write into. Without a cache everything works, but takes longer.
-``orchestrator/cosim/cache.py`` repeats the functions that the master needs, which imports nothing of ``fmus``; a test
+``orchestrator/kernels/cache.py`` repeats the functions that the master needs, which imports nothing of ``fmus``; a test
 compares them.
 """
 

@@ -22,7 +22,7 @@ import pytest
 from conftest import build_toy
 
 import fmus.cache
-import orchestrator.cosim.cache
+import orchestrator.kernels.cache
 from fmus.jit import _Overloads
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import unpack
@@ -57,10 +57,10 @@ def _nothing_said_yet(monkeypatch):
 
 
 def test_both_packages_say_the_same():
-    for name, one in vars(orchestrator.cosim.cache).items():
-        if getattr(one, "__module__", None) == "orchestrator.cosim.cache":
+    for name, one in vars(orchestrator.kernels.cache).items():
+        if getattr(one, "__module__", None) == "orchestrator.kernels.cache":
             assert inspect.getsource(one) == inspect.getsource(getattr(fmus.cache, name)), name
-    assert orchestrator.cosim.cache.OTHERS == fmus.cache.OTHERS
+    assert orchestrator.kernels.cache.OTHERS == fmus.cache.OTHERS
 
 
 # --- files -----------------------------------------------------------------------------------------
@@ -367,7 +367,7 @@ def full(tmp_path, monkeypatch):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
         put(file, content)
 
-    for module in ("fmus.cache", "orchestrator.cosim.cache", "orchestrator.cosim.component"):
+    for module in ("fmus.cache", "orchestrator.kernels.cache", "orchestrator.cosim.component"):
         monkeypatch.setattr(f"{module}.write", write)
     return place
 
@@ -377,7 +377,7 @@ def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, capl
     assert build_toy() == fmu
     folder = unpack(fmu)
     assert as_packed(fmu, folder) == []
-    for place, module in ((fmu, fmus.cache), (folder, orchestrator.cosim.cache)):
+    for place, module in ((fmu, fmus.cache), (folder, orchestrator.kernels.cache)):
         assert place.is_relative_to(module.temporary())
     (record,) = caplog.records
     assert record.levelno == logging.WARNING

@@ -14,6 +14,7 @@ COMPONENTS = ("track_flexible", "track_rigid", "chassis", "sprocket_drive", "ste
 
 # The rooms of the orchestrator, storey by storey: each imports only from storeys below its own, wherever it does so.
 STOREYS = (
+    ("kernels",),
     ("log",),
     ("cosim", "results"),
     ("scene",),
@@ -23,12 +24,16 @@ STOREYS = (
 )
 # Modules that run any FMI 2.0 co-simulation FMU: nothing of ours is behind them.
 GENERIC = (
+    "kernels/cache.py",
+    "kernels/compiled.py",
+    "kernels/intrinsics.py",
+    "kernels/packing.py",
+    "kernels/stepping.py",
+    "kernels/tables.py",
     "cosim/between.py",
-    "cosim/cache.py",
     "cosim/component.py",
     "cosim/warned.py",
     "cosim/graph.py",
-    "cosim/machine.py",
     "cosim/program.py",
     "cosim/tape.py",
     "cosim/master.py",
@@ -51,8 +56,6 @@ GENERIC = (
     "log/closing_record.py",
     "log/events_topic.py",
     "log/container_writer.py",
-    "log/machine_code.py",
-    "log/scatter.py",
     "log/page.py",
     "log/recorder.py",
     "log/container_reader.py",
@@ -60,7 +63,6 @@ GENERIC = (
     "log/stream.py",
     "log/reader.py",
     "log/extra.py",
-    "log/parquet_footer.py",
     "log/export.py",
     "log/frames.py",
     "log/bitwise.py",

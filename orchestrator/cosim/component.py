@@ -46,9 +46,9 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from orchestrator.cosim.cache import cache_folder, make, own, temporary, write
-from orchestrator.cosim.machine import Board, laid_out
 from orchestrator.cosim.warned import Warned, Warnings
+from orchestrator.kernels.cache import cache_folder, make, own, temporary, write
+from orchestrator.kernels.tables import Record, StepCall, record
 
 Floats = NDArray[np.float64]
 Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a warning only the first of its kind
@@ -64,7 +64,6 @@ SETTERS: dict[str, tuple[str, Any, Any]] = {  # of a type: the function, what it
     "String": ("fmi2SetString", c_char_p, str),
 }
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
-T, KEPT, SPENT, LINKS = (Board._fields.index(name) for name in ("t", "kept", "spent", "n_links"))
 CALLS = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
 _BYTECODE = "__pycache__"
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
@@ -210,8 +209,8 @@ class Component(AbstractContextManager["Component"]):
         self._clock = np.zeros(1)  # s, where the last step began
         self._states: list[State] = []
         self._handle: Any = None
-        self._board: NDArray[np.int64] | None = None
-        self._spent = 0.0  # s inside the FMU, but for steps by ``board``
+        self._step_call: Record | None = None
+        self._spent = 0.0  # s inside the FMU, but for steps by ``step_call``
         self._phase = "made"
         folder = unpack(Path(fmu))
         self.description = _description(folder, fmu)
@@ -301,13 +300,13 @@ class Component(AbstractContextManager["Component"]):
     @property
     def wall_time(self) -> float:
         """Time inside the FMU since it was initialised, s."""
-        return self._spent + (0.0 if self._board is None else float(self._board.view(np.float64)[SPENT]))
+        return self._spent + (0.0 if self._step_call is None else float(self._step_call["total"][0]))
 
     @wall_time.setter
     def wall_time(self, seconds: float) -> None:
         self._spent = seconds
-        if self._board is not None:
-            self._board.view(np.float64)[SPENT] = 0.0
+        if self._step_call is not None:
+            self._step_call["total"] = 0.0
 
     # -------------------------------------------------------------- messages
 
@@ -410,9 +409,9 @@ class Component(AbstractContextManager["Component"]):
         self._exchange(self._library.fmi2GetReal, self._y)
 
     @property
-    def board(self) -> NDArray[np.int64]:
-        """What ``machine`` needs for a step: ``write``, ``step`` and ``read``."""
-        if self._board is None:
+    def step_call(self) -> Record:
+        """``write``, ``step`` and ``read`` as a table for the kernels."""
+        if self._step_call is None:
             fmu = self._library
             functions = (fmu.fmi2SetReal, fmu.fmi2DoStep, fmu.fmi2GetReal)
             write, step, read = (cast(each, c_void_p).value or 0 for each in functions)
@@ -420,17 +419,20 @@ class Component(AbstractContextManager["Component"]):
             at = int(self._handle)
             inputs = write, addressof(u_at), n_u, self.u.ctypes.data
             outputs = read, addressof(y_at), n_y, self.y.ctypes.data
-            self._board = laid_out(Board(at, *inputs, step, *outputs, float(self._clock[0]), 0.0, not self._states))
-            self._clock = self._board.view(np.float64)[T : T + 1]
-        return self._board
+            call = StepCall(at, *inputs, step, *outputs, float(self._clock[0]), 0.0, not self._states)
+            self._step_call = record(call)
+            self._clock = self._step_call["t"]
+        return self._step_call
 
     def show_links(self, due: int) -> None:
-        """``read_links`` is part of each step by ``board`` after which the word at the address ``due`` is not zero."""
+        """``read_links`` is part of each ``step_call`` after which the word at the address ``due`` is not zero."""
         links_at, n_links, _ = self._y_links
-        self.board[LINKS:] = n_links, addressof(links_at), self.y_links.ctypes.data, due, self._array
+        found = n_links, addressof(links_at), self.y_links.ctypes.data, due, self._array
+        for name, word in zip(StepCall._fields[StepCall._fields.index("n_links") :], found, strict=True):
+            self.step_call[name] = word
 
     def begin(self, t: float) -> None:
-        """What comes before a step by ``board``; raises ComponentFailed."""
+        """Prepare a step by ``step_call``; raises ComponentFailed."""
         if self._handle is None:
             raise ComponentFailed(f"{self.name}: the component is closed")
         self._clock[0] = t
@@ -438,11 +440,11 @@ class Component(AbstractContextManager["Component"]):
             self._messages.clear()
 
     def failure(self) -> ComponentFailed | None:
-        """What went wrong in a step by ``board``, if anything did."""
-        words = Board(*self.board)
-        if not words.failed:
+        """The failure of the last step by ``step_call``, if it failed."""
+        last = StepCall(*self.step_call[0].item())
+        if not last.failed:
             return None
-        return self._failure(CALLS[Board._fields[words.failed]], words.status)
+        return self._failure(CALLS[StepCall._fields[last.failed]], last.status)
 
     def read_links(self) -> None:
         """The outputs of links go into ``y_links``."""
@@ -485,8 +487,8 @@ class Component(AbstractContextManager["Component"]):
 
     def _keep(self, states: list[State]) -> None:
         self._states = states
-        if self._board is not None:
-            self._board[KEPT] = not states
+        if self._step_call is not None:
+            self._step_call["no_rollback"] = not states
 
     def restore(self, state: State) -> None:
         """Back to a saved state, bit for bit; it stays good for another time."""

@@ -1,4 +1,4 @@
-"""The step of given components as a program of ``machine``: what is handed over when, who steps at once."""
+"""The step of given components as a plan for the kernels: what is copied when, and who steps at once."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.graph import Floats, Indices
-from orchestrator.cosim.machine import ENDED, LOOKS, Desk, Group, Plan, laid_out, machine
 from orchestrator.cosim.tape import Tape
+from orchestrator.kernels.compiled import kernels
+from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record
 from orchestrator.log.wire import Rule
 
-LONG = 5e-5  # s: in a shorter step an FMU of ours is mostly Python, which runs in one thread at a time
+WORTHWHILE = 5e-5  # s: in a shorter step an FMU of ours is mostly Python, which runs in one thread at a time
+LOOKS = 20_000  # for a task before a worker sleeps: about a millisecond
 
 
 class Move(NamedTuple):
-    """Values that one rule hands over."""
+    """Inputs that follow from outputs by one rule."""
 
     u: Floats
     inputs: Indices
@@ -30,51 +32,52 @@ class Move(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """Components that step at once, and what they are given."""
+    """Components that step at once, and their inputs."""
 
     components: Sequence[Component]
     moves: Sequence[Move]
 
 
 class Program:
-    """Steps components, some of them in threads beside. Inputs that no rule gives are filled before.
+    """Steps components, some of them in worker threads. Inputs without a rule are set before the step.
 
     :param threads: whether components that step at once do so in threads; the result is the same.
     """
 
     def __init__(self, stages: Sequence[Stage], threads: bool = True) -> None:
         self._components = [component for stage in stages for component in stage.components]
-        self._machine = machine()
-        self._kept: list[NDArray[np.int64]] = []  # what the plan has the addresses of
-        beside = max(len(stage.components) for stage in stages) - 1 if threads and spare_processors() else 0
-        self._helpers = [Helper() for _ in range(beside)]
+        self._kernels = kernels()
+        self._kept: list[NDArray[Any]] = []  # the plan has their addresses
+        n_workers = max(len(stage.components) for stage in stages) - 1 if threads and spare_processors() else 0
+        self._workers = [Worker() for _ in range(n_workers)]
         before = self._moves([move for stage in stages for move in stage.moves if move.rule != "end"])
-        groups = self._words([self._group(stage) for stage in stages])
-        desks = self._words([helper.desk.ctypes.data for helper in self._helpers])
-        self._plan = self._keep(laid_out(Plan(*before, len(stages), groups, beside, desks, LONG)))
+        groups = self._words([self._keep(record(self._group(stage))) for stage in stages])
+        mailboxes = self._words([worker.address for worker in self._workers])
+        self._plan = self._keep(record(StepPlan(*before, len(stages), groups, n_workers, mailboxes, WORTHWHILE)))
 
     def close(self) -> None:
         """End the threads."""
-        for helper in self._helpers:
-            helper.close()
-        self._helpers = []
+        for worker in self._workers:
+            worker.close()
+        self._workers = []
 
     def run(self, t: float, h: float) -> None:
         """From t to t + h; raises ComponentFailed: of the components that failed at once, the first one."""
         for component in self._components:
             component.begin(t)
-        if self._machine.advance(self._plan, t, h):
+        if self._kernels.step_all(self._plan, t, h):
             raise self.failure()
 
     def march(self, tape: Tape, k: int, n: int, h: float) -> int:
-        """The steps k + 1 to k + n of ``h`` s; returns how many were done before a component failed, which are on
-        the tape.
+        """Do the steps k + 1 to k + n of ``h`` s, a row of each on the tape.
+
+        Returns how many were done before a component failed.
         """
         for component in self._components:
             component.begin(k * h)
         for component in tape.linked:
             component.show_links(tape.due)
-        done = int(self._machine.march(self._plan, *tape.wound(h), tape.due, tape.every, k, n, h))
+        done = int(self._kernels.step_many(self._plan, *tape.addresses(h), tape.due, tape.every, k, n, h))
         tape.hold(k, done)
         return done
 
@@ -82,13 +85,13 @@ class Program:
         """Of the components that failed in the last step at once, the first one's."""
         return next(failure for component in self._components if (failure := component.failure()) is not None)
 
-    def _group(self, stage: Stage) -> Group:
+    def _group(self, stage: Stage) -> StepGroup:
         ends, means = ([move for move in stage.moves if move.rule == rule] for rule in ("end", "middle"))
-        boards = [component.board.ctypes.data for component in stage.components]
-        return Group(*self._moves(ends), *self._moves(means), len(boards), self._words(boards))
+        calls = [component.step_call.ctypes.data for component in stage.components]
+        return StepGroup(*self._moves(ends), *self._moves(means), len(calls), self._words(calls))
 
     def _moves(self, moves: Sequence[Move]) -> tuple[int, int, int]:
-        """How many, and where the addresses of targets and sources are."""
+        """How many values, and where the addresses of targets and sources are."""
         to = [move.u.ctypes.data + 8 * int(k) for move in moves for k in move.inputs]
         by = [move.y.ctypes.data + 8 * int(k) for move in moves for k in move.outputs]
         return len(to), self._words(to), self._words(by)
@@ -96,10 +99,10 @@ class Program:
     def _words(self, values: Any) -> int:
         return self._keep(np.array(values, dtype=np.int64))
 
-    def _keep(self, words: NDArray[np.int64]) -> int:
-        """Their address."""
-        self._kept.append(words)
-        return int(words.ctypes.data)
+    def _keep(self, table: NDArray[Any]) -> int:
+        """Its address."""
+        self._kept.append(table)
+        return int(table.ctypes.data)
 
 
 def spare_processors() -> bool:
@@ -107,17 +110,19 @@ def spare_processors() -> bool:
     return len(os.sched_getaffinity(0)) > 1
 
 
-class Helper:
-    """A thread that steps what lies on its desk."""
+class Worker:
+    """A thread that does the tasks of its mailbox."""
 
     def __init__(self) -> None:
-        self.desk = laid_out(Desk())
-        at, code = self.desk.ctypes.data, machine()
-        self._end = lambda: code.turn(at, ENDED)
-        self._thread = threading.Thread(target=code.serve, args=(at, LOOKS), name="beside", daemon=True)
+        self.mailbox = record(Mailbox())
+        self.address = int(self.mailbox.ctypes.data)
+        self._thread = threading.Thread(target=self._work, name="step", daemon=True)
         self._thread.start()
 
+    def _work(self) -> None:
+        kernels().work(self.address, LOOKS)
+
     def close(self) -> None:
-        """End the thread, which has nothing to do."""
-        self._end()
+        """End the thread, which has no task."""
+        kernels().set_state(self.address, ENDED)
         self._thread.join()

@@ -1,4 +1,4 @@
-"""What components show after each of many steps: rows that machine code writes into the pages of a log."""
+"""What components show after each of many steps: rows that the kernels write into the pages of a log."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import Floats
-from orchestrator.cosim.machine import Rows, laid_out
+from orchestrator.kernels.tables import RowTable, record
 from orchestrator.log.page import HEAD, LENGTH, Page
 
 
@@ -55,8 +55,8 @@ class Tape:
         """Address of the word that says whether links are read after a step."""
         return int(self._due.ctypes.data)
 
-    def wound(self, h: float) -> tuple[int, int, int]:
-        """Addresses of the words of both tables, which go on where their pages end, and of the head of a row.
+    def addresses(self, h: float) -> tuple[int, int, int]:
+        """Addresses of both tables, which go on where their pages end, and of the head of a row.
 
         ``h``: length of the steps, s.
         """
@@ -90,16 +90,16 @@ class Tape:
 
 
 class _Table:
-    """Rows of parts, one after the other, and the words by which they are written."""
+    """A ``RowTable`` of arrays."""
 
     def __init__(self, parts: Sequence[NDArray[np.float64]]) -> None:
         self._kept = parts
         self._at = np.array([part.ctypes.data for part in parts], dtype=np.int64)
         self._sizes = np.array([part.nbytes for part in parts], dtype=np.int64)
-        self._words = laid_out(Rows(len(parts), self._at.ctypes.data, self._sizes.ctypes.data, 0))
-        self.address = int(self._words.ctypes.data)
+        self._table = record(RowTable(len(parts), self._at.ctypes.data, self._sizes.ctypes.data, 0))
+        self.address = int(self._table.ctypes.data)
 
     def go_on(self, page: Page) -> None:
         """The next row is that behind the last one of a page."""
         block = page.block
-        self._words[Rows._fields.index("next")] = block.table.ctypes.data + block.count * block.table.strides[0]
+        self._table["end"] = block.table.ctypes.data + block.count * block.table.strides[0]

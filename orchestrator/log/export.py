@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -15,12 +14,11 @@ import numpy as np
 
 from orchestrator.log.container_writer import LogFailed, reason
 from orchestrator.log.extra import library
-from orchestrator.log.parquet_footer import MAGIC, Footer
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import EVER, Floats, Series
 
 BLOCK = 4000  # rows that are in memory at once
-GROUP = 8 << 20  # bytes that make a row group of a Parquet file, if BLOCK rows are more
+GROUP = 64 << 20  # bytes of a row group of a Parquet file, before it is compressed
 
 
 class Columns(NamedTuple):
@@ -59,51 +57,49 @@ class Csv:
 
 
 class Parquet:
-    """Bit by bit; bytes of equal place side by side, which compresses better; units are in the columns' metadata."""
+    """Bit by bit; bytes of equal place side by side, which compresses better; units are in the columns' metadata.
+
+    A row group is in memory at a time, and 2 kB that pyarrow keeps of each of its columns until the file is closed.
+    """
 
     def __init__(self, file: Path, columns: Columns) -> None:
-        self._arrow = library("pyarrow")
-        names = ("t", *columns.names)
-        units = ("s", *columns.units)
+        arrow = library("pyarrow")
+        names, units = ("t", *columns.names), ("s", *columns.units)
         fields = [
-            self._arrow.field(name, self._arrow.float64(), metadata={"unit": unit})
-            for name, unit in zip(names, units, strict=True)
+            arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, unit in zip(names, units, strict=True)
         ]
-        self._schema = self._arrow.schema(fields)
-        self._parquet = library("pyarrow.parquet")
-        self._file = file.open("wb")
-        self._size = self._file.write(MAGIC)
-        self._footer = Footer()
-        self._tables: list[Floats] = []
-        self._group()  # of no rows: it describes the columns
+        self._schema, self._table = arrow.schema(fields), arrow.table
+        self._columns = np.empty((len(names), max(GROUP // (8 * len(names)), 1)))
+        self._filled = 0  # rows
+        self._writer = library("pyarrow.parquet").ParquetWriter(
+            file,
+            self._schema,
+            compression="zstd",
+            use_dictionary=False,
+            use_byte_stream_split=True,
+            write_statistics=["t"],  # by which readers skip row groups; of all columns they cost a third of the time
+        )
 
     def rows(self, table: Floats) -> None:
         """Kept until they make a row group."""
-        self._tables.append(table)
-        if sum(each.nbytes for each in self._tables) >= GROUP or sum(map(len, self._tables)) >= BLOCK:
-            self._group()
+        while len(table):
+            part, begin = table[: self._columns.shape[1] - self._filled], self._filled
+            self._filled += len(part)
+            self._columns[:, begin : self._filled] = part.T
+            if self._filled == self._columns.shape[1]:
+                self._write()
+            table = table[len(part) :]
 
-    def _group(self) -> None:
-        sink = io.BytesIO()
-        options = {
-            "compression": "zstd",
-            "use_dictionary": False,
-            "use_byte_stream_split": True,
-            "write_statistics": ["t"],  # by which readers skip row groups; of all columns they cost a third of the time
-        }
-        with self._parquet.ParquetWriter(sink, self._schema, **options) as writer:
-            if self._tables:
-                columns = np.ascontiguousarray(np.concatenate(self._tables).T)
-                self._tables = []
-                writer.write_table(self._arrow.table(list(columns), schema=self._schema))
-        self._size += self._file.write(self._footer.add(sink.getbuffer(), self._size))
+    def _write(self) -> None:
+        columns = [column[: self._filled] for column in self._columns]
+        self._writer.write_table(self._table(columns, schema=self._schema), row_group_size=self._filled)
+        self._filled = 0
 
     def close(self) -> None:
         """With the last rows and the footer."""
-        with self._file:
-            if self._tables:
-                self._group()
-            self._file.write(self._footer.content())
+        with self._writer:
+            if self._filled:
+                self._write()
 
 
 class Matlab:

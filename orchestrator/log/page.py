@@ -9,14 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.kernels.compiled import kernels
+from orchestrator.kernels.tables import RowHead
 from orchestrator.log.channel_metadata import Recorded
 from orchestrator.log.message_records import IDENTITY, LOG_TIME, PREFIX, PUBLISH_TIME, SEQUENCE, prefix, size_of
-from orchestrator.log.scatter import scatter
 from orchestrator.log.schema import LENGTH_AT, TIME_AT
 from orchestrator.log.wire import RULES, Floats, Rule, handed_over
 
 CHUNK = 1 << 21  # bytes of messages that make a chunk
-HEAD = 4  # words of a row before its values: number of the step, its time in ns, its time and length in s
+HEAD = len(RowHead._fields)  # words of a row before its values
 NUMBER, NS, TIME, LENGTH = range(HEAD)
 WORD = 8  # bytes
 Columns = NDArray[np.intp]
@@ -74,7 +75,7 @@ class Channel:
             self._rows[:] = np.frombuffer(prefix(self.number, self.size) + self.layout.template, np.uint8)
             self._hashed = np.empty(m * (self.size - IDENTITY), np.uint8)
         rows = self._rows[:m]
-        scatter(block.table, due, moves, rows)
+        copy_words(block.table, due, moves, rows)
         return rows
 
     def count(self, rows: NDArray[np.uint8]) -> None:
@@ -83,6 +84,16 @@ class Channel:
         hashed.reshape(len(rows), -1)[:] = rows[:, IDENTITY:]
         self.hash.update(hashed.data)
         self.messages += len(rows)
+
+
+def copy_words(rows: Floats, chosen: NDArray[np.int64], moves: NDArray[np.int64], records: NDArray[np.uint8]) -> None:
+    """Copy words of chosen rows (m,) into as many records (m, bytes), all arrays contiguous.
+
+    ``moves`` (n, 2): from so many bytes behind the beginning of the row, which may be negative, to that byte of the
+    record; the later of two that overlap counts.
+    """
+    source, target = (rows.ctypes.data, rows.strides[0]), (records.ctypes.data, records.shape[1])
+    kernels().copy_words(*source, chosen.ctypes.data, len(chosen), moves.ctypes.data, len(moves), *target)
 
 
 class Packed(NamedTuple):
@@ -98,7 +109,7 @@ class _Part(NamedTuple):
 
     channel: Channel
     late: bool  # whether it holds what the step that ended was given
-    moves: NDArray[np.int64]  # as ``scatter`` is told
+    moves: NDArray[np.int64]  # of ``copy_words``
 
 
 class _Proof(NamedTuple):

@@ -8,11 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from numba import cfunc
+
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import wire
-from orchestrator.cosim.machine import Board, machine
 from orchestrator.cosim.observers import Logging
 from orchestrator.execution.manifest import open_log
 from orchestrator.execution.simulate import opened
@@ -26,6 +27,7 @@ COLUMNS = (
     Column("log", "log, us", ".1f", COST),
     Column("packing", "log's own thread, us", ".1f", COST),
 )
+NOTHING = cfunc("int32()")(lambda: 0)  # returns as any of FMI's functions does
 STATS_EVERY = 100  # steps, as in a run at 1 ms
 
 
@@ -74,4 +76,4 @@ def _marched(scheme: Scheme, logging: Logging | None, first: int, steps: int, h:
 def _idle(component: Component) -> None:
     """Replace the component's step and data transfer by functions that do nothing."""
     for function in ("set_real", "do_step", "get_real"):
-        component.board[Board._fields.index(function)] = machine().nothing
+        component.step_call[function] = NOTHING.address

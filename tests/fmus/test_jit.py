@@ -267,6 +267,25 @@ def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
     assert np.array_equal(*moved)
 
 
+OTHER = """
+import numba
+numba.__version__ = "0.67.9"
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+parts = [JITCodeLibrary.get_pointer_to_function, JITCPUCodegen.set_env]
+from fmus import linking
+print(parts == [JITCodeLibrary.get_pointer_to_function, JITCPUCodegen.set_env])
+"""
+
+
+def test_another_numba_compiles_its_plain_way_and_says_so(environment):
+    done = subprocess.run([sys.executable, "-c", OTHER], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "True"
+    assert "numba is 0.67.9, not 0.68.x" in done.stderr
+    assert numba.__version__.startswith(linking.TESTED)
+    major, minor = map(int, linking.TESTED.split(".")[:2])
+    assert f'"numba>=0.61,<{major}.{minor + 1}"' in (jit.ROOT.parent / "pyproject.toml").read_text(encoding="utf-8")
+
+
 @jit.kernel
 def handed_back(a):
     return a

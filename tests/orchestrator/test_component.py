@@ -10,8 +10,8 @@ import pytest
 from conftest import build_toy
 
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
-from orchestrator.cosim.machine import KNOWN
 from orchestrator.cosim.program import Program, Stage
+from orchestrator.kernels.compiled import CAN_STEP
 
 H = 1e-3
 
@@ -68,7 +68,7 @@ def test_links_are_copied_from_where_they_lie(toy, tmp_path):
                 component.step(k * H, H)
                 component.read_links()
                 found[addressed, k] = component.y_links.tobytes()
-            if KNOWN:
+            if CAN_STEP:
                 due = np.ones(1, dtype=np.int64)
                 program = Program([Stage([component], [])], threads=False)
                 component.show_links(due.ctypes.data)
@@ -122,8 +122,8 @@ def test_components_step_side_by_side_in_threads(toy):
     assert np.array_equal(both[1], alone)
 
 
-@pytest.mark.skipif(not KNOWN, reason="no machine code for this system")
-def test_a_step_in_machine_code_is_the_step(toy):
+@pytest.mark.skipif(not CAN_STEP, reason="no kernels for this system")
+def test_a_step_by_kernels_is_the_step(toy):
     """And its failure is the component's, in its own words."""
     with Component(toy, "one") as one, Component(toy, "two") as two:
         for component in (one, two):

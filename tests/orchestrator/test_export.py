@@ -3,7 +3,6 @@
 import csv
 import subprocess
 import sys
-import textwrap
 
 import numpy as np
 import pandas
@@ -112,51 +111,56 @@ def test_parquet_gives_every_bit_back(chunked, tmp_path):
             assert tuple(units) == log.topics[topic].units
 
 
-def test_row_groups_make_the_file_that_pyarrow_writes(chunked, tmp_path, monkeypatch):
-    """To the byte; with more and fewer columns than 14, what a short list of Thrift has."""
-    monkeypatch.setattr(export_module, "GROUP", 4000)
-    for topic in ("/left_track/links", "/left_track/out", "/stats/chassis"):
+def test_row_groups_are_filled_and_hold_every_row_once(chunked, tmp_path, monkeypatch):
+    for size, topic in ((4000, "/left_track/links"), (4000, "/left_track/out"), (1, "/stats/chassis")):
+        monkeypatch.setattr(export_module, "GROUP", size)
         (file,) = export(chunked, tmp_path / "all", topics=[topic], kind="parquet")
         found = pyarrow.parquet.ParquetFile(file)
-        own = tmp_path / "own.parquet"
-        options = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
-        with pyarrow.parquet.ParquetWriter(own, found.schema_arrow, write_statistics=["t"], **options) as writer:
-            for group in range(found.num_row_groups):
-                writer.write_table(found.read_row_group(group))
-        assert own.read_bytes() == file.read_bytes()
         with Log(chunked) as log:
             series = log.read(topic)
-        assert found.num_row_groups > 2
+        group = max(size // (8 + 8 * len(series.names)), 1)
+        numbers = [found.metadata.row_group(k).num_rows for k in range(found.num_row_groups)]
+        assert set(numbers[:-1]) == {group}
+        assert len(numbers) == -(-len(series.t) // group) > 2
         for read in (pandas.read_parquet, polars.read_parquet):
             table = read(file).to_numpy()
             assert np.array_equal(table[:, 0], series.t)
             assert table[:, 1:].tobytes() == series.values.tobytes()
 
 
-def test_memory_does_not_grow_with_row_groups(tmp_path):
-    """pyarrow keeps 900 bytes of each of the 400 columns of each group, and at the end as much again."""
-    script = textwrap.dedent("""
-        import resource, sys
-        from pathlib import Path
-        import numpy as np
-        from orchestrator.log import export
-        groups, columns = int(sys.argv[1]), export.Columns(tuple(f"x{i}" for i in range(400)), ("m",) * 400)
-        export.GROUP = 1
-        with export.written(Path(sys.argv[2]), "parquet", columns) as writer:
-            for k in range(groups):
-                writer.rows(np.full((2, 401), float(k)))
-        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000)
-    """)
+COLUMNS = 50
+WRITTEN = """
+import sys
+from pathlib import Path
+import numpy as np
+from orchestrator.log import export
+columns = export.Columns(tuple(f"x{{i}}" for i in range({0} - 1)), ("m",) * ({0} - 1))
+export.GROUP = int(sys.argv[2])
+with export.written(Path(sys.argv[3]), "parquet", columns) as writer:
+    for k in range(int(sys.argv[1])):
+        writer.rows(np.full((1000, {0}), float(k)))
+(most,) = (line.split()[1] for line in Path("/proc/self/status").open() if line.startswith("VmHWM"))
+print(int(most) * 1024)  # of this program: that of getrusage may be its parent's
+"""
 
-    def peak(groups):
-        arguments = [sys.executable, "-c", script, str(groups), str(tmp_path / "a.parquet")]
-        return float(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout)  # MB
 
-    few, many = peak(10), peak(200)
-    found = pyarrow.parquet.ParquetFile(tmp_path / "a.parquet")
+@pytest.mark.skipif(sys.platform != "linux", reason="reads what Linux says of a process")
+def test_memory_is_that_of_a_row_group(tmp_path):
+    """Of 400 MB, a row group of 2 MB is in memory, and 2 kB for each of its columns; all rows where it is larger."""
+    file = tmp_path / "a.parquet"
+
+    def peak(pieces, group):
+        arguments = [sys.executable, "-c", WRITTEN.format(COLUMNS), str(pieces), str(group), str(file)]
+        return float(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout)
+
+    few, many = (peak(pieces, 2_000_000) for pieces in (20, 1000))
+    found = pyarrow.parquet.ParquetFile(file)
     assert found.num_row_groups == 200
-    assert np.array_equal(found.read(["x7"])["x7"].to_numpy(), np.repeat(np.arange(200.0), 2))
-    assert many < few + 40.0
+    assert np.array_equal(found.read(["x7"])["x7"].to_numpy(), np.repeat(np.arange(1000.0), 1000))
+    assert many - few < 2500 * COLUMNS * found.num_row_groups + 10e6
+    assert peak(1000, 400_000_000) - few > 350e6
+    rows = export_module.GROUP / 8 / 320  # of a group of the links of a track, with five groups of outputs
+    assert 0.015 * 8 * rows > 2500, "what is kept of a column is little beside what is written of it"
 
 
 def test_a_matlab_file(chunked, tmp_path):

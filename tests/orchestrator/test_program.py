@@ -1,4 +1,4 @@
-"""A step in machine code: what it calls in which order, hands over and says of failures, and in which thread."""
+"""A step by kernels: what it calls in which order, hands over and says of failures, and in which thread."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ import pytest
 
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling import scheme
-from orchestrator.cosim.machine import ASKED, ASLEEP, FREE, KNOWN, Board, laid_out, machine
-from orchestrator.cosim.program import Helper, Move, Program, Stage, spare_processors
+from orchestrator.cosim.program import Move, Program, Stage, Worker, spare_processors
 from orchestrator.cosim.tape import Tape
 from orchestrator.execution.simulate import simulate
+from orchestrator.kernels.compiled import CAN_STEP, kernels
+from orchestrator.kernels.tables import ASLEEP, FREE, SUBMITTED, StepCall, record
 from orchestrator.log.page import HEAD, Block
 from orchestrator.log.reader import Log
 from orchestrator.log.wire import RULES, handed_over
@@ -23,7 +24,7 @@ from orchestrator.scene.scene import load
 
 EXCHANGE = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, POINTER(c_double))
 STEP = CFUNCTYPE(c_int, c_void_p, c_double, c_double, c_int)
-pytestmark = pytest.mark.skipif(not KNOWN, reason="no machine code for this system")
+pytestmark = pytest.mark.skipif(not CAN_STEP, reason="no kernels for this system")
 
 
 class Instance:
@@ -58,18 +59,17 @@ class Instance:
         self._functions = EXCHANGE(write), STEP(step), EXCHANGE(read)
         at = [cast(each, c_void_p).value for each in self._functions]
         inputs = at[0], 22, len(self.u), self.u.ctypes.data
-        self.board = laid_out(Board(11, *inputs, at[1], at[2], 44, len(self.y), self.y.ctypes.data, 0.0, 0.0, 1))
+        call = StepCall(11, *inputs, at[1], at[2], 44, len(self.y), self.y.ctypes.data, 0.0, 0.0, 1)
+        self.step_call = record(call)
 
     def begin(self, t):
         self.time = t
 
     def failure(self):
-        words = Board(*self.board)
-        return ComponentFailed(f"{words.failed}") if words.failed else None
+        return ComponentFailed(f"{self.noted('failed')}") if self.noted("failed") else None
 
-    def told(self, name):
-        words = self.board.view(np.float64) if name in ("seconds", "spent") else self.board
-        return words[Board._fields.index(name)]
+    def noted(self, name):
+        return self.step_call[name][0]
 
 
 def program_of(*stages, threads=True):
@@ -80,12 +80,12 @@ def test_a_step_is_what_fmi_prescribes():
     one = Instance()
     program = program_of(([one], []))
     for k in range(3):
-        one.board[Board._fields.index("kept")] = k == 1
+        one.step_call["no_rollback"] = k == 1
         program.run(0.1 * k, 1e-3)
         assert one.called == [("write", 11, 22, 3), ("step", 11, 0.1 * k, 1e-3, k == 1), ("read", 11, 44, 4)]
         assert one.time == 0.1 * k
         one.called.clear()
-    assert one.told("spent") > one.told("seconds") > 0.0
+    assert one.noted("total") > one.noted("seconds") > 0.0
 
 
 def test_without_inputs_nothing_is_written():
@@ -102,10 +102,9 @@ def test_what_failed_is_named_and_ends_the_step(statuses, failed, done):
     program = program_of(([bad], []), ([after], []))
     with pytest.raises(ComponentFailed):
         program.run(0.0, 1.0)
-    assert (Board._fields[bad.told("failed")], bad.told("status")) == (failed, max(statuses))
+    assert (StepCall._fields[bad.noted("failed")], bad.noted("status")) == (failed, max(statuses))
     assert (len(bad.called), after.called) == (done, [])
-    machine().do(after.board.ctypes.data)
-    assert after.told("failed") == 0
+    assert after.noted("failed") == 0
 
 
 def test_values_are_handed_over_by_their_rules():
@@ -138,7 +137,7 @@ def test_a_stage_steps_at_once_and_every_failure_is_heard(failing):
             continue
         with pytest.raises(ComponentFailed):
             program.run(0.1 * k, 0.1)
-        assert [bool(one.told("failed")) for one in pair] == [failing == 0, failing == 1]
+        assert [bool(one.noted("failed")) for one in pair] == [failing == 0, failing == 1]
     assert pair[0].thread != pair[1].thread == get_ident()
     program.close()
 
@@ -149,15 +148,15 @@ def test_short_steps_are_done_here():
         pair = [Instance(), Instance()]
         program = program_of((pair, []), threads=threads)
         for one in pair:
-            one.board.view(np.float64)[Board._fields.index("seconds")] = 1e-6
+            one.step_call["seconds"] = 1e-6
         program.run(0.0, 1.0)
         assert {one.thread for one in pair} == {get_ident()}
         program.close()
 
 
 @pytest.fixture
-def helper():
-    made = Helper()
+def worker():
+    made = Worker()
     yield made
     made.close()
 
@@ -169,31 +168,35 @@ def until(true, most=10.0):
         sleep(1e-3)
 
 
-def test_it_sleeps_without_an_errand_and_wakes_with_the_next(helper):
+def test_a_worker_sleeps_without_a_task_and_wakes_with_the_next(worker):
     one = Instance()
     for _ in range(3):
-        until(lambda: helper.desk[0] == ASLEEP)
-        helper.desk[1] = one.board.ctypes.data
-        machine().turn(helper.desk.ctypes.data, ASKED)
-        until(lambda: helper.desk[0] in (FREE, ASLEEP))
+        until(lambda: worker.mailbox["state"] == ASLEEP)
+        worker.mailbox["task"] = one.step_call.ctypes.data
+        kernels().set_state(worker.address, SUBMITTED)
+        until(lambda: worker.mailbox["state"] in (FREE, ASLEEP))
         assert one.thread != get_ident()
     assert len(one.called) == 9
 
 
-def test_what_the_thread_has_not_begun_is_done_by_who_waits(helper):
-    one = Instance()
-    until(lambda: helper.desk[0] == ASLEEP)
-    helper.desk[:] = ASKED, one.board.ctypes.data  # it is asked, but not woken
-    machine().join(helper.desk.ctypes.data)
-    assert one.thread == get_ident()
-    assert helper.desk[0] == FREE
-    helper.desk[0] = ASLEEP
+@pytest.mark.skipif(not spare_processors(), reason="needs a second processor")
+def test_a_task_that_no_worker_begins_is_done_by_who_waits():
+    """As with a worker whose thread does not run: here it has ended."""
+    pair = [Instance(), Instance()]
+    program = program_of((pair, []))
+    (worker,) = program._workers
+    worker.close()
+    worker.mailbox["state"] = FREE
+    program.run(0.0, 1.0)
+    assert [one.thread for one in pair] == [get_ident()] * 2
+    assert worker.mailbox["state"] == FREE
+    program._workers = []
 
 
 def test_the_time_is_that_of_the_calls():
     slow = Instance(pause=0.02)
     program_of(([slow], [])).run(0.0, 1.0)
-    assert 0.02 <= slow.told("seconds") < 1.0
+    assert 0.02 <= slow.noted("seconds") < 1.0
 
 
 class Linked(Instance):
@@ -202,7 +205,7 @@ class Linked(Instance):
     def __init__(self, failing=0):
         super().__init__()
         self.name, self.links, self.y_links, self.reads = f"{id(self)}", ("a", "b"), np.zeros(2), 0
-        at, (_, step, read) = self.board, self._functions
+        _, step, read = self._functions
 
         def shown(instance, references, n, values):
             if references != 55:
@@ -216,10 +219,11 @@ class Linked(Instance):
 
         self._more = EXCHANGE(shown), STEP(stepped)
         for name, function in zip(("get_real", "do_step"), self._more, strict=True):
-            at[Board._fields.index(name)] = cast(function, c_void_p).value
+            self.step_call[name] = cast(function, c_void_p).value
 
     def show_links(self, due):
-        self.board[Board._fields.index("n_links") :] = 2, 55, self.y_links.ctypes.data, due, 0
+        for name, word in {"n_links": 2, "links": 55, "y_links": self.y_links.ctypes.data, "links_due": due}.items():
+            self.step_call[name] = word
 
 
 class Sheet:
@@ -284,7 +288,7 @@ def test_of_many_steps_those_before_a_failure_are_kept(failing):
     taken = tape.take()
     assert (done, taken.steps) == (failing - 1, failing - 1)
     assert steps_page.added(taken.steps)[-1].tobytes() == rows.tobytes()
-    assert (pair[0].told("failed"), pair[1].steps) == (Board._fields.index("do_step"), failing - 1)
+    assert (pair[0].noted("failed"), pair[1].steps) == (StepCall._fields.index("do_step"), failing - 1)
 
 
 def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monkeypatch):
@@ -304,11 +308,11 @@ def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monke
 
 
 @pytest.mark.parametrize("coupling", ["tracks_first", "jacobi", "iterative"])
-def test_python_does_the_same_where_there_is_no_machine_code(tmp_path, monkeypatch, coupling):
+def test_python_does_the_same_where_there_are_no_kernels(tmp_path, monkeypatch, coupling):
     settings = ("run.stop=0.03", "expect={}", "drive.ramp_start=0", f"run.coupling={coupling}")
     digests = set()
     for known, together in ((True, 0.05), (True, 0.0), (False, 0.0)):
-        monkeypatch.setattr(scheme, "KNOWN", known)
+        monkeypatch.setattr(scheme, "CAN_STEP", known)
         monkeypatch.setattr(scheme, "TOGETHER", together)  # many steps at once, or one by one
         path = tmp_path / f"{known}{together}.mcap"
         assert simulate(load("rig", "rigid", settings), path)["status"] == "ok"

@@ -23,9 +23,9 @@ from recorded import STEP, TOPICS, record, values, write_steps
 from orchestrator.log import recorder as module
 from orchestrator.log import schema
 from orchestrator.log.container_writer import ContainerWriter, LogFailed
+from orchestrator.log.page import copy_words
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.scatter import scatter
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 
 ODD_BITS = [
@@ -379,7 +379,7 @@ def test_cost_of_a_message(tmp_path, width):
     assert spent / steps < 50e-6
 
 
-def test_words_are_scattered_as_told():
+def test_words_of_rows_are_copied_into_records():
     """As numpy does it move by move: from any rows, also from the one before, the later of two that overlap counts."""
     random = np.random.default_rng(5)
     rows = random.random((50, 9))
@@ -388,7 +388,7 @@ def test_words_are_scattered_as_told():
     which = np.sort(random.choice(np.arange(1, 50), 20, replace=False))
     template = random.integers(0, 256, 100, dtype=np.uint8)
     records = np.tile(template, (20, 1))
-    scatter(rows, which, moves, records)
+    copy_words(rows, which, moves, records)
     flat, expected = rows.ravel().view(np.uint8), np.tile(template, (20, 1))
     for bytes_of, row in zip(expected, which, strict=True):
         for source, target in moves:

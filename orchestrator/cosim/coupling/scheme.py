@@ -14,9 +14,9 @@ from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
-from orchestrator.cosim.machine import KNOWN
 from orchestrator.cosim.program import Move, Program, Stage
 from orchestrator.cosim.tape import Tape
+from orchestrator.kernels.compiled import CAN_STEP
 from orchestrator.log.wire import Rule, handed_over
 
 TOGETHER = 3e-2  # s of wall time, longest batch: observers wait no longer
@@ -60,7 +60,7 @@ class Scheme:
 
     def __enter__(self) -> Scheme:
         loaded = {each.component.name: each.component for each in self.members if isinstance(each.component, Component)}
-        if KNOWN and len(loaded) == len(self.members):
+        if CAN_STEP and len(loaded) == len(self.members):
             stages = [
                 Stage(
                     [loaded[member.component.name] for member in group],
@@ -102,7 +102,7 @@ class Scheme:
     def march(self, k: int, n: int, h: float) -> int:
         """Do the steps k + 1 to k + n of ``h`` s, or the first of them; return their number.
 
-        Steps are done in one batch if machine code alone runs between them, the ``tape`` has room, and they take a
+        Steps are done in one batch if kernels alone run between them, the ``tape`` has room, and they take a
         short time; the tape then holds their rows. Errors are those of ``advance``; an error in a batch is raised by
         the next call, after the completed steps have been returned.
         """

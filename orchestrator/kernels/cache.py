@@ -1,8 +1,9 @@
-"""The cache folder, for what runs any FMU and imports nothing of ``fmus``: the part of ``fmus/cache.py`` it needs."""
+"""The cache folder, for what imports nothing of ``fmus``: functions of ``fmus/cache.py`` once more."""
 
 from __future__ import annotations
 
 import atexit
+import hashlib
 import os
 import shutil
 import sys
@@ -12,6 +13,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+CHECKSUM = 64  # bytes at the end of a kept file: a sha256 in hexadecimal
 OTHERS = 0o022  # mode bits by which a group or others may write
 
 
@@ -88,3 +90,26 @@ def write(file: Path, content: bytes) -> None:
     except BaseException:
         fresh.unlink(missing_ok=True)
         raise
+
+
+def keep(file: Path, content: bytes) -> None:
+    """Write a file in a place of the cache, with its checksum. Raises OSError."""
+    write(file, content + _checksum(file.name, content))
+
+
+def kept(file: Path) -> bytes | None:
+    """What `keep` wrote; None where nothing is there, or not that any more. Raises OSError, Untrusted."""
+    check(*file.parents[:3])
+    try:
+        with file.open("rb") as stream:
+            mine, whole = _mine(os.fstat(stream.fileno())), stream.read()
+    except FileNotFoundError:
+        return None
+    content = whole[:-CHECKSUM]
+    return content if mine and whole[-CHECKSUM:] == _checksum(file.name, content) else None
+
+
+def _checksum(name: str, content: bytes) -> bytes:
+    digest = hashlib.sha256(name.encode() + b"\0")
+    digest.update(content)
+    return digest.hexdigest().encode()

@@ -1,0 +1,137 @@
+"""The kernels of this folder as C functions that run without Python's lock, kept as an object file in the cache.
+
+numba compiles them, llvmlite joins them into one object file, named by the hash of this folder: a process that finds it
+need not import numba. The functions need the C library alone; one that needs anything of Python is refused.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import logging
+import platform
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cache
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import llvmlite.binding as llvm
+
+from orchestrator.kernels.cache import cache_folder, keep, kept, own
+
+CAN_STEP = sys.platform == "linux" and platform.machine() == "x86_64"  # the system calls and the pause of ``stepping``
+WORD, REAL = ctypes.c_int64, ctypes.c_double
+PACKING = {"copy_words": (WORD,) * 8}
+STEPPING = {
+    "step_all": (WORD, REAL, REAL),
+    "step_many": (*(WORD,) * 8, REAL),
+    "work": (WORD, WORD),
+    "set_state": (WORD, WORD),
+}
+KERNELS: dict[str, dict[str, Any]] = {"packing": PACKING, **({"stepping": STEPPING} if CAN_STEP else {})}
+FROM_C = {"clock_gettime", "memcpy", "sched_yield", "syscall"}
+COMPILED = logging.getLogger("cotrack.kernels")  # is told of what has to be compiled
+
+
+@cache
+def kernels() -> SimpleNamespace:
+    """All kernels of this process by name; they return a word."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    llvm.initialize_native_asmparser()
+    content = _found_or_made(_key(), _object_file)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _processor())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(content))
+    engine.finalize_object()
+    functions = {
+        name: function(name, engine.get_function_address(name), kinds)
+        for each in KERNELS.values()
+        for name, kinds in each.items()
+    }
+    return SimpleNamespace(engine=engine, **functions)
+
+
+def function(name: str, address: int, kinds: Sequence[Any]) -> Callable[..., int]:
+    """A kernel as numba makes it: it gets two addresses, for its result and for an exception, then its arguments."""
+    kernel = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.POINTER(WORD), ctypes.POINTER(WORD), *kinds)(address)
+
+    def call(*values: float) -> int:
+        result, exception = WORD(), WORD()
+        if kernel(result, exception, *values):
+            raise RuntimeError(f"the kernel {name} raised an exception")
+        return result.value
+
+    return call
+
+
+def _key() -> str:
+    """Hash of the sources of this folder, of what compiles them and for which system."""
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.name.encode() + b"\0" + hashlib.sha256(source.read_bytes()).digest())
+    for text in (version("numba"), version("llvmlite"), sys.platform, platform.machine()):
+        digest.update(text.encode() + b"\0")
+    return digest.hexdigest()[:24]
+
+
+def _found_or_made(key: str, make: Callable[[], bytes]) -> bytes:
+    """An object file of the cache; where it cannot be used, made for this process alone."""
+    file = cache_folder() / "kernels" / "orchestrator" / f"{key}.o"
+    with suppress(OSError):
+        if content := kept(file):
+            return content
+    COMPILED.info("the orchestrator's kernels are compiled")
+    content = make()
+    with suppress(OSError):
+        own(file.parent)
+        keep(file, content)
+    return content
+
+
+def _object_file() -> bytes:
+    """All kernels as one object file."""
+    whole = llvm.parse_assembly("")
+    for module, functions in KERNELS.items():
+        for name, kinds in functions.items():
+            whole.link_in(compiled(getattr(import_module(f"orchestrator.kernels.{module}"), name), kinds))
+    return bytes(_processor().emit_object(whole))
+
+
+def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef:
+    """A kernel with all that it calls, under its own name. Raises TypeError where it needs anything of Python."""
+    from numba import cfunc, types
+    from numba.core import config
+
+    options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "_nrt": False}
+    settings: Any = config
+    known = {WORD: types.int64, REAL: types.float64}
+    signature = types.int64(*(known[kind] for kind in kinds))
+    disabled, settings.DISABLE_JIT = settings.DISABLE_JIT, 0  # that is for kernels that Python can run as well
+    try:
+        made = cfunc(signature, **options)(kernel)
+    finally:
+        settings.DISABLE_JIT = disabled
+    module = llvm.parse_assembly(made.inspect_llvm())
+    for each in (*module.functions, *module.global_variables):
+        if not each.is_declaration:
+            each.linkage = "internal"
+    own_name = made.native_name.removeprefix("cfunc.")  # that is a way in for others, which looks for exceptions
+    inner = module.get_function(own_name)
+    inner.linkage, inner.name = "external", kernel.__name__
+    module.triple = llvm.get_process_triple()
+    passes = llvm.create_pass_builder(_processor(), llvm.create_pipeline_tuning_options(speed_level=2))
+    passes.getModulePassManager().run(module, passes)
+    needed = {each.name for each in module.functions if each.is_declaration and not each.name.startswith("llvm.")}
+    if needed - FROM_C:
+        raise TypeError(f"the kernel {kernel.__name__} needs {', '.join(sorted(needed - FROM_C))}")
+    return module
+
+
+def _processor() -> Any:
+    """Any of this kind: an object file may be found by another machine."""
+    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(opt=2)

@@ -1,0 +1,177 @@
+"""The few machine operations that numba has no function for. Addresses are integers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import extending, types
+from numba.core import cgutils
+from numba.extending import register_jitable
+
+intrinsic: Any = extending.intrinsic  # a kernel calls one without its first argument
+BYTE, STATUS, WORD, REAL = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.DoubleType()
+ADDRESS = BYTE.as_pointer()
+ORDER = "seq_cst"  # of atomic operations: all threads see them in one order
+MONOTONIC = 1  # clock_gettime
+FUTEX, WAIT_PRIVATE, WAKE_PRIVATE = 202, 128, 129  # system call of Linux on x86-64, and its operations
+
+sched_yield: Any = types.ExternalFunction("sched_yield", types.int32())
+syscall: Any = types.ExternalFunction("syscall", types.int64(*[types.int64] * 5))
+memcpy: Any = types.ExternalFunction("memcpy", types.int64(types.int64, types.int64, types.int64))
+
+
+def _at(builder: Any, address: Any, kind: Any) -> Any:
+    return builder.inttoptr(address, kind.as_pointer())
+
+
+@intrinsic
+def record_at(typing: Any, address: Any, dtype: Any) -> Any:
+    """The record of a numpy dtype that lies at an address: its fields are read and written there."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+    return dtype.dtype(types.int64, dtype), emit
+
+
+@intrinsic
+def load_word(typing: Any, address: Any) -> Any:
+    """The integer of 8 bytes at an address, which need not be a multiple of 8."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.load(_at(builder, args[0], WORD), align=1)
+
+    return types.int64(types.int64), emit
+
+
+@intrinsic
+def store_word(typing: Any, address: Any, value: Any) -> Any:
+    """Write an integer of 8 bytes to an address, which need not be a multiple of 8."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        builder.store(args[1], _at(builder, args[0], WORD), align=1)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), emit
+
+
+@intrinsic
+def load_real(typing: Any, address: Any) -> Any:
+    """The double at an address."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.load(_at(builder, args[0], REAL))
+
+    return types.float64(types.int64), emit
+
+
+@intrinsic
+def store_real(typing: Any, address: Any, value: Any) -> Any:
+    """Write a double to an address."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        builder.store(args[1], _at(builder, args[0], REAL))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.float64), emit
+
+
+@intrinsic
+def atomic_load(typing: Any, address: Any) -> Any:
+    """The word at an address that other threads write."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.load_atomic(_at(builder, args[0], WORD), ORDER, 8)
+
+    return types.int64(types.int64), emit
+
+
+@intrinsic
+def atomic_store(typing: Any, address: Any, value: Any) -> Any:
+    """Write a word that other threads read; they then see what was written before it, too."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        builder.store_atomic(args[1], _at(builder, args[0], WORD), ORDER, 8)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), emit
+
+
+@intrinsic
+def compare_and_swap(typing: Any, address: Any, expected: Any, value: Any) -> Any:
+    """Write a word if it is the expected one; returns the word that was there."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        swapped = builder.cmpxchg(_at(builder, args[0], WORD), args[1], args[2], ORDER, ORDER)
+        return builder.extract_value(swapped, 0)
+
+    return types.int64(types.int64, types.int64, types.int64), emit
+
+
+@intrinsic
+def pause(typing: Any) -> Any:
+    """Tell the processor that this loop waits for another thread (x86)."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        builder.call(ir.InlineAsm(ir.FunctionType(ir.VoidType(), []), "pause", "", side_effect=True), [])
+        return context.get_dummy_value()
+
+    return types.void(), emit
+
+
+@intrinsic
+def clock(typing: Any) -> Any:
+    """Time that only grows, ns."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = ir.FunctionType(STATUS, [STATUS, ADDRESS])
+        function = cgutils.get_or_insert_function(builder.module, kind, "clock_gettime")
+        time = cgutils.alloca_once(builder, ir.ArrayType(WORD, 2))
+        builder.call(function, [ir.Constant(STATUS, MONOTONIC), builder.bitcast(time, ADDRESS)])
+        seconds, ns = (builder.extract_value(builder.load(time), k) for k in range(2))
+        return builder.add(builder.mul(seconds, ir.Constant(WORD, 1_000_000_000)), ns)
+
+    return types.int64(), emit
+
+
+@register_jitable
+def futex_wait(address, state):
+    """Sleep until ``futex_wake`` while the word at an address, below 2**31, is ``state``."""
+    syscall(FUTEX, address, WAIT_PRIVATE, state, 0)
+
+
+@register_jitable
+def futex_wake(address):
+    """Wake a thread that sleeps at an address; returns how many did."""
+    return syscall(FUTEX, address, WAKE_PRIVATE, 1, 0)
+
+
+def _call(builder: Any, function: Any, kinds: list[Any], values: list[Any]) -> Any:
+    """The status, as a word, of a function of FMI at an address."""
+    pointer = builder.inttoptr(function, ir.FunctionType(STATUS, kinds).as_pointer())
+    given = [
+        builder.inttoptr(value, kind) if kind == ADDRESS else value for value, kind in zip(values, kinds, strict=True)
+    ]
+    return builder.sext(builder.call(pointer, given), WORD)
+
+
+@intrinsic
+def call_exchange(typing: Any, function: Any, instance: Any, references: Any, n: Any, values: Any) -> Any:
+    """Call fmi2SetReal or fmi2GetReal by address; returns FMI's status."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return _call(builder, args[0], [ADDRESS, ADDRESS, WORD, ADDRESS], args[1:])
+
+    return types.int64(*[types.int64] * 5), emit
+
+
+@intrinsic
+def call_do_step(typing: Any, function: Any, instance: Any, t: Any, h: Any, no_rollback: Any) -> Any:
+    """Call fmi2DoStep by address; returns FMI's status."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        flag = builder.trunc(args[4], STATUS)
+        return _call(builder, args[0], [ADDRESS, REAL, REAL, STATUS], [*args[1:4], flag])
+
+    return types.int64(types.int64, types.int64, types.float64, types.float64, types.int64), emit

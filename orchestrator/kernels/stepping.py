@@ -1,0 +1,238 @@
+"""A communication step: inputs copied, components stepped, some of them by worker threads, rows appended to the log.
+
+In Python every array that is copied and every call cost microseconds, and a thread of Python begins 60 us late and its
+end is noticed 20 us late. These kernels run without Python's lock. Workers look for their next task all the time;
+after a millisecond without one they sleep in the kernel of the system.
+"""
+
+from numba.extending import register_jitable
+
+from orchestrator.kernels.intrinsics import (
+    atomic_load,
+    atomic_store,
+    call_do_step,
+    call_exchange,
+    clock,
+    compare_and_swap,
+    futex_wait,
+    futex_wake,
+    load_real,
+    load_word,
+    memcpy,
+    pause,
+    record_at,
+    sched_yield,
+    store_real,
+    store_word,
+)
+from orchestrator.kernels.tables import (
+    ASLEEP,
+    ENDED,
+    FREE,
+    RUNNING,
+    SUBMITTED,
+    Mailbox,
+    RowHead,
+    RowTable,
+    StepCall,
+    StepGroup,
+    StepPlan,
+    record_type,
+)
+
+CALL, MAILBOX, PLAN, GROUP = map(record_type, (StepCall, Mailbox, StepPlan, StepGroup))
+ROWS, HEAD = map(record_type, (RowTable, RowHead))
+SET_REAL, DO_STEP, GET_REAL = (StepCall._fields.index(name) for name in ("set_real", "do_step", "get_real"))
+WARNING = 1  # FMI's status of a call that did what it was asked; a greater one is a failure
+YIELD = 1023  # looks after which a waiting thread lets others run; a power of two less one
+NO_LIMIT = -1
+MEAN = True
+
+
+# ------------------------------------------------------------------ workers
+
+
+@register_jitable
+def spin(address, state, limit):
+    """Wait while the word at an address is ``state``, for at most ``limit`` looks; returns the word."""
+    looks = 0
+    found = atomic_load(address)
+    while found == state and looks != limit:
+        pause()
+        looks += 1
+        if looks & YIELD == 0:
+            sched_yield()
+        found = atomic_load(address)
+    return found
+
+
+@register_jitable
+def work(address, limit):
+    """A worker's loop: do the tasks of a mailbox until it is ended; sleep after ``limit`` looks without one."""
+    mailbox = record_at(address, MAILBOX)
+    while True:
+        state = spin(address, FREE, limit)
+        if state == ENDED:
+            return 0
+        if state == ASLEEP:
+            futex_wait(address, ASLEEP)
+        elif state == FREE:
+            compare_and_swap(address, FREE, ASLEEP)
+        elif compare_and_swap(address, SUBMITTED, RUNNING) == SUBMITTED:
+            step_component(mailbox.task)
+            atomic_store(address, FREE)
+
+
+@register_jitable
+def set_state(address, state):
+    """Give the mailbox of a worker without a task another state, and wake the worker."""
+    if compare_and_swap(address, FREE, state) == ASLEEP:
+        compare_and_swap(address, ASLEEP, state)
+        futex_wake(address)
+    return 0
+
+
+@register_jitable
+def submit(address, task):
+    """Give a worker without a task one."""
+    record_at(address, MAILBOX).task = task
+    set_state(address, SUBMITTED)
+
+
+@register_jitable
+def wait(address):
+    """Wait for a submitted task. If its worker, which may not be running, has not begun it, do it here."""
+    if compare_and_swap(address, SUBMITTED, FREE) == SUBMITTED:
+        step_component(record_at(address, MAILBOX).task)
+    else:
+        spin(address, RUNNING, NO_LIMIT)
+
+
+# ------------------------------------------------------------------ a component
+
+
+@register_jitable
+def step_component(address):
+    """Write inputs, step, read outputs, those of links where they are due; notes failure, status and wall time."""
+    call = record_at(address, CALL)
+    begun = clock()
+    call.failed = call_functions(call)
+    call.seconds = 1e-9 * (clock() - begun)
+    call.total += call.seconds
+
+
+@register_jitable
+def call_functions(call):
+    """Call FMI's functions of a step; returns the index of the field of the one that failed, or 0."""
+    if call.n_inputs != 0:
+        call.status = call_exchange(call.set_real, call.instance, call.inputs, call.n_inputs, call.u)
+        if call.status > WARNING:
+            return SET_REAL
+    call.status = call_do_step(call.do_step, call.instance, call.t, call.h, call.no_rollback)
+    if call.status > WARNING:
+        return DO_STEP
+    due = call.n_links != 0 and load_word(call.links_due) != 0
+    copied = due and call.links_array != 0
+    n_outputs = call.n_outputs + 1 if copied else call.n_outputs
+    call.status = call_exchange(call.get_real, call.instance, call.outputs, n_outputs, call.y)
+    if call.status > WARNING:
+        return GET_REAL
+    if copied:
+        memcpy(call.y_links, call.links_array, 8 * call.n_links)
+    elif due:
+        call.status = call_exchange(call.get_real, call.instance, call.links, call.n_links, call.y_links)
+        if call.status > WARNING:
+            return GET_REAL
+    return 0
+
+
+# ------------------------------------------------------------------ a step
+
+
+@register_jitable
+def copy_inputs(n, to, source, mean):
+    """Copy n doubles, given by arrays of addresses; or write the ``mean`` of what is there and what is copied."""
+    for i in range(n):
+        u, value = load_word(to + 8 * i), load_real(load_word(source + 8 * i))
+        store_real(u, 0.5 * (load_real(u) + value) if mean else value)
+
+
+@register_jitable
+def step_group(group, plan, t, h):
+    """Step components at once: the last one here, others by as many workers as there are, where that one takes long.
+
+    Returns how many failed.
+    """
+    last = group.n_calls - 1
+    long = record_at(load_word(group.calls + 8 * last), CALL).seconds >= plan.worthwhile
+    n_submitted = min(last, plan.n_workers) if long else 0
+    for i in range(group.n_calls):
+        address = load_word(group.calls + 8 * i)
+        call = record_at(address, CALL)
+        call.t, call.h = t, h
+        if i < n_submitted:
+            submit(load_word(plan.mailboxes + 8 * i), address)
+        else:
+            step_component(address)
+    failed = 0
+    for i in range(group.n_calls):
+        if i < n_submitted:
+            wait(load_word(plan.mailboxes + 8 * i))
+        if record_at(load_word(group.calls + 8 * i), CALL).failed != 0:
+            failed += 1
+    return failed
+
+
+@register_jitable
+def step_all(address, t, h):
+    """Do the step of a plan from t to t + h; returns how many components failed in the group that ended it."""
+    plan = record_at(address, PLAN)
+    copy_inputs(plan.n_copies, plan.copies_to, plan.copies_from, not MEAN)
+    for i in range(plan.n_groups):
+        group = record_at(load_word(plan.groups + 8 * i), GROUP)
+        copy_inputs(group.n_copies, group.copies_to, group.copies_from, not MEAN)
+        copy_inputs(group.n_means, group.means_to, group.means_from, MEAN)
+        failed = step_group(group, plan, t, h)
+        if failed != 0:
+            return failed
+    return 0
+
+
+# ------------------------------------------------------------------ many steps
+
+
+@register_jitable
+def append_row(address):
+    """Append a row of the values that the parts of a table have now."""
+    rows = record_at(address, ROWS)
+    end = rows.end
+    for i in range(rows.n_parts):
+        size = load_word(rows.sizes + 8 * i)
+        memcpy(end, load_word(rows.parts + 8 * i), size)
+        end += size
+    rows.end = end
+
+
+@register_jitable
+def step_many(plan, rows, link_rows, head, due, every, k, n, h):
+    """Do the steps k + 1 to k + n of h s; returns how many were done before a component failed.
+
+    A row is appended to ``rows`` after each step, one to ``link_rows`` after each whose number is a multiple of
+    ``every``, where the word at ``due`` is 1 before the step; number and time of the step are written into ``head``,
+    a part of both.
+    """
+    row_head = record_at(head, HEAD)
+    done = 0
+    while done < n:
+        number = k + done + 1
+        links_due = number % every == 0
+        store_word(due, int(links_due))
+        if step_all(plan, (number - 1) * h, h) != 0:
+            break
+        row_head.number, row_head.t = number, number * h
+        append_row(rows)
+        if links_due:
+            append_row(link_rows)
+        done += 1
+    store_word(due, 0)
+    return done
