@@ -32,8 +32,8 @@ from orchestrator.results.page.circuit import profile
 from orchestrator.results.page.document import document
 from orchestrator.results.page.embedded import floats, script, unpacked
 from orchestrator.results.page.events import events, lifted
+from orchestrator.results.page.player import UNIT, player
 from orchestrator.results.page.pressure import pressure
-from orchestrator.results.page.side_view import UNIT, side_view
 from orchestrator.results.page.study import Judged, study
 from orchestrator.results.page.words import number, percent, quantity, text
 from orchestrator.results.run_data import EVER, RunData, Window
@@ -420,7 +420,7 @@ def test_places_are_those_of_the_analysis(vehicle):
 def test_the_side_view_shows_what_was_recorded(vehicle):
     with Log(vehicle) as log:
         run = RunData(log)
-        view = side_view(run, chain(run, "left_track"))
+        view = player(run, "left_track")
         links, below = run.links("left_track", EVER), ground(run.scene)
         axle = run.log.sample(["left_track.sprocket.position.x", "left_track.sprocket.position.z"], links.t)
     t = unpacked(view["t"])

@@ -11,13 +11,13 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results import picture
 from orchestrator.results.analyses import events
+from orchestrator.results.rotation import matrices, quaternions
 from orchestrator.results.run_data import RunData, Window, within
-from orchestrator.results.views import film, foxglove_scene, projected, rerun_scene
-from orchestrator.results.views.bodies import Bodies, quaternions, rotation
+from orchestrator.results.views import film, foxglove_scene, projected, rerun_scene, side_view
+from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.plots import curves, plots
-from orchestrator.results.views.solids import prism, strip, strip_triangles
+from orchestrator.results.views.solids import across, prism, strip
 from orchestrator.scene.scene import load
 
 STOP, STEP = 0.04, 1e-3
@@ -91,7 +91,7 @@ def test_wheels_and_hull_stand_where_they_were_recorded(shown):
     assert {wheel.radius for wheel in bodies.wheels if wheel.kind == "idler"} == {vehicle["idler"]["radius"]}
     recorded = [log.signal(f"chassis.chassis.position.{x}")[1] for x in "xyz"]
     np.testing.assert_array_equal(poses.hull.position.T, recorded)
-    corners = bodies.hull.corners @ rotation(poses.hull.orientation[0]).T + poses.hull.position[0]
+    corners = bodies.hull.corners @ matrices(poses.hull.orientation[0]).T + poses.hull.position[0]
     c, s = np.cos(0.4), np.sin(0.4)
     drawn = np.array(vehicle["chassis"]["hull"]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     np.testing.assert_allclose(corners, drawn + np.array([1.0, -2.0, 0.3]), atol=1e-12)
@@ -186,17 +186,21 @@ def test_an_open_chain_has_neither_wheels_nor_hull_nor_ground(hanging):
 def test_quaternions_and_rotations_are_inverse():
     turned = np.random.default_rng(3).normal(size=(50, 4))
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
-    again = np.roll(quaternions(rotation(turned)), 1, axis=-1)
+    again = np.roll(quaternions(matrices(turned)), 1, axis=-1)
     assert np.abs(np.abs(np.einsum("ni,ni->n", again, turned)) - 1).max() < 1e-12
     w, x, y, z = 0.5**0.5, 0.0, 0.0, 0.5**0.5  # a quarter turn to the left: ahead becomes left
-    np.testing.assert_allclose(rotation(np.array([w, x, y, z])) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(matrices(np.array([w, x, y, z])) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+
+
+def triangles(surface):
+    """The three corners of all of them, (n, 3) each."""
+    return np.moveaxis(surface.corners[surface.numbers], 1, 0)
 
 
 def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     _, bodies, _ = shown
     sprocket = next(wheel for wheel in bodies.wheels if wheel.kind == "sprocket")
-    corners, triangles = prism(sprocket)
-    a, b, c = np.moveaxis(corners[triangles], 1, 0)
+    a, b, c = triangles(prism(sprocket))
     x, y = sprocket.outline.T
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
     volume = float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0
@@ -205,9 +209,7 @@ def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     assert tips.max() == pytest.approx(bodies.scene["vehicle"]["sprocket"]["outer_radius"], rel=1e-12)
     pitch_radius = 0.0762 / np.sin(np.pi / 10)
     assert tips.min() == pytest.approx(pitch_radius - 0.015, rel=1e-12)
-    ground = strip(bodies.ground, -6.0, 4.0, 5.0)
-    flat = ground.reshape(-1, 3)
-    a, b, c = np.moveaxis(flat[strip_triangles(len(ground))], 1, 0)
+    a, b, c = triangles(strip(across(bodies.ground, bodies.ground.bends(-6.0, 4.0), 5.0)))
     normal = np.cross(b - a, c - a)
     assert (normal[:, 2] > 0).all()
     assert 0.5 * normal[:, 2].sum() == pytest.approx(10.0 * 10.0, rel=1e-12)  # the area under it
@@ -242,7 +244,7 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
     links = poses.links["left_track"]
     np.testing.assert_allclose(batch["Boxes3D:centers"].to_pylist(), links.centres, atol=1e-6)
     turned = np.array(batch["Boxes3D:quaternions"].to_pylist())
-    np.testing.assert_allclose(rotation(np.roll(turned, 1, axis=-1)), links.axes, atol=1e-6)
+    np.testing.assert_allclose(matrices(np.roll(turned, 1, axis=-1)), links.axes, atol=1e-6)
     np.testing.assert_allclose(
         batch["Boxes3D:half_sizes"].to_pylist(), np.broadcast_to(bodies.tracks[0].half, (3, 64, 3)), atol=1e-7
     )
@@ -356,7 +358,7 @@ def test_the_section_of_the_ground_runs_under_a_vehicle_that_turned(shown):
     profile = bodies.ground
     for turned in (0.0, 0.7):
         seen = projected.camera("right", 0.4 + turned, profile.start + np.array([0.0, 0.0, 1.0]))
-        line, metres = projected.section(seen, bodies, 4.0)
+        line, metres = projected.section(seen, profile, -4.0, 4.0)
         places = seen.centre + line[:, :1] * seen.right + line[:, 1:] * seen.up
         np.testing.assert_allclose(profile.at((places - profile.start) @ profile.ahead), places[:, 2], atol=1e-12)
         assert line[:, 1].max() - line[:, 1].min() == pytest.approx(0.01, abs=1e-9)
@@ -367,7 +369,9 @@ def test_a_picture_shows_the_ground_as_it_is(driven):
     with Log(driven) as log:
         run = RunData(log)
         links = run.links("left_track", Window(0.02, 0.02))
-        line = picture.ground_line(run, "left_track", 0.02, -4.5, 0.5)
+        bodies = Bodies(run, 1e4, track="left_track")
+        bodies.keep([0.02])
+        line, _ = projected.section(side_view.side_view(bodies, next(bodies.blocks())).seen, bodies.ground, -4.5, 0.5)
     deep = np.interp(links.forward[0], *line.T) - (links.up[0] - 0.029)
     assert np.ptp(line[:, 1]) == pytest.approx(0.01, abs=1e-6)
     top = line[line[:, 1] > line[:, 1].max() - 1e-9, 0]
@@ -390,8 +394,8 @@ def foot():
 def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
     path, drawn = tmp_path / "folded.mcap", []
     simulate(load("folded_chain", "rigid", ("run.stop=0.01", "chain.links=65", "expect={}")), path)
-    monkeypatch.setattr(picture, "saved", lambda figure, output: drawn.append(figure))
-    picture.draw(path, tmp_path / "x.png")
+    monkeypatch.setattr(side_view, "saved", lambda figure, output: drawn.append(figure))
+    side_view.draw(path, tmp_path / "x.png")
     (figure,) = drawn
     figure.canvas.draw()
     panes = figure.axes[:-1]  # the last one is the scale of colours
@@ -406,9 +410,9 @@ def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
 
 def test_pictures_are_of_instants_in_which_something_moves():
     recorded = np.arange(0, 10.01, 0.1)
-    assert picture._instants(recorded, None, Window(1.0, 4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
-    assert picture._instants(recorded, None) == pytest.approx([3.3, 6.7, 10.0])
-    assert picture._instants(np.zeros(1), None) == [0.0]
+    assert side_view._instants(recorded, 10.0, None, Window(1.0, 4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
+    assert side_view._instants(recorded, 10.0, None) == pytest.approx([3.3, 6.7, 10.0])
+    assert side_view._instants(np.zeros(1), 0.0, None) == [0.0]
 
 
 def test_what_cannot_be_written_is_refused_first(cotrack, hanging, tmp_path, monkeypatch):
