@@ -576,7 +576,7 @@ def test_view_from_above(cotrack, tmp_path):
     corners = np.concatenate(views[1].links)
     left = corners[corners[:, 1] > 0.0]
     assert np.ptp(left[:, 0]) == pytest.approx(4.5, abs=0.3)  # as long as a track, as wide as a link
-    assert [left[:, 1].min(), left[:, 1].max()] == pytest.approx([1.0795 - 0.1905, 1.0795 + 0.1905], abs=1e-3)
+    assert [left[:, 1].min(), left[:, 1].max()] == pytest.approx([1.0795 - 0.189, 1.0795 + 0.189], abs=1e-3)
     force = [view.force[:64] for view in views]
     assert [view.feet.shape for view in views] == [(128, 2), (128, 2)]
     every = load("turn", "rigid").links_every  # steps over which forces of links are means

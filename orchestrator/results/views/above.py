@@ -97,7 +97,7 @@ def _add(pane: Axes, views: Sequence[ViewFromAbove], size: float) -> None:
     longest = (OF_LINKS if by_link else LONGEST) * size
     largest = max(float(np.linalg.norm(view.force, axis=1).max()) for view in views) or 1.0
     for view in views:
-        pane.add_collection(PolyCollection(view.links, facecolors="C0", edgecolors="white", linewidths=0.3, alpha=0.35))
+        pane.add_collection(PolyCollection(view.links, facecolors="C0", edgecolors="none", alpha=0.35))
         arrows = view.force * longest / largest
         shown = np.hypot(*arrows.T) > SHORTEST * longest
         pane.quiver(

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import EVER, Floats
-from orchestrator.results.analyses.of_links import POSITION, columns
 from orchestrator.results.ground_profile import GroundProfile, ground
 from orchestrator.results.link_axes import link_axes
+from orchestrator.results.link_columns import POSITION, columns
 from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views.colours import LINK_COLOURS, Scale
