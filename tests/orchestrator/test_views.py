@@ -1,20 +1,25 @@
 """Views in space: where bodies stand, by what the log holds and the contact laws; files by other libraries' readers."""
 
+import base64
 import json
 import re
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import events
+from orchestrator.results.ground_profile import ground
+from orchestrator.results.page import player
+from orchestrator.results.page.embedded import unpacked
 from orchestrator.results.rotation import matrices, quaternions
 from orchestrator.results.run_data import RunData, Window, within
-from orchestrator.results.views import film, foxglove_scene, projected, rerun_scene, side_view
+from orchestrator.results.views import above, film, foxglove_scene, projected, rerun_scene, side_view
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.plots import curves, plots
 from orchestrator.results.views.solids import across, prism, strip
@@ -139,8 +144,11 @@ def depths_apart(log, bodies, poses):
     return count, apart
 
 
-def stretched(log, path, times):
-    """A log of links at these times, each as it was first in another log, moved to the right by a metre a second."""
+def stretched(log, path, times, blown=None):
+    """A log of links at these times, each as it was first in another log, moved to the right by a metre a second.
+
+    From record ``blown`` on places are no numbers.
+    """
     with Log(log) as whole:
         links = whole.read("/chain/links")
         about = whole.topics["/chain/links"]
@@ -149,7 +157,8 @@ def stretched(log, path, times):
         with Recorder(path, topics, attachments, whole.metadata) as recorder:
             x = np.array([name.endswith("position.x") for name in about.names])
             for k, t in enumerate(times):
-                recorder.write("/chain/links", k, float(t), 0.1, links.values[0] + float(t) * x)
+                way = float("nan") if blown is not None and k >= blown else float(t)
+                recorder.write("/chain/links", k, float(t), 0.1, links.values[0] + way * x)
             recorder.close("ok", "", len(times))
     return path
 
@@ -469,3 +478,164 @@ def test_curves_are_every_record(driven):
         np.testing.assert_array_equal(t, times[kept])
         np.testing.assert_allclose(values, recorded[kept] / 1e3, rtol=1e-15)
         assert len(found) == 1 + 2 + 2 + 4
+
+
+# --- one link and one tooth in all drawings ---------------------------------------------------------
+
+AT, LINK = 0.02, 5  # s; from 1 on
+
+
+@pytest.fixture(scope="module")
+def marked(driven):
+    """A corner of a link of the left track on its right side and the first tip of its sprocket, from the log alone."""
+    with Log(driven) as log:
+        vehicle = RunData(log).scene["vehicle"]
+
+        def vector(prefix, parts="xyz"):
+            return log.sample([f"{prefix}.{part}" for part in parts], np.array([AT]))[0]
+
+        before, after = (vector(f"left_track.joint[{i}].position") for i in (LINK, LINK + 1))
+        across = sum(vector(f"left_track.joint[{i}].axis") for i in (LINK, LINK + 1))
+        axle = vector("left_track.sprocket.position")
+        turned = Rotation.from_quat(vector("left_track.sprocket.orientation", "wxyz"), scalar_first=True)
+    along = (after - before) / np.linalg.norm(after - before)
+    out = np.cross(along, across) / np.linalg.norm(np.cross(along, across))
+    chain, sprocket = vehicle["track"], vehicle["sprocket"]
+    left = np.cross(out, along)
+    corner = 0.5 * (before + after) - 0.47 * chain["pitch"] * along - 0.5 * chain["width"] * left - chain["face"] * out
+    angle = -0.8 * np.pi / sprocket["teeth"]
+    ahead, up = sprocket["outer_radius"] * np.array([np.cos(angle), np.sin(angle)])
+    return corner, axle + turned.apply([ahead, -0.5 * chain["width"], up])
+
+
+def missed(points, found):
+    """How far the nearest of the found points (n, k) is from each of some points (m, k), m, at most."""
+    found = np.asarray(found)
+    return max(np.linalg.norm(found - point, axis=1).min() for point in points)
+
+
+@pytest.fixture
+def instant(driven):
+    with Log(driven) as log:
+        bodies = Bodies(RunData(log), 1e4)
+        bodies.keep([AT])
+        yield log, bodies, next(bodies.blocks())
+
+
+def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked):
+    _, bodies, poses = instant
+    for eye in projected.EYES:
+        seen = projected.camera(eye, 0.4, poses.hull.position[0])
+        found = np.concatenate(projected.polygons(seen, bodies, poses, 0, (0.0, 1.0)).outlines)
+        assert missed(seen.flat(np.stack(marked)), found) < 1e-9, eye
+    view = side_view.side_view(bodies, poses)
+    boxes, rims = view.links.reshape(-1, 2), np.concatenate([outline for _, _, outline in view.wheels])
+    corner, tip = view.seen.flat(np.stack(marked))
+    assert missed([corner], boxes) < 1e-9
+    assert missed([tip], rims) < 1e-9
+    assert missed([corner], 1.03 * boxes) > 1e-3
+    assert missed([tip], 1.03 * rims) > 1e-3
+    lowest = int(poses.links["left_track"].centres[0, :, 2].argmin())
+    track, links = bodies.tracks[0], poses.links["left_track"]
+    under = links.centres[0, lowest] + links.axes[0, lowest] @ (track.half * [1.0, 1.0, -1.0])
+    assert missed([under[:2]], np.concatenate(above.view_from_above(bodies, poses).links)) < 1e-9
+
+
+def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, monkeypatch):
+    """As page.js draws them: links from pin to pin, less a gap, wheels turned about their centres."""
+    log, _, poses = instant
+    monkeypatch.setattr(player, "RATE", 100.0)
+    view = player.player(RunData(log), "left_track")
+    k = int(np.abs(unpacked(view["t"]) - AT).argmin())
+    assert unpacked(view["t"])[k] == pytest.approx(AT)
+
+    def places(packed):
+        return np.frombuffer(base64.b64decode(packed), "<i2").reshape(view["pictures"], -1, 2)[k] * view["unit"]
+
+    axle = poses.wheels["left_track/sprocket"].position[0]
+    level = ground(RunData(log).scene).level
+    seen = projected.camera("right", 0.4, np.array([*axle[:2], level]))
+    a, b = places(view["pins"])[LINK - 1 : LINK + 1]
+    gap, along = 0.5 * (1.0 - view["drawn"]), (b - a) / np.linalg.norm(b - a)
+    outwards = np.array([-along[1], along[0]])
+    ends = [a + gap * (b - a), b - gap * (b - a)]
+    corners = [end + side * 0.5 * view["thick"] * outwards for end in ends for side in (-1, 1)]
+    sprocket = next(wheel for wheel in view["wheels"] if wheel["outline"])
+    angle = unpacked(sprocket["angle"])[k]
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    outline = places(sprocket["centre"]) + np.array(sprocket["outline"]) @ turn.T
+    corner, tip = seen.flat(np.stack(marked))
+    assert missed([corner], corners) < 3 * player.UNIT
+    assert missed([tip], outline) < 3 * player.UNIT
+    assert missed([tip], np.array(outline) - 5 * player.UNIT) > 3 * player.UNIT
+
+
+def test_rerun_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_path):
+    chunk = pytest.importorskip("rerun.chunk")
+    rerun_scene.show(driven, tmp_path / "run.rrd")
+    found = {}
+    for piece in chunk.RrdReader(tmp_path / "run.rrd").stream():
+        found.setdefault((piece.entity_path, piece.is_static), piece.to_record_batch())
+    boxes = found["/world/links/left_track", False]
+    centres, turned, half = (
+        np.array(boxes[f"Boxes3D:{name}"].to_pylist())[1] for name in ("centers", "quaternions", "half_sizes")
+    )  # at 20 ms
+    corners = centres + np.einsum("nij,nj->ni", Rotation.from_quat(turned).as_matrix(), half * [-1.0, -1.0, -1.0])
+    assert missed(marked[:1], corners) < 1e-6
+    wheel = "/world/wheels/left_track\\/sprocket"
+    place = found[wheel, False]
+    position = np.array(place["Transform3D:translation"].to_pylist())[1, 0]
+    turn = Rotation.from_quat(np.array(place["Transform3D:quaternion"].to_pylist())[1, 0])
+    vertices = np.array(found[f"{wheel}/shape", True]["Mesh3D:vertex_positions"].to_pylist())[0]
+    assert missed(marked[1:], position + turn.apply(vertices)) < 1e-6
+
+
+def test_foxglove_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_path):
+    pytest.importorskip("foxglove")
+    foxglove_scene.write(driven, tmp_path / "x.mcap")
+    found = {topic: decoded(tmp_path / "x.mcap", topic) for topic in ("/shapes", "/scene", "/frames")}
+
+    def numbers(of, names="xyz"):
+        return np.array([getattr(of, name) for name in names])
+
+    links = next(each for each in found["/scene"][1].entities if each.id == "links of left_track").cubes
+    corners = [
+        numbers(cube.pose.position)
+        + Rotation.from_quat(numbers(cube.pose.orientation, "xyzw")).apply(-0.5 * numbers(cube.size))
+        for cube in links
+    ]
+    assert missed(marked[:1], corners) < 1e-9
+    frame = next(each for each in found["/frames"][1].transforms if each.child_frame_id == "left_track/sprocket")
+    shape = next(each for each in found["/shapes"][0].entities if each.id == "left_track/sprocket").triangles[0]
+    turn = Rotation.from_quat(numbers(frame.rotation, "xyzw"))
+    assert missed(marked[1:], numbers(frame.translation) + turn.apply([numbers(p) for p in shape.points])) < 1e-9
+
+
+def decoded(path, topic):
+    """Messages of a topic, by the schema in the file."""
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from mcap.reader import make_reader
+
+    found = []
+    with path.open("rb") as file:
+        for schema, _, message in make_reader(file).iter_messages(topic):
+            files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
+            pool = descriptor_pool.DescriptorPool()
+            for each in files.file:
+                pool.Add(each)
+            kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+            found.append(kind.FromString(message.data))
+    return found
+
+
+def test_a_run_that_blew_up_is_shown_up_to_there(hanging, tmp_path):
+    path = stretched(hanging, tmp_path / "blown.mcap", np.arange(5) * 0.1, blown=3)
+    with Log(path) as log:
+        bodies = Bodies(RunData(log), 1e4)
+        (poses,) = bodies.blocks()
+        np.testing.assert_allclose(poses.t, [0.0, 0.1, 0.2], atol=1e-12)
+        bodies.keep([0.1, 0.4])
+        assert len(side_view._figure(bodies).axes) == 2, "a pane and the scale of colours"
+        bodies.keep([0.4])
+        with pytest.raises(BadInput, match="values of /chain/links are no finite numbers: there is nothing to show"):
+            next(bodies.blocks())
