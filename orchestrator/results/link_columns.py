@@ -1,4 +1,4 @@
-"""Where a topic of a log holds a signal of all links or pins of a track."""
+"""Columns of a topic that hold a signal of all links or pins of a track."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ POSITION = "joint[*].position"
 
 
 def columns(names: Sequence[str], signal: str) -> np.ndarray:
-    """Where names of a topic hold a signal of links 1, 2, ...: (n,) or, of a vector, (n, 3); empty for none."""
+    """Columns of a signal of links 1, 2, ... among a topic's names: (n,) or, of a vector, (n, 3); empty for none."""
     of = {name: column for column, name in enumerate(names)}
     parts = [""] if signal.replace("*", "1") in of else [".x", ".y", ".z"]
     found: list[list[int]] = []

@@ -23,7 +23,7 @@ ABOVE = 0.4  # m over the chain at most: hulls are high
 
 
 def player(run: RunData, track: str, reference: RunData | None = None) -> dict[str, Any]:
-    """What the player draws, over it the chain of a reference.
+    """Pictures of a track for the player, and the chain of a reference to draw over them.
 
     Places are ahead of the axle of the track's sprocket and over the ground, or over the first axle, m. Raises
     LogUnreadable, and ValueError for what was not recorded.

@@ -1,4 +1,4 @@
-"""The one description of what stands where, and when: links, wheels, hull and ground of a run, for all its drawings.
+"""The one description of the bodies of a run, for all its drawings: links, wheels, hull and ground over time.
 
 Poses are those of the log, not interpolated, at some of the times at which links were recorded (without links, steps of
 the hull). They are read block by block, so that a long log needs no more memory.
@@ -54,7 +54,7 @@ class LinkPoses(NamedTuple):
 
 
 class Poses(NamedTuple):
-    """Where everything is at some instants."""
+    """Poses of all bodies at some instants."""
 
     t: Floats  # (m,) s
     links: dict[str, LinkPoses]  # by track
@@ -69,7 +69,7 @@ class Poses(NamedTuple):
 
 
 class LinkSlots(NamedTuple):
-    """Where the motion of a track's links is read."""
+    """Columns that hold the motion of a track's links."""
 
     pins: Slot
     axis: Slot | None  # of the pins
@@ -78,10 +78,10 @@ class LinkSlots(NamedTuple):
 
 
 class Bodies:
-    """What a log shows in space, at most ``rate`` times a second, links coloured by a signal of ``LINK_COLOURS``.
+    """Bodies of a run at most ``rate`` times a second, their links coloured by a signal of ``LINK_COLOURS``.
 
-    With ``track``, its links and wheels alone. What a log does not hold is left out, and so are instants at which a
-    value is no finite number. Raises BadInput where there is nothing to show, or not that colour.
+    With ``track``, the links and wheels of that track alone. Bodies that a log does not hold are left out, and so are
+    instants at which a value is no finite number. Raises BadInput where there is nothing to show, or not that colour.
     """
 
     def __init__(
@@ -119,11 +119,11 @@ class Bodies:
 
     @property
     def label(self) -> str:
-        """What the colour of links shows, with its unit; empty where no signal does."""
+        """Name and unit of the signal that colours links; empty without one."""
         return LINK_COLOURS[self.colour].label if self.colour else ""
 
     def legend(self, scale: Scale) -> str:
-        """What the colour of links shows, from where to where."""
+        """Name and unit of the signal that colours links, with the range of its scale."""
         return f"links by {self.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if self.colour else "links"
 
     def keep(self, times: ArrayLike) -> None:

@@ -150,7 +150,7 @@ def _triangles(kinds: ModuleType, surface: Triangles, colour: Any) -> Any:
 
 
 def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
-    """What does not change, each in its own frame."""
+    """Shapes of wheels, hull and ground, each in its own frame."""
     stamp = _stamp(kinds, t)
     for wheel in bodies.wheels:
         yield kinds.SceneEntity(

@@ -16,7 +16,7 @@ SAME = 1e-9  # s: between times that are equal
 
 
 class Slot(NamedTuple):
-    """Where one quantity is in the values that are read."""
+    """The place of one quantity in the values that are read."""
 
     topic: str
     columns: slice  # of what is read of the topic

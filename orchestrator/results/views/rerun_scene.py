@@ -82,9 +82,9 @@ class RerunRecording:
         self._rerun, self._blueprints, self._recording = rerun, blueprints, recording
         self._name, self._file = name, file
 
-    def begin(self, bodies: Bodies, beside: list[Plot], scale: Scale, told: bool = False) -> None:
-        """Where views stand, one of them for events (``told``); from here on there is a viewer, or a file."""
-        arranged = _arranged(self._blueprints, bodies, beside, scale, told)
+    def begin(self, bodies: Bodies, beside: list[Plot], scale: Scale, with_events: bool = False) -> None:
+        """Open the viewer or the file and arrange its views, one of them for events (``with_events``)."""
+        arranged = _arranged(self._blueprints, bodies, beside, scale, with_events)
         self._recording.send_recording_name(f"{self._name}: {bodies.title}")
         if self._file is None:
             self._recording.spawn(default_blueprint=arranged)
@@ -96,7 +96,7 @@ class RerunRecording:
                 self._recording.log(path_of("plots", plot.name, signal), line, static=True)
 
     def shapes(self, bodies: Bodies, reach: Reach, before: Reach | None = None) -> None:
-        """What does not change, each in its own frame; after ``before`` nothing but a ground that has grown."""
+        """Send the shapes of bodies and the ground; after ``before`` nothing but a ground that has grown."""
         if before is None:
             _send_shapes(self._rerun, self._recording, bodies)
         if bodies.ground and reach != before:
@@ -106,7 +106,7 @@ class RerunRecording:
             self._recording.log("world/ground/metres", marks, static=True)
 
     def poses(self, bodies: Bodies, scale: Scale) -> None:
-        """Where everything is at the instants of ``bodies``."""
+        """Send the poses of all bodies at all instants."""
         for poses in bodies.blocks():
             _send_poses(self._rerun, self._recording, bodies, poses, scale)
 
@@ -119,7 +119,7 @@ class RerunRecording:
             self._recording.send_columns(place, times, rerun.Scalars.columns(scalars=values))
 
     def events(self, happened: Sequence[Event]) -> None:
-        """What happened, as text."""
+        """Send events as text."""
         if happened:
             times = [self._rerun.TimeColumn(TIMELINE, duration=[event.t for event in happened])]
             texts = [f"{event.component}: {event.text}" for event in happened]
@@ -133,7 +133,7 @@ def path_of(*names: str) -> str:
 
 
 def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
-    """What does not change, each in its own frame."""
+    """Send shapes of wheels and hull, each in its own frame."""
     recording.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for track in bodies.tracks:
         solid = rerun.Boxes3D.from_fields(fill_mode="solid")
@@ -198,7 +198,7 @@ def _send_motion(rerun: ModuleType, recording: Any, path: str, times: list[Any],
     recording.send_columns(path, times, rerun.Transform3D.columns(translation=pose.position, quaternion=turned))
 
 
-def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale: Scale, told: bool) -> Any:
+def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale: Scale, with_events: bool) -> Any:
     """Space to the left, curves to the right; the eye goes with the hull where there is one."""
     eye, target = _eye(bodies)
     controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
@@ -207,7 +207,7 @@ def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale:
     eye_controls = blueprints.EyeControls3D(**controls)
     space = blueprints.Spatial3DView(origin="world", name=bodies.legend(scale), eye_controls=eye_controls)
     views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in beside]
-    views += [blueprints.TextLogView(origin=EVENTS, name="events")] if told else []
+    views += [blueprints.TextLogView(origin=EVENTS, name="events")] if with_events else []
     panes = [space, blueprints.Vertical(*views)] if views else [space]
     shares = [3, 2][: len(panes)]
     return blueprints.Blueprint(
@@ -219,7 +219,7 @@ def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale:
 
 
 def _eye(bodies: Bodies) -> tuple[Floats, Floats]:
-    """Where one looks from and at, at first: from ahead, from the right, from above."""
+    """Places of the eye and of its target at first: it looks from ahead, from the right and from above."""
     here = next(bodies.blocks(1)).places()
     middle = 0.5 * (here.min(axis=0) + here.max(axis=0))
     size = float(np.ptp(here, axis=0).max())

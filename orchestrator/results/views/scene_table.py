@@ -16,7 +16,7 @@ Place = tuple[Number, Number, Number]
 
 
 class DrawnStart(BaseModel):
-    """Where a vehicle stands at the start, m, rad."""
+    """Place and heading of a vehicle at the start, m, rad."""
 
     position: Place
     heading: Number
